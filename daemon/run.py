@@ -41,6 +41,7 @@ from daemon.model.sut import (
     SutEvent,
     SystemUnderTest,
 )
+from daemon.run_map import run_map
 from daemon.simulator import World
 from daemon.simulator import warm_up as warm_up_simulator
 from daemon.stacks.calls import SutError, check_decision, make_in_time, sut_call
@@ -48,7 +49,6 @@ from daemon.trace import Recorder, TraceWriter, read_trace
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text.codec import warm_up as warm_up_codec
-from templates.occupancy import occupancy_grid
 
 STATE_RATE: Final = 20.0
 """Ground truth and joint states are recorded this often [Hz]."""
@@ -165,12 +165,7 @@ class RunLoop:
         self.world = World(scene, spec.robot, start, spec.behaviours, world_seed, waypoints)
         self._spec, self._trace, self._on_progress = spec, trace, on_progress
         joints = dict(zip(self.world.joint_names, self.world.joint_positions(), strict=True))
-        self._grid = occupancy_grid(
-            scene,
-            resolution=spec.map.resolution,
-            laser_height=spec.robot.laser.z,
-            joints=joints if spec.map.doors == "initial" else None,
-        )
+        self._grid = run_map(spec.map, scene, spec.robot.laser.z, joints)
         self._sut = sut or make_in_time(spec.sut.kind, spec.sut.parameters)
         self._external = self._sut if isinstance(self._sut, ExternalSystem) else None
         self._waiting = ""

@@ -13,7 +13,7 @@ from typing import Any
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Ring, signed_area
-from grammars.model.grid import write_map
+from grammars.model.map_files import write_map
 from templates.naming import file_name
 from templates.occupancy import occupancy_grid
 from templates.world import ExportJob
@@ -30,10 +30,13 @@ def map_file(job: ExportJob) -> str:
 def write_maps(job: ExportJob) -> tuple[Path, ...]:
     """Write the map without objects, with objects as they start, and in every named state.
 
-    A state that an object does not have leaves it as it starts.
+    A state that an object does not have leaves it as it starts. A map that the campaign gives is
+    written as it is, and is the only one: it says nothing about doors.
     """
     scene, height = job.world.scene, job.laser_height
     stem = job.path(*map_file(job).removesuffix(".yaml").split("/"))
+    if job.world.given_map is not None:
+        return write_map(job.world.given_map, stem, laser_height=height)
     variants: dict[str, dict[str, float] | None] = {"": None}
     if scene.objects:
         start = start_positions(scene, job.world.draws[0].behaviours)
@@ -41,7 +44,13 @@ def write_maps(job: ExportJob) -> tuple[Path, ...]:
         variants |= {file_name(name): start | dict(given) for name, given in job.world.states}
     written: list[Path] = []
     for name, joints in variants.items():
-        grid = occupancy_grid(scene, resolution=job.resolution, laser_height=height, joints=joints)
+        grid = occupancy_grid(
+            scene,
+            resolution=job.resolution,
+            laser_height=height,
+            joints=joints,
+            rule=job.world.rule,
+        )
         path = stem.with_name(f"{stem.name}-{name}" if name else stem.name)
         written += write_map(grid, path, laser_height=height)
     return tuple(written)

@@ -59,7 +59,7 @@ def behaviour_by_joint(scene: Scene, behaviours: tuple[Behaviour, ...]) -> dict[
 def _from_the_start(behaviour: Behaviour, initial: float) -> Behaviour:
     if not isinstance(behaviour, KeyFrames):
         return behaviour
-    frames = tuple(sorted(behaviour.frames, key=lambda frame: frame.time))
+    frames = behaviour.frames
     if not frames or frames[0].time > 0.0:
         frames = (KeyFrame(0.0, initial), *frames)
     return KeyFrames(behaviour.joint, frames, behaviour.motion)
@@ -91,7 +91,7 @@ def write_keyframes(job: ExportJob) -> tuple[Path, ...]:
 
 
 def frames_text(act: KeyFrames, key: str) -> str:
-    """Return the key frames as JSON, one per line, sorted by time [s]."""
+    """Return the key frames as JSON, one per line, in the order they are played in, times in s."""
     lines = ",\n".join(
         f"  {json.dumps({key: frame.position, 'time': frame.time})}" for frame in act.frames
     )

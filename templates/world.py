@@ -12,6 +12,7 @@ from typing import Any, Final, Literal, TypeAlias, TypeVar
 
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import Behaviour
+from grammars.model.grid import MapRule, OccupancyGrid
 from grammars.model.kinematics import WORLD
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
@@ -46,6 +47,7 @@ def named_states(scene: Scene, layers: Iterable[SceneryLayer]) -> NamedStates:
 T = TypeVar("T")
 DEFAULT_LASER_HEIGHT: Final = 0.3
 DEFAULT_RESOLUTION: Final = 0.05
+DEFAULT_RULE: Final = "outline"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +64,8 @@ class ArtefactWorld:
 
     ``states`` are named joint states of the objects: joint positions [rad or m] by scene-wide
     joint name. ``layers`` are the scenery layers the scene was composed of, in order.
-    ``sources`` are the files all of it was written in. ``resolution`` [m] is that of
-    the campaign's maps.
+    ``sources`` are the files all of it was written in. ``resolution`` [m] and ``rule`` are those
+    of the campaign's maps; ``given_map`` is the map that it gives instead of a drawn one.
     """
 
     name: str
@@ -75,6 +77,8 @@ class ArtefactWorld:
     states: NamedStates = ()
     sources: tuple[Path, ...] = ()
     resolution: float = DEFAULT_RESOLUTION
+    rule: MapRule = DEFAULT_RULE
+    given_map: OccupancyGrid | None = None
     layers: tuple[SceneryLayer, ...] = ()
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.judging import oracles
-from daemon.model.attachments import FILES_VARIABLE, attached_digests, user_files_folder
+from daemon.model.attachments import FILES_VARIABLE, user_files_folder
 from daemon.model.deadline import spare_time, stopped_after, wall_clock_limit, was_stopped
 from daemon.model.execution import RunLimits
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec, package_versions
@@ -245,8 +245,8 @@ def _path_length(trace: Trace) -> float:
 
 
 def _files_folder(spec: RunSpec, places: StatePaths) -> Path | None:
-    """Return where the files of the system under test are when this user has not got them."""
-    digests = attached_digests(spec.sut.parameters).values()
+    """Return where the files of the run are when this user has not got them."""
+    digests = spec.files
     if all((user_files_folder() / digest).is_file() for digest in digests):
         return None
     return places.files if all((places.files / digest).is_file() for digest in digests) else None

@@ -150,11 +150,12 @@ class Client(DaemonClient):
         return bus.ask(self._session, self.endpoint, verb, request, timeout, self._credentials)
 
     def submit(self, submission: Submission) -> SubmissionReceipt:
-        """Hand over a campaign, after the files that its systems under test need."""
+        """Hand over a campaign, after the files that its runs need."""
         # By identity: 100,000 runs share a handful of these, each with hundreds of parameters.
         suts = {id(run.sut): run.sut for run in (*submission.runs, *submission.reserve)}
         digests = (attached_digests(sut.parameters).values() for sut in suts.values())
-        for digest in dict.fromkeys(chain.from_iterable(digests)):
+        maps = (run.map.file for run in (*submission.runs, *submission.reserve) if run.map.file)
+        for digest in dict.fromkeys(chain(chain.from_iterable(digests), maps)):
             self._upload_file(digest, user_files_folder() / digest)
         return self.ask(SUBMIT, pack_submission(submission))
 

@@ -39,11 +39,12 @@ from grammars.floorplan import FloorPlan
 from grammars.jsonld import check_composition
 from grammars.model.behaviour import Behaviour
 from grammars.model.free_space import inscribed_radius
+from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.oracle import Oracle, check_references
-from grammars.preflight import check_run, check_scene, places_of
+from grammars.preflight import check_map, check_run, check_scene, places_of
 from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
@@ -60,7 +61,7 @@ class CampaignCell:
     those of each repeat, also of repeats that only come when a cell is not decided; ``places``
     says where waypoints, objects and the sentences about joints were written. ``plan`` and
     ``layers`` are what the scene was composed of, with the campaign's overrides, objects before
-    behaviours.
+    behaviours. ``given_map`` is a map of one's own, where the campaign names one.
     """
 
     name: str
@@ -77,6 +78,7 @@ class CampaignCell:
     behaviours: tuple[tuple[Behaviour, ...], ...]
     map: MapSettings
     limit: float
+    given_map: OccupancyGrid | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +182,15 @@ def _check(
     pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
     found.extend(check_sensors(pairs))
     for cell in cells:
+        if cell.given_map is not None and cell.scenario.map_file is not None:
+            found += check_map(
+                cell.given_map,
+                cell.scene,
+                cell.mission,
+                laser_height=cell.robot.laser.z,
+                where=cell.scenario.map_file.where,
+                places=cell.places,
+            )
         for behaviours in dict.fromkeys(cell.behaviours):
             found.extend(
                 check_run(
@@ -242,13 +253,15 @@ def _load_cells(
     robot = attempt(lambda: library.robot(_required_reference(scenario.robot)))
     loaded = attempt(lambda: library.mission(_required_reference(scenario.mission)))
     suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
+    named = scenario.map_file
+    given = attempt(partial(library.map, named)) if named else None
     picked = () if pool is None else attempt(lambda: _pick_oracles(scenario, pool)) or ()
     oracles = (*picked, *timed.measures())
     if loaded is not None:
         loader.findings += timed.problems(loaded[0])
     known = tuple(sut for sut in suts if sut is not None)
     for world in _load_worlds(scenario, robot, known, loader):
-        if robot is None or loaded is None:
+        if robot is None or loaded is None or (named and given is None):
             continue
         mission, document = loaded
         loader.findings += [d for o in picked for d in check_references(o, world.scene, mission)]
@@ -266,8 +279,9 @@ def _load_cells(
                 suts=known,
                 oracles=oracles,
                 behaviours=tuple(r.behaviours for r in world.resolved),
-                map=scenario.map,
+                map=given.settings if given else scenario.map,
                 limit=scenario.limit,
+                given_map=given.grid if given else None,
             )
         )
 

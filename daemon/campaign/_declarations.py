@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Final
 
 from daemon.campaign._file import CampaignFile, ExpectText, ResolvedScenario, repeat_policy
+from daemon.campaign._references import KnownQuantities, read_references
 from daemon.model.assessments import (
     DELAY,
+    DURATION,
     AssessmentRules,
     Expectation,
     RegressionGate,
@@ -21,7 +23,7 @@ from grammars.model.mission import Mission
 from grammars.oracle import Amount, Leg, Oracle, Statistic, kind_of, leg_number, parse_oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument
-from grammars.text.quantity import read_quantity
+from grammars.text.quantity import parse_in
 
 # A sentence and not keys of YAML: a value that begins with ">" or "<" means something else there.
 _NAME: Final = r"[A-Za-z0-9][A-Za-z0-9._-]*"
@@ -75,14 +77,30 @@ def read_declarations(scope: DeclarationScope) -> tuple[AssessmentRules, list[Di
                 f"{Path(where.file).name}:{where.line}",
             )
         )
+    known = _known_quantities(comparisons, scope)
+    references, wrong = read_references(scope.text.reference, scope.document, known)
     gate = scope.text.gate
     declared = AssessmentRules(
         repeat_policy(scope.text.repeats),
         tuple(comparisons),
         tuple(expectations),
         RegressionGate(gate.baseline, gate.worse_by) if gate else None,
+        references,
     )
-    return declared, problems
+    return declared, problems + wrong
+
+
+def _known_quantities(
+    comparisons: Sequence[ScenarioComparison], scope: DeclarationScope
+) -> KnownQuantities:
+    units = {name: _measure_unit(o) if o.is_measure else None for name, o in scope.oracles.items()}
+    # Every run has a duration, whether an oracle of that name measures it or not.
+    return KnownQuantities(
+        {name: (*scope.judged_by(name), DURATION) for name in scope.scenarios},
+        {name: scope.suts_of(name) for name in scope.scenarios},
+        {DURATION: "s"} | units,
+        {comparison.name: comparison.unit for comparison in comparisons},
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +175,7 @@ def _comparison(name: str, sentence: str, scope: DeclarationScope) -> ScenarioCo
         message = f'"on leg" goes with delay; let the measure "{quantity}" say "on leg {leg}"'
         raise InputError(Diagnostic(at("leg"), message))
     unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), scope)
-    limit = _limit(found["limit"], unit, quantity, at("limit"))
+    limit = parse_in(found["limit"], unit, quantity, at("limit"))
     return ScenarioComparison(
         name=name,
         quantity=quantity,
@@ -196,6 +214,10 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], scope: Declar
         if quantity not in scope.judged_by(scenario):
             hint = f"add it to the oracles of {scenario}"
             raise InputError(Diagnostic(where, f'"{scenario}" does not measure {quantity}', hint))
+    return _measure_unit(oracle)
+
+
+def _measure_unit(oracle: Oracle) -> str:
     match oracle.judgement:
         case Amount(operator=operator):
             return "s" if operator in ("time", "longest") else "1"
@@ -204,18 +226,6 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], scope: Declar
             return kind.unit if kind is not None else "1"
         case _:
             return "1"
-
-
-def _limit(text: str, unit: str, quantity: str, where: Where) -> float:
-    try:
-        found = read_quantity(text)
-    except ValueError as error:
-        raise InputError(Diagnostic(where, str(error))) from error
-    if found.unit != unit:
-        given = "has no unit" if found.unit == "1" else f"is in {found.unit}"
-        wanted = "a plain number" if unit == "1" else unit
-        raise InputError(Diagnostic(where, f'"{text}" {given}, {quantity} is in {wanted}'))
-    return found.value
 
 
 def _unmatched_expectation(

@@ -14,8 +14,10 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
+from daemon.campaign._references import ReferenceText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
+from grammars.model.grid import MapRule
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import Duration, Length, Ratio, StrictModel, YamlDocument, read_model
 from grammars.text.quantity import read_as
@@ -157,9 +159,23 @@ class _MapText(StrictModel):
     """Edge of a cell."""
     doors: Literal["none", "initial"] = "none"
     """none: without objects, as a surveyor would draw it; initial: as they stand at the start."""
+    rule: MapRule = "outline"
+    """Which cells a wall takes. outline: as maps of published plans are drawn, through the cells
+    of its corners; touch: each that it overlaps; centre: those whose centre it covers."""
+    file: str = Field(default="", min_length=1)
+    """A map of one's own instead: its map_server YAML, relative to the campaign file."""
+
+    @model_validator(mode="after")
+    def _drawn_or_given(self) -> _MapText:
+        drawing = sorted(self.model_fields_set - {"file"})
+        if self.file and drawing:
+            raise ValueError(
+                f'"file" gives a map as it is, "{drawing[0]}" is about drawing one: leave one out'
+            )
+        return self
 
     def settings(self) -> MapSettings:
-        return MapSettings(self.resolution, self.doors)
+        return MapSettings(self.resolution, self.doors, self.rule)
 
 
 _Chance: TypeAlias = Literal["per repeat", "per campaign"]
@@ -202,8 +218,9 @@ class _ScenarioText(StrictModel):
     """Another scenario of this file: this one is the same except for what is written here."""
     abstract: bool = False
     """Never run itself, only for others to be like."""
-    floorplan: str | None = None
-    """A floor plan: NAME.fpm beside this file or in floorplans/."""
+    floorplan: LayerName | None = None
+    """A floor plan: NAME.fpm beside this file or in floorplans/. NAME: {variable: value} gives
+    variables of the plan other values."""
     objects: _Names | None = None
     """Scenery layers with object models and their places: NAME.scenery here or in scenery/."""
     behaviours: _References | None = None
@@ -266,6 +283,11 @@ class CampaignFile(StrictModel):
     "on leg NAME" inside for one leg only; a measure's name instead of delay compares that."""
     expect: list[ExpectText] = Field(default_factory=list)
     """What is known to be otherwise than passing, and why; all else must pass."""
+    reference: dict[Annotated[str, Field(pattern=_NAME)], ReferenceText] = Field(
+        default_factory=dict
+    )
+    """What somebody else found of the same, by a short name such as paper: marks in the figures
+    of the report and a column in its tables. No verdict follows from it."""
     gate: GateText | None = None
     """Results that must not get worse than those of another campaign."""
 
@@ -293,7 +315,8 @@ class PlanVariation:
 class ResolvedScenario:
     """A scenario after inheritance: every slot filled, nothing loaded yet.
 
-    ``chance`` says whether random behaviours are drawn anew for each repeat or once.
+    ``chance`` says whether random behaviours are drawn anew for each repeat or once. With a
+    ``map_file`` the map is that file's, else it is drawn as ``map`` says.
     """
 
     name: str
@@ -307,6 +330,7 @@ class ResolvedScenario:
     suts: tuple[LayerReference, ...] = ()
     oracles: tuple[LayerReference, ...] = ()
     map: MapSettings = field(default_factory=MapSettings)
+    map_file: LayerReference | None = None
     vary: PlanVariation | None = None
     chance: _Chance = "per repeat"
     limit: float = 0.0
@@ -369,6 +393,7 @@ def _defaults(
         robot=robot,
         suts=suts,
         map=text.map.settings(),
+        map_file=_map_file(text.map, ("map", "file"), document),
         vary=_vary(text.vary, ("vary",), text, document),
         chance=text.chance,
         limit=text.limit,
@@ -395,7 +420,10 @@ def _overlay(
     base: ResolvedScenario, scenario: _ScenarioText, document: YamlDocument, path: tuple[str, ...]
 ) -> ResolvedScenario:
     changes: dict[str, Any] = {}
-    for slot in ("floorplan", "mission", "robot"):
+    if scenario.floorplan is not None:
+        where = document.where((*path, "floorplan"))
+        changes["floorplan"] = _reference(scenario.floorplan, where)
+    for slot in ("mission", "robot"):
         value = getattr(scenario, slot)
         if value is not None:
             changes[slot] = LayerReference(value, {}, document.where((*path, slot)))
@@ -411,27 +439,35 @@ def _overlay(
         changes[slot] = inherited + _references(more, (*path, f"{slot}+"), document)
     if scenario.map is not None:
         changes["map"] = scenario.map.settings()
+        changes["map_file"] = _map_file(scenario.map, (*path, "map", "file"), document)
     for slot in ("limit", "chance", "about"):
         if getattr(scenario, slot):
             changes[slot] = getattr(scenario, slot)
     return replace(base, **changes)
 
 
+def _map_file(
+    written: _MapText, path: tuple[str, ...], document: YamlDocument
+) -> LayerReference | None:
+    return LayerReference(written.file, {}, document.where(path)) if written.file else None
+
+
 def _references(
     values: list[str] | list[LayerName], path: tuple[str, ...], document: YamlDocument
 ) -> tuple[LayerReference, ...]:
-    references = []
-    for index, value in enumerate(values):
-        where = document.where((*path, index))
-        if isinstance(value, str):
-            references.append(LayerReference(value, {}, where))
-            continue
-        if len(value) != 1:
-            hint = "write one list item per layer"
-            raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
-        ((name, overrides),) = value.items()
-        references.append(LayerReference(name, overrides, where))
-    return tuple(references)
+    return tuple(
+        _reference(value, document.where((*path, index))) for index, value in enumerate(values)
+    )
+
+
+def _reference(value: LayerName, where: Where) -> LayerReference:
+    if isinstance(value, str):
+        return LayerReference(value, {}, where)
+    if len(value) != 1:
+        hint = "write one list item per layer"
+        raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
+    ((name, overrides),) = value.items()
+    return LayerReference(name, overrides, where)
 
 
 _REQUIRED: Final = {

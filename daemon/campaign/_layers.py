@@ -8,18 +8,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from daemon.campaign._file import LayerReference, PlanVariation
+from daemon.campaign._file import LayerReference, Overrides, PlanVariation
 from daemon.campaign._sut_files import LoadedSut, load_sut
-from daemon.model.spec import SutReference
+from daemon.model.attachments import store_data
+from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
 from grammars.floorplan import FloorPlan, load_floorplan
 from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
 from grammars.model.files import load_mission, load_robot
+from grammars.model.grid import OccupancyGrid
+from grammars.model.map_files import pack_map, read_map
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, load_scenery
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
 from grammars.variation import floorplan_variants
 
@@ -83,6 +86,25 @@ def _names_in(place: Path, kind: LayerKind) -> list[str]:
     return [name for name in names if "." not in name]
 
 
+@dataclass(frozen=True, slots=True)
+class GivenMap:
+    """A map of one's own: what runs say of it, and what it shows."""
+
+    settings: MapSettings
+    grid: OccupancyGrid
+
+
+def _load_map(path: Path) -> GivenMap:
+    grid = read_map(path)
+    try:
+        digest = store_data(pack_map(grid))
+    except OSError as error:
+        raise InputError.at(
+            Where(str(path)), f"the map cannot be kept for runs: {error}"
+        ) from error
+    return GivenMap(MapSettings(resolution=grid.resolution, file=digest), grid)
+
+
 @dataclass(slots=True)
 class LayerLibrary:
     """The layers of one campaign, each file read once, findings kept."""
@@ -94,7 +116,11 @@ class LayerLibrary:
     def floorplan(self, reference: LayerReference) -> FloorPlan:
         """Load a floor plan; its warnings are kept once."""
         path = find_layer(self.folder, reference, FLOORPLAN)
-        return self._once("floor plan", path, self._load_floorplan)
+        values = reference.overrides
+        if not values:
+            return self._once("floor plan", path, self._load_floorplan)
+        load = partial(self._load_floorplan, values=values, where=reference.where)
+        return self._once(f"floor plan {values}", path, load)
 
     def variants(self, vary: PlanVariation, radius: float) -> tuple[tuple[str, FloorPlan], ...]:
         """Draw the variants of a floor plan that a robot of ``radius`` [m] can drive through."""
@@ -127,6 +153,14 @@ class LayerLibrary:
             found |= self._once("oracles", path, load_oracles)
         return found
 
+    def map(self, reference: LayerReference) -> GivenMap:
+        """Load a map of one's own and keep it where runs find it by its digest."""
+        path = self.folder / reference.name
+        if not path.is_file():
+            hint = "name the YAML file of a map, relative to the campaign file"
+            raise InputError(Diagnostic(reference.where, f'no file "{reference.name}"', hint))
+        return self._once("map", path, _load_map)
+
     def sut(self, reference: LayerReference) -> SutReference:
         """Load a SUT file, or take a kind by its name with default parameters."""
         try:
@@ -142,9 +176,16 @@ class LayerLibrary:
         """Load a SUT file and all it stands on; its warnings are kept once."""
         return self._once("sut file", path, self._load_sut)
 
-    def _load_floorplan(self, path: Path) -> FloorPlan:
-        load = load_floorplan_jsonld if path.suffix == ".jsonld" else load_floorplan
-        plan = load(path)
+    def _load_floorplan(
+        self, path: Path, values: Overrides | None = None, where: Where | None = None
+    ) -> FloorPlan:
+        if path.suffix != ".jsonld":
+            plan = load_floorplan(path, values, where)
+        elif values:
+            message = f"{path.name} has no variables, and so none to give another value"
+            raise InputError(Diagnostic(where or Where(str(path)), message, "use a plan in .fpm"))
+        else:
+            plan = load_floorplan_jsonld(path)
         self.warnings.extend(plan.warnings)
         return plan
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
+
+from pydantic import Field
 
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome, Verdict
@@ -11,9 +14,12 @@ from daemon.model.verdicts import Outcome, Verdict
 PolicyRule: TypeAlias = Literal["all", "rate", "mean"]
 ExpectedVerdict: TypeAlias = Literal["pass", "fail", "mixed", "any"]
 ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">"]
+ReferenceStatistic: TypeAlias = Literal["mean", "median", "min", "max", "rate"]
 
 DELAY: Final = "delay"
 """The quantity of a comparison that every run has: how long it took [s]."""
+DURATION: Final = "duration"
+"""The measure every run has: the simulated time it took [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +101,35 @@ class RegressionGate:
 
 
 @dataclass(frozen=True, slots=True)
+class ReferenceValue:
+    """What somebody else found of the same, shown beside what is found here; it judges nothing.
+
+    ``name`` is short (``paper``), ``source`` says whose it is. ``scenario`` and ``suts`` are as in
+    an :class:`Expectation`; ``scenario`` is empty when ``oracle`` names a comparison.
+    ``statistic`` is what the source made of its runs: of a measure or comparison ``value`` [SI unit
+    ``unit``], perhaps with the standard ``deviation`` of its runs and a range, ``low`` to ``high``;
+    of an oracle with a limit the ``rate`` that passed. ``runs`` is how many there were, ``None``
+    when nobody says. ``text`` is the value as written, ``where`` file and line.
+    """
+
+    name: str
+    source: str
+    scenario: str
+    suts: tuple[str, ...]
+    oracle: str
+    statistic: ReferenceStatistic
+    value: float
+    unit: str
+    text: str
+    deviation: float | None = None
+    low: float | None = None
+    high: float | None = None
+    runs: int | None = None
+    note: str = ""
+    where: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class AssessmentRules:
     """Everything a campaign says about its results beyond its oracles."""
 
@@ -102,6 +137,8 @@ class AssessmentRules:
     comparisons: tuple[ScenarioComparison, ...] = ()
     expectations: tuple[Expectation, ...] = ()
     gate: RegressionGate | None = None
+    # Not written where there are none: campaigns without keep their identifiers.
+    references: Annotated[tuple[ReferenceValue, ...], Field(exclude_if=operator.not_)] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +278,31 @@ class ComparisonVerdict:
     expected: ExpectedVerdict
     met: bool
     why: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceComparison:
+    """A reference value beside the same statistic of the runs here.
+
+    ``scenario`` is empty for a comparison. ``value`` [``reference.unit``] is of ``n`` runs (of
+    pairs, for a comparison), ``deviation`` their standard deviation, ``low`` and ``high`` the 95 %
+    interval: Student's t of a mean, exact of a rate, ``None`` of other statistics and where too few
+    runs have a value.
+    """
+
+    reference: ReferenceValue
+    scenario: str
+    sut: str
+    n: int
+    value: float | None
+    deviation: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def difference(self) -> float | None:
+        """How much more was found here than in the reference [``reference.unit``]."""
+        return None if self.value is None else self.value - self.reference.value
 
 
 @dataclass(frozen=True, slots=True)

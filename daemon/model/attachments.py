@@ -1,6 +1,7 @@
-"""Files that a plugged-in system under test needs: they travel by digest, beside specifications.
+"""Files that runs need: they travel by digest, beside specifications.
 
-A specification has, below the parameter ``files``, the digest of each by name. Whoever submits has
+They are those of plugged-in systems under test and maps of one's own. The parameters of a system
+have, below ``files``, the digest of each by name. Whoever submits has
 the files in a folder by digest (:func:`user_files_folder`), as have the daemon and its workers. A
 system under test gets paths.
 """
@@ -74,7 +75,11 @@ def _store_file(name: str, path: Path) -> str:
     if size > LARGEST_FILE:
         limit = LARGEST_FILE // 2**20
         raise ValueError(f"files: {name} has {size / 2**20:.0f} MiB, at most {limit} may have")
-    data = path.read_bytes()
+    return store_data(path.read_bytes())
+
+
+def store_data(data: bytes) -> str:
+    """Keep what is to travel with a run in this user's folder; return its digest."""
     digest = hashlib.sha256(data).hexdigest()
     kept = user_files_folder() / digest
     # The size as well: a copy that the disk had no room for once must not stay for ever.
@@ -83,6 +88,11 @@ def _store_file(name: str, path: Path) -> str:
         with replacing(kept, mode=0o400) as temporary:
             temporary.write_bytes(data)
     return digest
+
+
+def stored_file(digest: str, environ: Mapping[str, str] = os.environ) -> Path:
+    """Return where a file is kept for this process, by digest; whether it is, is not looked at."""
+    return Path(environ.get(FILES_VARIABLE) or user_files_folder()) / digest
 
 
 def resolve_paths(
@@ -95,8 +105,7 @@ def resolve_paths(
     digests = attached_digests(parameters)
     if not digests:
         return parameters
-    folder = Path(environ.get(FILES_VARIABLE) or user_files_folder())
-    paths = {name: folder / digest for name, digest in digests.items()}
+    paths = {name: stored_file(digest, environ) for name, digest in digests.items()}
     for name, path in paths.items():
         if not path.is_file():
             raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')

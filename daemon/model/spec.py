@@ -9,18 +9,22 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
+from pydantic import Field
+
+from daemon.model.attachments import attached_digests
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Pose2
+from grammars.model.grid import MapRule
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.text import codec
 
 RunEnding: TypeAlias = Literal["finished", "limit", "crashed"]
 
-ENGINE_VERSION: Final = "2"
+ENGINE_VERSION: Final = "3"
 """Raised whenever a change alters traces of unchanged specifications."""
 
 
@@ -47,11 +51,16 @@ class MapSettings:
     """How the map given to the system under test is drawn.
 
     ``doors``: ``none`` leaves objects out (what a surveyor would keep), ``initial`` draws them
-    in their initial state.
+    in their initial state. ``rule`` says which cells a solid takes (:mod:`templates.occupancy`).
+    ``file`` is the digest of a map that is given as it is, packed
+    (:mod:`grammars.model.map_files`), and empty for one that is drawn.
     """
 
     resolution: float = 0.05
     doors: Literal["none", "initial"] = "none"
+    # What was recorded before there was a choice was drawn so; campaigns choose outline.
+    rule: MapRule = "touch"
+    file: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")] = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +99,12 @@ class RunSpec:
         """Identity of the run: 64 hexadecimal digits."""
         # Not cached: with slots it would need a field of its own, which would be serialised.
         return codec.digest(self)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Digests of the files it needs: those of its system under test, and its map."""
+        own = attached_digests(self.sut.parameters).values()
+        return (*own, *([self.map.file] if self.map.file else []))
 
     @property
     def label(self) -> str:

@@ -207,6 +207,7 @@ class KeyFramePlayer:
     def __init__(self, behaviour: KeyFrames, actuator: JointActuator) -> None:
         self._actuator = actuator
         self._frames = behaviour.frames
+        self._ticks = frame_ticks(behaviour)
         self._next = 0
 
     @property
@@ -214,7 +215,7 @@ class KeyFramePlayer:
         """The tick at which the next frame acts; infinite after the last one."""
         if self._next == len(self._frames):
             return math.inf
-        return frame_tick(self._frames[self._next])
+        return self._ticks[self._next]
 
     def act(self, footprint: Floats) -> None:
         """Perform the frame that is due."""
@@ -222,6 +223,18 @@ class KeyFramePlayer:
         self._next += 1
         self._actuator.report(f"key frame {self._next} at {frame.time:g} s: to {frame.position:g}")
         self._actuator.move_to(frame.position, footprint, hold=False)
+
+
+def frame_ticks(behaviour: KeyFrames) -> tuple[int, ...]:
+    """Return for every frame the tick it acts at: the first one not before its time.
+
+    Frames that are not in order of time each have a tick of their own, after the one before.
+    """
+    ticks = [frame_tick(frame) for frame in behaviour.frames]
+    if not behaviour.in_order:
+        for k in range(1, len(ticks)):
+            ticks[k] = max(ticks[k], ticks[k - 1] + 1)
+    return tuple(ticks)
 
 
 def frame_tick(frame: KeyFrame) -> int:
@@ -306,8 +319,8 @@ def starting_positions(
     Raises:
         ValueError: a behaviour names no joint of the scene, one of a frozen object, or one that
             another behaviour drives, or of a mover; walks of what is no mover or without a
-            way; key frames out of order or before 0; a trigger whose
-            ``rearm`` is not greater than its ``distance``.
+            way; key frames before 0; a trigger whose ``rearm`` is not greater than its
+            ``distance``.
     """
     frozen = {f"{o.name}.{j.name}": o.frozen for o in scene.objects for j in o.joints}
     movers = {o.name: o for o in scene.objects if is_mover(o.joints)}
@@ -368,9 +381,10 @@ def _first_step(walk: Walk, mover: SceneObject) -> dict[str, float]:
 def _check_times(behaviour: KeyFrames | Trigger | Reaction) -> None:
     """Check again what files are checked for: a run specification may come from anywhere."""
     if isinstance(behaviour, KeyFrames):
-        times = [frame.time for frame in behaviour.frames]
-        if times != sorted(times) or any(time < 0.0 for time in times):
-            raise ValueError(f"key frames of joint {behaviour.joint!r} are not in order of time")
+        # Not ``<``: a time that is nan never comes.
+        if not all(0.0 <= frame.time < math.inf for frame in behaviour.frames):
+            raise ValueError(f"joint {behaviour.joint!r} has a key frame before 0 s, or never")
+        return
     if not isinstance(behaviour, Trigger):
         return
     if behaviour.rearm is not None and behaviour.rearm <= behaviour.distance:

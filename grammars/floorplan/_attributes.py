@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,7 +16,8 @@ from grammars.text.diagnostics import (
 )
 from grammars.text.quantity import PLAN_UNITS, PlanDimension
 
-_LARGEST: Final = 1e6
+LARGEST: Final = 1e6
+"""Greatest number of metres or radians in a plan."""
 _UNIT_ADVICE: Final = {"length": "lengths are in metres: m", "angle": "angles are in deg or rad"}
 
 
@@ -26,9 +27,11 @@ class ElementReader(DiagnosticCollector):
     def __init__(self, source: SourceText) -> None:
         super().__init__(source)
         self._variables: dict[str, list[SyntaxNode]] = {}
+        self._given: Mapping[str, float] = {}
 
-    def define(self, variables: Sequence[SyntaxNode]) -> None:
-        """Take over the variables of the plan."""
+    def define(self, variables: Sequence[SyntaxNode], given: Mapping[str, float]) -> None:
+        """Take over the variables of the plan; ``given`` holds other values [m or rad] for some."""
+        self._given = given
         for variable in variables:
             self._variables.setdefault(variable.name, []).append(variable)
         for name, nodes in self._variables.items():
@@ -61,7 +64,7 @@ class ElementReader(DiagnosticCollector):
             )
             return None
         number = float(node.number)
-        if abs(number) > _LARGEST:
+        if abs(number) > LARGEST:
             self.error(place, f"{node.number} is too large", "the limit is 1000 km")
             return None
         if kind == "angle" and not node.unit and abs(number) > math.tau:
@@ -91,7 +94,7 @@ class ElementReader(DiagnosticCollector):
                 _UNIT_ADVICE[kind],
             )
             return None
-        return self._literal(variable, node, kind)
+        return self._given[name] if name in self._given else self._literal(variable, node, kind)
 
 
 _ALLOWED: Final = {

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from grammars.floorplan._attributes import ElementReader, read_location
+from grammars.floorplan._attributes import LARGEST, ElementReader, read_location
 from grammars.floorplan._features import (
     FeatureDraft,
     OpeningDraft,
@@ -34,13 +34,17 @@ from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import FloorPlan, Opening, Wall
 from grammars.model.geometry import signed_area
 from grammars.text.diagnostics import (
+    Diagnostic,
     DiagnosticCollector,
     InputError,
     SourceText,
     SyntaxNode,
     Where,
+    did_you_mean,
     in_source_order,
+    with_article,
 )
+from grammars.text.quantity import PLAN_UNITS, parse_quantity
 
 _TOUCHING: Final = 1e-3
 """How far walls may be apart and still touch, or openings stick out [m]."""
@@ -155,14 +159,19 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
             )
 
 
-def compile_plan(tree: SyntaxNode, source: SourceText) -> FloorPlan:
-    """Return the plan a syntax tree means; raises ``InputError`` with all errors found."""
+def compile_plan(
+    tree: SyntaxNode, source: SourceText, values: Mapping[str, float] | None = None
+) -> FloorPlan:
+    """Return the plan a syntax tree means, its variables with other ``values`` [m or rad] if given.
+
+    Raises ``InputError`` with all errors found.
+    """
     reader = ElementReader(source)
     # In this order, so that each step finds what it refers to, and none ends the compilation:
     # people get everything that is wrong with a plan at once. What was refused is None from here
     # on.
     _check_order(tree, reader)
-    reader.define(tree.variables)
+    reader.define(tree.variables, values or {})
     dimensions = _dimensions(tree.defaults, reader)
     drafts = [_draft_space(node, dimensions, reader) for node in tree.spaces]
     spaces: dict[str, SpaceDraft] = {}
@@ -306,10 +315,14 @@ def _build(
     )
 
 
-def load_floorplan(path: str | Path) -> FloorPlan:
+def load_floorplan(
+    path: str | Path, values: Mapping[str, object] | None = None, where: Where | None = None
+) -> FloorPlan:
     """Read and compile a ``.fpm`` file (UTF-8).
 
-    Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
+    ``values`` are other values for variables of the plan, as somebody wrote them (``"0.8 m"``) at
+    ``where``. Raises :class:`InputError` with everything that is wrong with either; warnings are
+    in the plan.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -320,7 +333,10 @@ def load_floorplan(path: str | Path) -> FloorPlan:
         raise InputError.at(
             Where(str(path)), "the plan is not UTF-8 text", "save it as UTF-8"
         ) from error
-    return parse_floorplan(text, str(path))
+    source = SourceText(text, str(path))
+    tree = parse_syntax(source)
+    given = _read_values(tree, values, where or Where(str(path))) if values else {}
+    return compile_plan(tree, source, given)
 
 
 def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
@@ -330,3 +346,35 @@ def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
     """
     source = SourceText(text, file)
     return compile_plan(parse_syntax(source), source)
+
+
+def _read_values(tree: SyntaxNode, values: Mapping[str, object], where: Where) -> dict[str, float]:
+    """Return the values given to variables in SI; raises :class:`InputError` with all faults."""
+    variables = {variable.name: variable for variable in tree.variables}
+    read: dict[str, float] = {}
+    faults: list[Diagnostic] = []
+    for key, value in values.items():
+        # Campaigns are YAML, where names are written with dashes.
+        name = str(key).replace("-", "_")
+        variable = variables.get(name)
+        if variable is None:
+            hint = did_you_mean(name, variables) or "the plan has no variables"
+            faults.append(Diagnostic(where, f'plan {tree.name} has no variable "{key}"', hint))
+            continue
+        example = f"write {name}: {variable.number} {variable.unit}"
+        try:
+            quantity = parse_quantity(str(value), where)
+        except InputError as error:
+            faults.extend(error.diagnostics)
+            continue
+        kind = PLAN_UNITS[variable.unit][1]
+        if quantity.dimension != kind:
+            message = f"{name} is {with_article(kind)}, not {value}"
+            faults.append(Diagnostic(where, message, example))
+        elif abs(quantity.value) > LARGEST:
+            faults.append(Diagnostic(where, f"{name}: {value} is too large", "1000 km at most"))
+        else:
+            read[name] = quantity.value
+    if faults:
+        raise InputError(faults)
+    return read

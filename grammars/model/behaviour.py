@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -72,7 +73,9 @@ class KeyFrame:
 class KeyFrames:
     """The joint moves at given times, in order; between frames it is free to be pushed.
 
-    A frame at time 0 also sets where the joint starts.
+    A frame at time 0 that no later one comes before also sets where the joint starts. Frames that
+    are not in order of time are played as they are listed, one in a physics step at most: one whose
+    time has gone by is played in the step after the one before it.
     """
 
     joint: str
@@ -83,12 +86,18 @@ class KeyFrames:
     @property
     def start_position(self) -> float | None:
         """Where a frame at time 0 puts the joint, the last one if there are several."""
-        return next((f.position for f in reversed(self.frames) if f.time <= 0.0), None)
+        first = tuple(itertools.takewhile(lambda frame: frame.time <= 0.0, self.frames))
+        return first[-1].position if first else None
 
     @property
     def positions(self) -> tuple[float, ...]:
         """All positions that the joint is sent to."""
         return tuple(frame.position for frame in self.frames)
+
+    @property
+    def in_order(self) -> bool:
+        """Whether no frame is earlier than the one before it."""
+        return all(a.time <= b.time for a, b in itertools.pairwise(self.frames))
 
 
 @dataclass(frozen=True, slots=True)

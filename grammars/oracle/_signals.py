@@ -216,6 +216,9 @@ _DECLARATIONS: Final = (
     ),
     SignalDeclaration("mission.leg.elapsed", TIME, "time since that waypoint was first approached"),
     SignalDeclaration("mission.reached", RATIO, "waypoints done, as the system under test reports"),
+    SignalDeclaration(
+        "mission.remaining", RATIO, "waypoints not yet done, as the system under test reports"
+    ),
     SignalDeclaration("mission.distance", LENGTH, "true distance to the waypoint being approached"),
     SignalDeclaration(
         "latency",

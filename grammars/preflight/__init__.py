@@ -1,13 +1,15 @@
 """Pre-flight: what cannot work is said before a run is paid for.
 
 :func:`check_scene` looks at a compiled scene alone, :func:`check_run` at what a robot is asked to
-do in it.
+do in it, :func:`check_map` at a map that it is given as it is.
 """
 
+from grammars.preflight._map import check_map
 from grammars.preflight._run import check_run
 from grammars.preflight._scene import check_scene, places_of
 
 __all__ = [
+    "check_map",
     "check_run",
     "check_scene",
     "places_of",

@@ -83,7 +83,8 @@ class MovesNode(TypedNode):
             (reader.amount(f.position, *_POSITIONS), reader.amount(f.time, "time"))
             for f in self.frames
         )
-        return Moves(subject, frames, _motion(reader, options.get("By")), subject.where)
+        motion = _motion(reader, options.get("By"))
+        return Moves(subject, frames, motion, subject.where, listed="AsListed" in options)
 
 
 class TogglesNode(TypedNode):

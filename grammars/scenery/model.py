@@ -258,12 +258,17 @@ class Stays:
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """Moved at given times: ``frames`` are (position, time)."""
+    """Moved at given times: ``frames`` are (position, time).
+
+    ``listed``: their order is that of the list, whatever their times.
+    """
 
     subject: Subject
     frames: tuple[tuple[Amount, Amount], ...]
     motion: MotionAs
     where: Where = field(compare=False)
+    # Last, and with a default: graphs from before it was there still read.
+    listed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

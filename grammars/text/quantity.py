@@ -238,6 +238,19 @@ def parse_quantity(text: str, where: Where) -> Quantity:
         raise InputError.at(where, str(error)) from error
 
 
+def parse_in(text: str, unit: str, subject: str, where: Where) -> float:
+    """Return the SI value of a quantity that must be in ``unit``, as ``subject`` is.
+
+    Raises :class:`InputError` with the place.
+    """
+    found = parse_quantity(text, where)
+    if found.unit != unit:
+        given = "has no unit" if found.unit == "1" else f"is in {found.unit}"
+        wanted = "a plain number" if unit == "1" else f"in {unit}"
+        raise InputError.at(where, f'"{text}" {given}, {subject} is {wanted}')
+    return found.value
+
+
 def unit_of(dimension: str) -> str:
     """Return the SI unit values of ``dimension`` are kept in."""
     return _SI_UNITS[dimension]

@@ -75,6 +75,8 @@ def _world_of_cell(campaign: Campaign, cell: CampaignCell, repeats: int | None) 
         states=named_states(cell.scene, cell.layers),
         sources=_sources(campaign, cell),
         resolution=cell.map.resolution,
+        rule=cell.map.rule,
+        given_map=cell.given_map,
         layers=cell.layers,
     )
 

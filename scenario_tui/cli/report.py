@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from daemon.model.assessments import ReferenceComparison
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, Processes, State
 from scenario_tui.cli.output import Output, stdout_console, track_progress
 
@@ -28,13 +29,17 @@ _RUN_COMMANDS: Final = (
 
 
 class ReportOutput(Output, schema="report"):
-    """What a campaign comes to, and the files ``written`` about it by their kind."""
+    """What a campaign comes to, and the files ``written`` about it by their kind.
+
+    ``references`` are what others found of the same beside what was found here.
+    """
 
     campaign: str
     runs: int
     answer: str
     exit_code: int
     written: dict[str, str]
+    references: tuple[ReferenceComparison, ...] = ()
 
 
 class PictureOutput(Output, schema="picture"):
@@ -87,6 +92,16 @@ def report(
             autocompletion=completion.runs_or_traces,
         ),
     ] = "",
+    since: Annotated[
+        float | None,
+        typer.Option(
+            "--from", metavar="SECONDS", help="With --run: draw the run closely, from here on."
+        ),
+    ] = None,
+    until: Annotated[
+        float | None,
+        typer.Option("--until", metavar="SECONDS", help="With --run: the same, up to here."),
+    ] = None,
     exit_status: Annotated[
         bool,
         typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
@@ -108,8 +123,10 @@ def report(
 
     target = DaemonTarget(connect, state)
     if run:
-        _draw_run(run, campaign, output, target, as_json=as_json)
+        _draw_run(run, campaign, output, target, (since, until), as_json=as_json)
         return
+    if since is not None or until is not None:
+        raise typer.BadParameter("goes with --run only", param_hint="--from, --until")
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
     # Who asks for tables only gets no page besides.
     page = output or (None if any(tables.values()) else _DEFAULT_PAGE)
@@ -190,6 +207,7 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
 
 def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:
     from daemon.analysis.report import headline
+    from daemon.judging.assessment import reference_comparisons
 
     said = headline(material.assessment, material.runs)
     if as_json:
@@ -199,6 +217,7 @@ def _print_written(material: ReportData, written: dict[str, Path], *, as_json: b
             f"{said.word}. {said.sentence}",
             material.assessment.exit_code,
             {kind: str(path) for kind, path in written.items()},
+            reference_comparisons(material.input.declared.references, material.assessment),
         ).emit()
         return
     console = stdout_console()
@@ -213,7 +232,13 @@ def _print_written(material: ReportData, written: dict[str, Path], *, as_json: b
 
 
 def _draw_run(
-    run: str, campaign: str, output: Path | None, target: DaemonTarget, *, as_json: bool
+    run: str,
+    campaign: str,
+    output: Path | None,
+    target: DaemonTarget,
+    part: tuple[float | None, float | None],
+    *,
+    as_json: bool,
 ) -> None:
     from daemon.analysis.report import draw_run
     from scenario_tui.cli.target import one_trace
@@ -224,5 +249,6 @@ def _draw_run(
     if path.suffix not in (".svg", ".png"):
         raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
     trace = one_trace(run, target, "--run")
-    draw_run(trace, path)
+    with wrong_usage("--from, --until"):
+        draw_run(trace, path, since=part[0], until=part[1])
     PictureOutput(str(trace), str(path)).show(as_json)

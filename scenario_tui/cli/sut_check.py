@@ -169,14 +169,15 @@ def _first_moment(campaign: Path | None, settings: Ros2Settings) -> tuple[Briefi
     """Return what a stack is told of the run, and what its robot measures first."""
     import numpy as np
 
+    from daemon.model.spec import MapSettings
     from daemon.model.sut import Briefing, LaserScan, Observation
+    from daemon.run_map import run_map
     from daemon.simulator import World
-    from templates.occupancy import occupancy_grid
 
     if campaign is None:
         scene, robot, mission = _empty_room()
         behaviours: tuple[Behaviour, ...] = ()
-        resolution, drawn = 0.05, False
+        wanted = MapSettings(rule="outline")
     else:
         from scenario_tui.submission import prepare_submission
 
@@ -185,17 +186,12 @@ def _first_moment(campaign: Path | None, settings: Ros2Settings) -> tuple[Briefi
         spec = submission.runs[0]
         scene = next(one for one in submission.scenes if one.digest == spec.scene)
         robot, mission, behaviours = spec.robot, spec.mission, spec.behaviours
-        resolution, drawn = spec.map.resolution, spec.map.doors == "initial"
+        wanted = spec.map
     seed = np.random.SeedSequence(0)
     waypoints = tuple(waypoint.id for waypoint in mission.waypoints)
     world = World(scene, robot, mission.start, behaviours, seed, waypoints)
     joints = dict(zip(world.joint_names, world.joint_positions().tolist(), strict=True))
-    grid = occupancy_grid(
-        scene,
-        resolution=resolution,
-        laser_height=robot.laser.z,
-        joints=joints if drawn else None,
-    )
+    grid = run_map(wanted, scene, robot.laser.z, joints)
     briefing = Briefing(robot, grid, mission, mission.start, seed)
     scans = tuple(LaserScan(0.0, world.scan(laser.name), laser.name) for laser in robot.lasers)
     return briefing, Observation(0.0, (world.odometry(0.0),), scans)

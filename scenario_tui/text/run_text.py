@@ -8,7 +8,7 @@ from typing import Final
 
 from rich.text import Text
 
-from daemon.model.spec import RunResult, Snapshot
+from daemon.model.spec import MapSettings, RunResult, Snapshot
 from daemon.model.status import RunDetail, RunState
 from daemon.model.verdicts import Outcome, Verdict
 from scenario_tui.text.formatting import (
@@ -187,6 +187,12 @@ def _oracles(text: Text, detail: RunDetail, styles: Styles) -> None:
     text.append("\n")
 
 
+def _map_text(settings: MapSettings) -> str:
+    if settings.file:
+        return f"map {settings.file[:12]} given"
+    return f"map shows {settings.doors}"
+
+
 def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLES) -> None:
     """Add what the run was and what became of it."""
     row, spec, result = detail.row, detail.spec, detail.result
@@ -196,7 +202,7 @@ def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLE
         ("SUT", f"{spec.sut.name} ({spec.sut.kind}{repeatable})"),
         ("robot", f"{spec.robot.name}, {spec.robot.drive.kind}"),
         ("mission", f"{spec.mission.name}, {pluralise(len(spec.mission.waypoints), 'waypoint')}"),
-        ("doors", f"{pluralise(len(spec.behaviours), 'behaviour')}, map shows {spec.map.doors}"),
+        ("doors", f"{pluralise(len(spec.behaviours), 'behaviour')}, {_map_text(spec.map)}"),
         ("limit", f"{spec.limit:g} s simulated"),
     ]
     if result is not None:

@@ -13,15 +13,19 @@ from grammars.text.extras import load_extra
 from templates.picture import _mission, _page, _scene
 from templates.picture._drawing import Drawing, DrawingGroup, DrawingItem, Labels, TextLabel
 from templates.picture._mission import RunOverlay
-from templates.picture._page import PAPER, is_below, page_for
+from templates.picture._page import PAPER, is_below, page_around, page_for
 from templates.rendering import Templates
 from templates.world import ArtefactWorld
+
+_BESIDE: Final = 0.9
+"""Room [m] around a way that is shown closely: the robot, and what it may have met."""
 
 
 def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     """Return the drawing of a world as it is at time 0 of its first repeat.
 
-    With a ``run`` of it, also the way the robot took.
+    With a ``run`` of it, also the way the robot took; of a part of a run that is shown closely,
+    its surroundings as they were at its end.
     """
     scene, mission = world.scene, world.mission
     points: tuple[Point2, ...] = ()
@@ -30,8 +34,9 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     if run:
         points += run.way
     behaviours = world.draws[0].behaviours
-    start = start_positions(scene, behaviours)
-    page = page_for(scene, start, points)
+    start = {**start_positions(scene, behaviours), **(run.positions if run else {})}
+    closely = run is not None and run.closely and bool(run.way)
+    page = page_around(run.way, _BESIDE) if run and closely else page_for(scene, start, points)
     about = run.about if run and run.about else _about(world)
     figure = Drawing(page.width, page.height, PAPER, world.name, about)
     labels = Labels()
@@ -52,8 +57,9 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     labels.avoid(_scene.outlines(scene, page), 1.5)
     on_top: list[tuple[str, list[DrawingItem]]] = []
     if mission:
-        way = _mission.route_lines(mission, page)
-        machine = _mission.robot(mission, world.robot, page)
+        # From waypoint to waypoint as the crow flies says nothing about a few metres of the way.
+        way = [] if closely else _mission.route_lines(mission, page)
+        machine = [] if closely else _mission.robot(mission, world.robot, page)
         stops = _mission.waypoints(mission, page)
         figure.add("way", way)
         labels.avoid(way, 0.8)
@@ -62,7 +68,7 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     # Names of doors are placed before those of spaces, which have far more spots to go to;
     # waypoints and the robot are painted last, since a mission is what one looks for.
     names = _scene.object_names(scene, page, start, labels)
-    if mission:
+    if mission and not closely:
         on_top.append(("start", _mission.start_label(mission, world.robot, page, labels)))
     if run:
         figure.add("driven", _mission.run_lines(run, page))
@@ -70,10 +76,14 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     figure.add("names", names)
     for name, items in on_top:
         figure.add(name, items)
+    if closely:
+        figure.add("margins", _page.margins(page))
     figure.add("heading", _page.heading(figure))
     low = any(is_below(s) for s in scene.solids)
-    doors, driven = bool(scene.objects), mission is not None
-    figure.add("legend", _page.legend(page, doors=doors, low=low, mission=driven))
+    doors = ("end" if closely else "start") if scene.objects else ""
+    driven = mission is not None
+    row = _page.legend(page, doors=doors, low=low, mission=driven, robot=driven and not closely)
+    figure.add("legend", row)
     if run:
         figure.add("key", _mission.run_key(run, page))
     figure.add("scale", _page.scale_bar(page))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
-from grammars.model.geometry import Point2
+from grammars.model.geometry import Point2, Ring
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
@@ -131,13 +132,18 @@ DRIVEN: Final = "#1d7f58"
 BELIEVED: Final = "#7d4f9e"
 CLOSE: Final = "#e08a1e"
 TOUCHED: Final = "#c4161c"
+APPARENT: Final = "#2b6fd4"
 
 
 @dataclass(frozen=True, slots=True)
 class RunOverlay:
     """What happened, in the map frame [m]: lines of points, and single points.
 
-    ``close`` are the pieces of the way with something inside the safety buffer.
+    ``close`` are the pieces of the way with something inside the safety buffer. Of a part of a run
+    there are ``footprints`` now and then, the last of them where the part ends, and
+    ``apparent_goals``: where the waypoint lies that the robot drives to, as far as it knows.
+    ``positions`` [rad or m] of joints by scene-wide name are those at the end; ``closely`` shows
+    the surroundings of the way alone.
     """
 
     way: tuple[Point2, ...]
@@ -145,11 +151,20 @@ class RunOverlay:
     close: tuple[tuple[Point2, ...], ...] = ()
     contacts: tuple[Point2, ...] = ()
     about: str = ""
+    footprints: tuple[Ring, ...] = ()
+    apparent_goals: tuple[Point2, ...] = ()
+    positions: Mapping[str, float] = field(default_factory=dict)
+    closely: bool = False
 
 
 def run_lines(what: RunOverlay, page: Page) -> list[DrawingItem]:
     """Return the lines of a run, what it was told to believe below the truth."""
-    items: list[DrawingItem] = []
+    items: list[DrawingItem] = [
+        Shape((page.ring(ring),), line=ROBOT, width=0.9, opacity=0.55) for ring in what.footprints
+    ]
+    if what.footprints:
+        last = page.ring(what.footprints[-1])
+        items.append(Shape((last,), fill=ROBOT, line=ROBOT, width=2.0, opacity=0.45))
     if len(what.believed) > 1:
         line = page.ring(what.believed)
         items.append(Shape((line,), line=BELIEVED, width=1.6, dash=(6.0, 4.0), open=True))
@@ -161,6 +176,7 @@ def run_lines(what: RunOverlay, page: Page) -> list[DrawingItem]:
         for piece in what.close
         if len(piece) > 1
     ]
+    items += [Disc(page.point(goal), 2.6, APPARENT) for goal in what.apparent_goals]
     for point in what.contacts:
         x, y = page.point(point)
         for way in (1.0, -1.0):
@@ -176,6 +192,8 @@ def run_key(what: RunOverlay, page: Page) -> list[DrawingItem]:
         ("believed", BELIEVED, len(what.believed) > 1),
         ("inside the buffer", CLOSE, bool(what.close)),
         ("contact", TOUCHED, bool(what.contacts)),
+        ("footprint, filled at the end", ROBOT, bool(what.footprints)),
+        ("the waypoint as the robot sees it", APPARENT, bool(what.apparent_goals)),
     )
     return legend_row(
         [(text, colour) for text, colour, shown in entries if shown],

@@ -33,6 +33,8 @@ HEAD: Final = 92.0
 FOOT: Final = 76.0
 _NARROWEST: Final = 720.0
 _LARGEST_SCALE: Final = 120.0
+_LYING: Final = 1.35
+"""Least width of a page that shows a part of the map, in its heights."""
 CUT: Final = 1.2
 """Height of the horizontal cut a plan shows [m], as architects draw it."""
 
@@ -80,6 +82,34 @@ def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] 
     left = (width - wide * scale) / 2.0
     height = high * scale + HEAD + FOOT
     return Page(scale, min(xs), max(ys), left, HEAD, round(width), round(height))
+
+
+def page_around(points: tuple[Point2, ...], beside: float) -> Page:
+    """Return a page on which ``points`` have room with ``beside`` [m] on every side, no more."""
+    xs, ys = [p[0] for p in points], [p[1] for p in points]
+    west, south = min(xs) - beside, min(ys) - beside
+    wide, high = max(xs) + beside - west, max(ys) + beside - south
+    # Lying, also where a robot drives straight up: a screen is, and so is a page of text.
+    wide = max(wide, _LYING * high)
+    scale = (LONGEST - 2 * MARGIN) / wide
+    height = high * scale + HEAD + FOOT
+    west -= (wide - (max(xs) + beside - west)) / 2.0
+    return Page(scale, west, max(ys) + beside, MARGIN, HEAD, LONGEST, round(height))
+
+
+def margins(page: Page) -> list[DrawingItem]:
+    """Return paper over everything beyond the part of the map that a page shows."""
+    right, low = page.width - MARGIN, page.height - FOOT
+    sides = (
+        ((0.0, 0.0), (page.width, HEAD)),
+        ((0.0, low), (page.width, page.height)),
+        ((0.0, 0.0), (MARGIN, page.height)),
+        ((right, 0.0), (page.width, page.height)),
+    )
+    rings = tuple(((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for (x0, y0), (x1, y1) in sides)
+    frame = ((MARGIN, HEAD), (right, HEAD), (right, low), (MARGIN, low))
+    # One by one: where two of them lie on each other, together they would be a hole.
+    return [*(Shape((ring,), fill=PAPER) for ring in rings), Shape((frame,), line=FAINT)]
 
 
 def is_below(solid: Solid) -> bool:
@@ -131,12 +161,16 @@ def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
     ]
 
 
-def legend(page: Page, *, doors: bool, low: bool, mission: bool) -> list[DrawingItem]:
-    """Return what the colours mean, in one row at the foot of the page."""
+def legend(page: Page, *, doors: str, low: bool, mission: bool, robot: bool) -> list[DrawingItem]:
+    """Return what the colours mean, in one row at the foot of the page.
+
+    ``doors`` says when doors are as they are drawn, empty where there are none.
+    """
     entries: list[tuple[str, str]] = [("wall", WALL)]
     entries += [("low or sill", LOW)] if low else []
-    entries += [("door at the start", DOOR), ("where it can go", SWING)] if doors else []
-    entries += [("waypoint", ROUTE), ("robot", ROBOT)] if mission else []
+    entries += [(f"door at the {doors}", DOOR), ("where it can go", SWING)] if doors else []
+    entries += [("waypoint", ROUTE)] if mission else []
+    entries += [("robot", ROBOT)] if robot else []
 
     def sample(colour: str, x: float, y: float) -> DrawingItem:
         if colour == ROUTE:

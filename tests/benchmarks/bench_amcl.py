@@ -17,7 +17,8 @@ import numpy as np
 from daemon.stacks import warm_up
 from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.amcl import Amcl
-from daemon.stacks.ros1.amcl.laser_model import distance_field, map_range
+from daemon.stacks.ros1.amcl.distance_field import distance_field
+from daemon.stacks.ros1.amcl.laser_model import map_range
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
@@ -72,8 +73,9 @@ def main() -> None:
 
     first, again = _timed(build), _timed(build)
     amcl = build()
-    field = distance_field(grid, PUBLISHED.laser_likelihood_max_dist)
-    away = field.distances(grid.resolution, PUBLISHED.laser_likelihood_max_dist)
+    cap = PUBLISHED.laser_likelihood_max_dist
+    field = distance_field(grid, cap, brushfire=ORIGINAL.amcl_brushfire_distances)
+    away = field.distances(cap)
     reference = PlainAmcl(PUBLISHED, grid, LASER, poses[0], 1, away[field.squared[1:-1, 1:-1]])
 
     def compiled(begin: int) -> None:

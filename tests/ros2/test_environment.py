@@ -14,7 +14,8 @@ import numpy as np
 import psutil
 import pytest
 
-from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid, write_map
+from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.model.map_files import write_map
 from tests.ros2 import environment
 from tests.ros2.conftest import Ros2Environment
 

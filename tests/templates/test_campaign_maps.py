@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from grammars.floorplan import load_floorplan
-from grammars.model.geometry import Point2
-from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.model.grid import FREE
 from grammars.model.scene import Scene
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid
+from tests.templates.cells import cell, flooded
 
 
 @pytest.fixture(scope="module")
@@ -34,32 +32,14 @@ def flat(campaigns: Path) -> Scene:
     )
 
 
-def cell(grid: OccupancyGrid, point: Point2) -> tuple[int, int]:
-    return (
-        math.floor((point[1] - grid.y) / grid.resolution),
-        math.floor((point[0] - grid.x) / grid.resolution),
-    )
-
-
-def flooded(grid: OccupancyGrid, start: Point2) -> npt.NDArray[np.bool_]:
-    """Return the cells connected to ``start`` (by their sides) that are not occupied."""
-    passable = grid.cells != OCCUPIED
-    reached = np.zeros_like(passable)
-    front = [cell(grid, start)]
-    while front:
-        row, column = front.pop()
-        inside = 0 <= row < passable.shape[0] and 0 <= column < passable.shape[1]
-        if inside and passable[row, column] and not reached[row, column]:
-            reached[row, column] = True
-            front += [(row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)]
-    return reached
-
-
 def test_closed_corridor_doors_keep_the_robot_inside_building_c(building: Scene) -> None:
     ajar = {f"door_{n}.hinge": 1.4 for n in range(12, 18)}
     grid = occupancy_grid(building, laser_height=0.3, resolution=0.1, joints=ajar)
     reached = flooded(grid, (0.0, 0.0))
-    assert (grid.cells[reached] == FREE).all()
+    # Between the floor and a wall beside it rounding leaves single cells that nobody painted.
+    assert np.count_nonzero(grid.cells[reached] != FREE) < 20
+    assert not reached[[0, -1]].any()
+    assert not reached[:, [0, -1]].any()
     goals = [(-12.16, 11.97), (21.45, 59.97), (44.4, 43.85), (52.83, 32.56), (11.72, 53.5)]
     assert all(reached[cell(grid, goal)] for goal in goals)
 

@@ -29,11 +29,18 @@ def test_both_forms_say_the_same(tmp_path: Path) -> None:
     assert [f["time"] for f in era] == [f["time"] for f in now]
 
 
-def test_frames_are_sorted_and_a_first_one_is_kept() -> None:
+def test_frames_stay_as_they_are_listed() -> None:
+    # The plugin takes them off the head of the list, whatever their times.
     act = KeyFrames("slider.rail", (KeyFrame(4.0, 1.0), KeyFrame(0.0, 0.5)), Jump())
     found = behaviour_by_joint(scene(), (act,))["slider.rail"]
     assert isinstance(found, KeyFrames)
-    assert [(f.time, f.position) for f in found.frames] == [(0.0, 0.5), (4.0, 1.0)]
+    listed = [(f.time, f.position) for f in found.frames]
+    assert listed == [(0.0, 0.25), (4.0, 1.0), (0.0, 0.5)]
+
+
+def test_a_first_frame_at_the_start_is_kept() -> None:
+    act = KeyFrames("slider.rail", (KeyFrame(0.0, 0.5), KeyFrame(4.0, 1.0)), Jump())
+    assert behaviour_by_joint(scene(), (act,))["slider.rail"] == act
 
 
 def test_only_joints_that_can_move_do_something() -> None:

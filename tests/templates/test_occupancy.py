@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import shapely
 from hypothesis import given, settings
@@ -14,9 +16,11 @@ from PIL import Image
 from ruamel.yaml import YAML
 
 from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, write_map
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid
+from grammars.model.map_files import write_map
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from templates.occupancy import occupancy_grid
+from tests.templates.cells import cell, flooded
 
 HERE = Pose2()
 COORDINATES = st.floats(-3.0, 3.0).map(lambda v: round(v, 3))
@@ -59,9 +63,7 @@ def door(thickness: float = 0.05) -> SceneObject:
 
 
 def at(grid: OccupancyGrid, point: Point2) -> int:
-    row = math.floor((point[1] - grid.y) / grid.resolution)
-    column = math.floor((point[0] - grid.x) / grid.resolution)
-    return int(grid.cells[row, column])
+    return int(grid.cells[cell(grid, point)])
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, 2.4, -2.0])
@@ -82,10 +84,11 @@ def test_a_map_is_right_wherever_the_building_stands(x: float, y: float, yaw: fl
     assert {p: at(grid, pose.apply(p)) for p in expected} == expected
 
 
-def test_walls_on_the_grid_take_exactly_their_cells() -> None:
-    grid = occupancy_grid(two_rooms(), laser_height=0.3, resolution=0.1, margin=0.5)
-    assert (grid.x, grid.y) == pytest.approx((-0.7, -0.7))
-    assert grid.cells.shape == (34, 56)
+@pytest.mark.parametrize("rule", ["touch", "centre"])
+def test_walls_on_the_grid_take_exactly_their_cells(rule: MapRule) -> None:
+    grid = occupancy_grid(two_rooms(), laser_height=0.3, resolution=0.1, margin=0.5, rule=rule)
+    assert (grid.x, grid.y) == pytest.approx((-0.5, -0.5))
+    assert grid.cells.shape == (30, 52)
     assert np.count_nonzero(grid.cells == OCCUPIED) == (46 * 4 + 20 * 2 * 2 + 5 * 2 * 2)
     assert np.count_nonzero(grid.cells == FREE) == 2 * 400 + 20
     assert grid.cells.dtype == np.int8
@@ -128,6 +131,117 @@ def test_a_thin_leaf_is_an_unbroken_line(angle: float, thickness: float) -> None
         assert at(grid, point) == OCCUPIED
 
 
+@settings(deadline=None, max_examples=150)
+@given(
+    st.sampled_from(["outline", "touch"]),
+    st.floats(-math.pi, math.pi) | st.sampled_from([0.0, math.radians(35), -math.pi / 2]),
+    st.tuples(COORDINATES, COORDINATES),
+    st.floats(0.05, 0.4),
+    st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)),
+    st.floats(0.001, 0.05),
+    st.sampled_from([0.03, 0.05, 0.1]),
+)
+def test_a_shut_door_closes_its_doorway_without_a_gap(
+    rule: MapRule,
+    yaw: float,
+    corner: Point2,
+    wall_thickness: float,
+    place: tuple[float, float],
+    thickness: float,
+    resolution: float,
+) -> None:
+    pose = Pose2(*corner, yaw)
+    far = 2.0 + wall_thickness
+    low = 0.2 + 0.6 * place[0]
+    solids = [
+        box(2.0, 0.0, far, low),
+        box(2.0, low + 1.0, far, 2.0),
+        box(-0.2, -0.2, far + 2.2, 0.0),
+        box(-0.2, 2.0, far + 2.2, 2.2),
+        box(far + 2.0, 0.0, far + 2.2, 2.0),
+        box(-0.2, 0.0, 0.0, 2.0),
+    ]
+    rooms = {"left": box(0.0, 0.0, 2.0, 2.0), "right": box(far, 0.0, far + 2.0, 2.0)}
+    opening = box(2.0, low, far, low + 1.0)
+    leaf = Link("leaf", (box(0.0, 0.0, 1.0, thickness),), 20.0, 0.01, 1.99)
+    hinge = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (1.0, 0.0), 0.0, 3.0)
+    x, y = pose.apply((far - place[1] * (wall_thickness - thickness), low))
+    shut = SceneObject("door", "door", Pose2(x, y, yaw + math.pi / 2), (leaf,), (hinge,), (0.0,))
+    scene = Scene(
+        "rooms",
+        tuple(Region(name, pose.apply_ring(ring)) for name, ring in rooms.items()),
+        (Doorway("doorway", pose, pose.apply_ring(opening), 1.0, 0.0, 2.0),),
+        tuple(wall(pose.apply_ring(ring)) for ring in solids),
+        (shut,),
+    )
+    here, there = pose.apply((1.0, 1.0)), pose.apply((far + 1.0, 1.0))
+    keywords = {"laser_height": 0.3, "resolution": resolution}
+    bare = occupancy_grid(scene, rule=rule, **keywords)
+    assert flooded(bare, here)[cell(bare, there)]
+    drawn = occupancy_grid(scene, rule=rule, joints={}, **keywords)
+    assert at(drawn, here) == at(drawn, there) == FREE
+    assert not flooded(drawn, here)[cell(drawn, there)]
+
+
+@pytest.mark.parametrize("yaw", [0.0, math.radians(35), -1.0, 2.5])
+def test_a_wall_is_drawn_as_if_it_had_no_doorways(yaw: float) -> None:
+    def drawn(*pieces: tuple[Ring, float, float], doorways: int) -> npt.NDArray[np.bool_]:
+        scene = Scene(
+            "wall",
+            (Region("hall", box(-3.0, -3.0, 3.0, 3.0)),),
+            (Doorway("d", pose, pose.apply_ring(opening), 1.0, 0.0, 2.0),)[:doorways],
+            tuple(wall(pose.apply_ring(r), low, high) for r, low, high in pieces),
+        )
+        return occupancy_grid(scene, laser_height=0.3).cells == OCCUPIED
+
+    pose = Pose2(0.317, -0.123, yaw)
+    opening = box(-0.5, -0.1, 0.5, 0.1)
+    sides = [(box(-2.0, -0.1, -0.5, 0.1), 0.0, 2.5), (box(0.5, -0.1, 2.0, 0.1), 0.0, 2.5)]
+    whole = drawn((box(-2.0, -0.1, 2.0, 0.1), 0.0, 2.5), doorways=0)
+    cut = drawn(*sides, (opening, 2.0, 2.5), doorways=1)
+    # Nothing that the whole wall does not have, and of that nothing but the doorway is missing.
+    assert not (cut & ~whole).any()
+    beside = box(-0.65, -0.3, 0.65, 0.3)
+    missing = whole & ~cut
+    rows, columns = np.nonzero(missing)
+    centres = shapely.points(-4.25 + (columns + 0.5) * 0.05, -4.25 + (rows + 0.5) * 0.05)
+    assert missing.any()
+    assert shapely.contains(shapely.Polygon(pose.apply_ring(beside)), centres).all()
+    # A window is nothing that is freed: the wall beside it is drawn as it stands.
+    window = drawn(*sides, (opening, 1.0, 2.5), doorways=0)
+    assert not window[at_cell(pose.apply((0.0, 0.0)))]
+    assert window[at_cell(pose.apply((1.0, 0.0)))]
+
+
+def at_cell(point: Point2) -> tuple[int, int]:
+    return math.floor((point[1] + 4.25) / 0.05), math.floor((point[0] + 4.25) / 0.05)
+
+
+def test_a_column_stays_in_its_doorway() -> None:
+    scene = two_rooms(Pose2(0.0, 0.0, 0.6))
+    pose = scene.doorways[0].frame
+    column = Solid("column", "column", pose.apply_ring(box(2.05, 0.9, 2.15, 1.1)), 0.0, 2.5)
+    grid = occupancy_grid(replace(scene, solids=(*scene.solids, column)), laser_height=0.3)
+    assert at(grid, pose.apply((2.1, 1.0))) == OCCUPIED
+    assert at(grid, pose.apply((2.1, 0.7))) == at(grid, pose.apply((2.1, 1.3))) == FREE
+
+
+@pytest.mark.parametrize("rule", ["outline", "touch", "centre"])
+def test_the_origin_is_the_lowest_corner_of_the_spaces_less_the_margin(rule: MapRule) -> None:
+    scene = two_rooms(Pose2(0.123456, -0.654321, 0.0))
+    grid = occupancy_grid(scene, laser_height=0.3, rule=rule)
+    assert (grid.x, grid.y) == pytest.approx((0.123456 - 1.25, -0.654321 - 1.25), abs=1e-12)
+    assert grid.cells.shape == (int(2.0 / 0.05) + 50, int(4.2 / 0.05) + 50)
+
+
+def test_a_map_is_larger_where_walls_stand_out_further_than_the_margin() -> None:
+    grid = occupancy_grid(two_rooms(), laser_height=0.3, margin=0.05)
+    # 0.2 m of wall on each side, 0.05 m of which is margin: three cells more below; above, the
+    # corner on the border takes a cell of its own.
+    assert (grid.x, grid.y) == pytest.approx((-0.2, -0.2))
+    assert grid.cells.shape == (40 + 2 + 3 + 4, 84 + 2 + 3 + 4)
+
+
 @settings(deadline=None)
 @given(
     st.lists(st.tuples(COORDINATES, COORDINATES), min_size=3, max_size=8, unique=True),
@@ -139,7 +253,7 @@ def test_cells_agree_with_polygon_clipping(points: list[Point2], resolution: flo
         return
     ring = tuple(hull.exterior.coords[:-1])
     scene = Scene("s", (Region("floor", box(-4.0, -4.0, 4.0, 4.0)),), (), (wall(ring),))
-    grid = occupancy_grid(scene, laser_height=0.3, resolution=resolution, margin=0.0)
+    grid = occupancy_grid(scene, laser_height=0.3, resolution=resolution, margin=0.0, rule="touch")
     rows, columns = np.indices(grid.cells.shape)
     x, y = grid.x + columns * resolution, grid.y + rows * resolution
     share = shapely.area(
@@ -165,7 +279,8 @@ def test_a_star_shaped_room_is_free_where_cell_centres_lie_in_it(
         )
         for k in range(2 * tips)
     )
-    grid = occupancy_grid(Scene("s", (Region("star", outline),), (), ()), laser_height=0.3)
+    scene = Scene("s", (Region("star", outline),), (), ())
+    grid = occupancy_grid(scene, laser_height=0.3, rule="touch")
     rows, columns = np.indices(grid.cells.shape)
     centres = shapely.points(grid.x + (columns + 0.5) * 0.05, grid.y + (rows + 0.5) * 0.05)
     star = shapely.Polygon(outline)

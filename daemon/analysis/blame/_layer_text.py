@@ -74,7 +74,8 @@ def _predicate(behaviour: Hold | KeyFrames | Trigger | Reaction, units: JointUni
             return f"stays at {at(position)}"
         case KeyFrames(frames=frames, motion=motion):
             moves = (f"to {at(f.position)} at {f.time!r} s" for f in frames)
-            return f"moves {', '.join(moves)}, {_motion_phrase(motion, units.turns)}"
+            order = "" if behaviour.in_order else ", as listed"
+            return f"moves {', '.join(moves)}{order}, {_motion_phrase(motion, units.turns)}"
         case Trigger():
             return _trigger_phrase(behaviour, units)
         case Reaction(start=start, end=end, event=event, delay=delay, motion=motion):

@@ -34,8 +34,10 @@ from daemon.campaign import (
 )
 from daemon.model.attachments import FILES_PARAMETER, attached_digests, resolve_paths
 from daemon.model.spec import RunSpec, SutReference
+from daemon.run_map import stored_map
 from daemon.stacks.ros2.keys import ROS2_KEYS
 from grammars.jsonld import plan_document, scenery_document
+from grammars.model.map_files import write_map
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
 
@@ -97,7 +99,7 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
         "limit": f"{case.spec.limit!r} s",
         "robot": "robot.yaml",
         "oracles": "minimal.oracles.yaml",
-        "map": {"resolution": f"{case.spec.map.resolution!r} m", "doors": case.spec.map.doors},
+        "map": _map(case.spec, folder),
         "scenarios": {SCENARIO: {key: value for key, value in slots.items() if value}},
     }
     name = folder.write("campaign.yaml", _comment(found.story, repeat) + _yaml(head))
@@ -163,6 +165,16 @@ def _behaviours(smallest: Candidate, folder: _Folder) -> list[tuple[str, bool]]:
     return [
         (folder.write("minimal.scenery", behaviour_sentences(behaviours, smallest.scene)), False)
     ]
+
+
+def _map(spec: RunSpec, folder: _Folder) -> dict[str, str]:
+    settings = spec.map
+    if settings.file:
+        grid, height = stored_map(settings.file), spec.robot.laser.z
+        _, written = write_map(grid, folder.path / "map", laser_height=height)
+        return {"file": written.name}
+    resolution = f"{settings.resolution!r} m"
+    return {"resolution": resolution, "doors": settings.doors, "rule": settings.rule}
 
 
 def _mission(spec: RunSpec) -> str:

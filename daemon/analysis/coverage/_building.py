@@ -116,8 +116,9 @@ class CoveredCells:
 @functools.lru_cache(maxsize=4)
 def floor_grid(scene: Scene, laser_height: float) -> OccupancyGrid:
     """Return the floor of a scene without its objects, at the resolution of coverage."""
+    # By touch: no cell counts as floor that a wall takes a part of.
     return occupancy_grid(
-        scene, resolution=RESOLUTION, laser_height=laser_height, margin=RESOLUTION
+        scene, resolution=RESOLUTION, laser_height=laser_height, margin=RESOLUTION, rule="touch"
     )
 
 

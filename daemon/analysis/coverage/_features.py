@@ -120,12 +120,17 @@ _SUT: Final = (
     ScenarioFeature(
         "sut/map/bare",
         "walls only: the world differs from it by its objects",
-        lambda run: run.spec.map.doors == "none",
+        lambda run: run.spec.map.doors == "none" and not run.spec.map.file,
     ),
     ScenarioFeature(
         "sut/map/furnished",
         "with objects as they stand at the start",
         lambda run: run.spec.map.doors == "initial",
+    ),
+    ScenarioFeature(
+        "sut/map/own",
+        "a map of its own: the world differs from it by whatever does",
+        lambda run: bool(run.spec.map.file),
     ),
 )
 _MISSION: Final = (

@@ -12,6 +12,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from daemon.analysis.report._scale import AxesTransform, tick_names
 from daemon.analysis.report._svg import (
     INK,
     RULE,
@@ -45,28 +46,6 @@ _MARGIN: Final = 0.05
 
 Limits = tuple[float | None, float | None]
 """Lower and upper end of an axis; ``None`` is what the values need."""
-
-
-@dataclass(frozen=True, slots=True)
-class AxesTransform:
-    """From values to points of the page: ``x * sx + ox``, ``y * sy + oy``."""
-
-    sx: float
-    ox: float
-    sy: float
-    oy: float
-
-    def x(self, value: Any) -> Any:
-        """Return where a value along x is."""
-        return value * self.sx + self.ox
-
-    def y(self, value: Any) -> Any:
-        """Return where a value along y is."""
-        return value * self.sy + self.oy
-
-    def points(self, x: Any, y: Any) -> Floats:
-        """Return where points are, (n, 2)."""
-        return np.column_stack((self.x(np.asarray(x, float)), self.y(np.asarray(y, float))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +128,30 @@ class Axes:
         )
         self._note(label, colour, "dot", "", alpha)
 
+    def diamonds(self, x: Any, y: Any, colour: str, size: float, *, about: str = "") -> None:
+        """Draw standing squares, ``size`` wide, with the page showing between them and the rest.
+
+        ``about`` is shown to whoever points at them.
+        """
+        self._extend(x, y)
+        h = size / 2
+        look = style(
+            fill=colour_value(colour),
+            stroke="var(--paper)",
+            stroke_width="0.8",
+            paint_order="stroke",
+        )
+
+        def draw(at: AxesTransform) -> str:
+            rings = [
+                np.array([(u, v - h), (u + h, v), (u, v + h), (u - h, v)])
+                for u, v in at.points(x, y).tolist()
+            ]
+            title = f"<title>{attribute(about)}</title>" if about else ""
+            return f"<g>{title}{_path(rings_data(rings), look)}</g>"
+
+        self._drawings.append(draw)
+
     def crosses(self, x: Any, y: Any, colour: str, size: float) -> None:
         """Draw lying crosses, ``size`` wide."""
         self._extend(x, y)
@@ -198,6 +201,17 @@ class Axes:
         def draw(at: AxesTransform) -> str:
             left, _, wide, _ = self._box
             return _path(rings_data([_rectangle(left, at.y(low), left + wide, at.y(high))]), look)
+
+        self._drawings.append(draw)
+
+    def column(self, low: float, high: float, colour: str, alpha: float) -> None:
+        """Fill from bottom to top between two values along x."""
+        look = style(fill=colour_value(colour), fill_opacity=f"{alpha:g}")
+
+        def draw(at: AxesTransform) -> str:
+            _, top, _, high_side = self._box
+            ring = _rectangle(at.x(low), top, at.x(high), top + high_side)
+            return _path(rings_data([ring]), look)
 
         self._drawings.append(draw)
 
@@ -273,9 +287,25 @@ class Axes:
 
         self._drawings.append(draw)
 
-    def words(self, x: float, y: float, text: str, size: float = 6.5) -> None:
-        """Write from a point on, without leave to hide what is there."""
-        self._drawings.append(lambda at: text_element(at.x(x), at.y(y), text, size, SOFT))
+    def words(
+        self,
+        x: float,
+        y: float,
+        text: str,
+        size: float = 6.5,
+        *,
+        colour: str = SOFT,
+        anchor: Literal["start", "end"] = "start",
+        shift: tuple[float, float] = (0.0, 0.0),
+        halo: bool = False,
+    ) -> None:
+        """Write from a point on, or up to it, ``shift`` (right, up) [points] away from it."""
+        side = "" if anchor == "start" else anchor
+        self._drawings.append(
+            lambda at: text_element(
+                at.x(x) + shift[0], at.y(y) - shift[1], text, size, colour, anchor=side, halo=halo
+            )
+        )
 
     def legend_only(self, label: str, colour: str) -> None:
         """Have a line in the legend that stands for several that are drawn."""
@@ -404,24 +434,6 @@ def _rectangle(x0: float, y0: float, x1: float, y1: float) -> Floats:
 
 def _path(data: str, look: str) -> str:
     return f'<path d="{data}"{look}/>' if data else ""
-
-
-def tick_names(low: float, high: float, room: float) -> list[tuple[float, str]]:
-    """Return round values between two limits, at most ``room`` of them or two, and their words.
-
-    They are multiples of 1, 2, 2.5 or 5 times a power of ten.
-    """
-    least = (high - low) / max(room, 2.0)
-    power = 10.0 ** math.floor(math.log10(least))
-    step = next((m * power for m in (1.0, 2.0, 2.5, 5.0) if m * power >= least), 10.0 * power)
-    digits = max(0, -math.floor(math.log10(step) + 1e-9))
-    if round(step, digits) != step and not math.isclose(round(step, digits), step):
-        digits += 1
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [
-        (k * step, f"{k * step:.{digits}f}".replace("-", "\N{MINUS SIGN}"))
-        for k in range(first, last + 1)
-    ]
 
 
 class Sheet:

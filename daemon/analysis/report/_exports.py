@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Final
 
 from daemon.analysis.report._data import ReportData
+from daemon.analysis.report._references import compared_references
 from daemon.analysis.report._tracks import MEASURES, RunTracks
-from daemon.model.assessments import RunRecord
+from daemon.model.assessments import ReferenceValue, RunRecord
 from daemon.model.verdicts import Outcome
 from grammars.text.extras import load_extra
 
@@ -21,7 +22,8 @@ COLUMNS: Final = (
     "kind", "name", "value", "unit", "verdict", "time", "object",
 )  # fmt: skip
 """``kind`` is ``measure`` (of every run), ``oracle`` (``value`` is its signed margin, ``time`` and
-``object`` its evidence) or ``oracle-measure`` (an oracle without a limit)."""
+``object`` its evidence), ``oracle-measure`` (an oracle without a limit) or, of no run,
+``reference`` (what somebody else found; ``object`` says who) and ``reference-deviation``."""
 
 Row = tuple[str | int | float | None, ...]
 
@@ -40,6 +42,17 @@ def table_rows(data: ReportData) -> Iterator[Row]:
             str(record.outcome or record.state),
         )
         yield from ((*head, *row) for row in (*_measure_rows(run.tracks), *_verdict_rows(record)))
+    for compared in compared_references(data.input, data.assessment):
+        of: Row = (data.input.name, compared.scenario, compared.sut, None, "", "", "")
+        yield from ((*of, *row) for row in _reference_rows(compared.reference))
+
+
+def _reference_rows(reference: ReferenceValue) -> Iterator[Row]:
+    what, unit = f"{reference.oracle} {reference.statistic}", reference.unit
+    named = (unit, "", None, f"{reference.name}: {reference.source}")
+    yield ("reference", what, reference.value, *named)
+    if reference.deviation is not None:
+        yield ("reference-deviation", what, reference.deviation, *named)
 
 
 def _measure_rows(tracks: RunTracks) -> Iterator[Row]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
@@ -12,68 +13,52 @@ import numpy as np
 
 from daemon.analysis.parallel_map import parallel_map
 from daemon.analysis.report import _plots
-from daemon.analysis.report._axes import Axes, Sheet
-from daemon.analysis.report._data import ReportData
-from daemon.analysis.report._safety_buffer import oracle_limit, outlines_near, transform_points
-from daemon.analysis.report._svg import BAD, BODY, LINE, SECOND, SOFT, WALL
-from daemon.analysis.report._tracks import RunTracks, TriggerEncounter
+from daemon.analysis.report._axes import Sheet
+from daemon.analysis.report._data import ReportData, ReportRun
+from daemon.analysis.report._plot_comparisons import plot_comparisons, plot_run_pair
+from daemon.analysis.report._plot_moment import plot_moment
+from daemon.analysis.report._references import (
+    ReferenceMark,
+    cell_marks,
+    compared_references,
+    comparison_marks,
+)
+from daemon.analysis.report._safety_buffer import SafetyBuffer, ThinnedSamples, oracle_limit
+from daemon.analysis.report._tracks import (
+    MEASURES,
+    RunMeasure,
+    RunTracks,
+    TriggerEncounter,
+    extract_tracks,
+)
+from daemon.judging.assessment import base_name
 from daemon.judging.oracles import SignalSampler
-from daemon.model.assessments import CellVerdict
+from daemon.model.assessments import DELAY, CellVerdict, RunRecord
 from daemon.model.verdicts import Outcome
 from daemon.trace import TraceError, read_scene, read_trace
-from grammars.model.geometry import Floats, Point2
 from grammars.model.scene import Scene
 
 FigureKind: TypeAlias = Literal[
-    "moment", "localisation", "distance", "way", "inside", "worst-localisation", "boxes", "trigger"
+    "moment",
+    "localisation",
+    "distance",
+    "way",
+    "inside",
+    "returns",
+    "worst-localisation",
+    "boxes",
+    "comparison",
+    "run-pair",
+    "trigger",
 ]
 MOST_CELLS: Final = 60
 """Cells that get figures of their own; in larger campaigns the first ones, and it is said so."""
+MOST_WORST: Final = 4
+"""Scenarios whose largest localisation error is drawn in detail."""
+_DETAILED: Final = 4000
+"""Samples of a run that is drawn by itself."""
 MOST_MOMENTS: Final = 24
 """Findings whose deciding moment is drawn: each reads a trace once more."""
-_WIDE, _HIGH = 3.2, 2.0
-"""Half of what is shown [m]."""
-_WAY_SHOWN: Final = 10.0
-"""Seconds of the way there that are shown."""
-
-
-def plot_moment(trace: Path, time: float, involved: str, buffer: Point2) -> Sheet | None:
-    """Return the place at ``time`` [s] of a run, the object ``involved`` in red.
-
-    ``None`` if the trace cannot be read any more.
-    """
-    try:
-        recorded = read_trace(trace)
-    except TraceError:
-        return None
-    sampler = SignalSampler(recorded)
-    stamps = sampler.time_base.time
-    index = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
-    pose = sampler.poses[index]
-    sheet = Sheet(3.5, 3.5 * _HIGH / _WIDE, bare=True)
-    (axes,) = sheet.axes
-    for owner, moves, ring in outlines_near(sampler, index, float(np.hypot(_WIDE, _HIGH))):
-        colour = BAD if owner == involved else SECOND if moves else WALL
-        axes.shapes([ring], fill=colour, edge=colour, width=0.5)
-    first = int(np.searchsorted(stamps, time - _WAY_SHOWN))
-    axes.line(sampler.x[first : index + 1], sampler.y[first : index + 1], LINE, 1.2)
-    _draw_robot(axes, np.array(recorded.spec.robot.footprint), pose, buffer)
-    axes.x_limits = (float(pose[0]) - _WIDE, float(pose[0]) + _WIDE)
-    axes.y_limits = (float(pose[1]) - _HIGH, float(pose[1]) + _HIGH)
-    axes.equal = True
-    return sheet
-
-
-def _draw_robot(axes: Axes, footprint: Floats, pose: Floats, buffer: Point2) -> None:
-    hx, hy = buffer
-    box = np.array([(hx, hy), (-hx, hy), (-hx, -hy), (hx, -hy), (hx, hy)])
-    ahead = np.array([(0.0, 0.0), (0.7 * float(footprint[:, 0].max()), 0.0)])
-    around, body, nose = (
-        transform_points(points, pose[None]) for points in (box, footprint, ahead)
-    )
-    axes.line(around[:, 0], around[:, 1], SOFT, 0.9, dashes="4 3")
-    axes.shapes([body], fill=BODY, edge=BODY, width=1.0, alpha=0.55)
-    axes.line(nose[:, 0], nose[:, 1], BODY, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,25 +141,31 @@ def _cells(data: ReportData) -> dict[tuple[str, str], list[RunTracks]]:
 
 
 def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
-    cells, scenes = _cells(data), _scenes(data)
+    cells, scenes, marks = _cells(data), _scenes(data), _marks(data)
     limit = oracle_limit(data.input.oracles, "loc.error")
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         here = {sut: runs for (name, sut), runs in cells.items() if name == scenario}
         # Systems under test of a scenario side by side: the same axes, or the eye compares wrongly.
         frame = _plots.plot_limits([run for runs in here.values() for run in runs])
         for sut, runs in here.items():
-            of = f"{scenario} with {sut}"
+            of, known = f"{scenario} with {sut}", marks.get((scenario, sut), {})
             if any(not np.isnan(run.error).all() for run in runs):
                 yield _FigureTask(
                     ReportFigure("localisation", scenario, sut, sut),
                     f"Localisation error and spread over time, {of}",
-                    partial(_plots.plot_localisation, runs=runs, frame=frame, limit=limit),
+                    partial(
+                        _plots.plot_localisation, runs=runs, frame=frame, limit=limit,
+                        marks=[*known.get("error mean", ()), *known.get("error max", ())],
+                    ),
                 )  # fmt: skip
             if any(np.isnan(run.clearance).all() for run in runs):
                 continue
             yield _FigureTask(
                 ReportFigure("distance", scenario, sut, sut), f"Clearance over time, {of}",
-                partial(_plots.plot_clearance, runs=runs, frame=frame),
+                partial(
+                    _plots.plot_clearance, runs=runs, frame=frame,
+                    marks=known.get("min clearance", ()),
+                ),
             )  # fmt: skip
             scene = scenes.get(runs[0].scene)
             if scene is not None:
@@ -183,58 +174,160 @@ def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
                     f"Clearance along the way on the map, {of}",
                     partial(_plots.plot_way, runs=runs, frame=frame, scene=scene),
                 )  # fmt: skip
-            if any(len(run.inside) for run in runs):
-                yield _FigureTask(
-                    ReportFigure("inside", scenario, sut, f"{scenario}, {sut}"),
-                    f"Obstacles inside the safety buffer as seen from the robot, {of}",
-                    partial(_plots.plot_buffer, runs=runs),
-                )  # fmt: skip
+            seen_inside: tuple[tuple[FigureKind, str, list[ThinnedSamples]], ...] = (
+                ("returns", "Laser returns", [run.returns for run in runs]),
+                ("inside", "Obstacles", [run.inside for run in runs]),
+            )
+            for kind, seen, points in seen_inside:
+                if any(map(len, points)):
+                    yield _FigureTask(
+                        ReportFigure(kind, scenario, sut, f"{scenario}, {sut}"),
+                        f"{seen} inside the safety buffer as seen from the robot, {of}",
+                        partial(_plots.plot_buffer, runs=runs, returns=kind == "returns"),
+                    )  # fmt: skip
 
 
 def _of_campaign(data: ReportData) -> Iterator[_FigureTask]:
     yield from _worst_localisation(data)
-    yield from _boxes(data, "time in buffer", "time in buffer [s]")
-    yield from _boxes(data, "error p95", "95 % of the error [m]")
-    yield from _boxes(data, "duration", "duration [s]")
+    marks = _marks(data)
+    marked = {measure for found in marks.values() for measure in found}
+    # Those of the paper, and besides whatever there is something to hold against.
+    drawn = ("time in buffer", "error p95", "duration")
+    for measure in MEASURES:
+        if measure.name in drawn or measure.name in marked:
+            of_measure = {cell: found.get(measure.name, []) for cell, found in marks.items()}
+            yield from _boxes(data, measure, of_measure)
+    yield from _comparisons(data)
+    yield from _run_pairs(data)
     yield from _triggers(data)
 
 
+def _marks(data: ReportData) -> dict[tuple[str, str], dict[str, list[ReferenceMark]]]:
+    verdicts = (verdict for run in data.runs for verdict in run.record.verdicts)
+    texts = {verdict.oracle: verdict.text for verdict in verdicts}
+    return cell_marks(data.input, data.assessment, data.buffer, texts)
+
+
 def _worst_localisation(data: ReportData) -> Iterator[_FigureTask]:
+    """Draw the run with the largest error of each scenario that asks how large it may be.
+
+    Of the campaign, where none asks.
+    """
     known = [run for run in data.runs if "error max" in run.tracks.measures]
-    if not known:
-        return
+    asked = dict.fromkeys(run.record.scenario for run in known if _asks_for_error(run.record))
+    groups = [[run for run in known if run.record.scenario == name] for name in asked]
+    for group in (groups or [known])[:MOST_WORST]:
+        if group:
+            yield from _worst_run(data, group)
+
+
+def _asks_for_error(record: RunRecord) -> bool:
+    return oracle_limit((verdict.text for verdict in record.verdicts), "loc.error") is not None
+
+
+def _worst_run(data: ReportData, known: Sequence[ReportRun]) -> Iterator[_FigureTask]:
     worst = max(known, key=lambda run: run.tracks.measures["error max"])
     scene = _scenes(data).get(worst.tracks.scene)
-    if scene is None:
+    if scene is None or worst.record.trace is None:
         return
     of = f"{worst.record.scenario} with {worst.record.sut}, repeat {worst.record.repeat}"
     limit = oracle_limit(data.input.oracles, "loc.error")
-    yield _FigureTask(
-        ReportFigure("worst-localisation", worst.record.scenario, of, "around the peak"),
-        f"The largest localisation error over time, {of}",
-        partial(_plots.plot_error_peak, run=worst.tracks, limit=limit),
-    )  # fmt: skip
-    yield _FigureTask(
-        ReportFigure("worst-localisation", worst.record.scenario, of, "where it was"),
-        f"The largest localisation error on the map, {of}",
-        partial(_plots.plot_peak_map, run=worst.tracks, scene=scene),
-    )  # fmt: skip
+    for caption, label, draw in (
+        ("the whole run", "in a whole run", partial(_plots.plot_error_overview, limit=limit)),
+        ("around the peak", "over time", partial(_plots.plot_error_peak, limit=limit)),
+        ("where it was", "on the map", partial(_plots.plot_peak_map, scene=scene)),
+    ):
+        yield _FigureTask(
+            ReportFigure("worst-localisation", worst.record.scenario, of, caption),
+            f"The largest localisation error {label}, {of}",
+            partial(_draw_detailed, record=worst.record, buffer=data.buffer, draw=draw),
+        )
 
 
-def _boxes(data: ReportData, measure: str, axis: str) -> Iterator[_FigureTask]:
+def _draw_detailed(
+    record: RunRecord, buffer: SafetyBuffer, draw: Callable[..., Sheet]
+) -> Sheet | None:
+    """Draw a run from more samples than are kept of every run; ``None`` if its trace is gone."""
+    try:
+        trace = read_trace(Path(str(record.trace)))
+    except TraceError:
+        return None
+    return draw(run=extract_tracks(record.id, trace, SignalSampler(trace), buffer, (), _DETAILED))
+
+
+def _boxes(
+    data: ReportData,
+    measure: RunMeasure,
+    marks: dict[tuple[str, str], list[ReferenceMark]],
+) -> Iterator[_FigureTask]:
     values: dict[str, dict[str, list[float]]] = {}
     for run in data.runs:
-        if measure in run.tracks.measures:
+        if measure.name in run.tracks.measures:
             of = values.setdefault(run.record.scenario, {}).setdefault(run.record.sut, [])
-            of.append(run.tracks.measures[measure])
-    if not values or not any(v for cells in values.values() for vs in cells.values() for v in vs):
+            of.append(run.tracks.measures[measure.name])
+    if not values:
         return
     suts = tuple(dict.fromkeys(sut for cells in values.values() for sut in cells))
     table = tuple((scenario, tuple(cells.items())) for scenario, cells in values.items())
     yield _FigureTask(
-        ReportFigure("boxes", "", "", measure), f"Boxplots of {measure} by scenario",
-        partial(_plots.plot_boxes, values=table, suts=suts, axis=axis),
+        ReportFigure("boxes", "", "", measure.name), f"Boxplots of {measure.name} by scenario",
+        partial(
+            _plots.plot_boxes, values=table, suts=suts, axis=f"{measure.name} [{measure.unit}]",
+            marks=marks,
+        ),
     )  # fmt: skip
+
+
+def _comparisons(data: ReportData) -> Iterator[_FigureTask]:
+    """Draw the comparisons of the campaign, those of one unit together."""
+    verdicts = [verdict for verdict in data.assessment.comparisons if verdict.differences]
+    marks = comparison_marks(compared_references(data.input, data.assessment))
+    suts = tuple(dict.fromkeys(cell.sut for cell in data.assessment.cells))
+    for unit in dict.fromkeys(verdict.unit for verdict in verdicts):
+        of_unit = [verdict for verdict in verdicts if verdict.unit == unit]
+        names = {verdict.comparison for verdict in of_unit}
+        shown = {key: found for key, found in marks.items() if key[0] in names}
+        yield _FigureTask(
+            ReportFigure("comparison", "", "", f"differences in {unit}"),
+            f"What comparisons in {unit} found, with their bounds and limits",
+            partial(plot_comparisons, verdicts=of_unit, suts=suts, marks=shown),
+        )
+
+
+def _run_pairs(data: ReportData) -> Iterator[_FigureTask]:
+    """Draw, for each delay that is asked for, one run of both scenarios with each system."""
+    suts = tuple(dict.fromkeys(run.record.sut for run in data.runs))
+    delays = [c for c in data.input.declared.comparisons if c.quantity == DELAY]
+    for comparison, sut in list(product(delays, suts))[:MOST_CELLS]:
+        sides = [_runs_by_pair(data, name, sut) for name in (comparison.left, comparison.right)]
+        both = sorted(sides[0].keys() & sides[1].keys())
+        if not both:
+            continue
+        pair = [side[both[0]] for side in sides]
+        shown = tuple(
+            (
+                run.record.scenario,
+                Path(str(run.record.trace)),
+                tuple(e.time for e in run.tracks.encounters),
+            )
+            for run in pair
+        )
+        names = f"{comparison.left} and {comparison.right}"
+        yield _FigureTask(
+            ReportFigure("run-pair", names, sut, f"{sut}, repeat {pair[0].record.repeat}"),
+            f"Speed and turning speed in a run of {names} with {sut}",
+            partial(plot_run_pair, runs=shown),
+        )
+
+
+def _runs_by_pair(data: ReportData, scenario: str, sut: str) -> dict[tuple[str, int], ReportRun]:
+    """Return the runs of a scenario that can be drawn, by variant of the plan and repeat."""
+    return {
+        (run.record.scenario.partition("@")[2], run.record.repeat): run
+        for run in data.runs
+        if (base_name(run.record.scenario), run.record.sut) == (scenario, sut)
+        and len(run.tracks.time) > 1
+    }
 
 
 def scenarios_with_triggers(data: ReportData) -> tuple[str, ...]:

@@ -15,15 +15,17 @@ GLYPHS: Final = {
 }  # fmt: skip
 
 
-def format_quantity(value: float | None, unit: str = "", *, signed: bool = False) -> str:
-    """Return three significant digits and the unit: ``+0.0312 m``; ``–`` for nothing."""
+def format_quantity(
+    value: float | None, unit: str = "", *, signed: bool = False, digits: int = 3
+) -> str:
+    """Return so many significant digits and the unit: ``+0.0312 m``; ``–`` for nothing."""
     if value is None or math.isnan(value):
         return NOTHING
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     sign = "+" if signed else ""
-    whole = abs(value) >= 100.0  # no exponents: 1234 m, not 1.23e+03 m
-    text = f"{value:{sign}.0f}" if whole else f"{value:{sign}.3g}"
+    whole = abs(value) >= 10.0 ** (digits - 1)  # no exponents: 1234 m, not 1.23e+03 m
+    text = f"{value:{sign}.0f}" if whole else f"{value:{sign}.{digits}g}"
     text = text.replace("-", "−")
     return f"{text} {unit}" if unit not in ("", "1") else text
 

@@ -28,13 +28,21 @@ from daemon.analysis.report._formatting import (
     percentage,
     verdict_details,
 )
+from daemon.analysis.report._references import compared_references, reference_names
 from daemon.analysis.report._svg import SERIES
 from daemon.analysis.report._tracks import MEASURES, RunMeasure
-from daemon.model.assessments import Assessment, CellAssessment, CellVerdict
+from daemon.model.assessments import (
+    Assessment,
+    CellAssessment,
+    CellVerdict,
+    ReferenceComparison,
+)
 from daemon.model.verdicts import Outcome
 from templates.report import render_report
 
-_FIGURE_KINDS: Final = ("localisation", "way", "distance", "inside", "trigger")
+_FIGURE_KINDS: Final = (
+    "localisation", "way", "distance", "inside", "returns", "run-pair", "trigger",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +72,22 @@ class MeasureRow:
     mean: str
     deviation: str
     range: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceRow:
+    """A reference value beside what was found, in words; ``interval`` is the 95 % one."""
+
+    scenario: str
+    sut: str
+    quantity: str
+    reference: str
+    runs: str
+    here: str
+    interval: str
+    n: int
+    difference: str
+    source: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +135,10 @@ def write_page(
         compared=[(group, _compared(data, group)) for group in _grouped(used)],
         declared_measures=_declared(assessment),
         boxes=[_as_markup(f) for f in figures if f.kind == "boxes"],
-        worst=[_as_markup(f) for f in figures if f.kind == "worst-localisation"],
-        worst_run=next((f.sut for f in figures if f.kind == "worst-localisation"), ""),
+        comparison_figures=[_as_markup(f) for f in figures if f.kind == "comparison"],
+        references=reference_rows(data),
+        reference_names=reference_names(data.input.declared.references),
+        worst=_by_run([f for f in figures if f.kind == "worst-localisation"]),
         by_kind={k: _by_scenario([f for f in figures if f.kind == k]) for k in _FIGURE_KINDS},
         sut_colours=_colours(suts),
         trigger_colours=_colours(scenarios_with_triggers(data)),
@@ -262,6 +288,46 @@ def _declared(
             row = _row(measure.values, measure.unit)
             found.setdefault((measure.oracle, measure.unit), []).append((cell, row))
     return tuple((name, unit, tuple(rows)) for (name, unit), rows in found.items())
+
+
+def reference_rows(data: ReportData) -> tuple[ReferenceRow, ...]:
+    """Return the reference values of the campaign, each beside what was found here."""
+    return tuple(map(_reference_row, compared_references(data.input, data.assessment)))
+
+
+def _reference_row(compared: ReferenceComparison) -> ReferenceRow:
+    reference, unit = compared.reference, compared.reference.unit
+    if reference.statistic == "rate":
+        passed = round((compared.value or 0.0) * compared.n)
+        here, difference = f"{passed} of {compared.n}", ""
+        bounds = tuple(map(percentage, (compared.low, compared.high)))
+    else:
+        here = format_quantity(compared.value, unit, digits=4)
+        if compared.deviation is not None and reference.statistic == "mean":
+            here += f" ± {format_quantity(compared.deviation, unit)}"
+        difference = format_quantity(compared.difference, unit, signed=True)
+        bounds = tuple(format_quantity(b, unit, digits=4) for b in (compared.low, compared.high))
+    known = compared.low is not None and compared.high is not None
+    return ReferenceRow(
+        scenario=compared.scenario,
+        sut=compared.sut,
+        quantity=reference.oracle
+        + ("" if reference.statistic in ("mean", "rate") else f", {reference.statistic}"),
+        reference=f"{reference.name} {reference.text}",
+        runs="" if reference.runs is None else str(reference.runs),
+        here=here,
+        interval=" to ".join(bounds) if known else "",
+        n=compared.n,
+        difference=difference,
+        source=", ".join(part for part in (reference.source, reference.note) if part),
+    )
+
+
+def _by_run(figures: Sequence[ReportFigure]) -> dict[str, list[tuple[str, Markup]]]:
+    found: dict[str, list[tuple[str, Markup]]] = {}
+    for figure in figures:
+        found.setdefault(figure.sut, []).append(_as_markup(figure))
+    return found
 
 
 def _colours(names: Sequence[str]) -> list[tuple[str, str]]:

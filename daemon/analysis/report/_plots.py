@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from daemon.analysis.report._axes import Axes, Sheet
+from daemon.analysis.report._references import ReferenceMark
 from daemon.analysis.report._svg import (
     BAD,
     BODY,
@@ -34,6 +35,7 @@ _CUT: Final = 0.3
 _BINS: Final = 64
 _DASHED: Final = "4 3"
 _DOTTED: Final = "1 1.6"
+_BROKEN: Final = "6 2 1.5 2"
 _HEAT: Final = ("#fed976", "#feb24c", "#fd8d3c", "#fc4e2a", "#e31a1c", "#bd0026", "#800026")
 """From few to many: the colours of ColorBrewer's YlOrRd (Brewer, Harrower, 2003)."""
 
@@ -80,7 +82,36 @@ def _top(values: Sequence[Any]) -> float:
     return 1.05 * max(known, default=1.0) or 1.0
 
 
-def plot_localisation(runs: Sequence[RunTracks], frame: PlotLimits, limit: float | None) -> Sheet:
+def draw_reference(
+    axes: Axes, x: float, found: ReferenceMark, *, label: Literal["", "start", "end"], rise: int = 0
+) -> None:
+    """Draw a reference value as a diamond at ``x``, with its deviation or range.
+
+    With a ``label`` it is named above, on so many lines higher as ``rise`` says.
+    """
+    if found.low is not None and found.high is not None:
+        axes.line([x, x], [found.low, found.high], INK, 0.9)
+    axes.diamonds([x], [found.value], INK, 5.5, about=f"{found.label}, {found.source}")
+    if label:
+        shift = (-3.0 if label == "start" else 3.0, 5.0 + 7.5 * rise)
+        axes.words(x, found.value, found.label, colour=INK, anchor=label, shift=shift, halo=True)
+
+
+def _draw_reference_lines(axes: Axes, marks: Sequence[ReferenceMark], top: float) -> float:
+    """Draw reference values as lines from side to side; return the top they need."""
+    for found in marks:
+        # As with limits: one far above the curve would press it flat against the axis.
+        if found.value < 4.0 * top:
+            axes.across(found.value, INK, 0.8, dashes=_BROKEN, label=found.label)
+    return max([top, *(1.1 * found.value for found in marks if found.value < 4.0 * top)])
+
+
+def plot_localisation(
+    runs: Sequence[RunTracks],
+    frame: PlotLimits,
+    limit: float | None,
+    marks: Sequence[ReferenceMark] = (),
+) -> Sheet:
     """Return the localisation error and the spread of the estimate over time (figure 8)."""
     sheet = Sheet(WIDTH, 2.6, 2)
     above, below = sheet.axes
@@ -94,6 +125,7 @@ def plot_localisation(runs: Sequence[RunTracks], frame: PlotLimits, limit: float
     if limit is not None and limit < 4.0 * frame.error:
         above.across(limit, BAD, 0.9, dashes=_DASHED)
         top = max(top, 1.1 * limit)
+    top = max(top, _draw_reference_lines(above, marks, frame.error))
     above.x_limits = below.x_limits = (0.0, frame.time)
     above.y_limits, below.y_limits = (0.0, top), (0.0, frame.sigma)
     above.title, below.title, below.x_label = "error [m]", "spread [m]", "time [s]"
@@ -102,7 +134,9 @@ def plot_localisation(runs: Sequence[RunTracks], frame: PlotLimits, limit: float
     return sheet
 
 
-def plot_clearance(runs: Sequence[RunTracks], frame: PlotLimits) -> Sheet:
+def plot_clearance(
+    runs: Sequence[RunTracks], frame: PlotLimits, marks: Sequence[ReferenceMark] = ()
+) -> Sheet:
     """Return the distance to the nearest obstacle over time, triggers dotted (figure 12)."""
     sheet = Sheet(WIDTH, 1.9)
     (axes,) = sheet.axes
@@ -117,6 +151,7 @@ def plot_clearance(runs: Sequence[RunTracks], frame: PlotLimits) -> Sheet:
         for encounter in run.encounters:
             if encounter.fired:
                 axes.upright(encounter.time, INK, 0.8, dashes=_DOTTED, alpha=0.6)
+    _draw_reference_lines(axes, marks, frame.clearance)
     axes.x_limits, axes.y_limits = (0.0, frame.time), (low, frame.clearance)
     axes.title, axes.x_label = "clearance [m]", "time [s]"
     return sheet
@@ -144,6 +179,15 @@ def plot_way(runs: Sequence[RunTracks], frame: PlotLimits, scene: Scene) -> Shee
         xs, ys = zip(*touched, strict=True)
         axes.crosses(xs, ys, BAD, 4.0)
     axes.dots(runs[0].x[:1], runs[0].y[:1], INK, 3.0)
+    nearest = min(runs, key=lambda run: float(np.nanmin(run.clearance)))
+    at = int(np.nanargmin(nearest.clearance))
+    x, y = float(nearest.x[at]), float(nearest.y[at])
+    axes.diamonds([x], [y], INK, 5.0)
+    # Towards the middle, so that the words do not run out of the picture.
+    side: Literal["start", "end"] = "start" if 2.0 * x < frame.west + frame.east else "end"
+    words = f"{float(nearest.clearance[at]):.3f} m".replace("-", "−")
+    shift = (5.0 if side == "start" else -5.0, -2.0)
+    axes.words(x, y, words, colour=INK, anchor=side, shift=shift, halo=True)
     return sheet
 
 
@@ -186,14 +230,18 @@ def _touches(ring: Any, frame: PlotLimits) -> bool:
     )
 
 
-def plot_buffer(runs: Sequence[RunTracks]) -> Sheet:
-    """Return where obstacles were inside the buffer, seen from the robot (figure 11)."""
+def plot_buffer(runs: Sequence[RunTracks], *, returns: bool) -> Sheet:
+    """Return what was inside the buffer, seen from the robot (figure 11).
+
+    That are laser ``returns``, as in the paper, or else points on the outlines of obstacles.
+    """
     first = runs[0]
     sheet = Sheet(2.3, 1.9)
     (axes,) = sheet.axes
     hx, hy = first.buffer
     reach = 1.12 * max(hx, hy)
-    points = np.concatenate([run.inside for run in runs[:REPEATS]])
+    found = [run.returns if returns else run.inside for run in runs[:REPEATS]]
+    points = np.concatenate(found)
     if len(points):
         counts, _, _ = np.histogram2d(
             points[:, 0], points[:, 1], bins=_BINS, range=((-reach, reach), (-reach, reach))
@@ -219,6 +267,15 @@ _PEAK_MAP_HALF: Final = 6.0
 """Half the width of the map around it [m]."""
 
 
+def plot_error_overview(run: RunTracks, limit: float | None) -> Sheet:
+    """Return error and spread of a whole run, what :func:`plot_error_peak` shows of it in grey."""
+    peak = float(run.time[int(np.nanargmax(run.error))])
+    sheet = plot_localisation([run], plot_limits([run]), limit)
+    for axes in sheet.axes:
+        axes.column(peak - _AROUND, peak + _AROUND, SOFT, 0.16)
+    return sheet
+
+
 def plot_error_peak(run: RunTracks, limit: float | None) -> Sheet:
     """Return the localisation error of a run around its peak (figure 9)."""
     peak = int(np.nanargmax(run.error))
@@ -227,9 +284,8 @@ def plot_error_peak(run: RunTracks, limit: float | None) -> Sheet:
     (axes,) = sheet.axes
     around = np.abs(run.time - at) <= _AROUND
     time = run.time[around]
-    # Two deviations: the band that the paper's confidence oracle asks the true pose to be in.
-    spread = 2.0 * np.hypot(run.sigma_x, run.sigma_y)[around]
-    axes.area(time, 0.0, spread, SECOND, 0.15, label="2 σ")
+    axes.line(time, run.sigma_x[around], SECOND, 0.9, dashes="2 1.5", label="σ along x")
+    axes.line(time, run.sigma_y[around], SECOND, 0.9, label="σ along y")
     axes.line(time, run.error[around], LINE, 1.2, label="error")
     axes.dots([at], [run.error[peak]], BAD, 4.0)
     if limit is not None and limit < 4.0 * float(run.error[peak]):
@@ -261,21 +317,28 @@ def plot_peak_map(run: RunTracks, scene: Scene) -> Sheet:
     return sheet
 
 
+_LABELLED: Final = 4
+"""Reference values of one figure that are named in it at most; of more the page has a table."""
+
+
 def plot_boxes(
     values: Sequence[tuple[str, Sequence[tuple[str, Sequence[float]]]]],
     suts: Sequence[str],
     axis: str,
+    marks: Mapping[tuple[str, str], Sequence[ReferenceMark]],
 ) -> Sheet:
     """Return boxplots of one measure, SUTs side by side for each scenario (figure 13).
 
-    Boxes show the quartiles, whiskers everything, dots each repeat.
+    Boxes show the quartiles, whiskers everything, dots each repeat, diamonds reference values.
     """
     groups = len(values)
     sheet = Sheet(WIDTH, 2.4)
     (axes,) = sheet.axes
     width = 0.8 / len(suts)
     everything = [value for _, cells in values for _, found in cells for value in found]
-    for place, (_, cells) in enumerate(values):
+    # Few enough to be read beside each other.
+    labelled = sum(map(len, marks.values())) <= _LABELLED
+    for place, (scenario, cells) in enumerate(values):
         for sut, found in cells:
             if not found:
                 continue
@@ -283,6 +346,9 @@ def plot_boxes(
             colour = SERIES[index % len(SERIES)]
             x = place + (index - (len(suts) - 1) / 2.0) * width
             _draw_box(axes, x, np.asarray(found, dtype=np.float64), 0.36 * width, colour)
+            for reference in marks.get((scenario, sut), ()):
+                side: Literal["start", "end"] = "start" if 2 * place < groups else "end"
+                draw_reference(axes, x, reference, label=side if labelled else "")
     # From 0 on, unless that would hide a line at 0.
     lowest = 0.0 if min(everything) > 0.0 else None
     axes.x_names = [scenario for scenario, _ in values]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -13,19 +14,26 @@ from daemon.analysis.report._safety_buffer import safety_buffer
 from daemon.analysis.report._tracks import extract_tracks, unbroken_runs
 from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
-from daemon.trace import PoseTrack, Trace, read_trace
-from grammars.model.geometry import Point2
+from daemon.trace import MotionTrack, PoseTrack, Trace, read_trace
+from grammars.model.geometry import Point2, Pose2
 from templates.picture import RunOverlay, draw_world, write_png
 from templates.rendering import Templates
 from templates.world import ArtefactWorld, BehaviourDraw
 
 _POINTS: Final = 2000
+_APART: Final = 1.5
+_FOOTPRINTS: Final = 24
+"""Seconds from one footprint to the next, where that are not more of them."""
 
 
-def draw_run(trace_path: Path, picture: Path) -> None:
+def draw_run(
+    trace_path: Path, picture: Path, *, since: float | None = None, until: float | None = None
+) -> None:
     """Draw the run of a trace as ``.svg`` or ``.png``, by the ending of ``picture``.
 
-    Raises :class:`daemon.trace.TraceError` for what is no usable trace.
+    With ``since`` or ``until`` [s] only that part of the run, with its surroundings closely.
+    Raises :class:`daemon.trace.TraceError` for what is no usable trace, and ``ValueError`` for a
+    part that lies outside of the run.
     """
     trace = read_trace(trace_path)
     spec = trace.spec
@@ -37,7 +45,8 @@ def draw_run(trace_path: Path, picture: Path) -> None:
         draws=(BehaviourDraw("", spec.behaviours),),
         resolution=spec.map.resolution,
     )
-    figure = draw_world(world, _run(trace))
+    part = None if since is None and until is None else _part(trace, since, until)
+    figure = draw_world(world, _run(trace, part))
     if picture.suffix == ".png":
         write_png(figure, picture)
         return
@@ -45,7 +54,32 @@ def draw_run(trace_path: Path, picture: Path) -> None:
     picture.write_text(svg, encoding="utf-8")
 
 
-def _run(trace: Trace) -> RunOverlay:
+@dataclass(frozen=True, slots=True)
+class _RunPart:
+    """From ``since`` to ``until`` [s] of a run."""
+
+    since: float
+    until: float
+
+    def of(self, time: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+        return (time >= self.since) & (time <= self.until)
+
+
+def _part(trace: Trace, since: float | None, until: float | None) -> _RunPart:
+    time = trace.ground_truth.time
+    if not len(time):
+        raise ValueError("nothing was recorded")
+    first, last = float(time[0]), float(time[-1])
+    part = _RunPart(first if since is None else since, last if until is None else until)
+    if np.count_nonzero(part.of(time)) < 2:
+        raise ValueError(
+            f"{part.since:g} s to {part.until:g} s is no part of a run that goes from {first:g} s "
+            f"to {last:g} s"
+        )
+    return part
+
+
+def _run(trace: Trace, part: _RunPart | None) -> RunOverlay:
     # Signals of a trace with leaps or NaNs would be judged and drawn as if they were true.
     problems = oracles.trace_problems(trace)
     if problems:
@@ -54,29 +88,92 @@ def _run(trace: Trace) -> RunOverlay:
     sampler = SignalSampler(trace)
     oracles.warm_up()
     buffer = safety_buffer(oracle.text for oracle in trace.spec.oracles)
-    found = extract_tracks(trace.spec.label, trace, sampler, buffer, (), _POINTS)
+    # Of a part every sample counts: what is looked at may be a few centimetres.
+    points = _POINTS if part is None else 3 * len(sampler.time_base.time)
+    found = extract_tracks(trace.spec.label, trace, sampler, buffer, (), points)
     verdicts = oracles.judge(trace, trace.spec.oracles, sampler=sampler)
     outcome = oracles.overall_outcome(trace, verdicts)
+    shown = np.ones(len(found.time), np.bool_) if part is None else part.of(found.time)
+    contacts = [c for c in found.contacts if part is None or part.since <= c[0] <= part.until]
     parts = [
         f"{outcome}",
         f"campaign {trace.spec.campaign}",
         f"ended after {format_quantity(found.measures.get('duration'), 's')}",
         f"nearest {format_quantity(found.measures.get('min clearance'), 'm')}",
         f"{format_quantity(found.measures.get('time in buffer'), 's')} in the buffer",
-        count_noun(len(found.contacts), "contact"),
+        count_noun(len(contacts), "contact"),
     ]
-    return RunOverlay(
-        way=_line(found.x, found.y),
-        believed=_believed(trace.estimate),
-        close=_pieces(found.x, found.y, found.clearance < found.limit),
-        contacts=tuple((x, y) for _, _, x, y in found.contacts),
+    if part is not None:
+        parts[1:] = [
+            f"{part.since:.1f} s to {part.until:.1f} s of {found.measures['duration']:.1f} s",
+            f"nearest {format_quantity(float(np.nanmin(found.clearance[shown])), 'm')}",
+            count_noun(len(contacts), "contact"),
+        ]
+    overlay = RunOverlay(
+        way=_line(found.x[shown], found.y[shown]),
+        believed=_believed(trace.estimate, part),
+        close=_pieces(found.x, found.y, (found.clearance < found.limit) & shown),
+        contacts=tuple((x, y) for _, _, x, y in contacts),
         about="  ·  ".join(parts),
     )
+    return overlay if part is None else replace(overlay, **_closely(trace, part))
 
 
-def _believed(estimate: PoseTrack) -> tuple[Point2, ...]:
-    step = max(1, len(estimate.time) // _POINTS)
-    return _line(estimate.x[::step], estimate.y[::step])
+def _closely(trace: Trace, part: _RunPart) -> dict[str, Any]:
+    """Return what a picture of a part of a run shows besides."""
+    truth = trace.ground_truth
+    steps = min(_FOOTPRINTS, max(2, round((part.until - part.since) / _APART)))
+    moments = np.linspace(part.since, min(part.until, float(truth.time[-1])), steps)
+    footprint = trace.spec.robot.footprint
+    poses = [_pose(truth, moment) for moment in moments.tolist()]
+    joints = trace.joints
+    at_end = {
+        name: float(np.interp(part.until, joints.time, joints.position[:, index]))
+        for index, name in enumerate(joints.names)
+        if len(joints.time)
+    }
+    return {
+        "footprints": tuple(pose.apply_ring(footprint) for pose in poses),
+        "apparent_goals": _apparent_goals(trace, part),
+        "positions": at_end,
+        "closely": True,
+    }
+
+
+def _apparent_goals(trace: Trace, part: _RunPart) -> tuple[Point2, ...]:
+    """Return where the waypoint of the part's end lies for the robot, at each of its estimates.
+
+    It knows the waypoint in the map, and where it believes to be itself: what it drives to is the
+    waypoint as seen from there, which is off by the error of its localisation, turned by that of
+    its heading.
+    """
+    current = [record.current for record in trace.progress if record.time <= part.until]
+    waypoints = trace.spec.mission.waypoints
+    if not current or not 0 <= current[-1] < len(waypoints):
+        return ()
+    goal = waypoints[current[-1]]
+    estimate = trace.estimate
+    chosen = np.flatnonzero(part.of(estimate.time))
+    step = max(1, len(chosen) // _POINTS)
+    goals = []
+    for index in chosen[::step].tolist():
+        believed = Pose2(*(float(v[index]) for v in (estimate.x, estimate.y, estimate.yaw)))
+        seen = believed.inverse().apply((goal.x, goal.y))
+        goals.append(_pose(trace.ground_truth, float(estimate.time[index])).apply(seen))
+    return tuple(goals)
+
+
+def _pose(track: MotionTrack, time: float) -> Pose2:
+    """Return the last recorded true pose at or before a moment."""
+    index = max(int(np.searchsorted(track.time, time, side="right")) - 1, 0)
+    return Pose2(float(track.x[index]), float(track.y[index]), float(track.yaw[index]))
+
+
+def _believed(estimate: PoseTrack, part: _RunPart | None) -> tuple[Point2, ...]:
+    time = estimate.time
+    chosen = np.arange(len(time)) if part is None else np.flatnonzero(part.of(time))
+    kept = chosen[:: max(1, len(chosen) // _POINTS)]
+    return _line(estimate.x[kept], estimate.y[kept])
 
 
 def _line(x: npt.NDArray[np.floating], y: npt.NDArray[np.floating]) -> tuple[Point2, ...]:

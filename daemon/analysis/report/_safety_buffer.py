@@ -16,6 +16,7 @@ from grammars.text.diagnostics import InputError, Where
 
 if TYPE_CHECKING:
     from daemon.judging.oracles import ObstaclePolygons
+    from daemon.trace import Trace
 
 DEFAULT_MARGIN: Final = 0.2
 """Distance [m] kept to obstacles where no oracle names one: the paper's (section 4.3.1)."""
@@ -114,6 +115,28 @@ def points_inside(
             points = outlines.seen_from(moment, pose, polygon) - centre
             found.append(points[(np.abs(points) < half).all(axis=1)] + centre)
     inside = np.concatenate(found) if found else np.empty((0, 2))
+    if len(inside) > _POINTS:
+        inside = inside[np.linspace(0, len(inside) - 1, _POINTS).astype(np.int64)]
+    return inside.astype(np.float32)
+
+
+def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples:
+    """Return laser returns (k, 2) [m, base frame] inside the box, of every laser of the robot.
+
+    None where the trace was read without its scans.
+    """
+    found = [np.empty((0, 2))]
+    for laser, scans in zip(trace.spec.robot.lasers, trace.scans or (), strict=False):
+        angles = laser.angle_min + laser.angle_increment * np.arange(laser.rays)
+        # Lost rays and those without a return are no numbers, or infinite.
+        far = np.hypot(*half) + np.hypot(*centre) + np.hypot(laser.mount.x, laser.mount.y)
+        rows, rays = np.nonzero((scans.ranges > 0.0) & (scans.ranges <= far))
+        ranges = scans.ranges[rows, rays].astype(np.float64)
+        beams = np.column_stack((ranges * np.cos(angles[rays]), ranges * np.sin(angles[rays])))
+        mount = np.array([(laser.mount.x, laser.mount.y, laser.mount.yaw)])
+        points = transform_points(beams, mount) - centre
+        found.append(points[(np.abs(points) < half).all(axis=1)] + centre)
+    inside = np.concatenate(found)
     if len(inside) > _POINTS:
         inside = inside[np.linspace(0, len(inside) - 1, _POINTS).astype(np.int64)]
     return inside.astype(np.float32)

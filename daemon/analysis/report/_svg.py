@@ -72,13 +72,27 @@ def stroke(colour: str, width: float, *, dashes: str = "", alpha: float = 1.0) -
 
 
 def text_element(
-    x: float, y: float, words: str, size: float, colour: str, *, anchor: str = "", turn: float = 0.0
+    x: float,
+    y: float,
+    words: str,
+    size: float,
+    colour: str,
+    *,
+    anchor: str = "",
+    turn: float = 0.0,
+    halo: bool = False,
 ) -> str:
     """Return words whose baseline begins (or by ``anchor`` ends, has its middle) at a point.
 
-    ``turn`` is in degrees, against the clock.
+    ``turn`` is in degrees, against the clock. A ``halo`` of the page keeps them readable on lines.
     """
-    look = style(font_size=f"{size:g}px", fill=colour_value(colour), text_anchor=anchor)
+    around = {"stroke": "var(--paper)", "stroke_width": "2", "paint_order": "stroke"}
+    look = style(
+        font_size=f"{size:g}px",
+        fill=colour_value(colour),
+        text_anchor=anchor,
+        **(around if halo else {}),
+    )
     place = f'x="{number(x)}" y="{number(y)}"'
     if turn:
         place += f' transform="rotate({-turn:g} {number(x)} {number(y)})"'

@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from daemon.analysis.report._safety_buffer import SafetyBuffer, ThinnedSamples, points_inside
+from daemon.analysis.report._safety_buffer import (
+    SafetyBuffer,
+    ThinnedSamples,
+    points_inside,
+    returns_inside,
+)
 from daemon.judging.oracles import SignalSampler
 from grammars.model.behaviour import JointEvent, Trigger, joint_event
 from grammars.model.geometry import Floats, Point2, Ring
@@ -58,9 +63,10 @@ class RunTracks:
 
     ``x``, ``y`` [m]: true position. ``clearance`` [m]: distance from the box around the footprint
     to the nearest obstacle, negative inside. ``error``, ``sigma_x``, ``sigma_y`` [m]: localisation;
-    NaN where unknown. ``inside`` (k, 2) [m]: points of obstacles that were inside the buffer, base
-    frame. ``contacts`` (time, object, x, y). ``measures`` by name, in the units of
-    :data:`daemon.analysis.report.MEASURES`. ``problem`` says why there is nothing, if so.
+    NaN where unknown. ``inside`` and ``returns`` (k, 2) [m]: points of obstacles and laser returns
+    that were inside the buffer, base frame. ``contacts`` (time, object, x, y). ``measures`` by
+    name, in the units of :data:`daemon.analysis.report.MEASURES`. ``problem`` says why there is
+    nothing, if so.
     """
 
     run: str
@@ -77,6 +83,7 @@ class RunTracks:
     sigma_x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
     sigma_y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
     inside: ThinnedSamples = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    returns: ThinnedSamples = field(default_factory=lambda: np.empty((0, 2), np.float32))
     contacts: tuple[tuple[float, str, float, float], ...] = ()
     encounters: tuple[TriggerEncounter, ...] = ()
     measures: dict[str, float] = field(default_factory=dict)
@@ -224,6 +231,7 @@ def extract_tracks(
     error, sigma_x, sigma_y = (
         _signal(sampler, name) for name in ("loc.error", "loc.sigma.x", "loc.sigma.y")
     )
+    middle = centre if buffer.half is None else (0.0, 0.0)
     # Numbers are from all samples; only what is drawn is thinned, below.
     kept = thinned_indices(clearance, error, points)
     encounters = find_encounters(trace, sampler, watches)
@@ -248,7 +256,8 @@ def extract_tracks(
         error=_pick_samples(error, kept),
         sigma_x=_pick_samples(sigma_x, kept),
         sigma_y=_pick_samples(sigma_y, kept),
-        inside=points_inside(sampler, inside, centre if buffer.half is None else (0.0, 0.0), half),
+        inside=points_inside(sampler, inside, middle, half),
+        returns=returns_inside(trace, middle, half),
         contacts=_contacts(trace),
         encounters=encounters,
         measures={name: value for name, value in measures.items() if np.isfinite(value)},

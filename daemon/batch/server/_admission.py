@@ -82,6 +82,12 @@ def _lacking_files(run: RunSpec, paths: StatePaths, known: set[str]) -> Iterator
             known.add(digest)
         else:
             yield f'{run.label}: the file "{name}" of {run.sut.name} was not sent along'
+    digest = run.map.file
+    if digest and digest not in known:
+        if (paths.files / digest).exists():
+            known.add(digest)
+        else:
+            yield f"{run.label}: its map {digest[:12]} was not sent along"
 
 
 def _is_stored(digest: str, paths: StatePaths) -> bool:

@@ -27,7 +27,7 @@ from daemon.batch.stores import (
     trim_cache,
 )
 from daemon.batch.worker._attempts import Attempt
-from daemon.model.attachments import LARGEST_FILE, attached_digests
+from daemon.model.attachments import LARGEST_FILE
 from daemon.model.ids import is_id
 from daemon.model.messages import FileDownloadRequest, IdRequest, WelcomeReply, WorkerInfo
 from daemon.model.verbs import FILE, SCENE, WELCOME, Verb
@@ -163,12 +163,12 @@ class InputCache:
         return path
 
     def provide_files(self, attempt: Attempt) -> None:
-        """Put what the system under test of an attempt needs within its reach, if it needs any.
+        """Put the files that an attempt needs within its reach, if it needs any.
 
         Raises ``ValueError`` for a file that is not the one its digest names, ``OSError``, and
         whatever asking the daemon raises.
         """
-        digests = attached_digests(attempt.lease.spec.sut.parameters).values()
+        digests = attempt.lease.spec.files
         for digest in digests:
             self.file(digest)
         if digests:

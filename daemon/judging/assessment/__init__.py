@@ -14,14 +14,13 @@ from daemon.judging.assessment._campaign_difference import (
     compare_campaigns,
 )
 from daemon.judging.assessment._cell_verdicts import (
-    DURATION,
     base_name,
     expectation_matches,
     measured_value,
 )
+from daemon.judging.assessment._references import reference_comparisons
 
 __all__ = [
-    "DURATION",
     "CampaignDifference",
     "JudgedCampaign",
     "QuantityChange",
@@ -33,5 +32,6 @@ __all__ = [
     "expectation_matches",
     "measured_value",
     "mission_completed",
+    "reference_comparisons",
     "undecided_cells",
 ]

@@ -13,14 +13,13 @@ from typing import Final, Literal, TypeAlias
 
 from daemon.judging.assessment._assess import assess
 from daemon.judging.assessment._cell_verdicts import (
-    DURATION,
     Cell,
     group_by_cell,
     measured_value,
     trusted_verdicts,
 )
 from daemon.judging.statistics import MeanDifference, cliffs_delta, holm_adjusted, mean_difference
-from daemon.model.assessments import Assessment, AssessmentRules, CellVerdict, RunRecord
+from daemon.model.assessments import DURATION, Assessment, AssessmentRules, CellVerdict, RunRecord
 from daemon.model.verdicts import Outcome
 
 QuantityKind: TypeAlias = Literal["margin", "measure", "duration"]

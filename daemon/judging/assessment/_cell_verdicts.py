@@ -17,6 +17,7 @@ from daemon.judging.statistics import (
     runs_needed,
 )
 from daemon.model.assessments import (
+    DURATION,
     AssessmentRules,
     CellMeasure,
     CellVerdict,
@@ -31,9 +32,6 @@ from daemon.model.verdicts import Evidence, Outcome, Verdict
 
 Cell: TypeAlias = tuple[str, str]
 """A scenario (or one of its variants) with a system under test."""
-
-DURATION: Final = "duration"
-"""The measure every run has: the simulated time it took [s]."""
 
 BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS)
 """What is said first of a cell: a failure is a finding, an error may hide one."""

@@ -234,6 +234,7 @@ class SignalSampler:
             "mission.leg": lambda: self._leg() + 1.0,
             "mission.leg.elapsed": self._leg_elapsed,
             "mission.reached": self._reached,
+            "mission.remaining": self._remaining,
             "mission.distance": self._distance_to_go,
         }
         return SignalSeries(plain[name]())
@@ -295,11 +296,15 @@ class SignalSampler:
         for now, value in zip(time.tolist(), leg.tolist(), strict=True):
             begun.setdefault(value, now)
         # Before the first report there is no leg; a NaN is not found again, not even by itself.
-        since: Floats = np.array([begun.get(value, math.nan) for value in leg.tolist()])
-        return time - since
+        since = [begun.get(value, math.nan) for value in leg.tolist()]
+        elapsed: Floats = time - np.array(since)
+        return elapsed
 
     def _reached(self) -> Floats:
         return self._progress([float(p.reached) for p in self.trace.progress])
+
+    def _remaining(self) -> Floats:
+        return float(len(self.trace.spec.mission.waypoints)) - self._reached()
 
     def _distance_to_go(self) -> Floats:
         waypoints = self.trace.spec.mission.waypoints

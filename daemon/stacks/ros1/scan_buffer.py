@@ -47,7 +47,10 @@ class _LaserBuffer:
     def __init__(self, laser: Laser) -> None:
         steps = np.arange(laser.rays, dtype=np.float64)
         self.laser = laser
-        self.angles: Floats = laser.angle_min + steps * laser.angle_increment
+        # A scan says where its rays point in single precision (sensor_msgs/LaserScan), and they
+        # are worked out from that in double (laser_geometry).
+        begin, by = (float(np.float32(a)) for a in (laser.angle_min, laser.angle_increment))
+        self.angles: Floats = begin + steps * by
         self.waiting: deque[LaserScan] = deque(maxlen=_MOST_WAITING)
         self.received: deque[_ReceivedScan] = deque()
 

@@ -13,6 +13,14 @@ TIME_TOLERANCE: Final = 1e-9
 """Far below a step and far above the rounding of an hour's sum of steps [s]."""
 
 
+def is_after(now: float, limit: float) -> bool:
+    """Tell whether ``now`` is later than ``limit`` [s], and not only by how it is rounded.
+
+    The original counts whole nanoseconds, in which 0.7 and 0.1 more are 0.8 and no later.
+    """
+    return now > limit + TIME_TOLERANCE
+
+
 @dataclass(slots=True)
 class UpdateTimer:
     """Instants of something that runs at ``rate`` [Hz]: the first ones not before k / rate."""
@@ -43,6 +51,28 @@ class MinimumInterval:
     def restart(self, now: float) -> None:
         """Say that it has happened at ``now``."""
         self.due = now + self.period
+
+
+@dataclass(slots=True)
+class LoopRate:
+    """``ros::Rate`` of roscpp: when a loop runs again.
+
+    A loop that is late runs at once, again and again until it has caught up; what it is late by
+    more than a whole period is forgotten.
+    """
+
+    period: float
+    due: float
+
+    def is_over(self, now: float) -> bool:
+        """Tell whether the loop runs at ``now``."""
+        return now >= self.due - TIME_TOLERANCE
+
+    def sleep(self, now: float) -> None:
+        """Say that a round of the loop is done at ``now``."""
+        self.due += self.period
+        if is_after(now, self.due + self.period):
+            self.due = now
 
 
 @dataclass(slots=True)

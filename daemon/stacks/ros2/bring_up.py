@@ -28,7 +28,7 @@ from daemon.stacks.ros2.relay_link import RelayLink, relay_path
 from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.geometry import Pose2
-from grammars.model.grid import write_map
+from grammars.model.map_files import write_map
 from grammars.text import codec
 
 _NANO: Final = 1_000_000_000

@@ -213,11 +213,15 @@ class SentenceResolver:
         last = -1.0
         for position, time in said.frames:
             at = self._time(time)
-            # Key frames of one sentence are in order of time, so that it reads as it happens.
-            if at <= last:
-                raise InputError.at(
-                    time.where, f"{at:g} s is not after {last:g} s", "put them in order"
-                )
+            # Key frames of one sentence are in order of time, so that it reads as it happens;
+            # who means another order says so.
+            if at == last:
+                message = f"two key frames at {at:g} s"
+                raise InputError.at(time.where, message, "leave one of them out")
+            if at < last and not said.listed:
+                message = f"{at:g} s is not after {last:g} s"
+                hint = "put them in order, or add as listed: each is played after the one before it"
+                raise InputError.at(time.where, message, hint)
             last = at
             for joint, value in self._positions(position).items():
                 frames.setdefault(joint, []).append(KeyFrame(at, value))

@@ -84,6 +84,19 @@ def test_overrides_reach_the_layer_they_stand_beside(folder: Path) -> None:
     assert {t.distance for t in triggers} == {1.0}
 
 
+def test_a_scenario_gives_variables_of_its_plan_other_values(folder: Path) -> None:
+    wider = CAMPAIGN.replace(
+        "like: calm\n", "like: calm\n    floorplan: {flat: {hinged-width: 1.05 m}}\n"
+    )
+    campaign = load_campaign(write(folder, wider))
+    widths = {
+        cell.name: {d.name: d.width for d in cell.scene.doorways}["kitchen_doorway"]
+        for cell in campaign.cells
+    }
+    assert widths == pytest.approx({"calm": 0.95, "rude": 1.05})
+    assert len(expand(campaign).scenes) == 2
+
+
 def test_the_same_campaign_has_the_same_id_until_something_changes(folder: Path) -> None:
     path = write(folder, CAMPAIGN)
     first = expand(load_campaign(path)).campaign
@@ -112,6 +125,21 @@ def test_random_doors_are_drawn_per_repeat_or_once(campaigns: Path, tmp_path: Pa
             "floorplan: flat",
             "floorplan: flatt",
             ['tiny.yaml:10:5: no floor plan "flatt"', '"flat"?'],
+        ),
+        (
+            "floorplan: flat",
+            "floorplan: {flat: {hinged_widht: 1 m, room_length: 3 s}}",
+            [
+                'tiny.yaml:10:5: plan flat has no variable "hinged_widht"',
+                'did you mean "hinged_width"?',
+                "tiny.yaml:10:5: room_length is a length, not 3 s",
+                "write room_length: 3.0 m",
+            ],
+        ),
+        (
+            "floorplan: flat",
+            "floorplan: {flat: {}, flat2: {}}",
+            ["tiny.yaml:10:5: expected one layer with its overrides"],
         ),
         ("mission: courier", "mission: curier", ['no mission "curier"', '"courier"?']),
         ("robot: courier", "robot: corier", ['tiny.yaml:5:1: no robot "corier"', '"courier"?']),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,6 +12,7 @@ from daemon.campaign import Campaign, expand, load_campaign
 from daemon.model.assessments import (
     AssessmentRules,
     Expectation,
+    ReferenceValue,
     RegressionGate,
     RepeatPolicy,
     ScenarioComparison,
@@ -202,5 +204,74 @@ def test_numbers_and_flags_that_mean_text_are_told_how_to(
     folder: Path, old: str, new: str, expected: list[str]
 ) -> None:
     found = "\n".join(complaints(folder, old, new))
+    for part in expected:
+        assert part in found
+
+
+REFERENCE = """\
+reference:
+  earlier:
+    source: "The same robot, last year"
+    values:
+      - {scenario: rude.1, sut: pilot, oracle: duration, value: 0.5 min, deviation: 2 s, runs: 4}
+      - {scenario: "*", oracle: nearest, value: 5 cm, statistic: min, range: [4 cm, 6 cm], note: n}
+      - {scenario: calm.1, oracle: reached, value: 3 of 5}
+      - {oracle: slower, sut: pilot, value: -8.9 s}
+"""
+
+
+def test_reference_values_are_in_si_and_keep_their_words(folder: Path) -> None:
+    def value(scenario: str, suts: tuple[str, ...], oracle: str, **more: Any) -> ReferenceValue:
+        return ReferenceValue(
+            "earlier", "The same robot, last year", scenario, suts, oracle, **more
+        )
+
+    assert load(folder, CAMPAIGN + REFERENCE).declared.references == (
+        value("rude.1", ("pilot",), "duration", statistic="mean", value=30.0, unit="s",
+              text="0.5 min ± 2 s", deviation=2.0, runs=4, where="tiny.yaml:33"),
+        value("*", (), "nearest", statistic="min", value=0.05, unit="m",
+              text="5 cm (4 cm to 6 cm)", low=0.04, high=0.06, note="n", where="tiny.yaml:34"),
+        value("calm.1", (), "reached", statistic="rate", value=0.6, unit="1", text="3 of 5",
+              runs=5, where="tiny.yaml:35"),
+        value("", ("pilot",), "slower", statistic="mean", value=-8.9, unit="s", text="-8.9 s",
+              where="tiny.yaml:36"),
+    )  # fmt: skip
+
+
+def test_a_reference_value_changes_no_run(folder: Path) -> None:
+    plain, told = (expand(load(folder, text)) for text in (CAMPAIGN, CAMPAIGN + REFERENCE))
+    assert [run.digest for run in plain.runs] == [run.digest for run in told.runs]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("scenario: rude.1, sut", "scenario: rude.2, sut",
+         ['tiny.yaml:33', 'no scenario "rude.2"', '"rude.1"?']),
+        ("sut: pilot, oracle", "sut: pylot, oracle", ['no system under test "pylot"', '"pilot"?']),
+        ("oracle: duration", "oracle: durration", ['neither measure nor oracle', '"duration"?']),
+        ("0.5 min", "0.5 m", ['tiny.yaml:33', '"0.5 m" is in m, duration is in s']),
+        ("0.5 min", "30", ['"30" has no unit, duration is in s']),
+        ("deviation: 2 s", "deviation: -2 s", ["a deviation is never negative"]),
+        ("[4 cm, 6 cm]", "[6 cm, 4 cm]", ["tiny.yaml:34", "write the smaller value first"]),
+        ("[4 cm, 6 cm]", "[4 cm]", ["range: must have 2 or more"]),
+        ("3 of 5", "60 %", ["tiny.yaml:35", '"60 %" does not say how many runs passed', "3 of 5"]),
+        ("3 of 5", "6 of 5", ["does not say how many runs passed"]),
+        ("3 of 5", "3 of 5, runs: 5", ['"runs" goes with a measure']),
+        ("oracle: slower", "oracle: slow", ['tiny.yaml:36', 'no comparison "slow"', '"slower"?']),
+        ("oracle: slower", "oracle: nearest", ['say of which "scenario" it is']),
+        ("oracle: slower", "scenario: rude.1, oracle: slower", ["names its scenarios itself"]),
+        ("oracle: slower, sut: pilot", "oracle: slower, sut: pylot", ['"pilot"?']),
+        ('source: "The same robot, last year"', 'source: ""', ["tiny.yaml:31", "source"]),
+        ("statistic: min", "statistic: least", ["statistic: must be 'mean'"]),
+    ],
+)  # fmt: skip
+def test_reference_values_that_nothing_can_stand_beside_are_refused(
+    folder: Path, old: str, new: str, expected: list[str]
+) -> None:
+    assert old in REFERENCE
+    with pytest.raises(InputError) as caught:
+        load(folder, CAMPAIGN + REFERENCE.replace(old, new, 1))
+    found = "\n".join(str(diagnostic) for diagnostic in caught.value.diagnostics)
     for part in expected:
         assert part in found

@@ -6,12 +6,17 @@ Figures derived from the plugins' settings: a spring of 0.5 N m/rad on 0.30 kg m
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from daemon.simulator import World
+from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Behaviour, Jump, KeyFrame, KeyFrames, Spring, Trigger
 from grammars.model.geometry import Pose2, Twist2
+from grammars.scenery import load_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
 from tests.daemon.simulator.scenes import door, world
 from tests.daemon.simulator.test_imposed import IMPOSED
 
@@ -52,6 +57,35 @@ def test_a_door_at_rest_falls_shut_in_a_quarter_of_a_period() -> None:
     shut = next(k for k, angle in enumerate(trail) if angle <= 0.0)
     assert shut / 100 == pytest.approx(1.22, abs=0.03)
     assert max(abs(angle) for angle in trail[shut + 5 :]) < 0.1  # the stop gives way a little
+
+
+def test_a_door_at_rest_stays_so_until_the_robot_is_nearer_than_its_distance() -> None:
+    # As close_on_approach_era.scenery has it; the robot comes straight towards the foot.
+    simulated = leaf(triggered(), start=Pose2(0.0, -20.0, math.pi / 2))
+    simulated.command(Twist2(0.2298, 0.0, 0.0))
+    trail, distances = [], []
+    while not (events := simulated.take_events()):
+        pose = simulated.pose()
+        distances.append(math.hypot(pose.x, pose.y))
+        trail += angles(simulated, 0.01)
+    (event,) = events
+    assert event.text.startswith("triggered at 1.29")
+    assert max(abs(angle - 1.4) for angle in trail) < 1e-9
+    assert min(distances[:-1]) >= 1.3 > distances[-1]
+    simulated.command(Twist2(0.0, 0.0, 0.0))
+    closing = angles(simulated, 3.0)
+    shut = next(k for k, angle in enumerate(closing) if angle <= 0.0)
+    assert shut / 100 == pytest.approx(1.22, abs=0.03)
+
+
+def test_a_door_at_rest_is_not_fixed_where_it_rests() -> None:
+    # A distance less than the published one, at which it would have begun to fall shut before.
+    behaviour = Trigger("d.hinge", 1.4, 0.0, 0.2, Spring(0.5), of="foot")
+    simulated = leaf(behaviour, start=Pose2(-0.7, 1.2, -math.pi / 2))
+    simulated.command(Twist2(0.2298, 0.0, 0.0))
+    pushed = angles(simulated, 4.0)
+    assert max(pushed) > 1.6
+    assert {contact.second for contact in simulated.take_contacts()} == {"d.leaf"}
 
 
 def test_it_falls_shut_from_any_angle_in_the_same_time() -> None:
@@ -104,3 +138,34 @@ def test_a_jumped_door_hangs_loose_until_its_next_key_frame() -> None:
     assert {contact.second for contact in simulated.take_contacts()} == {"d.leaf"}
     simulated.advance(round(20.0 * 100) + 1 - simulated.tick)
     assert simulated.joint_positions()[0] == 0.0
+
+
+def test_the_published_doors_jump_when_their_files_say_and_as_they_are_listed(
+    campaigns: Path,
+) -> None:
+    folder = campaigns / "ortega2024"
+    layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors_s2", "doors_timed_era")]
+    scene = compile_scene(load_floorplan(folder / "building_c.fpm"), layers)
+    seed = np.random.SeedSequence(1)
+    behaviours = resolve_behaviours(scene, layers, seed=seed, limit=1800.0).behaviours
+    simulated = World(scene, IMPOSED, Pose2(), behaviours, seed)
+
+    def after(time: float) -> list[float]:
+        """The angles of doors 1 to 11 once the step that begins then is over."""
+        simulated.advance(round(time * 100) + 1 - simulated.tick)
+        return [float(angle) for angle in simulated.joint_positions()]
+
+    assert after(9.99) == pytest.approx([0.0] * 11, abs=1e-6)
+    # The second frame of door 2 is for 7 s: late, it comes one step after the first one.
+    assert after(10.00) == pytest.approx([0.0] * 11, abs=1e-6)
+    for time in (10.01, 60.0, 89.99):
+        assert after(time) == pytest.approx([0.0, 1.0, *[0.0] * 9], abs=1e-6)
+    assert after(90.0)[8] == pytest.approx(1.7, abs=1e-6)
+    assert after(97.99)[1] == pytest.approx(1.0, abs=1e-6)
+    assert after(98.0)[1] == pytest.approx(1.7, abs=1e-6)
+    texts = [event.text for event in simulated.take_events() if event.source == "door_2.hinge"]
+    assert texts == [
+        "key frame 1 at 10 s: to 0",
+        "key frame 2 at 7 s: to 1",
+        "key frame 3 at 98 s: to 1.7",
+    ]

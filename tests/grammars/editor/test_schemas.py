@@ -189,6 +189,8 @@ MISTAKES = [
     ("campaign", "robot: courier", "robot: [courier]", "$.robot"),
     ("campaign", "doors: initial", "doors: some", "$.map.doors"),
     ("campaign", "5 cm", "0.05", "$.map.resolution"),
+    ("campaign", "doors: initial", "rule: middle", "$.map.rule"),
+    ("campaign", "doors: initial", 'file: ""', "$.map.file"),
     ("campaign", "cover: grid", "cover: halton", "$.scenarios.one.vary"),
     ("campaign", "    mission: courier", "    misson: courier", "$.scenarios.one"),
     ("campaign", "  two:", "  my two:", "$.scenarios"),

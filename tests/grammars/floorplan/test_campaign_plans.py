@@ -34,10 +34,10 @@ DOORS = [
     ((5.291223, 39.766829, 2.530727), (LEFT + "3", 3.48, 0.10, 1)),
     ((11.361650, 50.946861, -0.610865), (END, -6.38, 0.07, -1)),
     ((17.510389, 59.728171, -0.610865), (END, 4.34, 0.07, -1)),
-    ((46.355758, 37.723680, -0.610865), (RIGHT, 25.36, 1.17, -1)),
-    ((47.124350, 38.821344, -0.610865), (RIGHT, 26.70, 1.17, -1)),
-    ((51.116230, 37.112689, 2.530727), (EXTRA, -2.04, -0.67, -1)),
-    ((50.347637, 36.015025, 2.530727), (EXTRA, -0.70, -0.67, -1)),
+    ((46.355758, 37.723680, -0.610865), (RIGHT, 25.36, 0.28, -1)),
+    ((47.124350, 38.821344, -0.610865), (RIGHT, 26.70, 0.28, -1)),
+    ((51.116230, 37.112689, 2.530727), (EXTRA, -2.64, 0.22, -1)),
+    ((50.347637, 36.015025, 2.530727), (EXTRA, -1.30, 0.22, -1)),
 ]
 DOORWAYS = {
     (LEFT + "1", 21.48): "left_corridor_doorway_11",
@@ -51,8 +51,8 @@ DOORWAYS = {
     (END, 4.34): "classroom_c069_door_1",
     (RIGHT, 25.36): "classroom_c022_door_1",
     (RIGHT, 26.70): "classroom_c022_door_2",
-    (EXTRA, -2.04): "classroom_c025_door_2",
-    (EXTRA, -0.70): "classroom_c025_door_1",
+    (EXTRA, -2.64): "classroom_c025_door_2",
+    (EXTRA, -1.30): "classroom_c025_door_1",
 }
 CORRIDOR = [(-12.16, 11.97), (-12.86, 12.46), (20.76, 60.46), (21.45, 59.97)]
 ROOMS = [
@@ -140,23 +140,39 @@ def test_building_c_is_closed_but_for_the_corridor_doorways(building: FloorPlan)
     """Doors 1-11 lead out of the plan; with those doorways shut, one closed floor remains."""
     shut = [o for o in building.openings if o.name.startswith("left_corridor_doorway_")]
     walls = [shapely.Polygon(w.footprint) for w in building.walls]
-    hull = shapely.union_all(
-        [*walls, *(shapely.Polygon(s.outline) for s in building.spaces)]
-    ).buffer(1e-6)
+    spaces = [shapely.Polygon(s.outline) for s in building.spaces]
+    # On a grid: walls share faces to within rounding, and a plain union drops one of them.
+    hull = shapely.union_all([*walls, *spaces], grid_size=1e-6).buffer(1e-6)
     floor = clear_floor(building).difference(
         shapely.union_all([shapely.Polygon(o.footprint).buffer(1e-3) for o in shut])
     )
     inside = component(floor, (0.0, 0.0), 0.2)
-    assert inside.distance(hull.boundary) > 0.2
+    # Not 0.2: beside the wings of the diagonal the published openings leave slits in the corners.
+    assert inside.distance(hull.boundary) > 0.15
 
 
-def test_building_c_warns_only_of_the_room_that_reaches_into_the_corridor(
-    building: FloorPlan,
-) -> None:
-    assert len(building.warnings) == 2
-    assert all(
-        '"classroom_c025" and "right_corridor_extra_space"' in w.message for w in building.warnings
-    )
+def test_building_c_warns_of_openings_cut_into_the_corners_of_walls(building: FloorPlan) -> None:
+    """The published openings of the diagonal are wider than the walls of its wings inside."""
+    assert {w.message.split('"')[1] for w in building.warnings} == {
+        "diagonal_corridor_wing_left_opening",
+        "diagonal_corridor_center_left_opening",
+        "diagonal_corridor_wing_right_opening",
+        "diagonal_corridor_center_right_opening",
+        "right_corridor_extra_space_wall_removal_1",
+        "right_corridor_extra_space_wall_removal_2",
+    }
+    assert all("reaches beyond the end" in w.message for w in building.warnings)
+
+
+# Spaces whose frames no variable of building_c.fpm moves, nor a difference between the published
+# plan and the published worlds.
+SAME = (
+    "stairway_room_",
+    "left_",
+    "right_short_connector",
+    "study_nook_c069",
+    "classroom_c069",
+)
 
 
 def test_building_c_agrees_with_the_published_plan(
@@ -164,14 +180,9 @@ def test_building_c_agrees_with_the_published_plan(
 ) -> None:
     published = load_floorplan(reference_data / "floorplans" / "brsu_building_c_with_doorways.fpm")
     theirs = {wall.id: wall for wall in published.walls}
-    moved = (
-        "classroom_c022",
-        "classroom_c025",
-        "diagonal_corridor_center",
-        "right_corridor_extra_end",
-    )
+    assert {wall.id for wall in building.walls} == set(theirs)
     for wall in building.walls:
-        if wall.space not in moved:
+        if wall.space.startswith(SAME):
             twin = theirs[wall.id]
             assert (wall.frame.x, wall.frame.y) == pytest.approx(
                 (twin.frame.x, twin.frame.y), abs=1e-6
@@ -180,10 +191,11 @@ def test_building_c_agrees_with_the_published_plan(
             assert (wall.length, wall.thickness) == pytest.approx((twin.length, twin.thickness))
     columns = {f.id: f.frame for f in published.features}
     for feature in building.features:
-        twin_frame = columns[feature.id]
-        assert (feature.frame.x, feature.frame.y) == pytest.approx(
-            (twin_frame.x, twin_frame.y), abs=1e-6
-        )
+        if feature.space.startswith(SAME):
+            twin_frame = columns[feature.id]
+            assert (feature.frame.x, feature.frame.y) == pytest.approx(
+                (twin_frame.x, twin_frame.y), abs=1e-6
+            )
     doorways = {o.name: o.centre for o in published.openings}
     for opening in building.openings:
         if opening.name.startswith(("left_corridor_doorway", "classroom_c069")):

@@ -223,6 +223,21 @@ def test_a_layer_comes_back_from_a_file(campaigns: Path, tmp_path: Path) -> None
     assert compile_scene(plan, back).digest == compile_scene(plan, [doors, mood]).digest
 
 
+def test_graphs_that_do_not_say_how_key_frames_are_ordered_are_read(
+    campaigns: Path, tmp_path: Path
+) -> None:
+    plan = load_floorplan(campaigns / "demo" / "flat.fpm")
+    doors, moving = (
+        load_scenery(campaigns / "demo" / f"{name}.scenery") for name in ("doors", "doors_moving")
+    )
+    text = json.dumps(scenery_document(moving, plan, (doors, moving)))
+    said = ', "scn:listed": false'
+    assert said in text
+    file = tmp_path / "doors_moving.jsonld"
+    file.write_text(text.replace(said, ""))
+    assert load_scenery_jsonld(file).sentences == moving.sentences
+
+
 LIVELY = """
 mover person
     link body circle radius 20 cm from 0 m to 1.7 m, mass 70 kg
@@ -240,12 +255,14 @@ table_2 is a table at kitchen.pillar, y 1 m, frozen
 door is a hinged_door at hall.walls[1], x 0.2 m, starts at 10 deg
 way is a hinged_door in kitchen_doorway, hinge left, opening inwards, recessed 2 cm
 trap is a hinged_door at hall.walls[2], x -0.5 m
+hatch is a slider at hall, x 3 m
 group doors: every hinged_door except door, trap
 parameter near = 1.5 m
 door goes from closed to open when leg 2 begins, after 2 s
 trap goes from open to closed when the robot is within near of its foot,
     starting at closed, by spring of 2 N m/rad
 all doors toggle between closed and open after uniform 10 s to 40 s, from 1 min
+hatch moves to closed at 9 s, to open at 8 s, as listed, by jump
 anna walks along (1 m, 0 m), (3 m, 0 m) of hall, at 0.8 m/s, back and forth, pausing 2 s
 bert walks along (0 m, 0 m) of hall, (0.5 m, 1 m) of kitchen, when anna starts to move, after 3 s
 """

@@ -37,6 +37,7 @@ def frames(*pairs: tuple[float, float]) -> KeyFrames:
         (Hold(NAME, 1.0), 1.0, (1.0,)),
         (frames((0.0, 0.1), (0.0, 0.2), (3.0, 1.5)), 0.2, (0.1, 0.2, 1.5)),
         (frames((2.0, 1.5)), 0.4, (1.5,)),
+        (frames((2.0, 1.5), (0.0, 0.1)), 0.4, (1.5, 0.1)),
         (Trigger(NAME, 0.3, 1.2, 2.0, Jump()), 0.3, (0.3, 1.2)),
         (Trigger(NAME, 0.3, 1.2, 2.0, Jump(), begin=0.9), 0.9, (0.9, 0.3, 1.2)),
         (Reaction(NAME, 0.6, 1.1, LegBegins(2), Jump()), 0.6, (0.6, 1.1)),

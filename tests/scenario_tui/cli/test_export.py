@@ -7,11 +7,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from grammars.floorplan import load_floorplan
+from grammars.model.grid import OCCUPIED, MapRule
+from grammars.model.map_files import read_map, write_map
+from grammars.scenery.composition import compile_scene
 from scenario_tui.cli import export, invoke
 from templates.artefacts import ALL, KINDS
+from templates.occupancy import occupancy_grid
+
+RULES: tuple[MapRule, ...] = ("outline", "touch", "centre")
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +83,34 @@ def test_scenarios_that_look_the_same_share_a_folder(
     assert folders == {"open-house", "busy-house", "rude-house"}
     printed = {Path(line) for line in capsys.readouterr().out.splitlines()}
     assert printed == {p for p in (tmp_path / "out").rglob("*") if p.is_file()}
+
+
+def test_maps_are_those_that_the_campaign_declares(campaigns: Path, tmp_path: Path) -> None:
+    shutil.copytree(campaigns, tmp_path / "campaigns")
+    demo = tmp_path / "campaigns" / "demo" / "campaign.yaml"
+    text = "".join(
+        line for line in demo.read_text().splitlines(keepends=True) if not line.startswith("map:")
+    )
+    plan = tmp_path / "campaigns" / "demo" / "flat.fpm"
+    scene = compile_scene(load_floorplan(plan), [])
+
+    def exported(map: str) -> Path:
+        demo.write_text(f"{text}\nmap: {map}\n")
+        out = tmp_path / map.strip("{}").split(": ")[1]
+        assert invoke(["export", str(demo), "map", "launch", "-o", str(out)]) == 0
+        return out / "open-house"
+
+    for rule in RULES:
+        found = read_map(exported(f"{{rule: {rule}}}") / "maps" / "flat.yaml")
+        expected = occupancy_grid(scene, laser_height=0.2, rule=rule)
+        assert np.array_equal(found.cells, expected.cells)
+    own = occupancy_grid(scene, laser_height=0.2)
+    own.cells[:3] = OCCUPIED
+    write_map(own, demo.with_name("own"), laser_height=0.2)
+    folder = exported("{file: own.yaml}")
+    assert np.array_equal(read_map(folder / "maps" / "flat.yaml").cells, own.cells)
+    assert {p.name for p in (folder / "maps").iterdir()} == {"flat.yaml", "flat.pgm"}
+    assert "maps/flat.yaml" in (folder / "launch" / "open-house.launch").read_text()
 
 
 def test_every_repeat_with_doors_of_its_own_has_its_world(campaigns: Path, tmp_path: Path) -> None:

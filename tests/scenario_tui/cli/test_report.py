@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,18 @@ def test_one_run_is_drawn(ledger: StatePaths, name: str) -> None:
             assert picture.size[0] > 500
 
 
+def test_a_part_of_a_run_is_drawn_closely(ledger: StatePaths) -> None:
+    arguments = ["report", "--run", "corr-1.0", "--from", "4", "--until", "6.5", "-o", "part.svg"]
+    assert invoke(arguments) == 0
+    text = Path("part.svg").read_text(encoding="utf-8")
+    assert "4.0 s to 6.5 s of 20.0 s" in text
+    assert "1 contact" in text
+    assert "the waypoint as the robot sees it" in text
+    drawn = ET.fromstring(text)
+    boxes = [path.get("d", "") for path in drawn.findall(".//*[@id='driven']/{*}path")]
+    assert sum(d.count("L") + d.count("M") >= 1 and d.endswith("Z") for d in boxes) == 3
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -103,6 +116,9 @@ def test_one_run_is_drawn(ledger: StatePaths, name: str) -> None:
         (["--run", "traces"], "means 2 traces"),
         (["--run", "traces/a.mcap", "-o", "run.gif"], "must end in .svg or .png"),
         (["traces", "--run", "traces/a.mcap"], "not both"),
+        (["traces", "--from", "3"], "goes with --run only"),
+        (["--run", "traces/a.mcap", "--from", "30"], "no part of a run that goes from 0 s to 20 s"),
+        (["--run", "traces/a.mcap", "--until", "-1"], "is no part of a run"),
         (["empty"], "holds no traces"),
         (["broken"], "is not what `scenario run` leaves"),
     ],

@@ -82,7 +82,9 @@ def test_quirks_that_are_off_are_named(
     path = tmp_path / "sane.yaml"
     base = campaigns / "suts" / "fro-diff.yaml"
     path.write_text(f"sut: sane\nlike: {base}\nparameters: {{quirks: fixed}}\n")
-    assert "amcl_half_cell_shift, delayed_map_to_odom" in shown(capsys, str(path))
+    assert "amcl_half_cell_shift, amcl_brushfire_distances, delayed_map_to_odom" in shown(
+        capsys, str(path)
+    )
 
 
 def test_bad_ros_files_are_reported_with_all_their_problems(

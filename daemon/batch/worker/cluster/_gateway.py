@@ -25,7 +25,6 @@ from daemon.batch.worker.cluster._remote import (
     JobReport,
     JobStatus,
 )
-from daemon.model.attachments import attached_digests
 from daemon.model.execution import DaskScheduler, RunLimits
 from daemon.model.messages import LARGEST_REQUEST
 from daemon.model.spec import RunResult
@@ -139,7 +138,7 @@ class RemoteExecution:
     def _read_inputs(self, missing: Sequence[str]) -> list[bytes]:
         """What the Dask worker lacks; raises ``ValueError`` for more than it may."""
         spec = self.attempt.lease.spec
-        files = set(attached_digests(spec.sut.parameters).values())
+        files = set(spec.files)
         paths = {digest: self.attempt.folder / FILES / digest for digest in files}
         paths[spec.scene] = self._scene
         if not paths.keys() >= set(missing):

@@ -29,7 +29,6 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Attempt, AttemptEnd
 from daemon.batch.worker._launcher import READY, LaunchReport, LaunchRequest
-from daemon.model.attachments import attached_digests
 from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import LARGEST_REQUEST, Lease
 from daemon.model.spec import RunSpec, own_version
@@ -170,7 +169,7 @@ class RemoteLauncher:
 
     def _needed(self, spec: RunSpec) -> dict[str, Path]:
         paths = {spec.scene: self._paths.scene(spec.scene)}
-        for digest in attached_digests(spec.sut.parameters).values():
+        for digest in spec.files:
             paths[digest] = self._paths.files / digest
         return paths
 
@@ -190,7 +189,7 @@ class RemoteLauncher:
         inbox = self._inboxes[key] = SimpleQueue()
         try:
             attempt = Attempt.prepare(folder, lease)
-            if attached_digests(lease.spec.sut.parameters):
+            if lease.spec.files:
                 attempt.link_files(self._paths.files)
             scene = self._paths.scene(lease.spec.scene)
             self._send(LaunchRequest(key, str(folder), str(scene), limits))

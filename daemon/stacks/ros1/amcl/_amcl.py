@@ -13,7 +13,7 @@ from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from daemon.stacks.ros1.amcl.laser_model import LaserModel
 from daemon.stacks.ros1.amcl.motion_model import motion_between
 from daemon.stacks.ros1.amcl.particle_filter import ParticleFilter
-from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2, wrap_angle
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from grammars.model.robot import Laser
@@ -141,8 +141,9 @@ def warm_up() -> None:
     laser = Laser(Pose2(), 0.3, -math.pi / 2, math.pi / 2, 7, 0.05, 5.0, 10.0, 0.01, 0.0)
     few = AmclParameters(min_particles=4, max_particles=8, resample_interval=1)
     omni = replace(few, odom_model_type="omni-corrected")
-    for parameters in (few, omni, replace(few, laser_model_type="beam")):
+    beam = replace(few, laser_model_type="beam")
+    for parameters, quirks in ((few, ORIGINAL), (omni, ORIGINAL), (beam, ORIGINAL), (few, FIXED)):
         seed = np.random.SeedSequence(0)
-        amcl = Amcl(parameters, ORIGINAL, grid, (laser,), Pose2(1.0, 1.0), seed)
+        amcl = Amcl(parameters, quirks, grid, (laser,), Pose2(1.0, 1.0), seed)
         for k, r in enumerate((0.8, math.inf)):
             amcl.scan(0.1 * k, np.full(7, r, dtype=np.float32), Pose2(0.3 * k))

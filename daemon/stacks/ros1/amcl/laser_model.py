@@ -3,11 +3,10 @@
 Probabilistic Robotics, sections 6.3 and 6.4, except that ``likelihood_field`` and ``beam``
 combine beams as ``1 + sum pz^3`` instead of multiplying them.
 
-The likelihood field stands on how far each cell of the map is from the nearest obstacle.
-Distances run between cell centres and are capped at ``laser_likelihood_max_dist``. The original
-spreads them cell by cell (amcl ``map_cspace``), which rarely misses the nearest obstacle by a
-fraction of a cell; here they are exact. They are kept squared, as whole numbers, so that
-every sensor model is a table over them.
+The likelihood field stands on how far each cell of the map is from an obstacle
+(``distance_field.py``). Distances run between cell centres and are capped at
+``laser_likelihood_max_dist``. They are kept squared, as whole numbers, so that every sensor model
+is a table over them.
 
 The beam model asks what a ray should have measured on the map (``AMCLLaser::BeamModel``).
 """
@@ -15,86 +14,18 @@ The beam model asks what a ray should have measured on the map (``AMCLLaser::Bea
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from functools import lru_cache
-from hashlib import blake2b
 
 import numpy as np
 import numpy.typing as npt
 
 from daemon.model.kernels import kernel
-from daemon.stacks.kernels import Integers, Singles, distance_transform
+from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
+from daemon.stacks.ros1.amcl.distance_field import distance_field
 from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats
-from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.model.grid import FREE, OccupancyGrid
 from grammars.model.robot import Laser
-
-_KEPT_FIELDS = 2
-"""Fields kept per process: those of the maps a campaign runs on, one after the other."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DistanceField:
-    """Squared distances in cells, int32, shape (rows + 2, columns + 2), read-only.
-
-    The map is framed by a ring of ``far``, the value of whatever lies farther than ``radius``
-    cells from any obstacle, so that points off the map need no special case.
-    """
-
-    squared: Integers
-    radius: int
-
-    @property
-    def far(self) -> int:
-        """The value of cells farther than ``radius`` from any obstacle."""
-        return self.radius * self.radius + 1
-
-    def distances(self, resolution: float, cap: float) -> Floats:
-        """Return the distance [m] each value of the field stands for, ``cap`` for ``far``."""
-        result = np.sqrt(np.arange(self.far + 1)) * resolution
-        result[self.far] = cap
-        return result
-
-
-@dataclass(frozen=True, slots=True)
-class _MapKey:
-    """Equal for equal maps, whoever read them."""
-
-    digest: bytes
-    shape: tuple[int, ...]
-    radius: int
-    cells: npt.NDArray[np.int8] = field(compare=False)
-
-
-def distance_field(grid: OccupancyGrid, cap: float) -> DistanceField:
-    """Return the distances of a map, capped at ``cap`` [m]; equal maps share them."""
-    cells = np.ascontiguousarray(grid.cells)
-    # A whole number of cells must not be lost to rounding.
-    radius = int(cap / grid.resolution + 1e-6)
-    return _distance_field(_MapKey(blake2b(cells.data).digest(), cells.shape, radius, cells))
-
-
-@lru_cache(maxsize=_KEPT_FIELDS)
-def _distance_field(key: _MapKey) -> DistanceField:
-    distances = distance_transform((key.cells == OCCUPIED).view(np.uint8))
-    squared = _square_and_frame(distances, key.radius)
-    squared.setflags(write=False)
-    return DistanceField(squared, key.radius)
-
-
-@kernel
-def _square_and_frame(distances: Singles, radius: int) -> Integers:
-    """Square, cap and frame distances in cells."""
-    rows, columns = distances.shape
-    far = np.int32(radius * radius + 1)
-    squared = np.full((rows + 2, columns + 2), far, dtype=np.int32)
-    for r in range(rows):
-        for c in range(columns):
-            d = distances[r, c]
-            if d <= radius:
-                squared[r + 1, c + 1] = np.int32(d * d + np.float32(0.5))
-    return squared
 
 
 @kernel
@@ -219,7 +150,11 @@ class LaserModel:
         if parameters.laser_model_type == "beam":
             self._blocked = (grid.cells != FREE).view(np.uint8)
         else:
-            self._field = distance_field(grid, parameters.laser_likelihood_max_dist)
+            self._field = distance_field(
+                grid,
+                parameters.laser_likelihood_max_dist,
+                brushfire=quirks.amcl_brushfire_distances,
+            )
             self._table = self._likelihoods()
 
     def weigh(
@@ -259,7 +194,7 @@ class LaserModel:
     def _likelihoods(self) -> Floats:
         """Return what a beam adds to the sum of a particle, by the value of the field it hits."""
         p = self._parameters
-        distances = self._field.distances(self._grid.resolution, p.laser_likelihood_max_dist)
+        distances = self._field.distances(p.laser_likelihood_max_dist)
         hit = p.laser_z_hit * np.exp(-(distances**2) / (2.0 * p.laser_sigma_hit**2))
         likelihood = hit + p.laser_z_rand / self._limits[1]
         if p.laser_model_type == "likelihood_field":
@@ -275,7 +210,7 @@ class LaserModel:
         ``laser_likelihood_max_dist`` from every obstacle agrees with nothing.
         """
         p = self._parameters
-        near = self._field.distances(self._grid.resolution, math.inf) < p.beam_skip_distance
+        near = self._field.distances(math.inf) < p.beam_skip_distance
         votes = near.astype(np.float64)
         shares = np.empty(len(points))
         for k in range(len(points)):

@@ -134,6 +134,9 @@ class Costmap:
         self._layers = tuple(layers)
         self._window = np.zeros(4, dtype=np.int32)
         self._changed, self._disturbed = np.zeros(4, dtype=np.int32), np.zeros(4, dtype=np.int32)
+        last = self._layers[-1] if self._layers else None
+        self._table = last.table if isinstance(last, InflatingLayer) else _no_inflation()
+        self._begins_inflated = self._can_begin_inflated()
         self._follows_changes = self._can_follow_changes()
         self._start(size)
         self.grid = CostGrid(frame[2], frame[0], frame[1], self._master.reshape(shape))
@@ -141,6 +144,14 @@ class Costmap:
         self.grid.disturbed = EMPTY_WINDOW
 
     def _can_follow_changes(self) -> bool:
+        """Tell whether the grid begins inflated and the nearest obstacle decides on each cost.
+
+        Where it is the first to be passed on, any obstacle of the window may have its part in it.
+        """
+        ordered = self._table.radius > 0 and self._quirks.inflation_queue_order
+        return self._begins_inflated and not ordered
+
+    def _can_begin_inflated(self) -> bool:
         """Tell whether the grid stands still, begins as a whole and nothing lies over inflation."""
         inflating = [isinstance(layer, InflatingLayer) for layer in self._layers]
         whole = any(inflating) or any(isinstance(layer, MapLayer) for layer in self._layers)
@@ -162,15 +173,17 @@ class Costmap:
                 row[:] = layer.cells
                 layer.cells = row
         self._left, self._reset = 0, False
-        last = self._layers[-1] if self._layers else None
-        self._table = last.table if isinstance(last, InflatingLayer) else _no_inflation()
-        if self._follows_changes:
+        if self._begins_inflated:
             below = merged_start(self._layers, size, self._default)
-            self._values: Cells = np.empty(size, dtype=np.uint8)
-            start = inflated_map(below, self._work.shape, self._table)
-            self._master, self._gaps = start.master.copy(), start.gaps.copy()
+            ordered = self._quirks.inflation_queue_order
+            start = inflated_map(below, self._work.shape, self._table, in_order=ordered)
+            self._master = start.master.copy()
         else:
             self._master = np.full(size, self._default, dtype=np.uint8)
+        if self._follows_changes:
+            self._values: Cells = np.empty(size, dtype=np.uint8)
+            self._gaps = start.gaps.copy()
+        else:
             self._steps = self._plan_steps()
 
     def _plan_steps(self) -> list[_Merge | InflatingLayer | MapLayer]:
@@ -310,7 +323,7 @@ class Costmap:
                 table = step.table
                 inflate_window(
                     self._master, work.shape, window, table.costs, table.widths, table.least,
-                    self._changed,
+                    self._quirks.inflation_queue_order, self._changed,
                 )  # fmt: skip
             else:
                 show_map(
@@ -328,7 +341,7 @@ class Costmap:
             work.shape[1], self._window,
         )  # fmt: skip
         inflate_window(
-            self._master, work.shape, self._window, table.costs, table.widths, table.least,
+            self._master, work.shape, self._window, table.costs, table.widths, table.least, False,
             self._changed,
         )  # fmt: skip
         column_gaps(self._master, work.shape, table.radius, self._gaps)

@@ -80,7 +80,13 @@ def project(
     A ray is valid from ``range_min`` up to but not including ``range_max`` (laser_geometry); with
     ``infinite``, a ray without return counts as one just short of ``range_max``.
     """
-    c, s = math.cos(laser[2]), math.sin(laser[2])
+    # Clouds have single precision and are moved in it, by the matrix of a quaternion: 50 m from
+    # the map's origin that is 4 um, enough for another cell now and then (``doTransform`` of
+    # tf2_sensor_msgs).
+    x0, y0 = np.float32(laser[0]), np.float32(laser[1])
+    turn, w = np.float32(math.sin(laser[2] / 2.0)), np.float32(math.cos(laser[2] / 2.0))
+    twice = turn + turn
+    c, s = np.float32(1.0) - twice * turn, twice * w
     # A scan carries its limits as single precision, so a range clamped to one equals it.
     nearest, farthest = np.float32(range_min), np.float32(range_max)
     count = 0
@@ -91,8 +97,8 @@ def project(
         if not (away >= nearest and away < farthest):
             continue
         x, y = np.float32(away * directions[i, 0]), np.float32(away * directions[i, 1])
-        points[count, 0] = laser[0] + c * x - s * y
-        points[count, 1] = laser[1] + s * x + c * y
+        points[count, 0] = c * x - s * y + x0
+        points[count, 1] = s * x + c * y + y0
         count += 1
     return count
 

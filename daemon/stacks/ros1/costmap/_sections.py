@@ -170,7 +170,7 @@ class InflationSection:
 
 _DISPLAY: Final = "only for display"
 _NO_OTHER_MAP: Final = "the map never changes"
-_THREE_VALUES: Final = "the map knows free, occupied and unknown only"
+_THREE_VALUES: Final = "maps are read as free, occupied and unknown only"
 _NEVER_LATE: Final = "transforms are never late here"
 
 COSTMAP_WITHOUT_EFFECT: Final[Mapping[str, str]] = {

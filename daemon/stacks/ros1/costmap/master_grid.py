@@ -3,7 +3,7 @@
 Both leave the same cells. Layers are merged cell by cell, in their order; what an update of
 costmap_2d does to a cell inside the bounds then depends on the merged value and on the lethal cells
 within the inflation radius of it; outside, costs only rise. Only what changed can be followed where
-nothing is merged after the inflation.
+nothing is merged after the inflation and the nearest lethal cell decides, whoever came first.
 
 The inflated map, from which every run starts, is worked out once per process for equal maps
 and parameters.
@@ -32,6 +32,7 @@ from daemon.stacks.ros1.costmap._inflation import (
     open_gaps,
     stamp_costs,
 )
+from daemon.stacks.ros1.costmap._inflation_queue import inflate_in_order
 from daemon.stacks.ros1.costmap._obstacle_layer import LISTED, LOW, STALE, Cells, cell_value
 from grammars.model.geometry import Floats
 
@@ -137,9 +138,13 @@ def inflate_window(
     costs: Cells,
     widths: Integers,
     least: int,
+    in_order: bool,
     changed: Integers,
 ) -> None:
-    """Inflate in a window and around it; ``changed`` grows to the window and what was written."""
+    """Inflate in a window and around it; ``changed`` grows to the window and what was written.
+
+    ``in_order`` by the first obstacle to reach a cell, otherwise by the nearest.
+    """
     rows, columns = shape
     x0, y0, x1, y1 = window[0], window[1], window[2], window[3]
     if x0 >= x1 or y0 >= y1:
@@ -149,7 +154,10 @@ def inflate_window(
     radius = widths.shape[0] - 1
     left, low = max(0, x0 - radius), max(0, y0 - radius)
     right, high = min(columns, x1 + radius), min(rows, y1 + radius)
-    inflate(master, shape, left, low, right, high, costs, widths, least, changed)
+    if in_order:
+        inflate_in_order(master, shape, left, low, right, high, costs, radius, least, changed)
+    else:
+        inflate(master, shape, left, low, right, high, costs, widths, least, changed)
 
 
 @kernel
@@ -327,24 +335,30 @@ class InflatedMap:
     gaps: Cells
 
 
-def inflated_map(below: Cells, shape: tuple[int, int], table: InflationTable) -> InflatedMap:
-    """Return the inflated master over the merged cells ``below``."""
+def inflated_map(
+    below: Cells, shape: tuple[int, int], table: InflationTable, *, in_order: bool
+) -> InflatedMap:
+    """Return the inflated master over the merged cells ``below``; ``in_order`` as for a window."""
     digest = hashlib.blake2b(below.tobytes(), digest_size=16)
-    digest.update(repr((shape, table.radius, table.least)).encode())
+    digest.update(repr((shape, table.radius, table.least, in_order)).encode())
     digest.update(table.costs.tobytes())
     key = digest.digest()
     if key not in _CACHE:
-        _CACHE[key] = _inflate_map(below, shape, table)
+        _CACHE[key] = _inflate_map(below, shape, table, in_order=in_order)
         if len(_CACHE) > _KEPT_MAPS:
             _CACHE.popitem(last=False)
     _CACHE.move_to_end(key)
     return _CACHE[key]
 
 
-def _inflate_map(below: Cells, shape: tuple[int, int], table: InflationTable) -> InflatedMap:
+def _inflate_map(
+    below: Cells, shape: tuple[int, int], table: InflationTable, *, in_order: bool
+) -> InflatedMap:
     master, gaps = below.copy(), np.empty(below.size, np.uint8)
     whole = np.array([0, 0, shape[1], shape[0]], dtype=np.int32)
-    inflate_window(master, shape, whole, table.costs, table.widths, table.least, whole.copy())
+    inflate_window(
+        master, shape, whole, table.costs, table.widths, table.least, in_order, whole.copy()
+    )
     column_gaps(master, shape, table.radius, gaps)
     for array in (master, gaps):
         array.flags.writeable = False

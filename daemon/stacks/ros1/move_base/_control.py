@@ -21,7 +21,7 @@ from daemon.stacks.ros1.move_base._dispatcher import Outcome
 from daemon.stacks.ros1.move_base._parameters import MoveBaseParameters
 from daemon.stacks.ros1.move_base._recoveries import Recovery, RobotPoses
 from daemon.stacks.ros1.quirks import Quirks
-from daemon.stacks.ros1.timers import TIME_TOLERANCE
+from daemon.stacks.ros1.timers import TIME_TOLERANCE, LoopRate, is_after
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 
@@ -141,7 +141,7 @@ class PlannerThread:
             self._failing_since = now
             status.log.append("no plan to the goal")
         status.planning_retries += 1
-        late = now > status.last_valid_plan + self._patience
+        late = is_after(now, status.last_valid_plan + self._patience)
         if late or status.planning_retries > self._retries:
             status.state, status.trigger = MoveBaseState.CLEARING, RecoveryTrigger.PLANNING
             status.planner_runs = False
@@ -197,8 +197,9 @@ class MoveBase:
         self._anchor = (0.0, 0.0)
         """Where the robot was when it last had moved far enough (``oscillation_pose_``)."""
         self._index = 0
-        self._due = math.inf
+        self._rate = LoopRate(self._period, 0.0)
         self._recovery: Recovery | None = None
+        self._recovery_rate = self._rate
         self._result: Outcome | None = None
         self._failing_since: float | None = None
         self.command: Twist2 | None = None
@@ -228,7 +229,7 @@ class MoveBase:
         status.planning_retries = 0
         self._timers = _Timers(now, now)
         self._failing_since = None
-        self._due = now
+        self._rate = LoopRate(self._period, now)
         self.step(now)
 
     def step(self, now: float) -> None:
@@ -236,14 +237,13 @@ class MoveBase:
         status = self._status
         if status.planner_stopped_robot:
             self.command, status.planner_stopped_robot = STILL, False
-        if not self.active or now < self._due - TIME_TOLERANCE:
-            return
-        if self._recovery is not None:
+        if self._recovery is not None and self._recovery_rate.is_over(now):
             self._step_recovery(now, self._recovery)
-        if self.active and self._recovery is None and now >= self._due - TIME_TOLERANCE:
-            late = now - self._due > self._period
-            self._due = (now if late else self._due) + self._period
+        while self.active and self._recovery is None and self._rate.is_over(now):
             self._cycle(now)
+            # A recovery that takes its time is part of the cycle, and so late for the next one.
+            if self._recovery is None:
+                self._rate.sleep(now)
 
     def _cycle(self, now: float) -> None:
         status = self._status
@@ -275,14 +275,14 @@ class MoveBase:
         if self._controller.goal_reached():
             self._end("succeeded")
             return
-        if timeout > 0.0 and self._timers.oscillation + timeout < now:
+        if timeout > 0.0 and is_after(now, self._timers.oscillation + timeout):
             self.command = STILL
             self._start_recoveries(RecoveryTrigger.OSCILLATION)
         # The original computes and sends one more command here, oscillating or not.
         command = self._controller.command()
         if command is not None:
             self._publish(now, command)
-        elif now > self._timers.control + self._parameters.controller_patience:
+        elif is_after(now, self._timers.control + self._parameters.controller_patience):
             self.command = STILL
             self._start_recoveries(RecoveryTrigger.CONTROLLING)
         else:
@@ -318,24 +318,28 @@ class MoveBase:
             status.log.append(f"recovery {self._index + 1}, {recovery.name}: {status.trigger}")
             recovery.start(self._robot_poses())
             self._recovery = recovery
-            self._step_recovery(now, recovery)
+            self._recovery_rate = LoopRate(recovery.period, now)
+            self._advance_recovery(now, recovery)
             return
         tried = ", even after recoveries" if self._recoveries else ""
         status.log.append(f"goal aborted: {status.trigger}{tried}")
         self._end("aborted")
 
     def _step_recovery(self, now: float, recovery: Recovery) -> None:
-        """Run the recovery on; when it ends, the loop goes on planning.
+        """Run on a recovery of an earlier instant; with its end the cycle it blocked is over."""
+        self._advance_recovery(now, recovery)
+        if self._recovery is None:
+            self._rate.sleep(now)
 
-        After one that took its time the next cycle is due at once, as with ``ros::Rate``.
-        """
+    def _advance_recovery(self, now: float, recovery: Recovery) -> None:
+        """Let the recovery do what it does next; when it ends, the loop goes on planning."""
         advance = recovery.step(self._robot_poses())
         if advance.command is not None:
             self.command = advance.command
         if advance.log:
             self._status.log.append(advance.log)
         if not advance.ended:
-            self._due = now + recovery.period
+            self._recovery_rate.sleep(now)
             return
         self._recovery = None
         self._timers.oscillation = now
@@ -352,6 +356,5 @@ class MoveBase:
         status.planner_runs, status.state = False, MoveBaseState.PLANNING
         status.trigger, status.goal = RecoveryTrigger.PLANNING, None
         self._index = 0
-        self._due = math.inf
         self.command = STILL
         self._result = outcome

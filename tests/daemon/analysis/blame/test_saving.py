@@ -24,9 +24,12 @@ from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import scenery_document
+from grammars.model.grid import OCCUPIED
+from grammars.model.map_files import write_map
 from grammars.scenery import load_scenery, parse_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Severity
+from templates.occupancy import occupancy_grid
 from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
 
 EVERYTHING = """
@@ -42,7 +45,7 @@ tom walks along (-1.8 m, -0.9 m), (-1.8 m, 0.9 m), (-0.4 m, 0.9 m) of living_roo
 """
 CLOCK = """
 bedroom_door toggles between closed and open after uniform 3 s to 9 s, from 1 s
-kitchen_door moves to closed at 0 s, to open at 8.3 s, by spring of 0.5 N m/rad
+kitchen_door moves to closed at 9 s, to open at 8.3 s, as listed, by spring of 0.5 N m/rad
 living_room_door stays at 1.1 m
 visitor walks along (6.6 m, 0 m), (1.6 m, 0 m), once, when bedroom_door starts to move
 """
@@ -230,3 +233,33 @@ def test_a_ros2_stack_is_saved_as_it_is_started_with_its_files(
     (run,) = expand(load_campaign(file)).runs
     assert run.sut == case.spec.sut
     assert (folder / "saved" / "suts" / "files" / "params").read_text() == "amcl: {}\n"
+
+
+@pytest.mark.parametrize("value", [OCCUPIED, 37])
+def test_the_map_of_ones_own_is_saved_beside_the_campaign(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, value: int
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    scene = compile_scene(load_floorplan(folder / "flat.fpm"), [])
+    grid = occupancy_grid(scene, laser_height=0.2)
+    grid.cells[:2, :3] = value
+    write_map(grid, folder / "own", laser_height=0.2)
+    pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
+    case = load_case(write(folder, f"{CAMPAIGN}map: {{file: own.yaml}}\n"), "rude", "pilot", 0)
+    runner = CandidateRunner(200)
+    file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
+    (run,) = expand(load_campaign(file)).runs
+    assert run.map == case.spec.map
+    assert run.map.file
+
+
+@pytest.mark.parametrize("rule", ["outline", "touch", "centre"])
+def test_a_saved_campaign_draws_its_map_by_the_same_rule(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, rule: str
+) -> None:
+    pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
+    case = load_case(write(folder, f"{CAMPAIGN}map: {{rule: {rule}}}\n"), "rude", "pilot", 0)
+    runner = CandidateRunner(200)
+    file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
+    (run,) = expand(load_campaign(file)).runs
+    assert (run.map.rule, run.map) == (rule, case.spec.map)

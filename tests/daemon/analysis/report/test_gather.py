@@ -98,6 +98,15 @@ def test_obstacles_in_the_buffer_are_seen_from_the_robot(data: ReportData) -> No
         assert min(abs(y - beside - off) for off in (-0.02, 0.0, 0.02)) < 1e-6
 
 
+def test_laser_returns_in_the_buffer_are_seen_from_the_robot(data: ReportData) -> None:
+    near, far = (run_of(data, OPEN, sut).tracks.returns for sut in SUTS)
+    assert len(near) == round(SECONDS) + 1
+    angle, beside = math.radians(-114.592 + 161 * 1.273240), 1.0 - LATERAL[SUTS[0]]
+    seen = (0.25 + beside * math.cos(angle), beside * math.sin(angle))
+    assert near == pytest.approx(np.tile(seen, (len(near), 1)), abs=1e-4)
+    assert far.shape == (0, 2)
+
+
 def test_a_door_that_shuts_and_the_same_door_that_does_not(data: ReportData) -> None:
     (fired,) = run_of(data, SHUT, SUTS[0]).tracks.encounters
     assert (fired.fired, fired.time, fired.speed_then) == (True, 14.0, SPEED)

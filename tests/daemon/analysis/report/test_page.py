@@ -165,6 +165,8 @@ def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> Non
         "Clearance over time",
         "Clearance along the way",
         "Obstacles inside the safety buffer",
+        "Laser returns inside the safety buffer",
+        "The largest localisation error in a whole run",
         "Boxplots of time in buffer",
         "Speed and turning speed around the trigger",
     ):

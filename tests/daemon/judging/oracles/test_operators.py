@@ -363,6 +363,17 @@ def test_the_mission_signals_say_what_the_system_reports() -> None:
     assert verdict(trace, "max(mission.leg)").evidence.value == 2.0
     assert verdict(trace, "time(mission.leg == 1)").evidence.value == pytest.approx(4.0)
     assert verdict(trace, "final(mission.reached)").evidence.value == 2.0
+    assert verdict(trace, "time(mission.remaining == 1)").evidence.value == pytest.approx(4.0)
+    assert verdict(trace, "eventually(mission.remaining <= 0)").outcome == "pass"
+
+
+def test_a_mission_that_lasts_until_the_limit_has_waypoints_left() -> None:
+    progress = (ProgressRecord(0.0, 0, 0, "active"), ProgressRecord(4.0, 1, 1, "active"))
+    trace = make_trace(along(times(10.0)), goal=mission((2, 0), (4, 0)), progress=progress)
+    ended = replace(trace, ended="limit")
+    assert verdict(ended, "reached(mission, 0.5 m)").outcome == "pass"
+    found = verdict(ended, "eventually(mission.remaining <= 0)")
+    assert (found.outcome, found.margin) == ("fail", -1.0)
 
 
 def test_an_untrustworthy_trace_is_never_the_fault_of_the_robot() -> None:

@@ -57,6 +57,18 @@ def test_a_scan_is_seen_from_its_own_laser() -> None:
     assert rear.received == 2.0
 
 
+def test_a_scan_says_where_its_rays_point_in_single_precision() -> None:
+    # 0.1 in single precision is 0.100000001490116, and a ray has whole multiples of that.
+    laser = replace(FRONT, angle_min=0.1, angle_max=0.5)
+    robot = Robot(laser)
+    robot.scan(1.0, laser)
+    robot.drive(2.0)
+    single = 0.10000000149011612
+    assert laser.angle_increment == pytest.approx(0.1)
+    expected = [single + ray * single for ray in range(5)]
+    assert robot.buffer.in_odom()[0].angles.tolist() == expected
+
+
 def test_a_scan_waits_until_transforms_reach_beyond_it() -> None:
     robot = Robot(FRONT, REAR)
     robot.scan(1.0, FRONT)

@@ -51,6 +51,15 @@ def test_a_door_moves_at_given_times() -> None:
     )
 
 
+def test_key_frames_as_listed_keep_the_order_of_the_list() -> None:
+    text = "a moves to closed at 10 s, to 1 rad at 7 s, to open at 8 s, as listed, by jump"
+    (found,) = behaviours_of(DOORS, text)
+    frames = (KeyFrame(10.0, 0.0), KeyFrame(7.0, 1.0), KeyFrame(8.0, 1.7))
+    assert found == KeyFrames("a.hinge", frames, Jump())
+    in_order = "a moves to closed at 7 s, to open at 10 s"
+    assert behaviours_of(DOORS, f"{in_order}, as listed") == behaviours_of(DOORS, in_order)
+
+
 def test_a_state_of_several_joints_moves_them_all() -> None:
     lift = "l is a lift_door in kitchen_doorway"
     assert behaviours_of(lift, "l stays open") == (Hold("l.left", 0.5), Hold("l.right", 0.5))
@@ -222,6 +231,14 @@ MESSAGES = {
     "a goes from open to closed when the robot is within 1 m of its foot, "
     "starting at closed, by jump": "what jumps is where it goes from at once",
     "a moves to open at 5 s, to closed at 4 s": "4 s is not after 5 s\n    put them in order",
+    "a moves to open at 5 s, to closed at 4 s, to open at 5 s": (
+        "4 s is not after 5 s\n"
+        "    put them in order, or add as listed: each is played after the one before it"
+    ),
+    "a moves to open at 5 s, to closed at 5 s": (
+        "two key frames at 5 s\n    leave one of them out"
+    ),
+    "a moves to open at 9 s, to closed at 5 s, to open at 5 s, as listed": "two key frames at 5 s",
     "a moves to open at -5 s": "-5 s is before the start of the run",
     "a moves to open at 5 s by servo at 1 m/s": "an angular speed is needed here",
     "a moves to open at 5 s by servo at 0 rad/s": "this must be greater than 0",

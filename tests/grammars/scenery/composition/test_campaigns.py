@@ -10,7 +10,7 @@ import pytest
 from shapely.geometry import Point, Polygon
 
 from grammars.floorplan import load_floorplan
-from grammars.model.behaviour import Hold, KeyFrames, Spring, Trigger
+from grammars.model.behaviour import Hold, Jump, KeyFrames, Spring, Trigger
 from grammars.model.kinematics import link_poses
 from grammars.model.scene import Scene, SceneObject
 from grammars.preflight import check_scene
@@ -160,19 +160,35 @@ def test_scenario_3_shuts_two_doors_in_the_face_of_the_robot(
     assert told["door_1"] == Hold("door_1.hinge", 0.0)
 
 
-def test_the_published_worlds_differ_from_the_paper_in_a_few_doors(
+def test_scenario_2_as_published_has_the_doors_of_the_corridor_alone(
+    campaigns: Path, layers: dict[str, SceneryLayer], building: Scene
+) -> None:
+    plan = load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
+    scene = compile_scene(plan, [layers["doors_s2"]])
+    assert scene.objects == building.objects[:11]
+
+
+def test_scenario_2_as_published_moves_ten_doors_and_keeps_the_eleventh_shut(
     building: Scene, layers: dict[str, SceneryLayer]
 ) -> None:
-    closed = resolve(building, layers["doors"], layers["doors_closed_era"])
-    assert set(PUBLISHED) - {int(name.removeprefix("door_")) for name in closed} == {11}
-    paper = resolve(building, layers["doors"], layers["doors_random"])
-    era = resolve(building, layers["doors"], layers["doors_random_era"])
-    assert paper.keys() - era.keys() == {"door_11"}
-    assert {name: paper[name] for name in era} == era
-    told = resolve(building, *(layers[n] for n in ("doors", "doors_open", "close_on_approach_era")))
+    told = resolve(building, layers["doors"], layers["doors_timed_era"])
+    assert list(told) == [f"door_{n}" for n in range(1, 12)]
+    for name, behaviour in told.items():
+        assert isinstance(behaviour, KeyFrames)
+        assert behaviour.in_order == (name != "door_2")
+        assert behaviour.motion == (Spring(0.5) if name == "door_11" else Jump())
+
+
+@pytest.mark.parametrize(
+    ("layer", "begin"), [("close_on_approach_era", None), ("close_on_approach_swinging", 0.0)]
+)
+def test_the_published_triggers_count_from_the_foot(
+    building: Scene, layers: dict[str, SceneryLayer], layer: str, begin: float | None
+) -> None:
+    told = resolve(building, *(layers[n] for n in ("doors", "doors_open", layer)))
     for number in (12, 17):
         joint = f"door_{number}.hinge"
-        expected = Trigger(joint, 1.4, 0.0, 1.3, Spring(0.5), "foot", "base", None, 0.0)
+        expected = Trigger(joint, 1.4, 0.0, 1.3, Spring(0.5), "foot", "base", None, begin)
         assert told[f"door_{number}"] == expected
 
 

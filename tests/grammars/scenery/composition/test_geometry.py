@@ -248,7 +248,10 @@ def test_a_round_window_is_cut_in_steps() -> None:
 def test_the_outline_of_building_c_is_that_of_its_solids(campaigns: Path) -> None:
     scene = compile_scene(load_floorplan(campaigns / "ortega2024" / "building_c.fpm"))
     segments, _, _ = static_segments(scene, 0.3)
-    outline = shapely.union_all(crossing(scene, 0.3), grid_size=1e-6).boundary
+    cut = shapely.union_all(crossing(scene, 0.3), grid_size=1e-6)
+    # Where two mitred corners meet, the grid leaves a hole without an area.
+    rings = [r for part in shapely.get_parts(cut) for r in (part.exterior, *part.interiors)]
+    outline = shapely.multilinestrings([r for r in rings if shapely.Polygon(r).area > 1e-6])
     lengths = np.hypot(*(segments[:, 2:] - segments[:, :2]).T)
     assert lengths.min() > 1e-3
     assert lengths.sum() == pytest.approx(outline.length, rel=1e-5)

@@ -13,6 +13,7 @@ from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from grammars.model.robot import Laser
 
 Bin = tuple[int, int, int]
+Cell = tuple[int, int]
 
 
 def single(value: float) -> float:
@@ -29,6 +30,71 @@ def distances(grid: OccupancyGrid, cap: float) -> Floats:
     away = np.hypot(rows[..., None] - found[:, 0], columns[..., None] - found[:, 1]).min(axis=-1)
     # Rounding errors aside, as many whole cells as fit under the cap.
     return np.where(away <= math.floor(cap / grid.resolution + 1e-6), away * grid.resolution, cap)
+
+
+class Waiting:
+    """The cells waiting in a ``std::priority_queue`` of libstdc++, nearest first.
+
+    A binary heap in which equals are no neutral matter: of two equal children the second rises,
+    and what is put in stops below an equal one.
+    """
+
+    def __init__(self) -> None:
+        self.entries: list[tuple[int, Cell, Cell]] = []
+
+    def push(self, entry: tuple[int, Cell, Cell]) -> None:
+        self.entries.append(entry)
+        self._put(len(self.entries) - 1, entry)
+
+    def pop(self) -> None:
+        last = self.entries.pop()
+        count, hole = len(self.entries), 0
+        if not count:
+            return
+        while (below := [k for k in (2 * hole + 2, 2 * hole + 1) if k < count]) != []:
+            nearest = min(below, key=lambda k: self.entries[k][0])
+            self.entries[hole] = self.entries[nearest]
+            hole = nearest
+        self._put(hole, last)
+
+    def _put(self, place: int, entry: tuple[int, Cell, Cell]) -> None:
+        while place and self.entries[(place - 1) // 2][0] > entry[0]:
+            self.entries[place] = self.entries[(place - 1) // 2]
+            place = (place - 1) // 2
+        self.entries[place] = entry
+
+
+def brushfire(grid: OccupancyGrid, cap: float) -> tuple[Floats, int]:
+    """Return distances [m] as ``map_update_cspace`` spreads them, and how many cells were skipped.
+
+    Those are nearer than the cell they were reached from, which is still in the queue: they leave
+    it in its stead.
+    """
+    scale = single(grid.resolution)
+    radius = int(cap / scale)
+    away = np.full(grid.cells.shape, cap)
+    marked, waiting, skipped = set[Cell](), Waiting(), 0
+    rows, columns = grid.cells.shape
+    for i in range(columns):
+        for j in range(rows):
+            if grid.cells[j, i] == OCCUPIED:
+                away[j, i] = 0.0
+                marked.add((i, j))
+                waiting.push((0, (i, j), (i, j)))
+    while waiting.entries:
+        first = waiting.entries[0]
+        (i, j), source = first[1:]
+        for a, b in ((i - 1, j), (i, j - 1), (i + 1, j), (i, j + 1)):
+            if not (0 <= a < columns and 0 <= b < rows) or (a, b) in marked:
+                continue
+            squared = (a - source[0]) ** 2 + (b - source[1]) ** 2
+            if squared <= radius**2:
+                away[b, a] = math.sqrt(squared) * scale
+                marked.add((a, b))
+                waiting.push((squared, (a, b), source))
+        skipped += waiting.entries[0] != first
+        waiting.pop()
+    return away, skipped
 
 
 def cell_of(grid: OccupancyGrid, x: Floats, y: Floats) -> tuple[np.ndarray, np.ndarray]:

@@ -119,7 +119,7 @@ def test_poses_are_published_upon_resampling(interval: int, expected: list[int])
 
 @pytest.fixture(scope="module")
 def field() -> Floats:
-    return plain.distances(map_of(WALLS), PUBLISHED.laser_likelihood_max_dist)
+    return plain.brushfire(map_of(WALLS), PUBLISHED.laser_likelihood_max_dist)[0]
 
 
 @pytest.mark.parametrize("model", ["omni-corrected", "diff-corrected"])

@@ -17,7 +17,7 @@ from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, a_room, map_of
 
 WALLS = a_room(4.0, 3.0, 0.2)
 GRID = map_of(WALLS)
-FIELD = plain.distances(GRID, PUBLISHED.laser_likelihood_max_dist)
+FIELD, _ = plain.brushfire(GRID, PUBLISHED.laser_likelihood_max_dist)
 TRUTH = Pose2(1.5, 1.7, 0.4)
 NOTHING = np.full(LASER.rays, np.inf, dtype=np.float32)
 

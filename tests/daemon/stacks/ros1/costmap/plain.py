@@ -54,7 +54,10 @@ def cost(distance: float, layer: InflationLayer, inscribed: float, res: float) -
 
 
 def by_queue(lethal: list[tuple[int, int]], shape: tuple[int, int], radius: int) -> np.ndarray:
-    """Distance [cells] as the original finds it: sources are passed on to four neighbours."""
+    """Distance [cells] as the original finds it: sources are passed on to four neighbours.
+
+    ``lethal`` row by row. Whoever waits at a distance that is done already waits for ever.
+    """
     rows, columns = shape
     away = np.full(shape, np.inf)
     heap = [(0.0, k, x, y, x, y) for k, (x, y) in enumerate(lethal)]
@@ -67,7 +70,7 @@ def by_queue(lethal: list[tuple[int, int]], shape: tuple[int, int], radius: int)
         for nx, ny in ((x - 1, y), (x, y - 1), (x + 1, y), (x, y + 1)):
             if 0 <= nx < columns and 0 <= ny < rows and away[ny, nx] == np.inf:
                 further = math.hypot(nx - sx, ny - sy)
-                if further <= radius:
+                if distance < further <= radius:
                     heapq.heappush(heap, (further, order, nx, ny, sx, sy))
                     order += 1
     return away
@@ -135,10 +138,14 @@ class PlainObstacles(PlainGrid):
             r[r == np.inf] = farthest - np.float32(0.0001)
         good = (r >= nearest) & (r < farthest)
         r, a = r[good].astype(float), scan.angles[good]
-        x, y = ((r * f(a)).astype(np.float32).astype(float) for f in (np.cos, np.sin))
-        c, s = math.cos(scan.pose.yaw), math.sin(scan.pose.yaw)
-        points = np.column_stack((scan.pose.x + c * x - s * y, scan.pose.y + s * x + c * y))
-        return [(x, y) for x, y in points.astype(np.float32).astype(float).tolist()]
+        x, y = ((r * f(a)).astype(np.float32) for f in (np.cos, np.sin))
+        half = scan.pose.yaw / 2.0
+        turn, w = np.float32(math.sin(half)), np.float32(math.cos(half))
+        c, s = 1 - 2 * turn * turn, 2 * turn * w
+        place = np.float32(scan.pose.x), np.float32(scan.pose.y)
+        points = np.column_stack((c * x - s * y + place[0], s * x + c * y + place[1]))
+        assert points.dtype == np.float32
+        return [(x, y) for x, y in points.astype(float).tolist()]
 
     def clear(self, scan: SensedScan, points: list[tuple[float, float]], reach: float) -> Touched:
         ox, oy = scan.pose.x, scan.pose.y
@@ -495,11 +502,13 @@ class PlainCostmap:
         if not len(found):
             return
         found += (max(0, window[1] - radius), max(0, window[0] - radius))
-        ys, xs = np.indices(self.cells.shape)
-        away2 = (ys[..., None] - found[:, 0]) ** 2 + (xs[..., None] - found[:, 1]) ** 2
-        nearest = away2.min(axis=-1)
-        for y, x in np.argwhere(nearest <= radius * radius).tolist():
-            value = cost(math.sqrt(nearest[y, x]), layer, inscribed, self.master.res)
+        if self.quirks.inflation_queue_order:
+            away = by_queue([(int(x), int(y)) for y, x in found], (rows, columns), radius)
+        else:
+            ys, xs = np.indices(self.cells.shape)
+            away = np.hypot(ys[..., None] - found[:, 0], xs[..., None] - found[:, 1]).min(axis=-1)
+        for y, x in np.argwhere(away <= radius).tolist():
+            value = cost(float(away[y, x]), layer, inscribed, self.master.res)
             old = int(self.cells[y, x])
             least = 1 if layer.inflate_unknown else INSCRIBED
             if old == UNKNOWN:

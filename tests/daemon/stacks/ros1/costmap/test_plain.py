@@ -20,7 +20,7 @@ from daemon.stacks.ros1.costmap import (
     StaticLayer,
     VoxelColumn,
 )
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros1.costmap.plain import PlainCostmap
@@ -30,6 +30,8 @@ ANGLES = {"front": np.linspace(-2.0, 2.0, 23), "rear": np.linspace(-1.0, 1.5, 11
 MOUNTS = {"front": Pose2(0.05, 0.0), "rear": Pose2(-0.05, 0.01, 3.0)}
 HEARS = {"/scan": ("front",), "/rear": ("rear",), "/both": ("front", "rear"), "/none": ()}
 RING = np.array([[-0.08, -0.06], [0.1, -0.06], [0.1, 0.06], [-0.08, 0.06]])
+
+QUIRKS = st.sampled_from([ORIGINAL, FIXED, replace(ORIGINAL, inflation_queue_order=True)])
 
 
 def random_map(rng: np.random.Generator) -> OccupancyGrid:
@@ -142,9 +144,12 @@ def random_costmap(rng: np.random.Generator, layers: tuple[Layer, ...]) -> Layer
 
 
 def compare(
-    parameters: LayeredCostmap, rng: np.random.Generator, steps: int, *, fixed: bool = False
+    parameters: LayeredCostmap,
+    rng: np.random.Generator,
+    steps: int,
+    quirks: Quirks = ORIGINAL,
 ) -> None:
-    world, quirks = random_map(rng), FIXED if fixed else ORIGINAL
+    world = random_map(rng)
     costmap = Costmap(parameters, RING, quirks, world, HEARS.__getitem__)
     plain = PlainCostmap(parameters, RING, quirks, world, HEARS)
     lasers = RandomLasers(rng)
@@ -184,22 +189,22 @@ def compare(
 
 
 @settings(deadline=None, max_examples=60)
-@given(seed=st.integers(0, 2**32 - 1), fixed=st.booleans())
+@given(seed=st.integers(0, 2**32 - 1), quirks=QUIRKS)
 def test_a_grid_that_follows_changes_shows_what_the_plain_cycle_shows(
-    seed: int, fixed: bool
+    seed: int, quirks: Quirks
 ) -> None:
     rng = np.random.default_rng(seed)
-    compare(random_costmap(rng, common_layers(rng, static=True)), rng, 8, fixed=fixed)
+    compare(random_costmap(rng, common_layers(rng, static=True)), rng, 8, quirks)
 
 
 @settings(deadline=None, max_examples=30)
-@given(seed=st.integers(0, 2**32 - 1), fixed=st.booleans(), rolling=st.booleans())
+@given(seed=st.integers(0, 2**32 - 1), quirks=QUIRKS, rolling=st.booleans())
 def test_a_grid_without_a_map_shows_what_the_plain_cycle_shows(
-    seed: int, fixed: bool, rolling: bool
+    seed: int, quirks: Quirks, rolling: bool
 ) -> None:
     rng = np.random.default_rng(seed)
     parameters = random_costmap(rng, common_layers(rng, static=False))
-    compare(replace(parameters, rolling_window=rolling), rng, 6, fixed=fixed)
+    compare(replace(parameters, rolling_window=rolling), rng, 6, quirks)
 
 
 @settings(deadline=None, max_examples=30)

@@ -111,7 +111,7 @@ class Bench:
             self.now = round(self.now + STEP, 9)
             moving = bool(self.commands) and self.commands[-1][1] == FORWARD
             if moving:
-                self.pose = Pose2(self.pose.x + self.speed * STEP, 0.0, 0.0)
+                self.pose = Pose2(self.pose.x + self.speed * STEP, self.pose.y, 0.0)
             self.planner.step(self.now)
             self.move_base.step(self.now)
             self.result = self.move_base.take_result()

@@ -1,0 +1,231 @@
+"""How far each cell of the map is from an obstacle, as AMCL's likelihood models take it.
+
+The original spreads distances outwards from all occupied cells at once, cell by cell (amcl
+``map_update_cspace``): a cell keeps the first source that reaches it, also when another one is
+nearer. Which one comes first depends on the order of equal distances in its queue, a binary heap
+(``std::priority_queue`` of libstdc++), so that heap is kept here move by move. On the published
+maps of building C 52 and 53 % of the distances up to 1.9 m are longer than the exact ones, by 25
+and 32 cm at most, by 1.7 and 1.9 cm on average. Without the quirk ``amcl_brushfire_distances`` they
+are exact.
+
+A field is made once per map; a process keeps those of the few maps used last.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from hashlib import blake2b
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles, distance_transform
+from grammars.model.geometry import Floats
+from grammars.model.grid import OCCUPIED, OccupancyGrid
+
+_KEPT_FIELDS = 2
+"""Fields kept per process: those of the maps a campaign runs on, one after the other."""
+
+_UNREACHED = -1
+_CELL_BITS = 32
+_CELL_MASK = (1 << _CELL_BITS) - 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DistanceField:
+    """Squared distances in cells, int32, shape (rows + 2, columns + 2), read-only.
+
+    The map is framed by a ring of ``far``, the value of whatever lies farther than ``radius``
+    cells from any obstacle, so that points off the map need no special case. ``resolution`` is
+    the side [m] of a cell as distances are reckoned with it.
+    """
+
+    squared: Integers
+    radius: int
+    resolution: float
+
+    @property
+    def far(self) -> int:
+        """The value of cells farther than ``radius`` from any obstacle."""
+        return self.radius * self.radius + 1
+
+    def distances(self, cap: float) -> Floats:
+        """Return the distance [m] each value of the field stands for, ``cap`` for ``far``."""
+        result = np.sqrt(np.arange(self.far + 1)) * self.resolution
+        result[self.far] = cap
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class _MapKey:
+    """Equal for equal maps, whoever read them."""
+
+    digest: bytes
+    shape: tuple[int, ...]
+    radius: int
+    resolution: float
+    brushfire: bool
+    cells: npt.NDArray[np.int8] = field(compare=False)
+
+
+def distance_field(grid: OccupancyGrid, cap: float, *, brushfire: bool) -> DistanceField:
+    """Return the distances of a map, capped at ``cap`` [m]; equal maps share them.
+
+    ``brushfire`` spreads them as the original does, otherwise they are exact.
+    """
+    cells = np.ascontiguousarray(grid.cells)
+    if brushfire:
+        # Messages carry the resolution in single precision, in which a cell of 5 cm is a little
+        # larger: within 2 m there are 39 whole cells, not 40 (``CachedDistanceMap``).
+        resolution = float(np.float32(grid.resolution))
+        radius = int(cap / resolution)
+    else:
+        # A whole number of cells must not be lost to rounding.
+        resolution = grid.resolution
+        radius = int(cap / resolution + 1e-6)
+    digest = blake2b(cells.data).digest()
+    return _distance_field(_MapKey(digest, cells.shape, radius, resolution, brushfire, cells))
+
+
+@lru_cache(maxsize=_KEPT_FIELDS)
+def _distance_field(key: _MapKey) -> DistanceField:
+    occupied = (key.cells == OCCUPIED).view(np.uint8)
+    if key.brushfire:
+        squared = spread_distances(occupied, key.radius)
+    else:
+        squared = _square_and_frame(distance_transform(occupied), key.radius)
+    squared.setflags(write=False)
+    return DistanceField(squared, key.radius, key.resolution)
+
+
+@kernel
+def _square_and_frame(distances: Singles, radius: int) -> Integers:
+    """Square, cap and frame distances in cells."""
+    rows, columns = distances.shape
+    far = np.int32(radius * radius + 1)
+    squared = np.full((rows + 2, columns + 2), far, dtype=np.int32)
+    for r in range(rows):
+        for c in range(columns):
+            d = distances[r, c]
+            if d <= radius:
+                squared[r + 1, c + 1] = np.int32(d * d + np.float32(0.5))
+    return squared
+
+
+@kernel
+def _rise(heap: npt.NDArray[np.int64], place: int, entry: int) -> None:
+    """Put ``entry`` at ``place`` or above, below all that are not farther (``__push_heap``)."""
+    distance = entry >> _CELL_BITS
+    while place > 0:
+        parent = (place - 1) >> 1
+        above = heap[parent]
+        if above >> _CELL_BITS <= distance:
+            break
+        heap[place] = above
+        place = parent
+    heap[place] = entry
+
+
+@kernel
+def _drop_first(heap: npt.NDArray[np.int64], size: int) -> None:
+    """Take the first of ``size`` entries off (``__adjust_heap``).
+
+    The gap goes down to the bottom by the nearer of two children, of equal ones the second; there
+    the last entry is put and rises.
+    """
+    last = size - 1
+    entry = heap[last]
+    place, child = 0, 2
+    while child < last:
+        if heap[child] >> _CELL_BITS > heap[child - 1] >> _CELL_BITS:
+            child -= 1
+        heap[place] = heap[child]
+        place = child
+        child = 2 * place + 2
+    if child == last:
+        heap[place] = heap[child - 1]
+        place = child - 1
+    if last > 0:
+        _rise(heap, place, entry)
+
+
+@kernel
+def _occupied_cells(
+    occupied: npt.NDArray[np.uint8], heap: npt.NDArray[np.int64], squared: Integers
+) -> int:
+    """Write the occupied cells to ``heap``, column by column as the original takes them.
+
+    They get distance 0, all other cells within the frame of ``squared`` none. Returns how many
+    there are.
+    """
+    rows, columns = occupied.shape
+    # In memory cells lie row by row: where each column begins is counted first.
+    place = np.zeros(columns + 1, dtype=np.int64)
+    for r in range(rows):
+        for c in range(columns):
+            if occupied[r, c] != 0:
+                place[c + 1] += 1
+    for c in range(columns):
+        place[c + 1] += place[c]
+    count = place[columns]
+    for r in range(rows):
+        for c in range(columns):
+            cell = (r + 1) * (columns + 2) + c + 1
+            if occupied[r, c] != 0:
+                squared[cell] = 0
+                heap[place[c]] = cell
+                place[c] += 1
+            else:
+                squared[cell] = _UNREACHED
+    return int(count)
+
+
+@kernel
+def spread_distances(occupied: npt.NDArray[np.uint8], radius: int) -> Integers:
+    """Return framed squared distances [cells^2] from the source that reaches each cell first.
+
+    ``occupied`` (rows, columns) is non-zero at sources; the frame and cells that none reaches
+    within ``radius`` [cells] have ``radius^2 + 1``.
+    """
+    rows, columns = occupied.shape
+    width = columns + 2
+    far = radius * radius + 1
+    framed = np.full((rows + 2, width), np.int32(far), dtype=np.int32)
+    squared = framed.reshape((rows + 2) * width)
+    # Where a cell lies from its source, by column and by row.
+    across = np.zeros(squared.size, dtype=np.int32)
+    along = np.zeros(squared.size, dtype=np.int32)
+    # An entry is the squared distance, in the upper half, and the cell: no cell enters twice.
+    heap = np.empty(rows * columns, dtype=np.int64)
+    # All at distance 0, they stay in the order in which they enter.
+    size = _occupied_cells(occupied, heap, squared)
+    while size > 0:
+        cell = heap[0] & _CELL_MASK
+        x, y = across[cell], along[cell]
+        for turn in range(4):
+            if turn == 0:
+                neighbour, u, v = cell - 1, x - 1, y
+            elif turn == 1:
+                neighbour, u, v = cell - width, x, y - 1
+            elif turn == 2:
+                neighbour, u, v = cell + 1, x + 1, y
+            else:
+                neighbour, u, v = cell + width, x, y + 1
+            if squared[neighbour] != _UNREACHED:
+                continue
+            away2 = u * u + v * v
+            if away2 < far:
+                squared[neighbour] = away2
+                across[neighbour], along[neighbour] = u, v
+                _rise(heap, size, (away2 << _CELL_BITS) | neighbour)
+                size += 1
+        # What goes is what is first by now: a neighbour nearer than the cell just done goes in its
+        # stead without passing its source on, and the cell is done once more.
+        _drop_first(heap, size)
+        size -= 1
+    for cell in range(squared.size):
+        if squared[cell] == _UNREACHED:
+            squared[cell] = far
+    return framed

@@ -1,0 +1,152 @@
+"""Inflation in the order of costmap_2d's queue: a cell costs what the first obstacle makes of it.
+
+``InflationLayer::updateCosts`` passes obstacles on from cell to cell, to the four neighbours, cells
+by increasing distance and those of equal distance in the order in which they came to wait, the
+lethal cells row by row before all. A cell keeps the first obstacle that comes at its turn, which
+beside slanted walls is the second nearest in places.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.cost_grid import LETHAL
+from daemon.stacks.ros1.costmap._inflation import combine_costs, grow_window
+from daemon.stacks.ros1.costmap._obstacle_layer import Cells, cell_value
+
+# Of a cell is kept how many columns right of and rows above its obstacle it lies, in one number.
+_ZERO: Final = 512
+_COLUMN_BITS, _ROW_MASK = 16, 0xFFFF
+_UNREACHED: Final = -1
+_OFF_GRID: Final = -2
+
+
+@kernel
+def _offset(u: int, v: int) -> int:
+    """Return in one number that a cell is ``u`` columns and ``v`` rows from its obstacle."""
+    return ((u + _ZERO) << _COLUMN_BITS) | (v + _ZERO)
+
+
+@kernel
+def _columns(offset: int) -> int:
+    return (offset >> _COLUMN_BITS) - _ZERO
+
+
+@kernel
+def _rows(offset: int) -> int:
+    return (offset & _ROW_MASK) - _ZERO
+
+
+@kernel
+def _squared(offset: int) -> int:
+    u, v = _columns(offset), _rows(offset)
+    return u * u + v * v
+
+
+@kernel
+def _wait(bins: Integers, links: Integers, squared: int, cell: int) -> None:
+    """Let a cell that does not wait yet wait at the end of the bin of a squared distance.
+
+    ``bins`` (2, n) holds the first and the last cell of each bin, ``links`` (2, cells) the next
+    and the one before of those that wait; -1 is none.
+    """
+    last = bins[1, squared]
+    links[0, cell], links[1, cell] = -1, last
+    if last < 0:
+        bins[0, squared] = cell
+    else:
+        links[0, last] = cell
+    bins[1, squared] = cell
+
+
+@kernel
+def _leave(bins: Integers, links: Integers, squared: int, cell: int) -> None:
+    """Take a waiting cell out of its bin."""
+    following, before = links[0, cell], links[1, cell]
+    if before < 0:
+        bins[0, squared] = following
+    else:
+        links[0, before] = following
+    if following < 0:
+        bins[1, squared] = before
+    else:
+        links[1, following] = before
+
+
+@kernel
+def inflate_in_order(
+    master: Cells,
+    shape: tuple[int, int],
+    x0: int,
+    y0: int,
+    x1: int,
+    y1: int,
+    costs: Cells,
+    radius: int,
+    least: int,
+    changed: Integers,
+) -> None:
+    """Write costs around the lethal cells of the half-open window (x0, y0, x1, y1) and beyond it.
+
+    Parameters as for :func:`._inflation.inflate`; ``radius`` [cells] is that of the table.
+    """
+    if radius == 0:
+        return
+    rows, columns = shape
+    left, low = max(0, x0 - radius), max(0, y0 - radius)
+    right, high = min(columns, x1 + radius), min(rows, y1 + radius)
+    width = right - left + 2
+    size = (high - low + 2) * width
+    # A frame of one cell around what the window reaches spares looking for its edges.
+    offsets = np.full(size, np.int32(_OFF_GRID), dtype=np.int32)
+    links = np.empty((2, size), dtype=np.int32)
+    farthest = radius * radius
+    bins = np.full((2, farthest + 1), np.int32(-1), dtype=np.int32)
+    for r in range(low, high):
+        place, cell = r * columns + left, (r - low + 1) * width + 1
+        for c in range(left, right):
+            if master[place] == LETHAL and x0 <= c < x1 and y0 <= r < y1:
+                offsets[cell] = _offset(0, 0)
+                _wait(bins, links, 0, cell)
+            else:
+                offsets[cell] = _UNREACHED
+            place += 1
+            cell += 1
+    for squared in range(farthest + 1):
+        cell = bins[0, squared]
+        while cell >= 0:
+            r, c = cell // width - 1 + low, cell % width - 1 + left
+            place = r * columns + c
+            old = cell_value(master, place)
+            new = combine_costs(old, cell_value(costs, squared), least)
+            if new != old:
+                master[place] = new
+                grow_window(changed, c, r)
+            x, y = _columns(offsets[cell]), _rows(offsets[cell])
+            for turn in range(4):
+                if turn == 0:
+                    neighbour, u, v = cell - 1, x - 1, y
+                elif turn == 1:
+                    neighbour, u, v = cell - width, x, y - 1
+                elif turn == 2:
+                    neighbour, u, v = cell + 1, x + 1, y
+                else:
+                    neighbour, u, v = cell + width, x, y + 1
+                away2 = u * u + v * v
+                other = offsets[neighbour]
+                # A bin that is done is never looked into again.
+                if away2 <= squared or away2 > farthest or other == _OFF_GRID:
+                    continue
+                # In the original a cell may wait several times, and the nearest bin counts.
+                if other != _UNREACHED:
+                    other2 = _squared(other)
+                    if other2 <= away2:
+                        continue
+                    _leave(bins, links, other2, neighbour)
+                offsets[neighbour] = _offset(u, v)
+                _wait(bins, links, away2, neighbour)
+            cell = links[0, cell]

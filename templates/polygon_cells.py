@@ -1,0 +1,164 @@
+"""Which cells of a grid a polygon takes, by three rules; corners are given in cells.
+
+Cell (0, 0) reaches from (0, 0) to (1, 1). Every function returns runs of cells (:data:`Spans`),
+which :func:`painted` turns into a picture. What lies outside the picture is cut off.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from grammars.model.geometry import Floats
+
+# Corners are rounded to nanometres, a cell is some centimetres: anything below is no overlap.
+NOISE: Final = 1e-6
+"""Overlaps smaller than this part of a cell are rounding errors."""
+
+Spans: TypeAlias = npt.NDArray[np.intp]
+"""Runs of cells, shape (n, 3): row, first column, last column."""
+
+CellsOf: TypeAlias = Callable[[Floats], Spans]
+"""Gives the cells of a polygon whose corners are in cells, shape (n, 2)."""
+
+
+def cells_overlapped(ring: Floats) -> Spans:
+    """Return the cells a convex polygon overlaps; ``ring`` has shape (n, 2).
+
+    A row of cells cuts a convex polygon to a convex piece, so the cells it overlaps there are
+    those between the ends of the piece: the ends of the edges clipped to the row.
+    """
+    low, high = _rows(ring[:, 1])
+    row = np.arange(low, high + 1)[:, None]
+    start, end = ring, np.roll(ring, -1, axis=0)
+    bottom = np.minimum(start[:, 1], end[:, 1])
+    top = np.maximum(start[:, 1], end[:, 1])
+    slanted = top > bottom
+    slope = np.zeros(len(ring))
+    np.divide(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1], out=slope, where=slanted)
+    in_row = slanted & (bottom < row + 1) & (top > row)
+    lower = start[:, 0] + slope * (np.clip(row, bottom, top) - start[:, 1])
+    upper = start[:, 0] + slope * (np.clip(row + 1, bottom, top) - start[:, 1])
+    left = np.where(in_row, np.minimum(lower, upper), np.inf).min(axis=1)
+    right = np.where(in_row, np.maximum(lower, upper), -np.inf).max(axis=1)
+    met = right >= left
+    return _spans(row[met, 0], np.floor(left[met] + NOISE), np.ceil(right[met] - NOISE) - 1)
+
+
+def centres_inside(ring: Floats) -> Spans:
+    """Return the cells whose centre lies in or on a simple polygon; ``ring`` has shape (n, 2).
+
+    Every row is scanned a little below and above its centre line, so that polygons that share an
+    edge leave no gap between them.
+    """
+    low, high = _rows(ring[:, 1])
+    row = np.arange(low, high + 1)
+    centre = row.astype(np.float64) + 0.5
+    scans = [_scan(ring, centre + nudge) for nudge in (-NOISE, NOISE)]
+    return np.concatenate(
+        [
+            _spans(row[at], np.ceil(left - 0.5 - NOISE), np.floor(right - 0.5 + NOISE))
+            for at, left, right in scans
+        ]
+    )
+
+
+def _scan(ring: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], Floats, Floats]:
+    """Return the pieces of the lines ``y`` inside (even-odd rule): line, left and right end."""
+    start, end = ring, np.roll(ring, -1, axis=0)
+    line = y[:, None]
+    crossed = (start[:, 1] <= line) != (end[:, 1] <= line)
+    at_line, edge = np.nonzero(crossed)
+    a, b = start[edge], end[edge]
+    x = a[:, 0] + (y[at_line] - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
+    order = np.lexsort((x, at_line))
+    x, at_line = x[order], at_line[order]
+    return at_line[0::2], x[0::2], x[1::2]
+
+
+def outline_filled(ring: Floats) -> Spans:
+    """Return the cells in or on the outline of a simple polygon whose corners are put into cells.
+
+    Every corner takes the cell it lies in (on a border between cells, the upper one: such corners
+    differ by rounding errors only), and the polygon through the middles of these cells is filled:
+    in each row from the cell nearest to where an edge crosses the middle of the row.
+    """
+    corners = _corner_cells(ring)
+    start, end = corners, np.roll(corners, -1, axis=0)
+    level = start[:, 1] == end[:, 1]
+    spans = [_spans(start[level, 1], *np.sort([start[level, 0], end[level, 0]], axis=0))]
+    low, high = corners[:, 1].min(), corners[:, 1].max()
+    row = np.arange(low, high + 1).astype(np.float64)
+    # A row through corners belongs to what is below of it and to what is above.
+    for flipped in (1.0, -1.0):
+        at, left, right = _scan(corners * (1.0, flipped), row * flipped)
+        spans.append(_spans(row[at], *_nearest(left, right)))
+    return np.concatenate(spans)
+
+
+def outline_of_convex(ring: Floats) -> Spans:
+    """Return what :func:`outline_filled` does, for a convex polygon, and never a broken line.
+
+    Where a sliver leaves a row without a cell, or beside the next row without touching it, cells
+    are added that connect it, as a line is drawn.
+    """
+    corners = _corner_cells(ring)
+    start, end = corners, np.roll(corners, -1, axis=0)
+    row = np.arange(corners[:, 1].min(), corners[:, 1].max() + 1)[:, None]
+    bottom = np.minimum(start[:, 1], end[:, 1])
+    top = np.maximum(start[:, 1], end[:, 1])
+    met = (bottom <= row) & (row <= top)
+    rise = np.where(top > bottom, end[:, 1] - start[:, 1], 1.0)
+    x = start[:, 0] + (row - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
+    # Both ends of level edges; of the others both are where they cross the row.
+    other = np.where(top > bottom, x, end[:, 0])
+    left = np.where(met, np.minimum(x, other), np.inf).min(axis=1)
+    right = np.where(met, np.maximum(x, other), -np.inf).max(axis=1)
+    first, last = _nearest(left, right)
+    last = np.maximum(first, last)
+    onwards, back = first[1:] > last[:-1] + 1, last[1:] < first[:-1] - 1
+    rightwards = np.floor((last[:-1] + first[1:]) / 2)
+    leftwards = np.floor((first[:-1] + last[1:]) / 2)
+    last[:-1] = np.where(onwards, rightwards, last[:-1])
+    first[1:] = np.where(onwards, rightwards + 1, first[1:])
+    first[:-1] = np.where(back, leftwards + 1, first[:-1])
+    last[1:] = np.where(back, leftwards, last[1:])
+    return _spans(row[:, 0], first, last)
+
+
+def _corner_cells(ring: Floats) -> Floats:
+    cells: Floats = np.floor(ring + NOISE)
+    return cells
+
+
+def _nearest(left: Floats, right: Floats) -> tuple[Floats, Floats]:
+    """Return the cells nearest to both ends; an end halfway between two takes the inner one."""
+    return np.floor(left + 0.5), np.ceil(right - 0.5)
+
+
+def painted(parts: Iterable[Spans], shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """Return which cells of a grid of ``shape`` (rows, columns) lie in any span."""
+    rows, columns = shape
+    inside = np.zeros(rows * columns, dtype=np.bool_)
+    spans = np.concatenate([np.zeros((0, 3), dtype=np.intp), *parts])
+    row, first, last = spans[(spans[:, 0] >= 0) & (spans[:, 0] < rows)].T
+    first, last = np.maximum(first, 0), np.minimum(last, columns - 1)
+    length = np.maximum(last - first + 1, 0)
+    # The cells of all runs one after the other: each counts on from where its own run begins.
+    done = np.cumsum(length) - length
+    inside[np.arange(length.sum()) + np.repeat(row * columns + first - done, length)] = True
+    return inside.reshape(shape)
+
+
+def _rows(y: Floats) -> tuple[int, int]:
+    return math.floor(y.min() + NOISE), math.ceil(y.max() - NOISE) - 1
+
+
+def _spans(row: npt.NDArray[np.generic], first: Floats, last: Floats) -> Spans:
+    filled = last >= first
+    columns = (row[filled], first[filled], last[filled])
+    return np.stack(columns, axis=1).astype(np.intp)

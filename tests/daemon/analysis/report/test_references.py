@@ -1,0 +1,95 @@
+"""What others found: marks in figures, a table of the page, rows of the tables for machines."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.analysis.report import ReportData, write_csv, write_page
+from daemon.model.assessments import ReferenceValue
+from tests.daemon.analysis.report.recordings import OPEN, SHUT, SUTS
+
+NEAR = SUTS[0]
+
+
+def reference(scenario: str, oracle: str, value: float, text: str, **other: object) -> object:
+    given = {"statistic": "mean", "unit": "s", "runs": 5} | other
+    source = "Somebody & others"
+    return ReferenceValue(
+        "paper", source, scenario, (NEAR,), oracle, value=value, text=text, **given
+    )  # type: ignore[arg-type]
+
+
+REFERENCES = (
+    reference(SHUT, "duration", 21.5, "21.5 s ± 0.5 s", deviation=0.5),
+    reference(OPEN, "buffer-time", 19.0, "19 s"),
+    reference(SHUT, "reached", 0.8, "4 of 5", statistic="rate", unit="1"),
+    reference("", "delay", -8.9, "-8.9 s"),
+)
+
+
+@pytest.fixture(scope="module")
+def told(data: ReportData) -> ReportData:
+    """The campaign with what somebody else found of it."""
+    declared = replace(data.input.declared, references=REFERENCES)
+    return replace(data, input=replace(data.input, declared=declared))
+
+
+@pytest.fixture(scope="module")
+def told_page(told: ReportData) -> str:
+    return write_page(told, (), processes=1)
+
+
+def figure(page: str, label: str) -> str:
+    (found,) = re.findall(rf'<svg[^>]*aria-label="{label}"[^>]*>.*?</svg>', page, re.DOTALL)
+    return str(found)
+
+
+def test_a_value_is_a_diamond_in_the_figure_of_its_measure(told_page: str, page: str) -> None:
+    said = "<title>paper 21.5 s ± 0.5 s, Somebody &amp; others</title>"
+    assert said in figure(told_page, "Boxplots of duration by scenario")
+    # By what the oracle measures, whatever the campaign calls it.
+    buffer = figure(told_page, "Boxplots of time in buffer by scenario")
+    assert "paper 19 s" in buffer
+    assert "21.5 s" not in buffer
+    assert "paper -8.9 s" in figure(told_page, 'What comparisons in s found[^"]*')
+    assert "<title>paper" not in page
+
+
+def test_the_page_puts_them_beside_what_was_found(told_page: str) -> None:
+    table = told_page[told_page.index('id="references"') :]
+    table = table[: table.index("</table>")]
+    rows = [
+        [re.sub("<[^>]*>", "", cell) for cell in re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row)]
+        for row in re.findall(r"<tr>(.*?)</tr>", table, re.DOTALL)[1:]
+    ]
+    assert [row[2:7] for row in rows] == [
+        ["duration", "paper 21.5 s ± 0.5 s", "5", "20 s ± 0 s", "20 s to 20 s"],
+        ["buffer-time", "paper 19 s", "5", "20 s ± 0 s", "20 s to 20 s"],
+        ["reached", "paper 4 of 5", "5", "2 of 2", "15.8 % to 100 %"],
+        ["delay", "paper -8.9 s", "5", "0 s ± 0 s", "0 s to 0 s"],
+    ]
+    assert [row[8] for row in rows] == ["−1.5 s", "+1 s", "–", "+8.9 s"]
+
+
+def test_tables_for_machines_have_them(told: ReportData, tmp_path: Path) -> None:
+    write_csv(told, tmp_path / "m.csv")
+    with (tmp_path / "m.csv").open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["kind"].startswith("reference")]
+    assert [(row["kind"], row["name"], float(row["value"])) for row in rows] == [
+        ("reference", "duration mean", 21.5),
+        ("reference-deviation", "duration mean", 0.5),
+        ("reference", "buffer-time mean", 19.0),
+        ("reference", "reached rate", 0.8),
+        ("reference", "delay mean", -8.9),
+    ]
+    assert {row["object"] for row in rows} == {"paper: Somebody & others"}
+
+
+def test_two_scenarios_that_are_compared_are_drawn_in_one_figure(page: str) -> None:
+    drawn = re.findall(r'aria-label="(Speed and turning speed in a run of [^"]*)"', page)
+    assert len(drawn) == len(SUTS)

@@ -1,0 +1,199 @@
+"""The map of a campaign: drawn by a rule, or one of its own."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daemon.campaign import check, examine, expand, load_campaign
+from daemon.model.attachments import user_files_folder
+from daemon.model.spec import MapSettings, RunSpec
+from daemon.run_map import MapMissingError, run_map, stored_map
+from grammars.floorplan import load_floorplan
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.map_files import write_map
+from grammars.model.scene import Scene
+from grammars.scenery.composition import compile_scene
+from grammars.text import codec
+from grammars.text.diagnostics import InputError, Severity
+from templates.occupancy import occupancy_grid
+
+CAMPAIGN = """\
+campaign: flat
+seed: 7
+repeats: 1
+limit: 5 s
+robot: courier
+matrix: {{sut: [pilot]}}
+oracles: navigation
+{map}
+scenarios:
+  A: {{floorplan: flat, mission: courier, oracles: [reached]}}
+  B: {{like: A{override}}}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for path in (campaigns / "demo").iterdir():
+        if path.suffix in (".fpm", ".yaml") and path.name != "campaign.yaml":
+            shutil.copy(path, tmp_path)
+    shutil.copy(campaigns / "robots" / "courier.yaml", tmp_path)
+    return tmp_path
+
+
+def written(folder: Path, map: str = "", override: str = "") -> Path:
+    path = folder / "campaign.yaml"
+    path.write_text(CAMPAIGN.format(map=map, override=override))
+    return path
+
+
+def specs(folder: Path, map: str = "", override: str = "") -> tuple[RunSpec, ...]:
+    return expand(load_campaign(written(folder, map, override))).runs
+
+
+def drawn(folder: Path) -> tuple[Scene, OccupancyGrid]:
+    scene = compile_scene(load_floorplan(folder / "flat.fpm"), [])
+    return scene, occupancy_grid(scene, laser_height=0.2)
+
+
+def warnings(folder: Path, map: str = "map: {file: own.yaml}") -> list[str]:
+    found = check(load_campaign(written(folder, map)))
+    assert not [d for d in found if d.severity is Severity.ERROR]
+    return [str(d).replace(f"{folder}/", "") for d in found]
+
+
+def test_a_map_is_drawn_by_outline_unless_the_campaign_says_otherwise(folder: Path) -> None:
+    assert {run.map.rule for run in specs(folder)} == {"outline"}
+    first, second = specs(folder, "map: {rule: touch}", ", map: {rule: centre}")
+    assert (first.map, second.map) == (MapSettings(rule="touch"), MapSettings(rule="centre"))
+    assert len({run.digest for run in (first, second)}) == 2
+
+
+def test_what_was_recorded_before_there_were_rules_is_drawn_by_touch(folder: Path) -> None:
+    (spec, _) = specs(folder)
+    plain = codec.to_plain(spec)
+    plain["map"] = {"resolution": 0.05, "doors": "none"}
+    old = codec.from_plain(RunSpec, plain)
+    assert old.map == MapSettings(0.05, "none", "touch", "")
+    scene, _ = drawn(folder)
+    grid = run_map(old.map, scene, 0.2, {})
+    expected = occupancy_grid(scene, laser_height=0.2, rule="touch")
+    assert np.array_equal(grid.cells, expected.cells)
+
+
+def test_a_map_of_ones_own_is_the_one_of_the_run(folder: Path) -> None:
+    scene, grid = drawn(folder)
+    cells = grid.cells.copy()
+    cells[5, 7] = OCCUPIED
+    own = replace(grid, cells=cells)
+    write_map(own, folder / "own", laser_height=0.2)
+    first, second = specs(folder, override=", map: {file: own.yaml}")
+    assert (first.map.file, second.map.resolution) == ("", 0.05)
+    assert second.files == (second.map.file,)
+    given = run_map(second.map, scene, 0.2, {})
+    assert np.array_equal(given.cells, cells)
+    assert (given.x, given.y, given.resolution) == (grid.x, grid.y, grid.resolution)
+
+
+def test_a_run_is_known_by_the_content_of_its_map_not_by_its_place(folder: Path) -> None:
+    _, grid = drawn(folder)
+    (folder / "maps").mkdir()
+    write_map(grid, folder / "own", laser_height=0.2)
+    write_map(grid, folder / "maps" / "other", laser_height=0.7)
+    here = specs(folder, "map: {file: own.yaml}")
+    assert specs(folder, "map: {file: maps/other.yaml}") == here
+    write_map(replace(grid, x=grid.x + 0.05), folder / "own", laser_height=0.2)
+    there = specs(folder, "map: {file: own.yaml}")
+    assert {run.digest for run in there}.isdisjoint(run.digest for run in here)
+
+
+def test_a_map_that_is_gone_or_damaged_is_told(folder: Path) -> None:
+    _, grid = drawn(folder)
+    write_map(grid, folder / "own", laser_height=0.2)
+    (spec, _) = specs(folder, "map: {file: own.yaml}")
+    kept = user_files_folder() / spec.map.file
+    kept.chmod(0o600)
+    kept.write_bytes(kept.read_bytes()[:-1])
+    with pytest.raises(MapMissingError, match="is not the map .* any more: remove it"):
+        stored_map(spec.map.file)
+    kept.unlink()
+    with pytest.raises(MapMissingError, match="cannot be read.*loading its campaign again"):
+        stored_map(spec.map.file)
+
+
+@pytest.mark.parametrize(
+    ("map", "complaint"),
+    [
+        ("map: {file: own.yaml, rule: touch}", '"file" gives a map as it is, "rule" is about'),
+        ("map: {doors: none, file: own.yaml}", '"doors" is about drawing one: leave one out'),
+        ("map: {resolution: 5 cm, file: own.yaml}", '"resolution" is about drawing'),
+        ("map: {file: gone.yaml}", 'campaign.yaml:8:7: no file "gone.yaml"'),
+        ('map: {file: ""}', "file"),
+        ("map: {file: broken.yaml}", 'broken.yaml:1:1: key "resolution" is missing'),
+        ("map: {rule: middle}", "rule"),
+    ],
+)
+def test_what_is_wrong_with_a_map_stands_where_it_was_written(
+    folder: Path, map: str, complaint: str
+) -> None:
+    _, grid = drawn(folder)
+    write_map(grid, folder / "own", laser_height=0.2)
+    (folder / "broken.yaml").write_text("image: own.pgm\n")
+    path = written(folder, map)
+    with pytest.raises(InputError, match=complaint):
+        load_campaign(path)
+
+
+def test_a_broken_map_does_not_hide_what_else_is_wrong(folder: Path) -> None:
+    path = written(folder, "map: {file: gone.yaml}", ", mission: nowhere")
+    _, found = examine(path)
+    assert any("gone.yaml" in str(d) for d in found)
+    assert any("nowhere" in str(d) for d in found)
+
+
+def test_the_map_of_the_building_itself_gives_no_warnings(folder: Path) -> None:
+    _, grid = drawn(folder)
+    write_map(grid, folder / "own", laser_height=0.2)
+    assert warnings(folder) == warnings(folder, "")
+
+
+def test_a_start_and_waypoints_that_are_not_free_are_told(folder: Path) -> None:
+    scene, grid = drawn(folder)
+    missions = {w.id: (w.x, w.y) for w in load_campaign(written(folder)).cells[0].mission.waypoints}
+    cells = grid.cells.copy()
+    (first, at_first), (second, at_second) = list(missions.items())[:2]
+    for point, value in ((at_first, OCCUPIED), (at_second, UNKNOWN), ((0.0, 0.0), UNKNOWN)):
+        row, column = (
+            int((p - o) / 0.05) for p, o in zip(point[::-1], (grid.y, grid.x), strict=True)
+        )
+        assert cells[row, column] == FREE
+        cells[row, column] = value
+    write_map(replace(grid, cells=cells), folder / "own", laser_height=0.2)
+    found = "\n".join(warnings(folder))
+    assert f"waypoint {first} ({at_first[0]:g}, {at_first[1]:g}) lies on an occupied cell" in found
+    assert f"waypoint {second} ({at_second[0]:g}, {at_second[1]:g}) lies on an unknown" in found
+    assert "courier.mission.yaml" in found
+    assert scene.name not in found
+
+
+def test_a_map_that_lies_beside_the_building_is_told(folder: Path) -> None:
+    scene, grid = drawn(folder)
+    write_map(replace(grid, x=grid.x + 40.0), folder / "own", laser_height=0.2)
+    found = warnings(folder)
+    assert any("the start (0, 0) lies outside of the map" in one for one in found)
+    (beside,) = [one for one in found if "of the occupied cells" in one]
+    assert beside.startswith("campaign.yaml:8:7: warning: 0% of the occupied cells of the map lie")
+    assert f"what stands in {scene.name}" in beside
+    cells = grid.cells.copy()
+    cells[cells == FREE] = 40
+    write_map(replace(grid, cells=cells), folder / "own", laser_height=0.2)
+    assert any("but in between" in one for one in warnings(folder))
+    empty = np.full_like(grid.cells, FREE)
+    write_map(replace(grid, cells=empty), folder / "own", laser_height=0.2)
+    assert any("no cell of the map is occupied" in one for one in warnings(folder))

@@ -1,0 +1,166 @@
+"""Maps as files: what is written reads back, and what ``map_server`` makes of others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.map_files import pack_map, read_map, unpack_map, write_map
+from grammars.text.diagnostics import InputError
+
+META = {
+    "image": "room.pgm",
+    "resolution": "0.05",
+    "origin": "[-1.5, 2.0, 0.0]",
+    "negate": "0",
+    "occupied_thresh": "0.65",
+    "free_thresh": "0.196",
+}
+FINITE = st.floats(-1e6, 1e6)
+SIDES = st.integers(1, 12)
+
+
+@st.composite
+def grids(draw: st.DrawFn, values: tuple[int, ...]) -> OccupancyGrid:
+    rows, columns = draw(SIDES), draw(SIDES)
+    size = rows * columns
+    cells = draw(st.lists(st.sampled_from(values), min_size=size, max_size=size))
+    array = np.array(cells, dtype=np.int8).reshape(rows, columns)
+    return OccupancyGrid(draw(st.floats(0.001, 10.0)), draw(FINITE), draw(FINITE), array)
+
+
+def same(one: OccupancyGrid, other: OccupancyGrid) -> bool:
+    places = (one.resolution, one.x, one.y) == (other.resolution, other.x, other.y)
+    return places and np.array_equal(one.cells, other.cells)
+
+
+@settings(deadline=None)
+@given(grids((FREE, OCCUPIED, UNKNOWN)) | grids(tuple(range(-1, 101))))
+def test_what_is_written_reads_back_the_same(
+    tmp_path_factory: pytest.TempPathFactory, grid: OccupancyGrid
+) -> None:
+    _, meta = write_map(grid, tmp_path_factory.mktemp("map") / "room", laser_height=0.3)
+    read = read_map(meta)
+    assert same(read, grid)
+    assert read.cells.dtype == np.int8
+    assert same(unpack_map(pack_map(grid)), grid)
+
+
+def room(folder: Path, pixels: bytes = b"P5 2 1 255\n\x00\xfe", **changes: str) -> Path:
+    (folder / "room.pgm").write_bytes(pixels)
+    keys = META | changes
+    path = folder / "room.yaml"
+    path.write_text("".join(f"{key}: {value}\n" for key, value in keys.items() if value))
+    return path
+
+
+# By hand from image_loader.cpp of map_server: greys with the values they come to.
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, {0: 100, 89: 100, 90: -1, 205: -1, 206: 0, 254: 0, 255: 0}),
+        ({"negate": "1"}, {255: 100, 166: 100, 165: -1, 50: -1, 49: 0, 0: 0}),
+        ({"negate": "true"}, {255: 100, 0: 0}),
+        ({"mode": "scale"}, {0: 100, 90: 98, 150: 47, 205: 1, 206: 0, 255: 0}),
+        ({"mode": "raw"}, {0: 0, 37: 37, 100: 100, 101: -1, 254: -1, 255: -1}),
+        ({"mode": "raw", "negate": "1"}, {255: 0, 155: 100, 154: -1, 0: -1}),
+    ],
+)
+def test_pixels_mean_what_they_mean_to_map_server(
+    tmp_path: Path, changes: dict[str, str], expected: dict[int, int]
+) -> None:
+    image = b"P5\n%d 1\n255\n" % len(expected) + bytes(expected)
+    grid = read_map(room(tmp_path, image, **changes))
+    assert grid.cells.tolist() == [list(expected.values())]
+    assert (grid.resolution, grid.x, grid.y) == (0.05, -1.5, 2.0)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        b"P5 3 2 255\n" + bytes([0, 254, 205, 0, 0, 254]),
+        b"P5\n# drawn\n3 2\n#by hand\n255\n" + bytes([0, 254, 205, 0, 0, 254]),
+        b"P2\n3 2\n255\n0 254 205\n0 0 254\n",
+        b"P2 # ascii\n3\t2 255 0 254 205 0 0\n254",
+        # Of five greys, white is the fifth.
+        b"P5 3 2 5\n" + bytes([0, 5, 4, 0, 0, 5]),
+    ],
+)
+def test_the_top_row_of_an_image_is_the_last_of_the_map(tmp_path: Path, image: bytes) -> None:
+    cells = read_map(room(tmp_path, image)).cells
+    assert cells.tolist()[1][:2] == [OCCUPIED, FREE]
+    assert cells.tolist()[0] == [OCCUPIED, OCCUPIED, FREE]
+
+
+def test_an_image_lies_beside_the_file_that_names_it(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    path = room(tmp_path, image="images/plain.pgm")
+    (tmp_path / "room.pgm").rename(tmp_path / "images" / "plain.pgm")
+    assert read_map(path).cells.tolist() == [[OCCUPIED, FREE]]
+
+
+@pytest.mark.parametrize(
+    ("image", "changes", "complaint"),
+    [
+        (b"P5 2 1 255\n\x00", {}, r"room.yaml:1:1: the image room.pgm has 1 pixels, .* 2 x 1 = 2"),
+        (b"P5 2 1 255\n\x00\x00\x00", {}, "has 3 pixels"),
+        (b"P5 2 1 65535\n\x00\x00\x00\x00", {}, "counts to 65535.*8 bits"),
+        (b"P5 0 1 255\n", {}, "has no pixels"),
+        (b"P5 99999 99999 255\n", {}, "has 9999800001 pixels.*at most 64000000"),
+        (b"P5 2 1 3\n\x00\x04", {}, "pixels above 3"),
+        (b"P6 2 1 255\n\x00\x00", {}, "is no PGM file.*convert"),
+        (b"\x89PNG\r\n\x1a\n", {}, "is no PGM file.*convert room.pgm map.pgm"),
+        (b"P2 2 1 255\n0 x", {}, "pixels that are no numbers"),
+        (b"P2 2 1 255\n0 -1", {}, "pixels that are no numbers"),
+        (b"", {"image": "gone.pgm"}, r"room.yaml:1:1: the image .*gone.pgm cannot be read: No"),
+        (b"", {"image": "."}, "cannot be read"),
+        (b"", {"origin": "[0, 0, 1.57]"}, r"room.yaml:3:1: the map is turned by 1.57 rad.*amcl"),
+        (b"", {"origin": "[0, 0]"}, "origin"),
+        (b"", {"origin": ""}, 'key "origin" is missing'),
+        (b"", {"resolution": "0"}, "resolution"),
+        (b"", {"resolution": ".nan"}, "resolution"),
+        (b"", {"free_thresh": "0.7"}, "free_thresh is above occupied_thresh"),
+        (b"", {"occupied_thresh": "65"}, "occupied_thresh"),
+        (b"", {"mode": "binary"}, "mode"),
+        (b"", {"negate": "2"}, "negate"),
+    ],
+)
+def test_what_is_no_map_is_refused_with_its_place(
+    tmp_path: Path, image: bytes, changes: dict[str, str], complaint: str
+) -> None:
+    with pytest.raises(InputError, match=f"(?s){complaint}"):
+        read_map(room(tmp_path, image or b"P5 2 1 255\n\x00\xfe", **changes))
+
+
+def test_keys_of_other_readers_are_left_alone(tmp_path: Path) -> None:
+    assert read_map(room(tmp_path, laser_height="0.7")).cells.shape == (1, 2)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"{}\n",
+        b'{"resolution":0.05,"x":0.0,"y":0.0,"rows":1,"columns":2}\n\x00',
+        b'{"resolution":0.05,"x":0.0,"y":0.0,"rows":1,"columns":1}\n\x70',
+        b'{"resolution":-1.0,"x":0.0,"y":0.0,"rows":1,"columns":1}\n\x00',
+        b'{"resolution":0.05,"x":0.0,"y":0.0,"rows":0,"columns":1}\n',
+    ],
+)
+def test_what_is_no_packed_map_is_refused(data: bytes) -> None:
+    with pytest.raises(ValueError, match="."):
+        unpack_map(data)
+
+
+def test_published_maps_are_read(reference_data: Path) -> None:
+    for name in ("kitchen", "hbrs"):
+        grid = read_map(reference_data / "maps" / f"{name}.yaml")
+        grey = np.flipud(np.asarray(Image.open(reference_data / "maps" / f"{name}.pgm")))
+        expected = np.select([grey == 0, grey == 255], [OCCUPIED, FREE], UNKNOWN)
+        assert np.array_equal(grid.cells, expected)

@@ -1,0 +1,306 @@
+"""The tables of ``docs/ortega2024.md``, made from a finished campaign.
+
+``python -m tests.ortega2024 RESULTS`` prints them; with ``--write`` they take the place of those in
+the page, between its markers, and its two pictures are drawn again. RESULTS is a folder as
+`scenario run` leaves it, or a campaign of the state directory (``--state``) by its name; several
+are one campaign with the runs of all of them.
+
+Intervals are 95 %: exact (Clopper, Pearson) of counts, Student's t of means. A run counts as
+finished when the robot says so and has been where it was to go; times are of those.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from daemon.analysis.report import (
+    ReportInput,
+    ReportRun,
+    draw_run,
+    folder_input,
+    ledger_input,
+    open_ledger,
+    read_report_data,
+)
+from daemon.batch.paths import StatePaths
+from daemon.judging.assessment import assess, mission_completed, reference_comparisons
+from daemon.judging.statistics import mean_difference, mean_interval, proportion_interval
+from daemon.model.assessments import (
+    Assessment,
+    ReferenceComparison,
+    ReferenceValue,
+    RunRecord,
+)
+from daemon.model.verdicts import Outcome, Verdict
+from daemon.trace import read_trace
+from scenario_tui.cli.target import find_campaign
+
+PAGE: Final = Path(__file__).parents[1] / "docs" / "ortega2024.md"
+_BLOCK: Final = re.compile(
+    r"(<!-- table (?P<name>[a-z-]+)[^>]*-->\n).*?(<!-- end of table -->)", re.DOTALL
+)
+NOTHING: Final = "–"
+DANCE: Final = PAGE.with_name("dance.svg")
+ABORT: Final = PAGE.with_name("abort.svg")
+_INTO_DANCE, _DANCE_SHOWN, _ABORT_SHOWN = 60.0, 12.0, 30.0
+"""Seconds after the robot came to its goal, of the dance, and before an abort."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A scenario with a system under test, and its runs."""
+
+    scenario: str
+    sut: str
+    runs: tuple[ReportRun, ...]
+
+    @property
+    def finished(self) -> tuple[ReportRun, ...]:
+        """Return the runs that ended their mission."""
+        return tuple(run for run in self.runs if mission_completed(run.record))
+
+    def measured(self, name: str, *, finished: bool = False) -> tuple[float, ...]:
+        """Return a measure of the report for every run that has it."""
+        runs = self.finished if finished else self.runs
+        return tuple(r.tracks.measures[name] for r in runs if name in r.tracks.measures)
+
+
+def read_cells(
+    results: Sequence[str], state: Path | None
+) -> tuple[tuple[Cell, ...], Assessment, ReportInput]:
+    """Return the cells of one campaign, in the order of its file, and what it comes to."""
+    inputs = [_read_input(name, state) for name in results]
+    whole = replace(inputs[0], records=tuple(r for each in inputs for r in each.records))
+    data = read_report_data(whole)
+    runs: dict[tuple[str, str], dict[int, ReportRun]] = {}
+    for run in data.runs:
+        cell = runs.setdefault((run.record.scenario, run.record.sut), {})
+        # The same repeat of two campaigns is the same run.
+        cell.setdefault(run.record.repeat, run)
+    cells = tuple(
+        Cell(*name, tuple(run for _, run in sorted(runs[name].items())))
+        for name in sorted(runs, key=lambda cell: cell[0])
+    )
+    records = [run.record for cell in cells for run in cell.runs]
+    return cells, assess(whole.declared, records), whole
+
+
+def _read_input(name: str, state: Path | None) -> ReportInput:
+    if Path(name).is_dir():
+        return folder_input(Path(name))
+    paths = StatePaths.find(state)
+    with open_ledger(paths) as reader:
+        return ledger_input(reader, find_campaign(reader, name), paths)
+
+
+def number(value: float, digits: int) -> str:
+    """Return a number with so many decimals and a true minus."""
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
+
+
+def mean_text(values: Sequence[float], digits: int) -> str:
+    """Return a mean with its 95 % t interval: ``691.2 (688.0 to 694.4)``."""
+    if not values:
+        return NOTHING
+    found = mean_interval(values)
+    text = number(found.mean, digits)
+    if found.low is None or found.high is None:
+        return text
+    return f"{text} ({number(found.low, digits)} to {number(found.high, digits)})"
+
+
+def count_text(passed: int, n: int) -> str:
+    """Return a count with the exact 95 % interval of its rate: ``3 of 5 (15 to 95 %)``."""
+    low, high = proportion_interval(passed, n)
+    return f"{passed} of {n} ({100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def _extreme(values: Sequence[float], pick: Callable[[Sequence[float]], float], digits: int) -> str:
+    return number(pick(values), digits) if values else NOTHING
+
+
+def cell_table(cells: Iterable[Cell]) -> Iterator[str]:
+    """Yield the rows of every cell."""
+    yield (
+        "| | finished | time [s] | error [m] | largest [m] | in 2σ [%] | nearest [m] | "
+        "in buffer [s] |"
+    )
+    yield "|---|---|---|---|---|---|---|---|"
+    for cell in cells:
+        ends = [run.record.ended for run in cell.runs if run not in cell.finished]
+        lasting = ends.count("limit")
+        other = [f"{lasting} to the limit"] if lasting else []
+        other += [f"{len(ends) - lasting} aborted"] if len(ends) > lasting else []
+        columns = (
+            f"{cell.scenario} {cell.sut}",
+            "; ".join((count_text(len(cell.finished), len(cell.runs)), *other)),
+            mean_text(cell.measured("duration", finished=True), 1),
+            mean_text(cell.measured("error mean"), 3),
+            _extreme(cell.measured("error max"), max, 3),
+            mean_text(cell.measured("inside 2 sigma"), 1).partition(" ")[0],
+            _extreme(cell.measured("min clearance"), min, 3),
+            mean_text(cell.measured("time in buffer", finished=True), 1),
+        )
+        yield f"| {' | '.join(columns)} |"
+
+
+def reference_table(compared: Iterable[ReferenceComparison]) -> Iterator[str]:
+    """Yield what the paper says beside what was found here; counts of many cells are one."""
+    yield "| | | paper | here | difference |"
+    yield "|---|---|---|---|---|"
+    groups: dict[ReferenceValue, list[ReferenceComparison]] = {}
+    for found in compared:
+        groups.setdefault(found.reference, []).append(found)
+    for reference, group in groups.items():
+        said = reference.text.replace("-", "−")
+        said = f"{said} ({reference.note})" if reference.note else said
+        statistic = "" if reference.statistic in ("mean", "rate") else f", {reference.statistic}"
+        quantity = f"{reference.oracle}{statistic}"
+        if reference.statistic == "rate" and len(group) > 1:
+            passed = sum(round((found.value or 0.0) * found.n) for found in group)
+            here = count_text(passed, sum(found.n for found in group))
+            where = f"{reference.scenario} {', '.join(reference.suts)}".strip()
+            yield f"| {where}, {len(group)} cells | {quantity} | {said} | {here} | |"
+            continue
+        for found in group:
+            here, difference = _beside(found)
+            where = f"{found.scenario} {found.sut}".strip()
+            yield f"| {where} | {quantity} | {said} | {here} | {difference} |"
+
+
+def _beside(found: ReferenceComparison) -> tuple[str, str]:
+    reference = found.reference
+    if found.value is None or found.n == 0:
+        return NOTHING, NOTHING
+    if reference.statistic == "rate":
+        return count_text(round(found.value * found.n), found.n), ""
+    percent = reference.unit == "1"
+    factor, unit = (100.0, "%") if percent else (1.0, reference.unit)
+    digits = 3 if reference.unit == "m" else 1
+    text = number(factor * found.value, digits)
+    if found.low is not None and found.high is not None:
+        text += f" ({number(factor * found.low, digits)} to {number(factor * found.high, digits)})"
+    more = factor * (found.difference or 0.0)
+    sign = "+" if more > 0.0 else ""
+    return f"{text} {unit}, n={found.n}", f"{sign}{number(more, digits)} {unit}"
+
+
+def detour_table(cells: Iterable[Cell], pairs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+    """Yield how much longer the way is where a door has shut, and how much longer it takes."""
+    by_name = {(cell.scenario, cell.sut): cell for cell in cells}
+    yield (
+        "| | way [m] | way, door open [m] | longer by [m] | mean speed [m/s] | "
+        "that takes [s] | measured delay [s] |"
+    )
+    yield "|---|---|---|---|---|---|---|"
+    for name, left, right in pairs:
+        for sut in dict.fromkeys(sut for _, sut in by_name):
+            shut, still = by_name.get((left, sut)), by_name.get((right, sut))
+            if shut is None or still is None:
+                continue
+            ways = [side.measured("path length", finished=True) for side in (shut, still)]
+            times = [side.measured("duration", finished=True) for side in (shut, still)]
+            if not all(ways):
+                continue
+            a, b = (mean_interval(way).mean for way in ways)
+            speed = b / mean_interval(times[1]).mean
+            columns = (
+                f"{name}, {sut}", number(a, 1), number(b, 1), number(a - b, 1), number(speed, 3),
+                number((a - b) / speed, 0), _delay_text(shut, still),
+            )  # fmt: skip
+            yield f"| {' | '.join(columns)} |"
+
+
+def _delay_text(shut: Cell, still: Cell) -> str:
+    left, right = (
+        {(run.record.repeat,): run.tracks.measures["duration"] for run in side.finished}
+        for side in (shut, still)
+    )
+    # Two bounds of 97.5 % each are a two-sided interval of 95 %.
+    found = mean_difference(left, right, 0.975)
+    if found is None:
+        return NOTHING
+    low, high = (number(bound, 1) for bound in (found.low, found.high))
+    return f"{number(found.mean, 1)} ({low} to {high}), n={found.n}"
+
+
+def page_tables(
+    cells: Sequence[Cell], assessment: Assessment, chosen: ReportInput
+) -> dict[str, str]:
+    """Return the tables of the page by name."""
+    compared = reference_comparisons(chosen.declared.references, assessment)
+    of_s1 = [found for found in compared if found.scenario == "S1"]
+    pairs = [(c.name, c.left, c.right) for c in chosen.declared.comparisons]
+    tables: dict[str, Iterator[str]] = {
+        "functional": reference_table(of_s1),
+        "references": reference_table(found for found in compared if found not in of_s1),
+        "detour": detour_table(cells, pairs),
+        "cells": cell_table(cells),
+        "unexpected": unexpected_table(assessment),
+    }
+    return {name: "\n".join(rows) + "\n" for name, rows in tables.items()}
+
+
+def unexpected_table(assessment: Assessment) -> Iterator[str]:
+    """Yield what does not come out as the campaign expects, for whoever writes ``expect:``."""
+    yield "| not as expected | exit code |"
+    yield "|---|---|"
+    for surprise in assessment.surprises:
+        yield f"| {' '.join(surprise.text.split())} | |"
+    yield f"| {len(assessment.surprises)} in all | {assessment.exit_code} |"
+
+
+def page_with(page: str, tables: dict[str, str]) -> str:
+    """Return the page with the tables between its markers."""
+    return _BLOCK.sub(lambda found: found[1] + tables[found["name"]] + found[3], page)
+
+
+def draw_pictures(cells: Iterable[Cell]) -> Iterator[str]:
+    """Draw the longest dance at a goal and the first abort of S3.6; say what was drawn."""
+    records = [run.record for cell in cells for run in cell.runs if run.record.trace is not None]
+    dances = [(v.evidence.value or 0.0, r, v) for r in records if (v := _failed(r, "settled"))]
+    if dances:
+        lasted, record, verdict = max(dances, key=lambda found: found[0])
+        since = (verdict.evidence.time or 0.0) + _INTO_DANCE
+        draw_run(Path(str(record.trace)), DANCE, since=since, until=since + _DANCE_SHOWN)
+        yield f"{DANCE.name}: {record.scenario} {record.sut} {record.repeat}, {lasted:.0f} s"
+    aborts = []
+    for record in records:
+        if record.scenario == "S3.6" and record.ended == "finished" and _failed(record, "arrived"):
+            trace = read_trace(Path(str(record.trace)))
+            aborts.append((trace.valid_until, record, trace.progress[-2:][0].time))
+    if aborts:
+        end, record, leg = min(aborts, key=lambda found: found[0])
+        draw_run(Path(str(record.trace)), ABORT, since=max(leg, end - _ABORT_SHOWN))
+        yield f"{ABORT.name}: {record.scenario} {record.sut} {record.repeat}, at {end:.0f} s"
+
+
+def _failed(record: RunRecord, oracle: str) -> Verdict | None:
+    verdict = record.verdict(oracle)
+    return verdict if verdict is not None and verdict.outcome is Outcome.FAIL else None
+
+
+def main() -> None:
+    """Print the tables, or write them into the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("results", nargs="+", help="a folder of traces, or a campaign by name")
+    parser.add_argument("--state", type=Path, default=None, help="state directory of a campaign")
+    parser.add_argument("--write", action="store_true", help="write them and the pictures")
+    options = parser.parse_args()
+    cells, assessment, chosen = read_cells(options.results, options.state)
+    tables = page_tables(cells, assessment, chosen)
+    for name, text in tables.items():
+        print(f"{name}:\n\n{text}")
+    if options.write:
+        PAGE.write_text(page_with(PAGE.read_text("utf-8"), tables), encoding="utf-8")
+        for drawn in draw_pictures(cells):
+            print(drawn)
+
+
+if __name__ == "__main__":
+    main()

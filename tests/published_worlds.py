@@ -1,0 +1,212 @@
+"""How well building C fits the meshes of Ortega et al. 2024: ``python -m tests.published_worlds``.
+
+The meshes are looked for in ``worlds/`` of the folder that ``SCENARIO_REFERENCE_DATA`` names. Both
+the mesh and the plan are cut at the height of the laser. Compared are the edges that can be seen
+from where the robot can be, in both directions: how much of one lies within 2 cm of the other.
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from daemon.campaign import load_campaign
+from grammars.model.kinematics import placed_links
+from grammars.model.scene import Scene
+
+Floats = npt.NDArray[np.float64]
+
+LASER_HEIGHT: Final = 0.3
+HALL: Final = (0.0, 0.0)
+"""A place in the middle of the building, from which all corridors are seen."""
+NEAR: Final = 0.02
+"""How far an edge may be from its counterpart [m]."""
+_CRACK: Final = 2e-3
+"""Gaps in which two faces of a mesh are one wall [m]."""
+_SLIT: Final = 0.15
+"""Gaps through which a robot does not leave the building [m]; the published walls have some."""
+
+MESHES: Final = {"S1": "brsu_building_c_static", "S3.4": "brsu_building_c_door_events"}
+"""A scenario in each published world, with the mesh it was simulated in."""
+
+_MITRE: Final[dict[str, Any]] = {"join_style": "mitre", "mitre_limit": 10.0}
+_FACET: Final = np.dtype(
+    [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")],
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Lengths of seen edges [m], and how much of them lies near those of the other."""
+
+    published: float
+    published_near: float
+    ours: float
+    ours_near: float
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Return the part of the published edges that ours has, and the other way round."""
+        return self.published_near / self.published, self.ours_near / self.ours
+
+
+def read_mesh(path: Path) -> Floats:
+    """Return the facets of a gzipped binary STL file, shape (n, 3, 3)."""
+    data = gzip.decompress(path.read_bytes())
+    return np.frombuffer(data, _FACET, offset=84)["corners"].astype(np.float64)
+
+
+def mesh_section(facets: Floats, height: float) -> shapely.Geometry:
+    """Return what a horizontal plane at ``height`` [m] cuts out of a mesh.
+
+    The published walls and pillars overlap and do not all face outwards, so each is cut alone.
+    """
+    pieces = [_filled(_cut(part, height)) for part in _bodies(facets)]
+    return _closed(shapely.union_all(pieces))
+
+
+def _bodies(facets: Floats) -> list[Floats]:
+    """Return the facets by body: those that share corners, directly or through others."""
+    corners = facets.reshape(-1, 3).round(4)
+    _, ids = np.unique(corners, axis=0, return_inverse=True)
+    triples = ids.reshape(-1, 3)
+    root = np.arange(ids.max() + 1)
+    while True:
+        lowest = root[triples].min(axis=1)
+        before = root.copy()
+        for column in triples.T:
+            np.minimum.at(root, column, lowest)
+        root = root[root]
+        if np.array_equal(root, before):
+            break
+    labels = root[triples[:, 0]]
+    return [facets[labels == label] for label in np.unique(labels)]
+
+
+def _cut(facets: Floats, height: float) -> Floats:
+    """Return the segments in which facets meet the plane, shape (n, 2, 2), solid on one side."""
+    segments = []
+    for facet in facets:
+        below = facet[:, 2] < height
+        if below.all() or not below.any():
+            continue
+        ends: dict[bool, Floats] = {}
+        for i in range(3):
+            first, second = facet[i], facet[(i + 1) % 3]
+            if below[i] != below[(i + 1) % 3]:
+                part = (height - first[2]) / (second[2] - first[2])
+                ends[bool(below[i])] = (first + part * (second - first))[:2]
+        segments.append((ends[True], ends[False]))
+    return np.array(segments).reshape(-1, 2, 2)
+
+
+def _filled(segments: Floats) -> shapely.Geometry:
+    """Return the area that directed segments run around, as often as they do and either way."""
+    lines = shapely.linestrings(segments.round(5))
+    net = shapely.node(shapely.multilinestrings(lines[shapely.length(lines) > 1e-5]))
+    faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(net)))
+    start, end = segments[:, 0], segments[:, 1]
+    inside = []
+    for face in faces:
+        x, y = shapely.point_on_surface(face).coords[0]
+        met = (start[:, 1] <= y) != (end[:, 1] <= y)
+        a, b = start[met], end[met]
+        crossing = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
+        if np.sign(b[:, 1] - a[:, 1])[crossing > x].sum() != 0:
+            inside.append(face)
+    return shapely.union_all(inside)
+
+
+def scene_section(scene: Scene, height: float) -> shapely.Geometry:
+    """Return what a horizontal plane cuts out of a scene's walls and of what stands fixed in it."""
+    cut = [s.polygon for s in scene.solids if s.z_min <= height <= s.z_max]
+    for thing in scene.objects:
+        if not thing.joints:
+            for link, rings in placed_links(thing, {}):
+                cut += rings if link.z_min <= height <= link.z_max else []
+    return _closed(shapely.union_all([shapely.Polygon(ring) for ring in cut]))
+
+
+def _closed(area: shapely.Geometry) -> shapely.Geometry:
+    return shapely.buffer(shapely.buffer(area, _CRACK, **_MITRE), -_CRACK, **_MITRE)
+
+
+def compare(
+    published: shapely.Geometry,
+    ours: shapely.Geometry,
+    leaves: shapely.Geometry,
+    places: Iterable[tuple[float, float]],
+) -> Fit:
+    """Compare the edges seen from ``places``, with all doorways that have a door shut."""
+    points = [shapely.Point(place) for place in places]
+
+    def seen(area: shapely.Geometry) -> shapely.Geometry:
+        around = shapely.box(*shapely.buffer(area, 5.0).bounds)
+        floor = shapely.difference(around, shapely.union(area, leaves))
+        halls = shapely.get_parts(shapely.buffer(floor, -_SLIT / 2, **_MITRE))
+        rooms = shapely.union_all([h for h in halls if any(h.contains(p) for p in points)])
+        reach = shapely.buffer(rooms, _SLIT / 2 + _CRACK, **_MITRE)
+        return shapely.intersection(shapely.boundary(area), reach)
+
+    def near(edges: shapely.Geometry, other: shapely.Geometry) -> float:
+        return float(
+            shapely.intersection(edges, shapely.buffer(shapely.boundary(other), NEAR)).length
+        )
+
+    theirs, own = seen(published), seen(ours)
+    return Fit(theirs.length, near(theirs, ours), own.length, near(own, published))
+
+
+def shut_leaves(scene: Scene, joints: Mapping[str, float]) -> shapely.Geometry:
+    """Return the leaves of all doors as they close their doorways, a little wider than they are."""
+    rings = [
+        ring
+        for thing in scene.objects
+        if thing.joints
+        for _, placed in placed_links(thing, joints)
+        for ring in placed
+    ]
+    return shapely.buffer(shapely.union_all([shapely.Polygon(ring) for ring in rings]), 0.04)
+
+
+def fits(data: Path, campaigns: Path) -> dict[str, Fit]:
+    """Return how the worlds of the campaign fit the published meshes, by scenario."""
+    campaign = load_campaign(campaigns / "ortega2024" / "campaign.yaml")
+    found = {}
+    for name, mesh in MESHES.items():
+        cell = next(cell for cell in campaign.cells if cell.name == name)
+        published = mesh_section(read_mesh(data / "worlds" / f"{mesh}.stl.gz"), LASER_HEIGHT)
+        start = cell.mission.start
+        places = [HALL, (start.x, start.y), *((w.x, w.y) for w in cell.mission.waypoints)]
+        leaves = shut_leaves(cell.scene, dict.fromkeys(cell.scene.joint_names, 0.0))
+        found[name] = compare(published, scene_section(cell.scene, LASER_HEIGHT), leaves, places)
+    return found
+
+
+def main() -> int:
+    """Print the figures; the exit code is 2 without the published meshes."""
+    folder = os.environ.get("SCENARIO_REFERENCE_DATA")
+    if not folder or not (Path(folder) / "worlds").is_dir():
+        print("SCENARIO_REFERENCE_DATA names no folder with worlds/", file=sys.stderr)
+        return 2
+    for name, fit in fits(Path(folder), Path(__file__).parents[1] / "campaigns").items():
+        theirs, own = (math.floor(share * 1e4) / 100 for share in fit.shares)
+        print(
+            f"{name}: of {fit.published:.0f} m of published edges {theirs:.2f} % lie within "
+            f"{NEAR * 100:.0f} cm of ours, of our {fit.ours:.0f} m {own:.2f} % of theirs"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
