@@ -13,8 +13,10 @@ from grammars.oracle import (
     Amount,
     Comparison,
     Expression,
+    Function,
     Leg,
     Logic,
+    Not,
     Number,
     Oracle,
     Signal,
@@ -235,6 +237,40 @@ def test_what_cannot_be_meant_is_refused_with_advice(text: str, message: str, hi
 def test_a_finding_points_at_the_offending_part() -> None:
     text = "always(loc.error <= 0.35 s)"
     assert refusal(text).where == Where(HERE.file, 4, 12 + text.index("0.35"))
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("never(speed)", "speed"),
+        ("never(contact) when speed", "speed"),
+        ("max(contact)", "contact"),
+        ("always(loc.error == 0.1 m)", "loc.error =="),
+        ("count(contact) <= 2 m", "2 m"),
+        ("always(mission.reached > 1 and contact > 0)", "contact > 0"),
+        ("max(2 * (speed + loc.error))", "speed + loc"),
+        ("max(clearance(0.5 m, speed))", "speed"),
+        ("max(clearance(0.5 m, 1 s))", "1 s"),
+        ("max(clearance(0.5 m))", "clearance"),
+        ("reached(mission, 0 m)", "0 m"),
+        ("reached(mission, 1 m) on leg 1", "1"),
+        ("eventually within 3 m (contact)", "3 m"),
+        ("never(contact) until within 3 m (contact)", "3 m"),
+        ("never(contact and loc.eror < 1 m)", "loc.eror"),
+    ],
+)
+def test_each_finding_points_at_what_it_is_about(text: str, part: str) -> None:
+    found = refusal(text)
+    assert found.where == Where(HERE.file, 4, 12 + text.rindex(part)), found.message
+
+
+def test_what_was_not_read_from_a_text_stands_at_its_beginning() -> None:
+    here, there = Signal("speed"), Number(1.0, SIGNALS["speed"].dimension, "1 m/s")
+    assert here == Signal("speed", (), 0)
+    assert there.column == 0
+    compared = Comparison("<", here, there)
+    made = (compared, Not(compared), Logic("or", (compared,)), Function("abs", here), Leg(1, ""))
+    assert [node.column for node in made] == [0] * 5
 
 
 def test_a_finding_in_a_text_of_several_lines_points_at_its_beginning() -> None:
