@@ -136,7 +136,7 @@ def far_away(problem: Problem) -> Problem:
     "parameters",
     [
         # Nearly all points of these trajectories come from turning, and from driving.
-        replace(FEW, sim_granularity=1.0, sim_time=4.0, vth_samples=20),
+        replace(FEW, sim_granularity=1.0, sim_time=16.0, vth_samples=20),
         replace(FEW, sim_granularity=0.01, sim_time=4.0, angular_sim_granularity=1.0),
     ],
 )
