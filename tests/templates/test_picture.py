@@ -5,12 +5,17 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from templates.picture import Drawing, draw_world
+from scenario_tui.cli.export import worlds_of_campaign
+from templates.picture import Drawing, RunOverlay, draw_world
 from templates.picture._drawing import Disc, Shape, TextLabel
-from tests.templates.worlds import world
+from templates.rendering import Templates
+from tests.templates.worlds import box, world
+
+ROOT = Path(__file__).parents[2]
 
 
 def shapes(figure: Drawing, group: str) -> list[Shape]:
@@ -24,6 +29,10 @@ def words(figure: Drawing) -> list[str]:
 
 def page(x: float, y: float) -> tuple[float, float]:
     return (108.5 + 120.0 * x, 356.0 - 120.0 * y)
+
+
+def pages(*points: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+    return tuple((round(x, 2), round(y, 2)) for x, y in (page(*point) for point in points))
 
 
 def test_a_swing_goes_around_its_hinge_from_limit_to_limit() -> None:
@@ -93,3 +102,52 @@ def test_robot_and_waypoints_show_where_they_look() -> None:
     at, ahead = look.rings[0]
     assert at == pytest.approx(page(3.8, 1.7))
     assert math.atan2(at[1] - ahead[1], ahead[0] - at[0]) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_run_is_drawn_where_it_was() -> None:
+    way = ((0.4, 0.3), (1.0, 0.5), (1.5, 1.5))
+    what = RunOverlay(
+        way,
+        believed=((0.4, 0.4), (1.0, 0.7)),
+        close=(((0.5, 0.4), (1.0, 0.5)), ((1.5, 1.5),)),
+        contacts=((1.0, 0.5),),
+        footprints=(box(0.2, 0.2, 0.6, 0.4), box(1.4, 1.4, 1.6, 1.6)),
+        apparent_goals=((1.4, 1.6),),
+    )
+    figure = draw_world(world(), what)
+    first, last, filled, believed, driven, close, *cross = shapes(figure, "driven")
+    assert first.rings[0] == pages(*what.footprints[0])
+    assert last.rings == filled.rings == (pages(*what.footprints[1]),)
+    assert (first.fill, last.fill, bool(filled.fill)) == ("", "", True)
+    assert believed.rings[0] == pages(*what.believed)
+    assert driven.rings[0] == pages(*way)
+    assert close.rings[0] == pages(*what.close[0])
+    assert all(line.open for line in (believed, driven, close, *cross))
+    # A cross over the contact, at (228.5, 296).
+    assert [line.rings[0] for line in cross] == [
+        ((222.5, 290.0), (234.5, 302.0)),
+        ((222.5, 302.0), (234.5, 290.0)),
+    ]
+    (items,) = (g.items for g in figure.groups if g.name == "driven")
+    ends = [item.centre for item in items if isinstance(item, Disc)]
+    assert tuple(ends) == pages((1.5, 1.5), (1.4, 1.6))
+    key = ["driven", "believed", "inside the buffer", "contact"]
+    key += ["footprint, filled at the end", "the waypoint as the robot sees it"]
+    assert [w for w in words(figure) if w in key] == key
+
+
+def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key() -> None:
+    figure = draw_world(world(), RunOverlay(((0.4, 0.3), (1.0, 0.5))))
+    assert len(shapes(figure, "driven")) == 1
+    (key,) = (g.items for g in figure.groups if g.name == "key")
+    assert [item.text for item in key if isinstance(item, TextLabel)] == ["driven"]
+    nowhere = draw_world(world(), RunOverlay(((0.4, 0.3),), contacts=((1.0, 0.5),)))
+    assert len(shapes(nowhere, "driven")) == 2
+
+
+def test_the_documentation_shows_the_flat_of_the_demo_as_it_is() -> None:
+    """``python -m tests.pictures`` draws it again."""
+    worlds, _ = worlds_of_campaign(ROOT / "campaigns" / "demo" / "campaign.yaml")
+    (busy,) = (w for w in worlds if w.name == "busy-house")
+    drawn = Templates().render("picture.svg.j2", figure=draw_world(busy))
+    assert drawn == (ROOT / "docs" / "flat.svg").read_text(encoding="utf-8")

@@ -345,6 +345,13 @@ def test_monsters_are_refused_instead_of_exhausting_the_parser(text: str) -> Non
     assert re.search("nest|longer", refusal(text).message)
 
 
+def test_what_is_long_or_deep_but_no_more_than_allowed_is_read() -> None:
+    assert parse("never(contact)" + " " * 986).text.startswith("never(contact)")
+    assert "longer than 1000" in refusal("never(contact)" + " " * 987).message
+    parse(f"never({'(' * 15}contact{')' * 15})")
+    assert "deeper than 16" in refusal(f"never({'(' * 16}contact{')' * 16})").message
+
+
 def test_every_declared_signal_can_be_used() -> None:
     for name, kind in SIGNALS.items():
         parse(f"never({name})" if kind.dimension is None else f"max({name})")
