@@ -11,11 +11,13 @@ from pydantic import ValidationError
 
 from daemon.stacks.ros1.base_local_planner import footprint_cost
 from daemon.stacks.ros1.base_local_planner.controller import transform_plan_window
+from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import (
     WITHOUT_EFFECT,
     DwaParameters,
     Oscillation,
 )
+from daemon.stacks.ros1.dwa.cycle import allocate_scoring_grid
 from daemon.stacks.ros1.dwa.samples import (
     count_points,
     dynamic_window,
@@ -130,6 +132,17 @@ def test_what_the_outline_encloses_counts_only_without_the_quirk() -> None:
     assert footprint(cells, large, inside=True) == -1
     cells[32, 32] = 200
     assert footprint(cells, large, inside=True) == 200
+
+
+def test_rows_of_an_upright_costmap_all_have_room_for_what_an_outline_encloses() -> None:
+    upright = CostGrid(0.05, -0.5, -1.5, np.zeros((60, 20), dtype=np.uint8))
+    upright.cells[57, 10] = 254
+    grid = allocate_scoring_grid(upright, SMALL, np.zeros(6, dtype=np.int32))
+    assert grid.spans.shape == (60, 2)
+    pose = np.array((0.0, 1.3, 0.0, 1.0, 0.0))
+    for inside, expected in ((False, 0), (True, -1)):
+        found = footprint_cost(grid.cells, grid.frame, 2.0 * SMALL, 1.0, pose, grid.spans, inside)
+        assert found == expected
 
 
 def test_the_centre_counts_and_a_corner_off_the_window_rejects() -> None:

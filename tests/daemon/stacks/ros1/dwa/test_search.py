@@ -10,7 +10,7 @@ import pytest
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import DwaParameters
 from tests.daemon.stacks.ros1.dwa import plain
-from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, Problem, random_problem
+from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, Problem, random_problem, singles
 
 FEW = replace(A2S, vx_samples=6, vth_samples=7, twirling_scale=0.3)
 
@@ -133,16 +133,20 @@ def far_away(problem: Problem) -> Problem:
 
 
 @pytest.mark.parametrize(
-    "parameters",
+    ("parameters", "turning"),
     [
         # Nearly all points of these trajectories come from turning, and from driving.
-        replace(FEW, sim_granularity=1.0, sim_time=16.0, vth_samples=20),
-        replace(FEW, sim_granularity=0.01, sim_time=4.0, angular_sim_granularity=1.0),
+        (replace(FEW, sim_granularity=1.0, sim_time=16.0, vth_samples=20), 1.0),
+        (replace(FEW, sim_granularity=0.003, sim_time=5.0, acc_lim_theta=0.5), 0.05),
     ],
 )
-def test_the_more_steps_are_rounded_the_less_sure_ends_are(parameters: DwaParameters) -> None:
+def test_the_more_steps_are_rounded_the_less_sure_ends_are(
+    parameters: DwaParameters, turning: float
+) -> None:
     for problem in problems(parameters, 12, seed=12):
-        assert_ends_hold(far_away(over(problem, 0)))
+        for vx, wz in ((0.2, turning), (-0.2, -turning)):
+            problem.state[3:] = singles(vx, 0.0, wz)
+            assert_ends_hold(far_away(over(problem, 0)))
 
 
 def test_of_samples_that_cost_the_same_the_first_wins() -> None:
