@@ -200,8 +200,11 @@ def test_the_mission_is_one_goal_per_waypoint_and_one_for_all(recorded: Path) ->
     ids = [bytes(goal.goal_info.goal_id.uuid) for goal in statuses[0].status_list]
     assert len(set(ids)) == 4
     assert [bytes(g.goal_info.goal_id.uuid) for g in statuses[-1].status_list] == ids
-    goals = [(g.pose.position.x, g.pose.position.y) for g in on(recorded, "/mission/goal")]
-    assert goals == [(w.x, w.y) for w in MISSION.waypoints]
+    poses = [goal.pose for goal in on(recorded, "/mission/goal")]
+    assert [(p.position.x, p.position.y) for p in poses] == [(w.x, w.y) for w in MISSION.waypoints]
+    # A waypoint that may be reached any way round is shown along x.
+    yaws = [2.0 * math.atan2(p.orientation.z, p.orientation.w) for p in poses]
+    assert yaws == pytest.approx([1.5, 0.0, -3.0])
 
 
 def test_an_unchanged_plan_is_written_once(recorded: Path) -> None:

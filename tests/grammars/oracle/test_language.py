@@ -13,8 +13,10 @@ from grammars.oracle import (
     Amount,
     Comparison,
     Expression,
+    Function,
     Leg,
     Logic,
+    Not,
     Number,
     Oracle,
     Signal,
@@ -237,6 +239,44 @@ def test_a_finding_points_at_the_offending_part() -> None:
     assert refusal(text).where == Where(HERE.file, 4, 12 + text.index("0.35"))
 
 
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("never(speed)", "speed"),
+        ("never(contact) when speed", "speed"),
+        ("max(contact)", "contact"),
+        ("always(loc.error == 0.1 m)", "loc.error =="),
+        ("count(contact) <= 2 m", "2 m"),
+        ("always(mission.reached > 1 and contact > 0)", "contact > 0"),
+        ("max(2 * (speed + loc.error))", "speed + loc"),
+        ("max(clearance(0.5 m, speed))", "speed"),
+        ("max(clearance(0.5 m, 1 s))", "1 s"),
+        ("max(clearance(0.5 m))", "clearance"),
+        ("reached(mission, 0 m)", "0 m"),
+        ("reached(mission, 1 m) on leg 1", "1"),
+        ("eventually within 3 m (contact)", "3 m"),
+        ("never(contact) until within 3 m (contact)", "3 m"),
+        ("never(contact and loc.eror < 1 m)", "loc.eror"),
+    ],
+)
+def test_each_finding_points_at_what_it_is_about(text: str, part: str) -> None:
+    found = refusal(text)
+    assert found.where == Where(HERE.file, 4, 12 + text.rindex(part)), found.message
+
+
+def test_what_was_not_read_from_a_text_stands_at_its_beginning() -> None:
+    here, there = Signal("speed"), Number(1.0, SIGNALS["speed"].dimension, "1 m/s")
+    assert here == Signal("speed", (), 0)
+    assert there.column == 0
+    compared = Comparison("<", here, there)
+    made = (compared, Not(compared), Logic("or", (compared,)), Function("abs", here), Leg(1, ""))
+    assert [node.column for node in made] == [0] * 5
+
+
+def test_a_finding_in_a_text_of_several_lines_points_at_its_beginning() -> None:
+    assert refusal("always(\n  loc.error <= 0.35 s)").where == HERE
+
+
 def test_findings_in_judgement_and_guard_are_reported_together() -> None:
     with pytest.raises(InputError) as caught:
         parse("always(loc.eror <= 1 m) when sped > 1 m/s")
@@ -303,6 +343,13 @@ def test_any_text_is_either_an_oracle_or_an_input_error(text: str) -> None:
 )
 def test_monsters_are_refused_instead_of_exhausting_the_parser(text: str) -> None:
     assert re.search("nest|longer", refusal(text).message)
+
+
+def test_what_is_long_or_deep_but_no_more_than_allowed_is_read() -> None:
+    assert parse("never(contact)" + " " * 986).text.startswith("never(contact)")
+    assert "longer than 1000" in refusal("never(contact)" + " " * 987).message
+    parse(f"never({'(' * 15}contact{')' * 15})")
+    assert "deeper than 16" in refusal(f"never({'(' * 16}contact{')' * 16})").message
 
 
 def test_every_declared_signal_can_be_used() -> None:

@@ -44,6 +44,10 @@ broken = CustomSignal(lambda trace, time: trace.no_such_thing, "m")
 vandal = CustomSignal(vandal, "m")
 inches = CustomSignal(hold, "cm")
 unmade = CustomSignal(hold, "parsec")
+listed = CustomSignal(hold, "m/s", arguments=["m/s"])
+switched = CustomSignal(hold, "m/s", arguments=("bool",))
+idle = CustomSignal(None, "m/s")
+odd = CustomOracle(stops, "1", arguments=("1", "cm"))
 halts = CustomOracle(stops, "1", arguments=("1",))
 vague = CustomOracle(lambda trace: (1.0, 1.0, Evidence(float("nan"))), "m")
 sure = CustomOracle(lambda trace: (0.5, 0.5), "m", judges_prefixes=True)
@@ -52,8 +56,21 @@ nothing = CustomOracle(lambda trace: None, "m")
 quits = CustomOracle(lambda trace: exit(1), "m")
 number = 42
 """
-SIGNALS = ("pace", "busy", "short", "words", "boundless", "broken", "vandal", "inches", "unmade")
-ORACLES = ("vague", "halts", "sure", "upside", "nothing", "quits")
+SIGNALS = (
+    "pace",
+    "busy",
+    "short",
+    "words",
+    "boundless",
+    "broken",
+    "vandal",
+    "inches",
+    "unmade",
+    "listed",
+    "switched",
+    "idle",
+)
+ORACLES = ("vague", "halts", "sure", "upside", "nothing", "quits", "odd")
 
 
 @pytest.fixture(autouse=True)
@@ -127,6 +144,10 @@ def test_what_ships_here_is_never_replaced() -> None:
         ("max(number)", "must be a grammars.oracle.CustomSignal, not int"),
         ("max(inches)", "declares 'cm': \"cm\" is not an SI unit"),
         ("max(unmade)", "declares 'parsec'"),
+        ("max(listed)", "must declare its arguments as a tuple of units"),
+        ("max(switched)", "must declare its arguments as a tuple of units"),
+        ("max(idle)", 'the signal "idle" has no function to call'),
+        ("odd(1, 1)", "declares 'cm': \"cm\" is not an SI unit"),
         ("halts()", "halts takes 1 arguments, 0 given"),
         ("halts(1 m)", 'halts takes 1, but "1 m" is in m'),
         ("sure() when contact", "judges the whole run"),

@@ -122,3 +122,13 @@ def test_distances_are_those_of_the_plain_queue(seed: int, walls: int, radius: f
         if cells[y, x] != -1 or value >= 253:
             expected[y, x] = value
     np.testing.assert_array_equal(first.grid.cells, expected)
+
+
+def test_all_sides_of_a_solid_block_are_inflated() -> None:
+    block = tuple((x, y) for x in range(6, 11) for y in range(6, 11))
+    made = costmap(occupied(17, 17, block), ordered=False)
+    made.update(Pose2(0.1, 0.1))
+    cells = made.grid.cells
+    for away in range(1, 6):
+        sides = (cells[8, 6 - away], cells[8, 10 + away], cells[6 - away, 8], cells[10 + away, 8])
+        assert [int(cost) for cost in sides] == [at(away * away)] * 4

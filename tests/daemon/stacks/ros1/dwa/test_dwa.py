@@ -93,6 +93,9 @@ def at_goal(
 
 def test_within_yaw_tolerance_it_stops() -> None:
     assert at_goal(0.49, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
+    # The tolerance belongs to it: 0.5 rad.
+    assert at_goal(0.5, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
+    assert at_goal(-0.5, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
 
 
 def test_it_slows_down_before_it_turns() -> None:
@@ -183,6 +186,16 @@ def test_turns_are_checked_against_the_distances_of_the_last_sampling_cycle() ->
     assert not stuck.ok
 
 
+def test_the_distances_of_the_last_sampling_cycle_lead_to_every_corner_of_its_costmap() -> None:
+    dwa = controller(replace(A2S, occdist_scale=0.0, sim_time=0.4))
+    dwa.set_plan(straight(1.0))
+    # The plan runs from column 30 to column 50 of row 30: cell (0, 0) is the furthest from it.
+    assert dwa.command(Pose2(0.8, 0.0, 0.0), Twist2(0.2, 0.0, 0.0), Pose2(), empty()).ok
+    # A costmap whose cell (0, 0) the robot stands in, at the goal, looking into the map.
+    cornered = CostGrid(0.05, 0.98, -0.02, np.zeros((60, 60), dtype=np.uint8))
+    assert dwa.command(Pose2(1.0, 0.0, 0.8), Twist2(), Pose2(), cornered).ok
+
+
 def test_the_goal_is_reached_when_near_turned_and_standing() -> None:
     dwa = controller()
     assert not dwa.goal_reached(Pose2(), Twist2(), Pose2())
@@ -260,11 +273,11 @@ def test_the_nose_counts_until_the_end_of_the_plan_is_near() -> None:
     plan = straight(0.5)
     answers = []
     for yaw in (-2.0, -1.2, -0.4, 0.4, 1.2, 2.0):
-        pose = Pose2(0.0, 0.1, yaw)
-        # The way from the robot to the end, 0.5 m along and 0.1 m down, 0.325 m beyond it.
-        way = math.atan2(-0.1, 0.5)
+        pose = Pose2(-0.05, 0.1, yaw)
+        # The way from the robot to the end, 0.55 m along and 0.1 m down, 0.325 m beyond it.
+        way = math.atan2(-0.1, 0.55)
         end = (0.5 + 0.325 * math.cos(way), 0.325 * math.sin(way))
-        # 0.26 m^2 is its square: further than 0.325 m times the root of 2, not times that of 3.
+        # 0.3125 m^2 is its square: further than 0.325 m times the root of 2, not times that of 3.
         for factor, aligned in ((2.0, True), (3.0, False)):
             dwa = controller(replace(FEW, cheat_factor=factor))
             dwa.set_plan(plan)

@@ -11,11 +11,13 @@ from pydantic import ValidationError
 
 from daemon.stacks.ros1.base_local_planner import footprint_cost
 from daemon.stacks.ros1.base_local_planner.controller import transform_plan_window
+from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import (
     WITHOUT_EFFECT,
     DwaParameters,
     Oscillation,
 )
+from daemon.stacks.ros1.dwa.cycle import allocate_scoring_grid
 from daemon.stacks.ros1.dwa.samples import (
     count_points,
     dynamic_window,
@@ -71,6 +73,22 @@ def test_a_measured_strafe_leaks_into_the_samples() -> None:
     assert out[1].tolist() == [0.0, 0.0]
 
 
+def test_without_the_dynamic_window_all_that_is_reached_within_the_simulated_time_is_tried() -> (
+    None
+):
+    out = np.zeros((3, 2))
+    s = settings(replace(OMNI, use_dwa=False, sim_time=0.5, acc_lim_x=0.25, acc_lim_theta=3.0))
+    # 0.125 m/s, 0.625 m/s and 1.5 rad/s from what it drives, and no further than to the goal.
+    dynamic_window(singles(0, 0, 0, 0.25, 0.0, 0.5), 5.0, s, out)
+    assert out.tolist() == [
+        singles(*axis).tolist() for axis in ((0.125, 0.22), (-0.11, 0.11), (-1.0, 2.0))
+    ]
+    dynamic_window(singles(0, 0, 0, 0.25, 0.0, 0.5), 0.03125, s, out)
+    assert out[:2].tolist() == [
+        singles(*axis).tolist() for axis in ((0.125, 0.11), (-0.11, 0.0625))
+    ]
+
+
 @pytest.mark.parametrize(
     ("vx", "wz", "sim_time", "points"),
     [(0.22, 0.0, 1.5, 14), (0.22, 0.0, 2.5, 22), (0.0, 2.75, 1.5, 42), (0.0, 2.75, 2.5, 69)],
@@ -116,6 +134,17 @@ def test_what_the_outline_encloses_counts_only_without_the_quirk() -> None:
     assert footprint(cells, large, inside=True) == 200
 
 
+def test_rows_of_an_upright_costmap_all_have_room_for_what_an_outline_encloses() -> None:
+    upright = CostGrid(0.05, -0.5, -1.5, np.zeros((60, 20), dtype=np.uint8))
+    upright.cells[57, 10] = 254
+    grid = allocate_scoring_grid(upright, SMALL, np.zeros(6, dtype=np.int32))
+    assert grid.spans.shape == (60, 2)
+    pose = np.array((0.0, 1.3, 0.0, 1.0, 0.0))
+    for inside, expected in ((False, 0), (True, -1)):
+        found = footprint_cost(grid.cells, grid.frame, 2.0 * SMALL, 1.0, pose, grid.spans, inside)
+        assert found == expected
+
+
 def test_the_centre_counts_and_a_corner_off_the_window_rejects() -> None:
     cells = np.zeros((60, 60))
     cells[30, 30] = 254
@@ -136,6 +165,10 @@ def test_the_footprint_grows_beyond_the_scaling_speed() -> None:
     assert footprint_scale(0.25, s) == 1.0
     assert footprint_scale(0.35, s) == pytest.approx(1.1)
     assert footprint_scale(0.45, s) == pytest.approx(1.2)
+    # Nothing lies between two equal speeds; who does not want it to grow has a factor of 0.
+    equal = replace(A2S, max_vel_trans=0.25, scaling_speed=0.25, max_scaling_factor=0.2)
+    assert footprint_scale(0.26, settings(equal)) == math.inf
+    assert footprint_scale(0.26, settings(replace(equal, max_scaling_factor=0.0))) == 1.0
 
 
 def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away() -> None:

@@ -10,7 +10,7 @@ import pytest
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import DwaParameters
 from tests.daemon.stacks.ros1.dwa import plain
-from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, Problem, random_problem
+from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, Problem, random_problem, singles
 
 FEW = replace(A2S, vx_samples=6, vth_samples=7, twirling_scale=0.3)
 
@@ -88,29 +88,65 @@ def test_bounds_are_never_above_costs() -> None:
         assert (costs[~left] >= costs.min()).all()
 
 
+def assert_ends_hold(problem: Problem) -> tuple[int, int]:
+    """Compare where samples end with where they were said to; return how many were unsure, sure."""
+    unsure, known = 0, 0
+    _, room = problem.search()
+    local = problem.local
+    frame = np.array((local.x, local.y, local.resolution))
+    for sample, (centre, nose) in zip(problem.samples(), room.ends.tolist(), strict=False):
+        points, _ = plain.trajectory(problem.state, sample, problem.settings)
+        if centre == -3:
+            assert len(points) == 0 or plain.oscillates(problem.banned, sample)
+            continue
+        x, y, yaw = points[-1].tolist()
+        ahead = problem.settings.forward
+        spots = ((x, y), (x + ahead * np.cos(yaw), y + ahead * np.sin(yaw)))
+        for end, spot in zip((centre, nose), spots, strict=True):
+            row, column = plain.cell(*spot, local.cells, frame)
+            unsure += end == -2
+            known += end != -2
+            place = row * local.cells.shape[1] + column if row >= 0 else -1
+            assert end in (place, -2)
+    return unsure, known
+
+
 @pytest.mark.parametrize("parameters", [A2S, OMNI])
 def test_ends_are_sure_or_said_to_be_unsure(parameters: DwaParameters) -> None:
-    unsure, known = 0, 0
-    for problem in problems(parameters, 6, seed=11):
-        _, room = problem.search()
-        local = problem.local
-        frame = np.array((local.x, local.y, local.resolution))
-        for sample, (centre, nose) in zip(problem.samples(), room.ends.tolist(), strict=False):
-            points, _ = plain.trajectory(problem.state, sample, problem.settings)
-            if centre == -3:
-                assert len(points) == 0 or plain.oscillates(problem.banned, sample)
-                continue
-            x, y, yaw = points[-1].tolist()
-            ahead = problem.settings.forward
-            spots = ((x, y), (x + ahead * np.cos(yaw), y + ahead * np.sin(yaw)))
-            for end, spot in zip((centre, nose), spots, strict=True):
-                row, column = plain.cell(*spot, local.cells, frame)
-                unsure += end == -2
-                known += end != -2
-                place = row * local.cells.shape[1] + column if row >= 0 else -1
-                assert end in (place, -2)
+    counts = [assert_ends_hold(problem) for problem in problems(parameters, 6, seed=11)]
+    unsure, known = np.sum(counts, axis=0)
     # Coordinates of 80 m have steps of 8e-6 m in single precision, cells are 0.05 m wide.
     assert unsure < 0.05 * known
+
+
+def far_away(problem: Problem) -> Problem:
+    """Return ``problem`` 1024 m further, where single precision has steps of 1.2e-4 m."""
+    local, state = problem.local, problem.state.copy()
+    state[:2] = np.float32(state[:2] + 1024.0)
+    return replace(
+        problem,
+        state=state,
+        plan=problem.plan + 1024.0,
+        front_end=problem.front_end + 1024.0,
+        local=replace(local, x=local.x + 1024.0, y=local.y + 1024.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("parameters", "turning"),
+    [
+        # Nearly all points of these trajectories come from turning, and from driving.
+        (replace(FEW, sim_granularity=1.0, sim_time=16.0, vth_samples=20), 1.0),
+        (replace(FEW, sim_granularity=0.003, sim_time=5.0, acc_lim_theta=0.5), 0.05),
+    ],
+)
+def test_the_more_steps_are_rounded_the_less_sure_ends_are(
+    parameters: DwaParameters, turning: float
+) -> None:
+    for problem in problems(parameters, 12, seed=12):
+        for vx, wz in ((0.2, turning), (-0.2, -turning)):
+            problem.state[3:] = singles(vx, 0.0, wz)
+            assert_ends_hold(far_away(over(problem, 0)))
 
 
 def test_of_samples_that_cost_the_same_the_first_wins() -> None:
@@ -145,6 +181,8 @@ def among_thin_walls(problem: Problem, rng: np.random.Generator) -> Problem:
         replace(FEW, path_distance_bias=0.0, occdist_scale=0.0),
         replace(FEW, goal_distance_bias=0.0, occdist_scale=0.0),
         replace(OMNI, vy_samples=3, vth_samples=5, occdist_scale=0.0),
+        replace(FEW, path_distance_bias=0.0, goal_distance_bias=0.0),
+        replace(FEW, path_distance_bias=0.0, goal_distance_bias=0.0, occdist_scale=0.0),
     ],
 )
 def test_no_pose_on_the_way_may_be_where_distances_do_not_go(parameters: DwaParameters) -> None:
@@ -158,3 +196,39 @@ def test_no_pose_on_the_way_may_be_where_distances_do_not_go(parameters: DwaPara
         np.testing.assert_array_equal(velocity, command)
         legal += place >= 0
     assert legal > 5
+
+
+def test_samples_that_leave_the_map_are_known_to() -> None:
+    rng = np.random.default_rng(29)
+    left = 0
+    for problem in problems(replace(FEW, vth_samples=20), 20, seed=13):
+        small = over(among_thin_walls(problem, rng), 0)
+        assert_ends_hold(small)
+        _, room = small.search()
+        left += int((room.ends[: len(small.samples())] == -1).sum())
+    assert left > 20
+
+
+@pytest.mark.parametrize("critic", ["path_distance_bias", "goal_distance_bias"])
+def test_samples_that_end_where_no_distance_leads_are_never_followed(critic: str) -> None:
+    alone = {"path_distance_bias": 0.0, "goal_distance_bias": 0.0, "occdist_scale": 0.0}
+    # 20 per metre is 1 per cell.
+    parameters = replace(FEW, **(alone | {critic: 20.0}))
+    rng = np.random.default_rng(23)
+    dropped = 0
+    for problem in problems(parameters, 25, seed=9):
+        walled = among_thin_walls(problem, rng)
+        n, room = walled.search()
+        cells = walled.local.cells
+        frame = np.array((walled.local.x, walled.local.y, walled.local.resolution))
+        seeds = plain.seeds_of(walled.plan, cells, frame)
+        if n == 0 or len(seeds) == 0:
+            continue
+        steps = plain.distances(seeds if critic.startswith("path") else seeds[-1:], cells)
+        for sample, bound in zip(walled.samples(), room.lower.tolist(), strict=False):
+            points, _ = plain.trajectory(walled.state, sample, walled.settings)
+            row, column = plain.cell(*points[-1, :2], cells, frame) if len(points) else (-1, -1)
+            if row >= 0 and steps[row, column] >= cells.size:
+                assert bound == np.inf
+                dropped += 1
+    assert dropped > 20

@@ -1,0 +1,153 @@
+"""Where things are on a picture: 120 points a metre, the origin at (108.5, 356) on this page."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from scenario_tui.cli.export import worlds_of_campaign
+from templates.picture import Drawing, RunOverlay, draw_world
+from templates.picture._drawing import Disc, Shape, TextLabel
+from templates.rendering import Templates
+from tests.templates.worlds import box, world
+
+ROOT = Path(__file__).parents[2]
+
+
+def shapes(figure: Drawing, group: str) -> list[Shape]:
+    (found,) = (g.items for g in figure.groups if g.name == group)
+    return [item for item in found if isinstance(item, Shape)]
+
+
+def words(figure: Drawing) -> list[str]:
+    return [i.text for g in figure.groups for i in g.items if isinstance(i, TextLabel)]
+
+
+def page(x: float, y: float) -> tuple[float, float]:
+    return (108.5 + 120.0 * x, 356.0 - 120.0 * y)
+
+
+def pages(*points: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+    return tuple((round(x, 2), round(y, 2)) for x, y in (page(*point) for point in points))
+
+
+def test_a_swing_goes_around_its_hinge_from_limit_to_limit() -> None:
+    # Hinged at (-0.02, 0.025) of a door at (2.1, 0.5), turned by 30 degrees; the corner of the leaf
+    # farthest from there, (0.02, 0.95), is 0.926 m away, at 87.5 degrees when the door is closed.
+    area, arc = shapes(draw_world(world()), "swings")[:2]
+    hinge, *around = area.rings[0]
+    assert hinge == pytest.approx(page(2.0702, 0.5117), abs=0.05)
+    assert tuple(around) == arc.rings[0]
+    assert arc.open
+    seen = [(x - hinge[0], hinge[1] - y) for x, y in around]
+    assert [math.hypot(*p) for p in seen] == pytest.approx([0.92586 * 120.0] * len(seen), abs=0.02)
+    angles = [math.degrees(math.atan2(y, x)) % 360.0 for x, y in seen]
+    assert (angles[0], angles[-1]) == pytest.approx((117.52, 117.52 + math.degrees(1.9)), abs=0.02)
+    steps = [b - a for a, b in itertools.pairwise(angles)]
+    assert steps == pytest.approx([steps[0]] * len(steps), abs=0.03)
+
+
+def test_what_slides_is_shown_at_both_ends() -> None:
+    closed, open_ = (s.rings[0] for s in shapes(draw_world(world()), "swings")[-2:])
+    # A panel of 1 m by 4 cm at (1, 1.5), which slides 1 m along the diagonal.
+    assert sorted(closed)[0] == pytest.approx(page(0.5, 1.52), abs=0.01)
+    assert sorted(closed)[-1] == pytest.approx(page(1.5, 1.48), abs=0.01)
+    way = 120.0 * math.sqrt(0.5)
+    moved = [(x + way, y - way) for x, y in closed]
+    assert [c for p in open_ for c in p] == pytest.approx([c for p in moved for c in p], abs=0.02)
+
+
+def test_low_walls_are_told_from_those_that_are_cut() -> None:
+    figure = draw_world(world())
+    low, cut = shapes(figure, "walls")
+    assert sorted(low.rings[0])[0] == pytest.approx(page(-0.2, 2.0), abs=0.01)
+    assert "low or sill" in words(figure)
+    scene = world().scene
+    tall = tuple(s for s in scene.solids if s.z_max > 1.5)
+    assert len(tall) < len(scene.solids)
+    without = draw_world(replace(world(), scene=replace(scene, solids=tall)))
+    assert "low or sill" not in words(without)
+    assert [s.fill for s in shapes(without, "walls")] == [cut.fill]
+
+
+def test_the_bar_is_as_long_as_it_says() -> None:
+    figure = draw_world(world())
+    bar = sorted(shapes(figure, "scale")[0].rings[0])
+    assert bar[-1][0] - bar[0][0] == pytest.approx(120.0)
+    assert [w for w in words(figure) if w in ("0", "0.5", "1 m")] == ["0", "0.5", "1 m"]
+
+
+def test_waypoints_of_one_place_share_a_disc() -> None:
+    (items,) = (g.items for g in draw_world(world()).groups if g.name == "waypoints")
+    discs = [item.centre for item in items if isinstance(item, Disc)]
+    assert discs == [pytest.approx(page(1.5, 1.5)), pytest.approx(page(3.8, 1.7))]
+
+
+def test_robot_and_waypoints_show_where_they_look() -> None:
+    figure = draw_world(world())
+    body, arrow = shapes(figure, "robot")
+    nose, left, right = arrow.rings[0]
+    assert len(body.rings[0]) == 4
+    c, s = math.cos(0.7), math.sin(0.7)
+    assert nose == pytest.approx(page(0.4 + 0.2 * c, 0.3 + 0.2 * s), abs=0.01)
+    assert ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2) == (
+        pytest.approx(page(0.4 - 0.07 * c, 0.3 - 0.07 * s), abs=0.01)
+    )
+    # The second waypoint is to be reached at 0.5 rad, the others any way round.
+    (look,) = shapes(figure, "waypoints")
+    at, ahead = look.rings[0]
+    assert at == pytest.approx(page(3.8, 1.7))
+    assert math.atan2(at[1] - ahead[1], ahead[0] - at[0]) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_run_is_drawn_where_it_was() -> None:
+    way = ((0.4, 0.3), (1.0, 0.5), (1.5, 1.5))
+    what = RunOverlay(
+        way,
+        believed=((0.4, 0.4), (1.0, 0.7)),
+        close=(((0.5, 0.4), (1.0, 0.5)), ((1.5, 1.5),)),
+        contacts=((1.0, 0.5),),
+        footprints=(box(0.2, 0.2, 0.6, 0.4), box(1.4, 1.4, 1.6, 1.6)),
+        apparent_goals=((1.4, 1.6),),
+    )
+    figure = draw_world(world(), what)
+    first, last, filled, believed, driven, close, *cross = shapes(figure, "driven")
+    assert first.rings[0] == pages(*what.footprints[0])
+    assert last.rings == filled.rings == (pages(*what.footprints[1]),)
+    assert (first.fill, last.fill, bool(filled.fill)) == ("", "", True)
+    assert believed.rings[0] == pages(*what.believed)
+    assert driven.rings[0] == pages(*way)
+    assert close.rings[0] == pages(*what.close[0])
+    assert all(line.open for line in (believed, driven, close, *cross))
+    # A cross over the contact, at (228.5, 296).
+    assert [line.rings[0] for line in cross] == [
+        ((222.5, 290.0), (234.5, 302.0)),
+        ((222.5, 302.0), (234.5, 290.0)),
+    ]
+    (items,) = (g.items for g in figure.groups if g.name == "driven")
+    ends = [item.centre for item in items if isinstance(item, Disc)]
+    assert tuple(ends) == pages((1.5, 1.5), (1.4, 1.6))
+    key = ["driven", "believed", "inside the buffer", "contact"]
+    key += ["footprint, filled at the end", "the waypoint as the robot sees it"]
+    assert [w for w in words(figure) if w in key] == key
+
+
+def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key() -> None:
+    figure = draw_world(world(), RunOverlay(((0.4, 0.3), (1.0, 0.5))))
+    assert len(shapes(figure, "driven")) == 1
+    (key,) = (g.items for g in figure.groups if g.name == "key")
+    assert [item.text for item in key if isinstance(item, TextLabel)] == ["driven"]
+    nowhere = draw_world(world(), RunOverlay(((0.4, 0.3),), contacts=((1.0, 0.5),)))
+    assert len(shapes(nowhere, "driven")) == 2
+
+
+def test_the_documentation_shows_the_flat_of_the_demo_as_it_is() -> None:
+    """``python -m tests.pictures`` draws it again."""
+    worlds, _ = worlds_of_campaign(ROOT / "campaigns" / "demo" / "campaign.yaml")
+    (busy,) = (w for w in worlds if w.name == "busy-house")
+    drawn = Templates().render("picture.svg.j2", figure=draw_world(busy))
+    assert drawn == (ROOT / "docs" / "flat.svg").read_text(encoding="utf-8")
