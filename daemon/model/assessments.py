@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import operator
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, TypeAlias
-
-from pydantic import Field
+from typing import Final, Literal, TypeAlias
 
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome, Verdict
@@ -137,8 +134,7 @@ class AssessmentRules:
     comparisons: tuple[ScenarioComparison, ...] = ()
     expectations: tuple[Expectation, ...] = ()
     gate: RegressionGate | None = None
-    # Not written where there are none: campaigns without keep their identifiers.
-    references: Annotated[tuple[ReferenceValue, ...], Field(exclude_if=operator.not_)] = ()
+    references: tuple[ReferenceValue, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

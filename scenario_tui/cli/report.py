@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from daemon.model.assessments import ReferenceComparison
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, Processes, State
@@ -17,6 +16,7 @@ from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
     from daemon.analysis.report import ReportData, ReportInput, SuggestedCommand
+    from daemon.model.assessments import ReferenceComparison
     from scenario_tui.cli.target import DaemonTarget
 
 _DEFAULT_PAGE: Final = Path("report.html")
