@@ -14,7 +14,14 @@ import re
 from typing import Any, Final
 
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
-from grammars.jsonld.vocabulary import XSD, ContextError, JsonLdContext, Term
+from grammars.jsonld.vocabulary import (
+    UNKNOWN,
+    XSD,
+    ContextError,
+    JsonLdContext,
+    Term,
+    context_of_type,
+)
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, SourceText, Where
 
 _ID: Final = re.compile(r'"(?:@id|id)"\s*:\s*"([^"\\]*)"')
@@ -83,15 +90,21 @@ _NUMERIC: Final = frozenset(
 _PLAIN: Final = Term("")
 
 
-def expand_text(text: str, file: str) -> NodeGraph:
-    """Return what the JSON-LD ``text`` says; raises :class:`InputError` with every problem."""
+def expand_text(text: str, file: str, base: str = "") -> NodeGraph:
+    """Return what the JSON-LD ``text`` says; raises :class:`InputError` with every problem.
+
+    Relative identifiers resolve against ``base``, or, where the text says so, its own ``@base``.
+    """
     document = JsonText(text, file)
-    return expand(document.parsed(), file, document)
+    return expand(document.parsed(), file, document, base)
 
 
-def expand(data: Any, file: str, document: JsonText | None = None) -> NodeGraph:
-    """Return what parsed JSON-LD says; raises :class:`InputError` with every problem."""
-    expansion = _Expansion(document or JsonText("", file))
+def expand(data: Any, file: str, document: JsonText | None = None, base: str = "") -> NodeGraph:
+    """Return what parsed JSON-LD says; raises :class:`InputError` with every problem.
+
+    Relative identifiers resolve against ``base``.
+    """
+    expansion = _Expansion(document or JsonText("", file), base)
     try:
         expansion.top(data)
     except ContextError as error:
@@ -104,12 +117,14 @@ def expand(data: Any, file: str, document: JsonText | None = None) -> NodeGraph:
 class _Expansion:
     """One document on its way to nodes."""
 
-    def __init__(self, document: JsonText) -> None:
+    def __init__(self, document: JsonText, base: str) -> None:
         self.document = document
+        self.base = base
         self.nodes = NodeGraph()
         self.outdated: set[str] = set()
         self.blanks = 0
         self.dropped: dict[str, list[str]] = {}
+        self.undefined: dict[str, tuple[str, list[str]]] = {}
         self.written: dict[str, str] = {}
         self.good: set[str] = set()
 
@@ -127,6 +142,10 @@ class _Expansion:
             raise InputError(errors)
         for address in sorted(self.outdated):
             self.warn("", f'"{address}" is an outdated address', "read as the current context")
+        for name, (address, ids) in self.undefined.items():
+            more = f" (and in {len(ids) - 1} other nodes)" if len(ids) > 1 else ""
+            message = f'"{name}" of {ids[0] or "a node without @id"}{more} is in no context here'
+            self.warn(ids[0], message, f"read with {address}, which RDF tools need too")
         for key, ids in self.dropped.items():
             more = f" (and in {len(ids) - 1} other nodes)" if len(ids) > 1 else ""
             self.warn(
@@ -140,7 +159,7 @@ class _Expansion:
         return self.nodes
 
     def top(self, data: Any) -> None:
-        context = JsonLdContext("", "", {})
+        context = JsonLdContext(self.base, "", {})
         for item in data if isinstance(data, list) else [data]:
             if isinstance(item, dict):
                 self.node(item, context, top=True)
@@ -157,14 +176,21 @@ class _Expansion:
         types, written, rest = self._split(data, terms)
         # Terms scoped to each of its types; rdflib knows those of the first type only.
         typed = context.for_types(types, self.outdated) if types else context
+        missing = {name: self._context_of(name, context) for name in types if name not in terms}
+        for address in sorted({address for address in missing.values() if address}):
+            # After the types' own contexts: what is defined there holds.
+            typed = typed.completed(address).for_types(types, self.outdated)
         if top and written is None and any(k == "@graph" for k, _, _ in rest):
             self._envelope(rest, context)
             return None
         id = self._identify(written, typed)
         node = self.nodes.get(id)
         for name in types:
-            known = name in terms or ":" in name or context.vocabulary
-            iri = context.iri(name, vocabulary=True) if known else ""
+            address = missing.get(name, "")
+            if address:
+                self.undefined.setdefault(name, (address, []))[1].append(written or "")
+            known = name in terms or ":" in name or context.vocabulary or address
+            iri = (typed if address else context).iri(name, vocabulary=True) if known else ""
             if ":" in iri and not _NO_IRI.search(iri):
                 node.add_type(iri)
             else:
@@ -172,6 +198,12 @@ class _Expansion:
         for key, _, value in rest:
             self._property(node, key, value, typed, context)
         return Ref(id)
+
+    def _context_of(self, name: str, context: JsonLdContext) -> str:
+        """Return the published context of a type that no context of the document defines."""
+        if context.vocabulary or ":" in name or name in context.terms:
+            return ""
+        return context_of_type(name)
 
     def _split(
         self, data: dict[str, Any], terms: dict[str, Term | None]
@@ -224,6 +256,8 @@ class _Expansion:
         if ":" not in id or _NO_IRI.search(id):
             self.error(written, f'"{written}" is no IRI', "give a @base, or a prefix known here")
         self.written.setdefault(id, written)
+        if context.base == self.base and ":" not in written:
+            self.nodes.relative.add(id)
         return id
 
     def _property(
@@ -301,6 +335,10 @@ class _Expansion:
         iri = context.iri(text, vocabulary=vocabulary)
         if iri.startswith("_:"):
             return f"_:{self.document.file}#{iri[2:]}"
+        if vocabulary and ":" not in iri:
+            # A word no context defines, in a text without an address: what it may have meant is
+            # known where units and kinds are read.
+            return UNKNOWN[iri]
         if iri not in self.good:
             if ":" not in iri or _NO_IRI.search(iri):
                 self.error(text, f'"{text}" is no IRI', "give a @base, or a prefix known here")
