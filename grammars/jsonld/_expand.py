@@ -124,7 +124,7 @@ class _Expansion:
         self.outdated: set[str] = set()
         self.blanks = 0
         self.dropped: dict[str, list[str]] = {}
-        self.undefined: dict[str, tuple[str, list[str]]] = {}
+        self.undefined: dict[str, tuple[dict[str, None], list[str]]] = {}
         self.written: dict[str, str] = {}
         self.good: set[str] = set()
 
@@ -142,9 +142,9 @@ class _Expansion:
             raise InputError(errors)
         for address in sorted(self.outdated):
             self.warn("", f'"{address}" is an outdated address', "read as the current context")
-        for name, (address, ids) in self.undefined.items():
-            more = f" (and in {len(ids) - 1} other nodes)" if len(ids) > 1 else ""
-            message = f'"{name}" of {ids[0] or "a node without @id"}{more} is in no context here'
+        for address, (names, ids) in self.undefined.items():
+            listed = ", ".join(names)
+            message = f"no context defines {listed}, first used by {ids[0] or 'a node without @id'}"
             self.warn(ids[0], message, f"read with {address}, which RDF tools need too")
         for key, ids in self.dropped.items():
             more = f" (and in {len(ids) - 1} other nodes)" if len(ids) > 1 else ""
@@ -188,7 +188,9 @@ class _Expansion:
         for name in types:
             address = missing.get(name, "")
             if address:
-                self.undefined.setdefault(name, (address, []))[1].append(written or "")
+                names, ids = self.undefined.setdefault(address, ({}, []))
+                names[name] = None
+                ids.append(written or "")
             known = name in terms or ":" in name or context.vocabulary or address
             iri = (typed if address else context).iri(name, vocabulary=True) if known else ""
             if ":" in iri and not _NO_IRI.search(iri):

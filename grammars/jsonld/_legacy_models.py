@@ -83,14 +83,13 @@ def _settle_identifiers(nodes: NodeGraph) -> None:
     for (said, found), owners in seen.items():
         targets = [target for target in meant if _home(target) == said]
         example = targets[0]
+        more = f" and {len(targets) - 1} more" if len(targets) > 1 else ""
         # An identifier without a prefix is shown as it was written.
         shown = local_name(example) if example.startswith("file:") else example
-        more = f" and {len(targets) - 1} more" if len(targets) > 1 else ""
-        nodes.add_warning(
-            owners[0],
-            f'nothing is called "{shown}"{more} here',
-            f"what has that name in <{found}> is taken: is a prefix missing, or not declared?",
-        )
+        hint = f"what has that name in <{found}> is taken: is a prefix missing, or not declared?"
+        if meant[example] in nodes.relative:
+            hint = f'"{local_name(example)}" is taken, which was written without a prefix'
+        nodes.add_warning(owners[0], f'nothing is called "{shown}"{more}', hint)
     if meant:
         _refer(nodes, meant)
 
@@ -305,7 +304,7 @@ def _settle_features(nodes: NodeGraph) -> None:
         nodes.add_warning(
             placed[0].id,
             f"no type says what {_count(placed, 'feature')} may be",
-            f"taken for a column, unless its name says divider, {WALL_HEIGHT:g} m high where no height is given",
+            f"a divider by its name, else a column; {WALL_HEIGHT:g} m high unless given",
         )
     if lost:
         nodes.add_warning(

@@ -309,6 +309,7 @@ def _check_reference(
 
 def _check_coordinates(nodes: NodeGraph, found: NodeGraph) -> None:
     """Every pose and position has its numbers exactly once."""
+    offsets = {o for joint in nodes.of_type(KC["Joint"]) for o in joint.refs(KC["origin-offset"])}
     for kind, numbers, of in (
         ("Pose", "PoseCoordinate", "of-pose"),
         ("Position", "PositionCoordinate", "of-position"),
@@ -316,7 +317,10 @@ def _check_coordinates(nodes: NodeGraph, found: NodeGraph) -> None:
         by_relation = index_by(nodes.by_id, COORD[numbers], COORD[of])
         for node in nodes.of_type(REL[kind]):
             have = by_relation.get(node.id, [])
-            if not have:
+            if not have and node.id in offsets:
+                message = f"origin-offset {local_name(node.id)} has no coordinates"
+                found.add_warning(node.id, message, "the frames of the joint say where it is")
+            elif not have:
                 found.add_error(node.id, f"{kind.lower()} {local_name(node.id)} has no coordinates")
             elif len(have) > 1:
                 names = ", ".join(local_name(n.id) for n in have[:_SHOWN])
