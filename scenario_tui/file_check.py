@@ -24,6 +24,8 @@ def _checker(path: Path) -> Checker:
     if not path.exists():
         raise InputError(Diagnostic(Where(str(path)), "no such file"))
     if path.is_dir():
+        if any(file.suffix in (".json", ".jsonld") for file in path.iterdir()):
+            return _jsonld
         raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))
     for ending, checker in _BY_ENDING.items():
         if path.name.endswith(ending):
@@ -122,6 +124,7 @@ _BY_ENDING: Final[dict[str, Checker]] = {
     ".scenery": _scenery,
     ".variation": _variation,
     ".jsonld": _jsonld,
+    ".json": _jsonld,
     ".mission.yaml": _mission,
     ".oracles.yaml": _oracles,
 }

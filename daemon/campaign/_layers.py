@@ -14,7 +14,7 @@ from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
 from grammars.floorplan import FloorPlan, load_floorplan
-from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
+from grammars.jsonld import is_jsonld, load_floorplan_jsonld, load_scenery_jsonld
 from grammars.model.files import load_mission, load_robot
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
@@ -38,9 +38,9 @@ class LayerKind:
     folder: str
 
 
-FLOORPLAN: Final = LayerKind("floor plan", (".fpm", ".jsonld"), "floorplans")
+FLOORPLAN: Final = LayerKind("floor plan", (".fpm", ".jsonld", ".json"), "floorplans")
 VARIATION: Final = LayerKind("variation", (".variation",), "floorplans")
-SCENERY: Final = LayerKind("scenery", (".scenery", ".jsonld"), "scenery")
+SCENERY: Final = LayerKind("scenery", (".scenery", ".jsonld", ".json"), "scenery")
 MISSION: Final = LayerKind("mission", (".mission.yaml", ".yaml"), "missions")
 ROBOT: Final = LayerKind("robot", (".yaml",), "robots")
 SUT: Final = LayerKind("system under test", (".yaml",), "suts")
@@ -48,7 +48,7 @@ ORACLES: Final = LayerKind("oracles", (".oracles.yaml", ".yaml"), "oracles")
 
 
 def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path:
-    """Return the file a reference names.
+    """Return the file a reference names, or the folder of JSON-LD files that are one layer.
 
     A name is looked for beside the campaign file, then in the kind's folder there
     (``robots/robile.yaml``), then in that folder one level up; a path is taken from the campaign
@@ -57,7 +57,7 @@ def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path
     name = reference.name
     if "/" in name or name.endswith(kind.endings):
         path = folder / name
-        if path.is_file():
+        if path.is_file() or _is_folder_of(path, kind):
             return path
         raise InputError(Diagnostic(reference.where, f'no file "{name}" for the {kind.title}'))
     # Beside the campaign first, so that one may have its own robot of a name that others share.
@@ -66,6 +66,8 @@ def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path
         for ending in kind.endings:
             if (place / f"{name}{ending}").is_file():
                 return place / f"{name}{ending}"
+        if _is_folder_of(place / name, kind):
+            return place / name
     known = [n for place in places for n in _names_in(place, kind)]
     raise InputError(
         Diagnostic(
@@ -75,6 +77,11 @@ def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path
             did_you_mean(name, known),
         )
     )
+
+
+def _is_folder_of(path: Path, kind: LayerKind) -> bool:
+    """Return whether a path is a folder of JSON-LD files, as published models are."""
+    return ".jsonld" in kind.endings and path.is_dir() and is_jsonld(path)
 
 
 def _names_in(place: Path, kind: LayerKind) -> list[str]:
@@ -179,7 +186,7 @@ class LayerLibrary:
     def _load_floorplan(
         self, path: Path, values: Overrides | None = None, where: Where | None = None
     ) -> FloorPlan:
-        if path.suffix != ".jsonld":
+        if not is_jsonld(path):
             plan = load_floorplan(path, values, where)
         elif values:
             message = f"{path.name} has no variables, and so none to give another value"
@@ -190,7 +197,7 @@ class LayerLibrary:
         return plan
 
     def _load_scenery(self, path: Path) -> SceneryLayer:
-        if path.suffix == ".jsonld":
+        if is_jsonld(path):
             return load_scenery_jsonld(path, self.warnings)
         return load_scenery(path)
 

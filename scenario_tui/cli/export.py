@@ -23,18 +23,16 @@ if TYPE_CHECKING:
 
 
 def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
-    """Return the world of a floor plan (`.fpm` or `.jsonld`), and the warnings about it."""
+    """Return the world of a floor plan (`.fpm` or JSON-LD), and the warnings about it."""
     from grammars.floorplan import load_floorplan
+    from grammars.jsonld import is_jsonld, load_floorplan_jsonld, model_files
     from grammars.scenery.composition import compile_scene
     from templates.world import ArtefactWorld
 
-    if path.suffix == ".jsonld":
-        from grammars.jsonld import load_floorplan_jsonld
-
-        plan = load_floorplan_jsonld(path)
-    else:
-        plan = load_floorplan(path)
-    world = ArtefactWorld(path.stem, compile_scene(plan), plan, sources=(path,))
+    plan = load_floorplan_jsonld(path) if is_jsonld(path) else load_floorplan(path)
+    # One of several files is called after what it holds of the plan: the plan itself has a name.
+    name = path.stem if path.suffix != ".json" and path.is_file() else plan.name
+    world = ArtefactWorld(name, compile_scene(plan), plan, sources=model_files(path))
     return world, plan.warnings
 
 
@@ -99,6 +97,7 @@ def _draws(cell: CampaignCell, repeats: int | None) -> tuple[BehaviourDraw, ...]
 def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
     """Return the files the cell was written in, the campaign first."""
     from daemon.campaign import FLOORPLAN, MISSION, ROBOT, SCENERY, VARIATION, find_layer
+    from grammars.jsonld import model_files
 
     scenario, folder = cell.scenario, Path(campaign.file).parent
     named = [
@@ -108,7 +107,7 @@ def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
         (scenario.robot, ROBOT),
     ]
     found = [find_layer(folder, reference, kind) for reference, kind in named if reference]
-    return (Path(campaign.file), *found)
+    return (Path(campaign.file), *(file for path in found for file in model_files(path)))
 
 
 def _free_name(name: str, taken: list[str]) -> str:
@@ -153,7 +152,7 @@ def export(
         Path,
         typer.Argument(
             metavar="PLAN.fpm|CAMPAIGN.yaml",
-            help="A floor plan or a campaign.",
+            help="A floor plan (.fpm, .jsonld or a folder of .json) or a campaign.",
             autocompletion=completion.files(plan_or_campaign_files),
         ),
     ],
