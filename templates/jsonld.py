@@ -17,7 +17,12 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from grammars.floorplan import FloorPlan
-from grammars.jsonld import plan_document, plan_documents, scenery_document
+from grammars.jsonld import (
+    objects_document,
+    plan_document,
+    plan_documents,
+    scenery_document,
+)
 from grammars.scenery import SceneryLayer
 from grammars.text.codec import digest
 from templates.naming import file_name
@@ -38,13 +43,16 @@ def write_jsonld(
     ``skeleton.json``, ``shape.json``, ``polyhedron.json``, ``spatial_relations.json``,
     ``coordinate.json`` and ``floorplan.json`` as the published tools read them from a folder, and
     the same nodes in one file, ``<plan>.jsonld``, which a campaign can name. Each layer is
-    ``<layer>.scenery.jsonld``. Raises :class:`InputError` for objects that cannot be placed.
+    ``<layer>.scenery.jsonld``; objects and instances of all of them are in ``objects.json``, for
+    the published tools again. Raises :class:`InputError` for objects that cannot be placed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = [
         _write(document, folder / f"{name}.json") for name, document in plan_documents(plan).items()
     ]
     written.append(_write(plan_document(plan), folder / f"{file_name(plan.name)}.jsonld"))
+    if any(layer.models or layer.instances for layer in layers):
+        written.append(_write(objects_document(plan, layers), folder / "objects.json"))
     for layer in layers:
         path = folder / f"{file_name(layer.name)}.scenery.jsonld"
         written.append(_write(scenery_document(layer, plan, layers), path))

@@ -21,8 +21,9 @@ from grammars.jsonld._layers import LayerWriter, read_layers
 from grammars.jsonld._legacy_terms import replace_legacy_terms
 from grammars.jsonld._nodes import NodeGraph, Ref
 from grammars.jsonld._plan_reader import read_plan
-from grammars.jsonld._plan_writer import FILES, PlanWriter, plan_context
+from grammars.jsonld._plan_writer import FILES, PlanWriter
 from grammars.jsonld._rules import check_structure, refuse_broken
+from grammars.jsonld._written_contexts import plan_context
 from grammars.jsonld.vocabulary import FP, ITEMS, SCN
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where

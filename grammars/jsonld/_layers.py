@@ -17,7 +17,7 @@ from grammars.jsonld._object_writer import (
     object_pose_nodes,
     trim_rounding,
 )
-from grammars.jsonld._plan_writer import PlanWriter, plan_base
+from grammars.jsonld._plan_writer import PlanWriter
 from grammars.jsonld._sentences import (
     SentenceReader,
     frame_name,
@@ -25,18 +25,8 @@ from grammars.jsonld._sentences import (
     sentence_fields,
     value_to_jsonld,
 )
-from grammars.jsonld.vocabulary import (
-    GEOM,
-    ITEMS,
-    OBJ,
-    ROB2B_CONTEXTS,
-    SCN,
-    SECORO_CONTEXTS,
-    ST,
-    local_name,
-    rob2b,
-    secoro,
-)
+from grammars.jsonld._written_contexts import layer_context
+from grammars.jsonld.vocabulary import GEOM, ITEMS, OBJ, SCN, ST, local_name
 from grammars.model.geometry import Pose2
 from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import (
@@ -63,6 +53,19 @@ def scenery_document(
     return LayerWriter(layer, PlanWriter(plan), layers or (layer,)).document()
 
 
+def objects_document(plan: FloorPlan, layers: Sequence[SceneryLayer]) -> Json:
+    """Return objects, states and instances of all layers as one document, without behaviours.
+
+    What published tools read from the folder of a plan. Raises :class:`InputError` for what cannot
+    be placed.
+    """
+    frames = PlanWriter(plan)
+    nodes = [n for layer in layers for n in LayerWriter(layer, frames, layers).write_objects()]
+    # Two layers may each need the mirror image of a door.
+    known = {node["@id"]: node for node in nodes}
+    return {"@context": layer_context(frames.base), "@graph": list(known.values())}
+
+
 class LayerWriter:
     """Builds the nodes of one layer; ``places`` tells where each was written in the text."""
 
@@ -79,6 +82,12 @@ class LayerWriter:
 
     def document(self) -> Json:
         """Return the document."""
+        self.write_objects()
+        self._write_layer()
+        return {"@context": layer_context(self._frames.base), "@graph": self.nodes}
+
+    def write_objects(self) -> list[Json]:
+        """Write what others know as well, objects and instances, and return it."""
         for model in self._layer.models:
             id = self._model(model.name)
             self._add(object_nodes(id, model), model.where)
@@ -86,8 +95,7 @@ class LayerWriter:
                 self.places[f"{ITEMS}{id.removeprefix('item:')}.state.{state.name}"] = state.where
         for instance in self._layer.instances:
             self._instance(instance)
-        self._write_layer()
-        return {"@context": _context(self._plan.name), "@graph": self.nodes}
+        return self.nodes
 
     def _add(self, nodes: list[Json], where: Where) -> None:
         self.nodes += nodes
@@ -230,13 +238,6 @@ class LayerWriter:
 
 def _references(ids: Any) -> Json:
     return {"@list": [{"@id": id} for id in ids]}
-
-
-def _context(plan: str) -> list[Any]:
-    addresses = [rob2b(path) for path, ours in ROB2B_CONTEXTS.items() if ours != "dynamics.json"]
-    addresses.append(rob2b("newtonian-rigid-body-dynamics.json"))
-    addresses += [secoro(path) for path in SECORO_CONTEXTS if path != "qudt.json"]
-    return [*addresses, {"fpm": plan_base(plan), "item": ITEMS, "scn": str(SCN)}]
 
 
 _ON_FLOOR: Final = 1e-6
