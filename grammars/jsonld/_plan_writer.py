@@ -232,7 +232,8 @@ class PlanWriter:
         # Published readers turn round the pose before one whose identifier has "wall" in it twice:
         # they take a room to be placed by its wall against another wall. One that is placed by its
         # wall against something else would stand elsewhere without the word.
-        by_wall = _WALL_FRAME.search(of) and not _WALL_FRAME.search(wrt) and wrt not in of
+        own = of.startswith(f"{wrt.removesuffix('frame')}wall-")
+        by_wall = _WALL_FRAME.search(of) and not _WALL_FRAME.search(wrt) and not own
         id = f"pose-{'wall-' if by_wall else ''}{of}-wrt-{wrt}"
         where = self.places.get(self.base + of)
         self._relate(where, pose_nodes((id, f"coord-{id}"), of, wrt, pose, z, tilt))
