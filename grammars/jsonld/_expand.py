@@ -7,76 +7,25 @@ vanishing.
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import re
 from typing import Any, Final
 
+from grammars.jsonld._json_text import JsonText
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
 from grammars.jsonld.vocabulary import (
+    COORD,
     UNKNOWN,
     XSD,
     ContextError,
     JsonLdContext,
     Term,
     context_of_type,
+    local_name,
+    secoro,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, SourceText, Where
-
-_ID: Final = re.compile(r'"(?:@id|id)"\s*:\s*"([^"\\]*)"')
-
-
-class JsonText:
-    """The text of a JSON-LD document, able to tell where an ``@id`` stands in it."""
-
-    def __init__(self, text: str, file: str) -> None:
-        self.text = text
-        self.file = file
-
-    @functools.cached_property
-    def _ids(self) -> dict[str, int]:
-        found: dict[str, int] = {}
-        for match in _ID.finditer(self.text):
-            found.setdefault(match[1], match.start())
-        return found
-
-    @functools.cached_property
-    def _source(self) -> SourceText:
-        return SourceText(self.text, self.file)
-
-    def parsed(self) -> Any:
-        """Return the JSON in the text; raises :class:`InputError` when it is none."""
-        try:
-            return json.loads(self.text, object_pairs_hook=_unique, parse_constant=_refused)
-        except json.JSONDecodeError as error:
-            where = Where(self.file, error.lineno, error.colno)
-            raise InputError.at(where, f"is not JSON: {error.msg}") from error
-        except (RecursionError, ValueError) as error:
-            reason = str(error) if isinstance(error, ValueError) else "it is nested too deeply"
-            where = Where(self.file)
-            raise InputError.at(where, f"is not JSON: {reason}") from error
-
-    def where(self, id: str) -> Where:
-        """Return where an ``@id``, as written, first stands."""
-        position = self._ids.get(id)
-        if position is None:
-            return Where(self.file, 1, 1)
-        return self._source.where(position)
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f'the key "{twice}" is written twice in one object')
-    return found
-
-
-def _refused(constant: str) -> float:
-    raise ValueError(f"{constant} is not a number")
-
+from grammars.text.diagnostics import Diagnostic, InputError, Severity
 
 _NO_IRI: Final = re.compile(r'[\x00-\x20<>"{}|\\^`]')
 # Documents come from outside: one with a million mistakes, or lists nested without end, is refused
@@ -88,6 +37,8 @@ _NUMERIC: Final = frozenset(
     XSD[name] for name in ("double", "float", "decimal", "integer", "int", "long")
 )
 _PLAIN: Final = Term("")
+_AXES: Final = ("x", "y", "z")
+_COORDINATES: Final = secoro("geometry/coordinates.json")
 
 
 def expand_text(text: str, file: str, base: str = "") -> NodeGraph:
@@ -272,6 +223,13 @@ class _Expansion:
                 self.error(self.written.get(node.id, ""), f'"{key}" is not read here')
             return
         term = typed.terms.get(key)
+        if term is None and key in _AXES and _is_vector(node):
+            # Files of June 2023 define the type themselves, without what the published context
+            # scopes to it.
+            names, ids = self.undefined.setdefault(_COORDINATES, ({}, []))
+            names[key] = None
+            ids.append(self.written.get(node.id, ""))
+            term = Term(COORD[key], _DOUBLE)
         if term is None:
             meant = key not in typed.terms and (":" in key or bool(typed.vocabulary))
             iri = typed.iri(key, vocabulary=True) if meant else ""
@@ -389,6 +347,10 @@ class _Expansion:
 
     def _drop(self, key: str, written: str | None) -> None:
         self.dropped.setdefault(key, []).append(written or "")
+
+
+def _is_vector(node: Node) -> bool:
+    return any(local_name(kind) in ("VectorXY", "VectorXYZ") for kind in node.types)
 
 
 def _short(value: Any) -> str:

@@ -12,8 +12,10 @@ import math
 from collections.abc import Iterable
 from typing import Final
 
+from grammars.floorplan import wall_frames
 from grammars.jsonld._kinematics import ANGLES, LENGTHS, scaled
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value, index_by
+from grammars.jsonld._plan_writer import has_mitres
 from grammars.jsonld._references import dangling, reference_rules
 from grammars.jsonld.vocabulary import (
     COORD,
@@ -184,6 +186,12 @@ def _settle_walls(nodes: NodeGraph, walls: list[Node]) -> None:
             f"the height of {_count(without, 'wall')} is not given",
             f"{WALL_HEIGHT:g} m is taken; the thickness is that of the outline",
         )
+    if not (nodes.of_type(FP["Entryway"]) or nodes.of_type(FP["Window"])):
+        nodes.add_warning(
+            walls[0].id,
+            "no entryways and windows are given: every room is closed",
+            "the .fpm text it was made from has them, if there are any",
+        )
 
 
 def _walls_of(nodes: NodeGraph, space: Node) -> list[Node]:
@@ -220,14 +228,14 @@ class _Geometry:
             found.append((numbers, at))
         return found
 
-    def pose(self, frame: str, wrt: str) -> Pose2 | None:
-        """Return the pose of a frame with respect to another one that it is given in."""
+    def pose(self, frame: str, wrt: str) -> tuple[Node, Pose2] | None:
+        """Return the coordinates of a frame in another one that it is placed against."""
         for pose in self._poses.get(frame, ()):
             if pose.ref(REL["with-respect-to"]) == wrt:
                 for numbers in self._frames.get(pose.id, ()):
                     at, yaw = _point(numbers), scaled(numbers, COORD["alpha"], ANGLES)
                     if at is not None:
-                        return Pose2(*at, yaw or 0.0)
+                        return numbers, Pose2(*at, yaw or 0.0)
         return None
 
     def to_own_frame(self, space: Node, wall: Node, index: int) -> bool:
@@ -242,19 +250,35 @@ class _Geometry:
         half = math.dist(start, end) / 2
         if math.dist(inner[0], (half, 0.0)) < _SAME and math.dist(inner[1], (-half, 0.0)) < _SAME:
             return False
-        own = self.pose(
+        placed = self.pose(
             corners[0][0].ref(COORD["as-seen-by"]) or "",
             ring[0][0].ref(COORD["as-seen-by"]) or "",
         )
-        if own is None:
+        if placed is None:
             return False
+        own = self._implied(*placed, [at for _, at in ring], index)
         for numbers, at in corners:
             x, y = own.inverse().apply(at)
-            for axis, value in (("x", x), ("y", y)):
-                numbers.values[COORD[axis]] = [round(value, _DIGITS) + 0.0]
             units = [unit for unit in numbers.refs(QUDT["unit"]) if unit not in LENGTHS]
+            _write(numbers, {"x": round(x, _DIGITS) + 0.0, "y": round(y, _DIGITS) + 0.0})
             numbers.values[QUDT["unit"]] = [Ref(UNIT["M"]), *units]
         return True
+
+    def _implied(self, numbers: Node, pose: Pose2, ring: list[Point2], index: int) -> Pose2:
+        """Return the frame that the outline implies for a wall, and write it, if that is it.
+
+        Published angles are rounded: a room placed by its wall would come back from an export of
+        ours with other last digits.
+        """
+        if not has_mitres(tuple(ring)):
+            return pose
+        implied = wall_frames(tuple(ring))[index]
+        turn = abs(math.remainder(implied.yaw - pose.yaw, math.tau))
+        if math.dist((implied.x, implied.y), (pose.x, pose.y)) > _SAME or turn > _SAME:
+            return pose
+        _write(numbers, {"x": implied.x, "y": implied.y, "alpha": implied.yaw})
+        numbers.values[QUDT["unit"]] = [Ref(UNIT["M"]), Ref(UNIT["RAD"])]
+        return implied
 
     def thickness(self, wall: Node) -> float | None:
         """Return the distance [m] of the outer edge of a wall from the inner one."""
@@ -267,6 +291,11 @@ class _Geometry:
             return None
         x, y = corners[0]
         return round(abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / length, _DIGITS)
+
+
+def _write(numbers: Node, values: dict[str, float]) -> None:
+    for name, value in values.items():
+        numbers.values[COORD[name]] = [value]
 
 
 def _point(numbers: Node) -> Point2 | None:

@@ -296,8 +296,8 @@ def context_for(address: str, notes: set[str]) -> Any:
     """Return our context for a published address, whatever host and folder it had at the time."""
     if address.startswith("file:"):
         # Files of 2023 name the contexts on the disk of the person who wrote them.
-        address = _BY_FILE_NAME.get(address.rpartition("/")[2], address)
         notes.add(address)
+        address = _BY_FILE_NAME.get(address.rpartition("/")[2], address)
     path = address.partition("metamodels/")[2]
     drifted = (
         "/secorolab.github.io/" not in address and "/comp-rob2b.github.io/" not in address
