@@ -158,6 +158,11 @@ def test_a_composable_plan_gives_the_same_walls(campaigns: Path, tmp_path: Path)
     assert invoke(["export", str(composable), "mesh", "-o", str(again)]) == 0
     mesh = "mesh/flat.stl"
     assert (again / mesh).stat().st_size == (tmp_path / mesh).stat().st_size
+    # The folder of published files is the same plan, and so is any of them.
+    for name, path in (("whole", composable.parent), ("part", composable.parent / "shape.json")):
+        assert invoke(["export", str(path), "mesh", "prov", "-o", str(tmp_path / name)]) == 0
+        assert (tmp_path / name / mesh).read_bytes() == (again / mesh).read_bytes()
+    assert "skeleton.json" in (tmp_path / "whole" / "flat.prov.jsonld").read_text()
 
 
 def test_waypoints_are_chosen_on_the_command_line(campaigns: Path, tmp_path: Path) -> None:
