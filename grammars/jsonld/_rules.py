@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
-from grammars.jsonld._kinematics import check_joints
+from grammars.jsonld._kinematics import ANGLES, LENGTHS, check_joints
 from grammars.jsonld._nodes import Node, NodeGraph, index_by
 from grammars.jsonld._references import reference_rules
 from grammars.jsonld.vocabulary import (
@@ -194,6 +194,13 @@ _KIND_NAMES: Final = {
     KC_STATE["JointPosition"]: "joint position",
 }
 """Kinds of things of which one identifier can only be one."""
+_UNIT: Final = QUDT["unit"]
+_MEASURED: Final = (
+    *(COORD[word] for word in ("x", "y", "z", "alpha")),
+    *(POLY[f"{axis}-size"] for axis in "xyz"),
+    *(FP[word] for word in ("height", "thickness")),
+)
+"""Predicates whose numbers are lengths and angles."""
 _OF_THE_PLAN: Final = (REL["with-respect-to"], COORD["as-seen-by"], OBJ["world"])
 """What leads from a layer to the floor plan it is for."""
 _SHOWN: Final = 4
@@ -219,6 +226,7 @@ def check_structure(nodes: NodeGraph, *, partial: bool = False) -> tuple[Diagnos
     _check_identity(nodes, found)
     _check_references(nodes, found, partial)
     _check_coordinates(nodes, found)
+    _check_units(nodes, found)
     check_pose_tree(nodes, found, partial=partial)
     _check_owners(nodes, found)
     check_joints(nodes, found)
@@ -326,6 +334,19 @@ def _check_coordinates(nodes: NodeGraph, found: NodeGraph) -> None:
                 names = ", ".join(local_name(n.id) for n in have[:_SHOWN])
                 message = f"{kind.lower()} {local_name(node.id)} has {len(have)} coordinates"
                 found.add_error(have[1].id, message, f"keep one of {names}")
+
+
+def _check_units(nodes: NodeGraph, found: NodeGraph) -> None:
+    """Numbers that are read are in units known here: another one would be taken for metres."""
+    for node in nodes.by_id.values():
+        units = node.values.get(_UNIT)
+        if units is None or not any(word in node.values for word in _MEASURED):
+            continue
+        for unit in node.refs(_UNIT):
+            if unit not in LENGTHS and unit not in ANGLES:
+                message = f'"{local_name(unit)}", the unit of {local_name(node.id)}, is not known'
+                known = ", ".join(map(local_name, (*LENGTHS, *ANGLES)))
+                found.add_error(node.id, message, f"one of {known}")
 
 
 def _check_owners(nodes: NodeGraph, found: NodeGraph) -> None:

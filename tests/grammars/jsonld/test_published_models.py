@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from grammars.floorplan import FloorPlan, load_floorplan, parse_floorplan
 from grammars.jsonld import check_jsonld, load_floorplan_jsonld, load_scenery_jsonld
@@ -217,6 +219,61 @@ def test_objects_of_june_2023_are_read(tmp_path: Path) -> None:
     assert (one.place.frame.name, one.place.frame.wall) == ("left_long_corridor", 1)  # type: ignore[union-attr]
     assert one.place.yaw == pytest.approx(-math.pi / 2)
     assert any("visual-link and physics-link" in d.message for d in warnings)
+
+
+PLAN_FILES: dict[str, Any] = {}
+VALUES = st.sampled_from(
+    [None, False, 0, -3.5, 1e300, "", "geom:world-frame", [], {}, [[1]], {"@id": "x"}, "M", ["x"],
+     {"@list": ["geom:world-frame"]}, "_:b", {"@type": 3}]
+)  # fmt: skip
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_mutated_plans_of_2023_give_diagnostics_and_nothing_else(
+    tmp_path: Path, data: st.DataObject
+) -> None:
+    folder = tmp_path / "plan"
+    if not folder.exists():
+        write_plan(two_rooms(), folder)
+        PLAN_FILES.update({f.name: json.loads(f.read_text()) for f in folder.iterdir()})
+    files = json.loads(json.dumps(PLAN_FILES))
+    for _ in range(data.draw(st.integers(1, 3))):
+        nodes = files[data.draw(st.sampled_from(sorted(files)))]["@graph"]
+        victim = nodes[data.draw(st.integers(0, len(nodes) - 1))]
+        key = data.draw(st.sampled_from(sorted(victim) or ["x"]))
+        if data.draw(st.booleans()):
+            victim[key] = data.draw(VALUES)
+        else:
+            victim.pop(key, None)
+    for name, content in files.items():
+        (folder / name).write_text(json.dumps(content))
+    try:
+        load_floorplan_jsonld(folder)
+    except InputError as error:
+        assert error.diagnostics
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"M", "degrees"', '"feet", "degrees"', r'"feet", the unit of .*, is not known'),
+        ('"theta": 0.0, "x": 0.0, "y": 0.0', '"z": null', "has none of x, y, z and alpha"),
+        ("metamodels/qudt.json", "metamodels/qdut.json", 'did you mean "qudt.json"'),
+        ('"as-seen-by": "geom:frame-hall-wall-0"', '"as-seen-by": "geom:frame-kitchen-wall-0"',
+         "is not drawn in one frame|is seen by"),
+    ],
+)  # fmt: skip
+def test_what_has_no_sane_reading_is_refused(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    folder = write_plan(two_rooms(), tmp_path / "plan")
+    text = (folder / "coordinate.json").read_text()
+    assert old in text
+    (folder / "coordinate.json").write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=message) as caught:
+        load_floorplan_jsonld(folder)
+    assert all(d.where.line > 0 for d in caught.value.diagnostics)
 
 
 def golden_rooms(path: Path) -> dict[str, Any]:
