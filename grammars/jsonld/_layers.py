@@ -56,11 +56,13 @@ def scenery_document(
 def objects_document(plan: FloorPlan, layers: Sequence[SceneryLayer]) -> Json:
     """Return objects, states and instances of all layers as one document, without behaviours.
 
-    What published tools read from the folder of a plan. Raises :class:`InputError` for what cannot
-    be placed.
+    What published tools read from the folder of a plan. Every instance has its pose in the world:
+    scenery_builder goes astray on the way to it from rooms that are placed by a wall at their
+    side. Raises :class:`InputError` for what cannot be placed.
     """
     frames = PlanWriter(plan)
-    nodes = [n for layer in layers for n in LayerWriter(layer, frames, layers).write_objects()]
+    writers = [LayerWriter(layer, frames, layers, in_world=True) for layer in layers]
+    nodes = [node for writer in writers for node in writer.write_objects()]
     # Two layers may each need the mirror image of a door.
     known = {node["@id"]: node for node in nodes}
     return {"@context": layer_context(frames.base), "@graph": list(known.values())}
@@ -70,8 +72,14 @@ class LayerWriter:
     """Builds the nodes of one layer; ``places`` tells where each was written in the text."""
 
     def __init__(
-        self, layer: SceneryLayer, frames: PlanWriter, layers: Sequence[SceneryLayer]
+        self,
+        layer: SceneryLayer,
+        frames: PlanWriter,
+        layers: Sequence[SceneryLayer],
+        *,
+        in_world: bool = False,
     ) -> None:
+        self._in_world = in_world
         self._layer = layer
         self._plan = frames.plan
         self._catalogue = Catalogue(layers)
@@ -113,11 +121,16 @@ class LayerWriter:
         node: Json = {"@id": id, "@type": "ObjectInstance", "frame": f"{id}.frame"}
         node["world"] = f"fpm:{self._frames.ids['plan', self._plan.name]}"
         node["scn:name"] = instance.name
-        if isinstance(instance.place, At):
+        placed = place_instance(self._plan, instance, model)
+        if placed.mirrored:
+            kind = self._mirror(model, placed.across)
+        if self._in_world:
+            wrt, pose = f"fpm:{self._frames.frame(WORLD_FRAME)}", placed.pose
+            node["scn:placement"] = value_to_jsonld(instance.place)
+        elif isinstance(instance.place, At):
             wrt = self._frame(instance.place.frame)
             pose = self._at(instance, model, node, wrt)
         else:
-            placed = place_instance(self._plan, instance, model)
             opening = next(o for o in self._plan.openings if o.name == instance.place.entryway.text)
             wall = next(w for w in self._plan.walls if w.id == opening.walls[0])
             # Others know no entryways to fit doors into: they get a pose at the wall, and our own
@@ -127,8 +140,6 @@ class LayerWriter:
             pose = Pose2(trim_rounding(relative.x), trim_rounding(relative.y), relative.yaw)
             node["scn:stands-in"] = {"@id": f"fpm:{self._frames.ids[opening.kind, opening.id]}"}
             node["scn:placement"] = value_to_jsonld(instance.place)
-            if placed.mirrored:
-                kind = self._mirror(model, placed.across)
         node["of-object"] = kind
         self._start(node, instance, model)
         if instance.frozen:

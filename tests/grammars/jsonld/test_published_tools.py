@@ -18,7 +18,8 @@ from grammars.jsonld import (
     scenery_document,
 )
 from grammars.jsonld.rdf import graph_of
-from grammars.jsonld.vocabulary import COORD, DYN, GZB, OBJ
+from grammars.jsonld.vocabulary import COORD, DYN, GZB, OBJ, REL
+from grammars.scenery.composition import compile_scene
 from tests.grammars.jsonld.published_tools import (
     LIMIT,
     by_pyld,
@@ -106,6 +107,25 @@ def test_poses_walked_by_their_names_lead_to_the_world(text: str | None) -> None
     assert expected.keys() <= walked.keys()
     for name, corner in expected.items():
         assert walked[name] == pytest.approx(corner, abs=1e-9), name
+
+
+def test_objects_have_their_pose_in_the_world() -> None:
+    """From rooms that are placed by a wall at their side, scenery_builder loses the way to it."""
+    plan, objects = two_rooms(), layer(DOORS)
+    graph = by_pyld(objects_document(plan, [objects]))
+    scene = compile_scene(plan, [objects])
+    found = {}
+    for instance, _, frame in graph.triples((None, URIRef(OBJ["frame"]), None)):
+        pose = graph.value(predicate=URIRef(REL["of"]), object=frame)
+        assert str(graph.value(pose, URIRef(REL["with-respect-to"]))).endswith("/world-frame")
+        numbers = graph.value(predicate=URIRef(COORD["of-pose"]), object=pose)
+        words = ("x", "y", "alpha")
+        at = tuple(float(str(graph.value(numbers, URIRef(COORD[word])))) for word in words)
+        found[str(instance).rpartition(":")[2]] = at
+    expected = {each.name: (each.pose.x, each.pose.y, each.pose.yaw) for each in scene.objects}
+    assert found.keys() == expected.keys()
+    for name, pose in expected.items():
+        assert found[name] == pytest.approx(pose, abs=1e-8)
 
 
 def test_near_faces_are_level_to_the_last_digit(campaigns: Path) -> None:
