@@ -14,9 +14,13 @@ from typing import Any, Final
 from grammars.jsonld.vocabulary import (
     COORD,
     DYN,
+    GEOM,
     GZB,
     ITEMS,
+    KC,
     KC_STATE,
+    OBJ,
+    POLY,
     QUDT,
     ROB2B_CONTEXTS,
     SCN,
@@ -46,6 +50,11 @@ _COORDINATES: Final = {
 }
 _OBJECTS: Final = {
     **_COORDINATES,
+    # Of nodes with several types: published contexts may scope any of these to one of them.
+    **_references(GEOM, "origin", "start", "vector-x", "vector-y", "vector-z", "simplices"),
+    **_references(KC, "between-attachments", "common-axis"),
+    **_references(OBJ, "link", "polytope", "object-frame", "object-links", "kinematic-chain"),
+    **_numbers(POLY, "x-size", "y-size", "z-size"),
     **_references(DYN, "of-body"),
     **_numbers(DYN, "mass", "xx", "yy", "zz"),
     **_numbers(QUDT, "value"),

@@ -20,6 +20,9 @@ LIMIT = 10
 """Remote contexts that PyLD reads of one document."""
 
 
+ROB2B_GEOMETRY = ("coordinates", "structural-entities", "spatial-relations")
+
+
 def local_context(address: str, options: Any = None) -> dict[str, Any]:
     """Serve our context for a published address, as a document loader of PyLD."""
     context = contexts.context_for(address, set())
@@ -53,6 +56,22 @@ def by_rdflib(data: Any) -> Graph:
         # Its own parser makes graphs of a class it calls deprecated.
         warnings.simplefilter("ignore", DeprecationWarning)
         return Graph().parse(data=json.dumps(inlined(data)), format="json-ld")
+
+
+def compact(graph: Graph, plan: str) -> Any:
+    """Return the graph of a plan as one document, in the way ``transform`` writes it."""
+    jsonld = pytest.importorskip("pyld").jsonld
+    contexts_of_plans = [
+        {plan: f"{contexts.PLANS}{plan}/"},
+        contexts.rob2b("qudt.json").replace("https:", "http:"),
+        *(contexts.rob2b(f"geometry/{name}.json") for name in ROB2B_GEOMETRY),
+        contexts.secoro("geometry/coordinates.json"),
+        contexts.secoro("geometry/polytope.json"),
+        contexts.secoro("floorplan/floorplan.json"),
+    ]
+    expanded = jsonld.from_rdf(graph.serialize(format="nt"), {"format": "application/n-quads"})
+    options = {"documentLoader": local_context}
+    return jsonld.compact(expanded, {"@context": contexts_of_plans}, options)
 
 
 def said(graph: Graph) -> dict[str, Any]:

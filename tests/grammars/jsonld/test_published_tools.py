@@ -12,6 +12,7 @@ from rdflib import Graph, URIRef
 from grammars.floorplan import FloorPlan, load_floorplan, parse_floorplan
 from grammars.jsonld import (
     expand,
+    load_floorplan_jsonld,
     objects_document,
     plan_document,
     plan_documents,
@@ -24,6 +25,7 @@ from tests.grammars.jsonld.published_tools import (
     LIMIT,
     by_pyld,
     by_rdflib,
+    compact,
     said,
     walked_by_name,
 )
@@ -79,6 +81,18 @@ def test_pyld_reads_by_its_defaults_what_we_write(name: str) -> None:
 def test_rdflib_loses_nothing_of_what_we_write(name: str) -> None:
     data = json.loads(json.dumps(DOCUMENTS[name]))
     assert said(by_rdflib(data)) == said(by_pyld(data))
+
+
+def test_a_plan_that_scenery_builder_made_compact_is_read(tmp_path: Path) -> None:
+    """One file, its identifiers with the name of the plan in front, and in an order of its own."""
+    plan = two_rooms()
+    file = tmp_path / "floorplan.fpm.json"
+    file.write_text(json.dumps(compact(by_pyld(plan_document(plan)), plan.name)))
+    back = load_floorplan_jsonld(file)
+    assert back.warnings == ()
+    assert world_corners(back).keys() == world_corners(plan).keys()
+    for name, corner in world_corners(plan).items():
+        assert world_corners(back)[name] == pytest.approx(corner, abs=1e-9), name
 
 
 def world_corners(plan: FloorPlan) -> dict[str, tuple[float, float, float]]:
