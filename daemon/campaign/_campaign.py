@@ -22,14 +22,9 @@ from daemon.campaign._external import (
     default_repeats,
     says_repeats,
 )
-from daemon.campaign._file import (
-    CampaignFile,
-    LayerReference,
-    ResolvedScenario,
-    read_campaign,
-    repeat_policy,
-)
+from daemon.campaign._file import CampaignFile, repeat_policy
 from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario, read_campaign
 from daemon.campaign._sensors import check_sensors
 from daemon.model.assessments import AssessmentRules
 from daemon.model.packed_submission import fingerprint

@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from daemon.campaign._file import LayerReference, Overrides, PlanVariation
+from daemon.campaign._file import Overrides
+from daemon.campaign._scenarios import LayerReference, PlanVariation
 from daemon.campaign._sut_files import LoadedSut, load_sut
 from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference

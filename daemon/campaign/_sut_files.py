@@ -15,7 +15,6 @@ from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
-from daemon.campaign._file import LayerReference
 from daemon.campaign._foreign_files import refuse_unread
 from daemon.campaign._launch import load_launched
 from daemon.campaign._parameter_files import (
@@ -40,6 +39,7 @@ from daemon.campaign._ros_sources import (
     plan_launch,
     refuse_lone_changes,
 )
+from daemon.campaign._scenarios import LayerReference
 from daemon.model.attachments import FILES_PARAMETER, attach_files
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
