@@ -9,11 +9,19 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    model_validator,
+)
 
 from daemon.campaign._references import ReferenceText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
+from grammars.model.files import MISSION_KEYS, ROBOT_KEYS
 from grammars.model.grid import MapRule
 from grammars.text.documents import Duration, Length, Ratio, StrictModel
 from grammars.text.quantity import read_as
@@ -102,15 +110,59 @@ Overrides: TypeAlias = dict[str, Any]
 _OneLayer: TypeAlias = Annotated[
     dict[str, Overrides], Field(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 ]
-LayerName: TypeAlias = str | _OneLayer
+
+
+def _layer(value: Any) -> Any:
+    """Take the name of a layer, alone or with overrides; raises ``ValueError`` in plain words."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list):
+        raise ValueError("takes one layer here, not a list: write its name without brackets")
+    if not isinstance(value, dict) or not value:
+        kind = "nothing" if not value else "true or false" if value is True else "a number"
+        raise ValueError(f"must be NAME or NAME: {{parameter: value}}, not {kind}")
+    for name, overrides in value.items():
+        if overrides is None:
+            raise ValueError(f'"{name}:" has no values behind it: without any, write {name}')
+        if not isinstance(overrides, dict):
+            given = " ".join(str(overrides).split())[:40]
+            raise ValueError(f"write {name}: {{parameter: value}}, not {name}: {given}")
+    return value
+
+
+LayerName: TypeAlias = Annotated[
+    str | dict[str, Overrides],
+    # Plain: a union would report each of its members, in words about Python.
+    PlainValidator(_layer, json_schema_input_type=str | _OneLayer),
+]
 
 
 def _as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
+def _name_alone(value: Any) -> Any:
+    """Refuse what is no name but may hold one; raises ``ValueError``."""
+    if isinstance(value, list):
+        raise ValueError("takes one name, not a list: write it without brackets")
+    if isinstance(value, dict):
+        raise ValueError("takes a name, not keys: what is named has a file of its own")
+    if value is None:
+        raise ValueError("names nothing")
+    return value
+
+
+def _no_mapping(value: Any) -> Any:
+    if isinstance(value, dict):
+        raise ValueError("takes names, not keys: what is named has a file of its own")
+    return value
+
+
+_OneName: TypeAlias = Annotated[str, BeforeValidator(_name_alone, json_schema_input_type=str)]
 _Names: TypeAlias = Annotated[
-    list[str], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
+    list[_OneName],
+    BeforeValidator(_as_list, json_schema_input_type=str | list[str]),
+    BeforeValidator(_no_mapping, json_schema_input_type=str | list[str]),
 ]
 _References: TypeAlias = Annotated[
     list[LayerName], BeforeValidator(_as_list, json_schema_input_type=LayerName | list[LayerName])
@@ -189,7 +241,7 @@ class VaryText(StrictModel):
         }
     )
 
-    floorplan: str
+    floorplan: _OneName
     """A variation layer: NAME.variation beside this file."""
     samples: int | None = Field(default=None, ge=1, le=10_000)
     """How many variants; grid and pairwise know it themselves."""
@@ -205,54 +257,100 @@ class VaryText(StrictModel):
         return self
 
 
-class ScenarioText(StrictModel):
-    """One scenario: the layers that make it."""
+class SlotsText(StrictModel):
+    """What a scenario is made of."""
 
-    about: str = ""
-    """One line for people."""
-    like: str | None = None
-    """Another scenario of this file: this one is the same except for what is written here."""
-    abstract: bool = False
-    """Never run itself, only for others to be like."""
-    floorplan: LayerName | None = None
+    floorplan: LayerName | None = Field(default=None, examples=["flat"])
     """A floor plan: NAME.fpm beside this file or in floorplans/. NAME: {variable: value} gives
     variables of the plan other values."""
-    objects: _Names | None = None
+    objects: _Names | None = Field(default=None, examples=["doors"])
     """Scenery layers with object models and their places: NAME.scenery here or in scenery/."""
-    behaviours: _References | None = None
+    behaviours: _References | None = Field(default=None, examples=["doors_open"])
     """Scenery layers that say what objects do; later ones win. NAME: {parameter: value} sets
     parameters of a layer."""
-    more_behaviours: _References | None = Field(default=None, alias="behaviours+")
-    """Behaviours on top of those of the scenario this one is like."""
-    mission: str | None = None
+    mission: _OneName | None = Field(default=None, examples=["courier"])
     """A mission: NAME.mission.yaml here or in missions/."""
-    robot: str | None = None
+    robot: _OneName | None = Field(default=None, examples=["courier"])
     """Another robot than the campaign's."""
-    sut: _Names | None = None
+    sut: _Names | None = Field(default=None, examples=["pilot"])
     """Other systems under test than the campaign's."""
-    oracles: _Names | None = None
+    oracles: _Names | None = Field(default=None, examples=[["reached", "no-contact"]])
     """Which oracles judge this scenario, by their names in the layers of the campaign."""
-    more_oracles: _Names | None = Field(default=None, alias="oracles+")
-    """Oracles on top of those of the scenario this one is like."""
-    map: MapText | None = None
-    vary: VaryText | None = None
+    map: MapText | None = Field(default=None, examples=[{"file": "office.yaml"}])
+    vary: VaryText | None = Field(default=None, examples=[{"floorplan": "flat", "samples": 20}])
     chance: Chance | None = None
     """Whether random behaviours are drawn anew for each repeat or once."""
     limit: Duration | None = Field(default=None, gt=0)
     """Simulated time a run of this scenario may take."""
 
 
+class DefaultsText(SlotsText):
+    """What holds for every scenario that does not say otherwise, itself or by "like"."""
+
+    elsewhere = MISSION_KEYS | dict.fromkeys(
+        ("about", "like", "abstract", "behaviours+", "oracles+"), "it belongs in a scenario"
+    )
+
+
+class ScenarioText(SlotsText):
+    """One scenario: the layers that make it."""
+
+    elsewhere = (
+        MISSION_KEYS
+        | dict.fromkeys(
+            ("seed", "repeats", "compare", "expect", "reference", "gate", "defaults"),
+            "it belongs at the top of the campaign file, it is about all scenarios",
+        )
+        | {"matrix": "it belongs at the top of the campaign file; here write: sut: [pilot]"}
+    )
+
+    about: str = ""
+    """One line for people."""
+    like: _OneName | None = None
+    """Another scenario of this file: this one is the same except for what is written here."""
+    abstract: bool = False
+    """Never run itself, only for others to be like."""
+    more_behaviours: _References | None = Field(default=None, alias="behaviours+")
+    """Behaviours on top of those of the scenario this one is like."""
+    more_oracles: _Names | None = Field(default=None, alias="oracles+")
+    """Oracles on top of those of the scenario this one is like."""
+
+
 class _MatrixText(StrictModel):
     """What every scenario is run with, in turn."""
 
-    sut: _Names
-    """Systems under test: NAME.yaml here or in suts/, or the name of a kind."""
+    elsewhere = dict.fromkeys(
+        ("robot", "floorplan", "mission"), 'only "sut" has several values here: a scenario for each'
+    )
+
+    sut: _Names = Field(examples=[["pilot"]])
+    """Systems under test: NAME.yaml here or in suts/, the name of a kind, or one that ships."""
 
 
 class CampaignFile(StrictModel):
     """The keys of a campaign file."""
 
-    campaign: str = Field(pattern=_CAMPAIGN_NAME)
+    elsewhere = (
+        MISSION_KEYS
+        | ROBOT_KEYS
+        | dict.fromkeys(("kind", "ros", "parameters"), "it belongs in a SUT file: suts/NAME.yaml")
+        | {
+            key: f'it belongs in a scenario, or under "defaults:" for all of them: {key}: {example}'
+            for key, example in (
+                ("floorplan", "flat"),
+                ("objects", "doors"),
+                ("behaviours", "doors_open"),
+                ("mission", "courier"),
+            )
+        }
+        | dict.fromkeys(
+            ("like", "abstract", "behaviours+", "oracles+"),
+            "it belongs in a scenario, below its name",
+        )
+        | {"sut": "for all scenarios write: matrix: {sut: [pilot]}"}
+    )
+
+    campaign: str = Field(pattern=_CAMPAIGN_NAME, examples=["courier-tests"])
     """Name of the campaign."""
     about: str = ""
     """One line for people."""
@@ -261,15 +359,19 @@ class CampaignFile(StrictModel):
     repeats: RepeatsText = ONCE
     """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}; the same repeat sees the
     same noise in each of them. When left out 1, and 5 with a system that is not repeatable."""
-    limit: Duration = Field(gt=0, le=86_400)
+    limit: Duration = Field(gt=0, le=86_400, examples=["3 min"])
     """Simulated time a run may take."""
-    robot: str | None = None
-    """A robot: NAME.yaml beside this file or in robots/."""
-    matrix: _MatrixText | None = None
-    oracles: _Names | None = None
-    """Oracle layers: NAME.oracles.yaml beside this file or in oracles/."""
-    map: MapText = MapText()
-    vary: VaryText | None = None
+    robot: _OneName | None = Field(default=None, examples=["courier"])
+    """A robot: NAME.yaml beside this file or in robots/, or one that ships."""
+    matrix: _MatrixText | None = Field(default=None, examples=[{"sut": ["pilot"]}])
+    oracles: _Names | None = Field(default=None, examples=["navigation"])
+    """Oracle layers, of which scenarios name lines: NAME.oracles.yaml beside this file or in
+    oracles/."""
+    map: MapText = Field(default=MapText(), examples=[{"doors": "initial"}])
+    vary: VaryText | None = Field(default=None, examples=[{"floorplan": "flat", "samples": 20}])
+    defaults: DefaultsText = DefaultsText()
+    """What holds for every scenario that does not say otherwise, itself or by "like": any key of a
+    scenario."""
     chance: Chance = "per repeat"
     """Whether random behaviours are drawn anew for each repeat or once."""
     scenarios: dict[Annotated[str, Field(pattern=_NAME)], ScenarioText] = Field(min_length=1)

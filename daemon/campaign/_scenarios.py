@@ -1,12 +1,14 @@
 """The scenarios of a campaign file: what each inherits, which layers it names.
 
-Every value names a layer file; a scenario that is ``like`` another is that scenario except for
-the slots written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracles+`` and
+Every value names a layer file. Keys at the top of the file hold for all scenarios, those below
+``defaults`` over them; a scenario that is ``like`` another is that scenario except for the slots
+written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracles+`` and
 ``behaviours+`` add to it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
@@ -16,11 +18,12 @@ from daemon.campaign._file import (
     LayerName,
     MapText,
     Overrides,
-    ScenarioText,
+    SlotsText,
     VaryText,
 )
 from daemon.model.spec import MapSettings
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.oracle import Oracle
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
 from grammars.text.documents import YamlDocument, read_model
 
 
@@ -80,8 +83,8 @@ def read_campaign(document: YamlDocument) -> tuple[CampaignFile, tuple[ResolvedS
             problems.extend(error.diagnostics)
             continue
         if not scenario.abstract:
-            problems.extend(_missing_slots(resolved))
             scenarios.append(resolved)
+    problems.extend(_missing_slots(scenarios, document, text))
     if problems:
         raise InputError(dict.fromkeys(problems))
     if not scenarios:
@@ -97,7 +100,11 @@ def _resolve_scenario(
     scenario, path = text.scenarios[name], ("scenarios", name)
     where = document.where(path)
     if scenario.like is None:
-        base = _defaults(name, where, text, document)
+        base = _overlay(
+            _from_the_top(name, where, text, document), text.defaults, document, ("defaults",)
+        )
+        varied = _vary(text.defaults.vary, ("defaults", "vary"), text, document)
+        base = replace(base, vary=varied or base.vary)
     else:
         like_at = document.where((*path, "like"))
         # In the order in which people would follow it, to be read as a chain.
@@ -114,7 +121,7 @@ def _resolve_scenario(
     return _overlay(renamed, scenario, document, path)
 
 
-def _defaults(
+def _from_the_top(
     name: str, where: Where, text: CampaignFile, document: YamlDocument
 ) -> ResolvedScenario:
     robot = LayerReference(text.robot, {}, document.where(("robot",))) if text.robot else None
@@ -149,8 +156,9 @@ _LISTS: Final = {"sut": "suts"} | {key: key for key in ("objects", "behaviours",
 
 
 def _overlay(
-    base: ResolvedScenario, scenario: ScenarioText, document: YamlDocument, path: tuple[str, ...]
+    base: ResolvedScenario, scenario: SlotsText, document: YamlDocument, path: tuple[str, ...]
 ) -> ResolvedScenario:
+    """Return ``base`` with the slots of ``scenario`` over it, but for the variants of its plan."""
     changes: dict[str, Any] = {}
     if scenario.floorplan is not None:
         where = document.where((*path, "floorplan"))
@@ -166,14 +174,14 @@ def _overlay(
         if value is not None:
             changes[slot] = _references(value, (*path, key), document)
     for slot in ("behaviours", "oracles"):
-        more = getattr(scenario, f"more_{slot}") or []
+        more = getattr(scenario, f"more_{slot}", None) or []
         inherited = changes.get(slot, getattr(base, slot))
         changes[slot] = inherited + _references(more, (*path, f"{slot}+"), document)
     if scenario.map is not None:
         changes["map"] = scenario.map.settings()
         changes["map_file"] = _map_file(scenario.map, (*path, "map", "file"), document)
     for slot in ("limit", "chance", "about"):
-        if getattr(scenario, slot):
+        if getattr(scenario, slot, None):
             changes[slot] = getattr(scenario, slot)
     return replace(base, **changes)
 
@@ -203,18 +211,82 @@ def _reference(value: LayerName, where: Where) -> LayerReference:
 
 
 _REQUIRED: Final = {
-    "floorplan": "floorplan",
-    "mission": "mission",
-    "robot": "robot",
-    "suts": "sut",
-    "oracles": "oracles",
+    "floorplan": ("floorplan", 'write in the scenario, or under "defaults:" for all of them'),
+    "mission": ("mission", 'write in the scenario, or under "defaults:" for all of them'),
+    "robot": ("robot", "write at the top of the file, or in the scenario for that one alone"),
+    "suts": ("sut", "write at the top of the file"),
+    "oracles": ("oracles", 'write in the scenario, or under "defaults:" for all of them'),
 }
-"""Slots a scenario needs, each with the key people write."""
+"""Slots a scenario needs, each with the key people write and where."""
+_EXAMPLES: Final = {
+    "floorplan": "floorplan: flat (the file flat.fpm)",
+    "mission": "mission: courier (the file courier.mission.yaml)",
+    "robot": "robot: courier (`scenario list` names those that ship)",
+    "suts": "matrix: {sut: [pilot]} (`scenario list` names those that ship)",
+    "oracles": "oracles: [reached, no-contact]",
+}
 
 
-def _missing_slots(scenario: ResolvedScenario) -> list[Diagnostic]:
-    return [
-        Diagnostic(scenario.where, f'scenario "{scenario.name}" names no {key}')
-        for slot, key in _REQUIRED.items()
-        if not getattr(scenario, slot) and not (slot == "floorplan" and scenario.vary)
+def _missing_slots(
+    scenarios: list[ResolvedScenario], document: YamlDocument, text: CampaignFile
+) -> list[Diagnostic]:
+    found = []
+    for slot, (key, place) in _REQUIRED.items():
+        missing = [
+            scenario
+            for scenario in scenarios
+            if not getattr(scenario, slot) and not (slot == "floorplan" and scenario.vary)
+        ]
+        hint = f"{place}: {_EXAMPLES[slot]}"
+        if slot == "oracles":
+            hint = f"{_oracle_files(text)}; which of their lines judge a scenario, {hint}"
+        if len(missing) == len(scenarios) > 1:
+            # What all of them lack is one mistake.
+            where = document.where(("scenarios",))
+            found.append(Diagnostic(where, f"no scenario names {_with_any(key)}", hint))
+            continue
+        found += [Diagnostic(s.where, f'scenario "{s.name}" names no {key}', hint) for s in missing]
+    return found
+
+
+def _with_any(key: str) -> str:
+    return key if key == "oracles" else with_article(key)
+
+
+def _oracle_files(text: CampaignFile) -> str:
+    if text.oracles:
+        named = ", ".join(text.oracles)
+        return f'"oracles: {named}" at the top names files that hold oracles'
+    return (
+        '"oracles: navigation" at the top of the file names navigation.oracles.yaml, '
+        "a file of lines such as: no-contact: never(contact)"
+    )
+
+
+def pick_oracles(
+    scenario: ResolvedScenario, pool: dict[str, Oracle], text: CampaignFile
+) -> tuple[Oracle, ...]:
+    """Return the oracles a scenario names, out of the ``pool`` of all the campaign has.
+
+    Raises :class:`InputError` for each it does not have.
+    """
+    unknown = [
+        Diagnostic(r.where, f'no oracle "{r.name}"', _oracle_hint(r.name, pool, text.oracles or []))
+        for r in scenario.oracles
+        if r.name not in pool
     ]
+    if unknown:
+        raise InputError(unknown)
+    return tuple(pool[r.name] for r in scenario.oracles)
+
+
+def _oracle_hint(name: str, pool: dict[str, Oracle], files: Sequence[str]) -> str:
+    if not files:
+        return (
+            'write at the top of the campaign file in which file it stands, such as "oracles: '
+            'navigation" for navigation.oracles.yaml'
+        )
+    if name in files:
+        some = ", ".join(list(pool)[:3])
+        return f"that is a file: name lines of it here, such as: oracles: [{some}]"
+    return did_you_mean(name, pool)
