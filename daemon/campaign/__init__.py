@@ -20,6 +20,8 @@ from daemon.campaign._layers import (
     VARIATION,
     LayerLibrary,
     find_layer,
+    layer_names,
+    layer_places,
 )
 from daemon.campaign._parameters import (
     ParameterValue,
@@ -55,6 +57,8 @@ __all__ = [
     "expand",
     "find_layer",
     "flatten_parameters",
+    "layer_names",
+    "layer_places",
     "load_campaign",
     "load_sut",
     "merge_parameters",
