@@ -12,12 +12,14 @@ from daemon.campaign._campaign import (
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
     FLOORPLAN,
+    LAYER_KINDS,
     MISSION,
     ORACLES,
     ROBOT,
     SCENERY,
     SUT,
     VARIATION,
+    LayerKind,
     LayerLibrary,
     find_layer,
     layer_names,
@@ -35,6 +37,7 @@ from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile
 
 __all__ = [
     "FLOORPLAN",
+    "LAYER_KINDS",
     "MISSION",
     "ORACLES",
     "ROBOT",
@@ -45,6 +48,7 @@ __all__ = [
     "Campaign",
     "CampaignCell",
     "CampaignFile",
+    "LayerKind",
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",

@@ -54,6 +54,9 @@ ROBOT: Final = LayerKind("robot", (".yaml",), "robots", key="robot", ships=True)
 SUT: Final = LayerKind("system under test", (".yaml",), "suts", key="sut", ships=True)
 ORACLES: Final = LayerKind("oracles", (".oracles.yaml", ".yaml"), "oracles")
 
+LAYER_KINDS: Final = (ROBOT, SUT, FLOORPLAN, VARIATION, SCENERY, MISSION, ORACLES)
+"""Every kind, those first of which there are some that ship."""
+
 
 def find_layer(
     folder: Path, reference: LayerReference, kind: LayerKind, *, shipped: bool = True

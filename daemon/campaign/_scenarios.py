@@ -221,8 +221,8 @@ _REQUIRED: Final = {
 _EXAMPLES: Final = {
     "floorplan": "floorplan: flat (the file flat.fpm)",
     "mission": "mission: courier (the file courier.mission.yaml)",
-    "robot": "robot: courier (`scenario list` names those that ship)",
-    "suts": "matrix: {sut: [pilot]} (`scenario list` names those that ship)",
+    "robot": "robot: courier (`scenario layers` names those that ship)",
+    "suts": "matrix: {sut: [pilot]} (`scenario layers` names those that ship)",
     "oracles": "oracles: [reached, no-contact]",
 }
 
