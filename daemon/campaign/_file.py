@@ -14,16 +14,16 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    PlainValidator,
     model_validator,
 )
 
+from daemon.campaign._names import LayerName, Names, OneName, References
 from daemon.campaign._references import ReferenceText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
 from grammars.model.files import MISSION_KEYS, ROBOT_KEYS
 from grammars.model.grid import MapRule
-from grammars.text.documents import Duration, Length, Ratio, StrictModel, wrong_form
+from grammars.text.documents import Duration, Length, Ratio, StrictModel
 from grammars.text.quantity import read_as
 
 _MOST_REPEATS: Final = 100_000
@@ -106,68 +106,6 @@ def repeat_policy(text: _RepeatsText) -> RepeatPolicy:
 
 _CAMPAIGN_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
-Overrides: TypeAlias = dict[str, Any]
-_OneLayer: TypeAlias = Annotated[
-    dict[str, Overrides], Field(json_schema_extra={"minProperties": 1, "maxProperties": 1})
-]
-
-
-def _layer(value: Any) -> Any:
-    """Take the name of a layer, alone or with overrides; raises ``ValueError`` in plain words."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, list):
-        raise ValueError("takes one layer here, not a list: write its name without brackets")
-    if not isinstance(value, dict) or not value:
-        kind = "nothing" if not value else "true or false" if value is True else "a number"
-        raise ValueError(f"must be NAME or NAME: {{parameter: value}}, not {kind}")
-    for name, overrides in value.items():
-        if overrides is None:
-            raise ValueError(f'"{name}:" has no values behind it: without any, write {name}')
-        if not isinstance(overrides, dict):
-            given = " ".join(str(overrides).split())[:40]
-            raise ValueError(f"write {name}: {{parameter: value}}, not {name}: {given}")
-    return value
-
-
-LayerName: TypeAlias = Annotated[
-    str | dict[str, Overrides],
-    # Plain: a union would report each of its members, in words about Python.
-    PlainValidator(_layer, json_schema_input_type=str | _OneLayer),
-]
-
-
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
-
-
-def _name_alone(value: Any) -> Any:
-    """Refuse what is no name but may hold one."""
-    if isinstance(value, list):
-        raise wrong_form("takes one name, not a list: write it without brackets")
-    if isinstance(value, dict):
-        raise wrong_form("takes a name, not keys: what is named has a file of its own")
-    if value is None:
-        raise wrong_form("names nothing")
-    return value
-
-
-def _no_mapping(value: Any) -> Any:
-    if isinstance(value, dict):
-        raise wrong_form("takes names, not keys: what is named has a file of its own")
-    return value
-
-
-_OneName: TypeAlias = Annotated[str, BeforeValidator(_name_alone, json_schema_input_type=str)]
-_Names: TypeAlias = Annotated[
-    list[_OneName],
-    BeforeValidator(_as_list, json_schema_input_type=str | list[str]),
-    BeforeValidator(_no_mapping, json_schema_input_type=str | list[str]),
-]
-_References: TypeAlias = Annotated[
-    list[LayerName], BeforeValidator(_as_list, json_schema_input_type=LayerName | list[LayerName])
-]
-
 
 _OF_DOORS: Final = (
     'what stands there is said by scenery layers: "objects:" names those with the models and their '
@@ -193,7 +131,7 @@ class ExpectText(StrictModel):
     """Name of a scenario, or a pattern such as S3.*; all when left out."""
     oracle: str = "*"
     """Name of an oracle or of a comparison, or a pattern; all when left out."""
-    sut: _Names = Field(default_factory=list)
+    sut: Names = Field(default_factory=list)
     """Systems under test, names or patterns; all when left out."""
     verdict: Literal["pass", "fail", "mixed", "any"]
     """pass; fail: in every run; mixed: in at least one run; any: whatever comes out."""
@@ -258,7 +196,7 @@ class VaryText(StrictModel):
         }
     )
 
-    floorplan: _OneName
+    floorplan: OneName
     """A variation layer: NAME.variation beside this file."""
     samples: int | None = Field(default=None, ge=1, le=10_000)
     """How many variants; grid and pairwise know it themselves."""
@@ -280,18 +218,18 @@ class SlotsText(StrictModel):
     floorplan: LayerName | None = Field(default=None, examples=["flat"])
     """A floor plan: NAME.fpm beside this file or in floorplans/. NAME: {variable: value} gives
     variables of the plan other values."""
-    objects: _Names | None = Field(default=None, examples=["doors"])
+    objects: Names | None = Field(default=None, examples=["doors"])
     """Scenery layers with object models and their places: NAME.scenery here or in scenery/."""
-    behaviours: _References | None = Field(default=None, examples=["doors_open"])
+    behaviours: References | None = Field(default=None, examples=["doors_open"])
     """Scenery layers that say what objects do; later ones win. NAME: {parameter: value} sets
     parameters of a layer."""
-    mission: _OneName | None = Field(default=None, examples=["courier"])
+    mission: OneName | None = Field(default=None, examples=["courier"])
     """A mission: NAME.mission.yaml here or in missions/."""
-    robot: _OneName | None = Field(default=None, examples=["courier"])
+    robot: OneName | None = Field(default=None, examples=["courier"])
     """Another robot than the campaign's."""
-    sut: _Names | None = Field(default=None, examples=["pilot"])
+    sut: Names | None = Field(default=None, examples=["pilot"])
     """Other systems under test than the campaign's."""
-    oracles: _Names | None = Field(default=None, examples=[["reached", "no-contact"]])
+    oracles: Names | None = Field(default=None, examples=[["reached", "no-contact"]])
     """Which oracles judge this scenario, by their names in the layers of the campaign."""
     map: MapText | None = Field(default=None, examples=[{"file": "office.yaml"}])
     vary: VaryText | None = Field(default=None, examples=[{"floorplan": "flat", "samples": 20}])
@@ -324,13 +262,13 @@ class ScenarioText(SlotsText):
 
     about: str = ""
     """One line for people."""
-    like: _OneName | None = None
+    like: OneName | None = None
     """Another scenario of this file: this one is the same except for what is written here."""
     abstract: bool = False
     """Never run itself, only for others to be like."""
-    more_behaviours: _References | None = Field(default=None, alias="behaviours+")
+    more_behaviours: References | None = Field(default=None, alias="behaviours+")
     """Behaviours on top of those of the scenario this one is like."""
-    more_oracles: _Names | None = Field(default=None, alias="oracles+")
+    more_oracles: Names | None = Field(default=None, alias="oracles+")
     """Oracles on top of those of the scenario this one is like."""
 
 
@@ -341,7 +279,7 @@ class _MatrixText(StrictModel):
         ("robot", "floorplan", "mission"), 'only "sut" has several values here: a scenario for each'
     )
 
-    sut: _Names = Field(examples=[["pilot"]])
+    sut: Names = Field(examples=[["pilot"]])
     """Systems under test: NAME.yaml here or in suts/, the name of a kind, or one that ships."""
 
 
@@ -383,10 +321,10 @@ class CampaignFile(StrictModel):
     same noise in each of them. When left out 1, and 5 with a system that is not repeatable."""
     limit: Duration = Field(gt=0, le=86_400, examples=["3 min"])
     """Simulated time a run may take."""
-    robot: _OneName | None = Field(default=None, examples=["courier"])
+    robot: OneName | None = Field(default=None, examples=["courier"])
     """A robot: NAME.yaml beside this file or in robots/, or one that ships."""
     matrix: _MatrixText | None = Field(default=None, examples=[{"sut": ["pilot"]}])
-    oracles: _Names | None = Field(default=None, examples=["navigation"])
+    oracles: Names | None = Field(default=None, examples=["navigation"])
     """Oracle layers, of which scenarios name lines: NAME.oracles.yaml beside this file or in
     oracles/."""
     map: MapText = Field(default=MapText(), examples=[{"doors": "initial"}])

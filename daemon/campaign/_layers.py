@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from daemon.campaign._file import Overrides
+from daemon.campaign._names import Overrides
 from daemon.campaign._scenarios import LayerReference, PlanVariation
 from daemon.campaign._sut_files import LoadedSut, load_sut
 from daemon.model.attachments import store_data

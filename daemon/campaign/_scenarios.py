@@ -15,12 +15,11 @@ from typing import Any, Final, Literal
 from daemon.campaign._file import (
     CampaignFile,
     Chance,
-    LayerName,
     MapText,
-    Overrides,
     SlotsText,
     VaryText,
 )
+from daemon.campaign._names import LayerName, Overrides
 from daemon.model.spec import MapSettings
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
