@@ -92,7 +92,7 @@ class WaypointText(StrictModel):
 
     elsewhere = dict.fromkeys(
         ("pose", "position", "orientation"), "write x, y and yaw of the waypoint itself"
-    ) | {"theta": "the heading is called yaw", "name": "the name of a waypoint is its id"}
+    ) | {"theta": "it is called yaw", "name": "it is called id"}
 
     id: str = Field(default="", max_length=100)
     """How verdicts and the dashboard call it; without one it is waypoint-1, waypoint-2, …"""

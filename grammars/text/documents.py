@@ -326,7 +326,9 @@ def _explain_key(model: Any, key: str) -> tuple[str, str]:
     """Return message and hint for a key that ``model`` does not have."""
     known, elsewhere = _names(model), getattr(model, "elsewhere", {})
     if key and key in elsewhere:
-        return f'key "{key}" is in the wrong place', elsewhere[key]
+        renamed = elsewhere[key].startswith("it is called")
+        wrong = f'unknown key "{key}"' if renamed else f'key "{key}" is in the wrong place'
+        return wrong, elsewhere[key]
     meant = "" if closest(key, known) else closest(key, elsewhere)
     hint = f"{meant}: {elsewhere[meant]}" if meant else did_you_mean(key, known)
     if not meant and not closest(key, known) and elsewhere.get(""):

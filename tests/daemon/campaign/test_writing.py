@@ -111,6 +111,13 @@ def test_robots_and_systems_that_ship_come_last(folder: Path, campaigns: Path) -
         ("limit: 30 s", "limit: 30 s\nwaypoints: []", "belongs in a mission file: NAME.mission."),
         ("limit: 30 s", "limit: 30 s\nfootprint: {}", "belongs in a robot file: robots/NAME.yaml"),
         ("limit: 30 s", "limit: 30 s\nparameters: {}", "belongs in a SUT file: suts/NAME.yaml"),
+        (
+            "limit: 30 s",
+            "limit: 30 s\ntimeout: 9 s",
+            'unknown key "timeout"\n    it is called limit',
+        ),
+        ("limit: 30 s", "limit: 30 s\ndoors: open", '"objects:" names those with the models and'),
+        ("oracles: navigation", "oracles: {a: never(contact)}", "such as: oracles: navigation"),
         ("limit: 30 s", "lmit: 30 s", 'did you mean "limit"?'),
         ("limit: 30 s\n", "", "such as: limit: 3 min"),
         ("matrix: {sut: [pilot]}", "matrix: pilot", "such as: matrix: {sut: [pilot]}"),
@@ -184,6 +191,13 @@ def test_what_no_scenario_names_is_said_once_with_a_line_to_write(
     assert found.startswith("tiny.yaml:")
     assert "no scenario names" in found
     assert expected in found
+
+
+def test_what_scenarios_lack_hides_nothing_else(folder: Path) -> None:
+    text = CAMPAIGN.replace("  mission: courier\n", "").replace("[pilot]", "[pilto]")
+    found = messages(write(folder, text.replace("robot: courier", "robot: zzz")))
+    for part in ("names a mission", 'no system under test "pilto"', 'no robot "zzz"'):
+        assert any(part in one for one in found)
 
 
 def test_a_single_scenario_without_a_slot_is_named(folder: Path) -> None:

@@ -101,6 +101,16 @@ def test_layers_lists_what_ships_and_what_is_here(scenario, here: Path) -> None:
     assert "ships" in table
 
 
+def test_where_a_robot_that_ships_is_installed_stays_unsaid(scenario, here: Path) -> None:
+    scenario("new", "mine")
+    file = here / "mine" / "campaign.yaml"
+    file.write_text(file.read_text().replace("robot: my_robot", "robot: courier"))
+    assert scenario("export", str(file), "jsonld", "-o", "out").code == 0
+    said = "".join(path.read_text() for path in (here / "out").rglob("*.json*"))
+    assert "shipped/robots/courier.yaml" in said
+    assert str(here) not in said
+
+
 def test_a_system_that_ships_is_shown_by_its_name(scenario, here: Path) -> None:
     said = scenario("sut", "fro-omni", "--json")
     assert json.loads(said.out)["name"] == "fro-omni"
