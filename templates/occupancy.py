@@ -180,8 +180,9 @@ def _beside(solids: Sequence[Ring], objects: Sequence[Ring], resolution: float) 
     reach = (_BESIDE + 1) * resolution
     low, high = (np.array([bound(ring) for ring in solids]) for bound in (_lowest, _highest))
     lower, upper = (np.array([bound(ring) for ring in objects]) for bound in (_lowest, _highest))
-    apart = (low[:, None] > upper + reach) | (high[:, None] < lower - reach)
-    return [ring for ring, near in zip(solids, ~apart.any(axis=2), strict=True) if near.any()]
+    apart: npt.NDArray[np.bool_] = (low[:, None] > upper + reach) | (high[:, None] < lower - reach)
+    near = np.flatnonzero(np.any(~np.any(apart, axis=2), axis=1))
+    return [solids[index] for index in near.tolist()]
 
 
 def _lowest(ring: Ring) -> Point2:

@@ -149,7 +149,10 @@ def painted(parts: Iterable[Spans], shape: tuple[int, int]) -> npt.NDArray[np.bo
 
 
 def cells_in(spans: Spans, shape: tuple[int, int]) -> npt.NDArray[np.intp]:
-    """Return the cells of a grid of ``shape`` in every span, counted row by row; some repeatedly."""
+    """Return the cells of a grid of ``shape`` in every span, counted row by row.
+
+    What lies in several spans is there several times.
+    """
     row, first, last = _inside(spans, shape).T
     length = last - first + 1
     # The cells of all runs one after the other: each counts on from where its own run begins.
@@ -162,8 +165,11 @@ def cells_in(spans: Spans, shape: tuple[int, int]) -> npt.NDArray[np.intp]:
 
 def grown(spans: Spans, shape: tuple[int, int], steps: int) -> Spans:
     """Return the cells at most ``steps`` away from one of ``spans`` in a grid, diagonals too."""
-    around = _inside(spans, shape) + (0, -steps, steps)
-    return np.concatenate([around + (k, 0, 0) for k in range(-steps, steps + 1)])
+    row, first, last = _inside(spans, shape).T
+    steps_up = range(-steps, steps + 1)
+    return np.concatenate(
+        [np.stack([row + k, first - steps, last + steps], axis=1) for k in steps_up]
+    )
 
 
 def _inside(spans: Spans, shape: tuple[int, int]) -> Spans:
