@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry import Polygon
 
 from grammars.model.behaviour import Behaviour
-from grammars.model.geometry import Point2, Ring
+from grammars.model.geometry import Point2
 from grammars.model.kinematics import is_cut, link_poses, placed_links, solid_rings
 from grammars.model.scene import Joint, Link, Region, Scene, SceneObject
 from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
@@ -40,14 +40,15 @@ _ACROSS: Final = (0.0, -0.2, 0.2, -0.35, 0.35)
 
 def floors(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return the free floor: spaces and the passages between them."""
-    areas = (*(r.outline for r in scene.regions), *(d.footprint for d in scene.doorways))
-    return [Shape(_rings(_union(areas), page), fill=FLOOR)] if areas else []
+    areas = [Polygon(r.outline) for r in scene.regions]
+    areas += [Polygon(d.footprint) for d in scene.doorways]
+    return [Shape(_rings(_union(tuple(areas)), page), fill=FLOOR)] if areas else []
 
 
 def walls(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return what stands still: low things and sills in light, what is cut in dark."""
-    low = tuple(s.polygon for s in scene.solids if is_below(s))
-    cut = tuple(solid_rings(scene, CUT))
+    low = tuple(Polygon(s.polygon) for s in scene.solids if is_below(s))
+    cut = tuple(Polygon(ring) for ring in solid_rings(scene, CUT))
     items: list[DrawingItem] = []
     if low:
         items.append(Shape(_rings(_union(low), page), fill=LOW, line=SOFT, width=0.6))
@@ -99,10 +100,10 @@ def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
 
 # Kept: pictures of runs and scenarios come by the dozen, and few of them differ in the building.
 @functools.lru_cache(maxsize=8)
-def _union(areas: tuple[Ring, ...]) -> Any:
+def _union(areas: tuple[Polygon, ...]) -> Any:
     # Snapped to a grid: pieces of walls that meet within rounding would show hairlines between
     # them.
-    return shapely.union_all([Polygon(ring) for ring in areas], grid_size=_GRID)
+    return shapely.union_all(areas, grid_size=_GRID)
 
 
 def _rings(area: Any, page: Page) -> tuple[tuple[tuple[float, float], ...], ...]:
