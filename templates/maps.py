@@ -15,7 +15,7 @@ from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Ring, signed_area
 from grammars.model.map_files import write_map
 from templates.naming import file_name, free_name
-from templates.occupancy import occupancy_grid
+from templates.occupancy import building_grid, with_objects
 from templates.world import BehaviourDraw, ExportJob
 
 _START: Final = "start"
@@ -67,15 +67,16 @@ def write_maps(job: ExportJob) -> tuple[Path, ...]:
         for state, given in job.world.states:
             # A layer may call a state of its doors "start".
             variants[free_name(file_name(state), variants)] = start | dict(given)
+    resolution, rule = job.resolution, job.world.rule
+    building = job.cached(
+        ("map", scene.regions, scene.solids, scene.doorways, resolution, height, rule),
+        lambda: building_grid(scene, resolution=resolution, laser_height=height, rule=rule),
+    )
     written: list[Path] = []
     for name, joints in variants.items():
-        grid = occupancy_grid(
-            scene,
-            resolution=job.resolution,
-            laser_height=height,
-            joints=joints,
-            rule=job.world.rule,
-        )
+        grid = building
+        if joints is not None:
+            grid = with_objects(building, scene, laser_height=height, joints=joints, rule=rule)
         path = stem.with_name(f"{stem.name}-{name}" if name else stem.name)
         written += write_map(grid, path, laser_height=height)
     return tuple(written)

@@ -187,15 +187,15 @@ def write_sdf(job: ExportJob) -> tuple[Path, ...]:
 
 
 def _write_building(job: ExportJob) -> list[Path]:
-    from templates.mesh import wall_mesh, write_stl
+    from templates.mesh import building_stl
 
     name = job.building
     folder = f"gazebo/models/{name}"
     written: list[Path] = []
     if job.world.scene.solids:
         stl = job.path(*folder.split("/"), "meshes", f"{name}.stl")
-        walls = job.cached("mesh", lambda: wall_mesh(job.world.scene))
-        written.append(write_stl(walls, stl))
+        stl.write_bytes(building_stl(job))
+        written.append(stl)
     mesh = f"model://{name}/meshes/{name}.stl" if written else ""
     path = job.path(*folder.split("/"), "model.sdf")
     text = job.templates.render("building_model.sdf.j2", name=name, mesh=mesh)
