@@ -32,8 +32,19 @@ from templates.world import ExportJob
 
 def export_jsonld(job: ExportJob) -> tuple[Path, ...]:
     """Write the folder ``jsonld``."""
-    plan = job.world.plan
-    return write_jsonld(plan, job.path("jsonld"), job.world.layers) if plan else ()
+    plan, layers = job.world.plan, job.world.layers
+    if plan is None:
+        return ()
+    folder = job.folder / "jsonld"
+    made = job.cached(("jsonld", plan, layers), lambda: write_jsonld(plan, folder, layers))
+    return tuple(_copied(path, job.path("jsonld", path.name)) for path in made)
+
+
+def _copied(path: Path, to: Path) -> Path:
+    """Return ``to``, a copy of a file of this export."""
+    if to != path:
+        to.write_bytes(path.read_bytes())
+    return to
 
 
 def write_jsonld(
@@ -107,6 +118,7 @@ def write_provenance(job: ExportJob) -> tuple[Path, ...]:
 
     Alone, it tells of the artefacts that earlier exports of this world left in the folder.
     """
+    job.finish()
     path = job.path(f"{job.name}.prov.jsonld")
     made = {kind: paths for kind, paths in job.made.items() if paths}
     graph = provenance(job, made or _found(job, path))
@@ -130,7 +142,7 @@ def provenance(job: ExportJob, made: dict[str, tuple[Path, ...]]) -> list[dict[s
     }
     values = dataclasses.asdict(job.settings)
     values |= {"laser_height": job.laser_height, "resolution": job.resolution}
-    values |= {"rule": job.world.rule}
+    values |= {"rule": job.world.rule, "doors": job.world.doors}
     parameters = [
         {"id": f"here:parameter/{name}", "type": "prov:Entity", "label": name, "value": value}
         for name, value in values.items()
