@@ -41,6 +41,8 @@ _ENDINGS = {
     "sut": ".yaml",
 }
 _LANGUAGES = {"fpm": "floorplan", "scenery": "scenery", "variation": "variation"}
+_WHOLE = ("scenery", "variation", "mission", "oracles")
+"""Kinds of which a block is never a part of an earlier one."""
 _UNNAMED = "example"
 
 
@@ -87,11 +89,11 @@ def _examples(found: Sequence[Block]) -> Iterator[Example]:
         yield Example(block, kind, name, expected)
 
 
-def make_folder(parent: Path, name: str) -> Page:
+def make_folder(parent: Path) -> Page:
     """Return the empty folder of a page, beside the robots and systems that ship."""
     for shared in ("robots", "suts"):
         shutil.copytree(ROOT / "campaigns" / shared, parent / shared, dirs_exist_ok=True)
-    folder = parent / name
+    folder = parent / "page"
     folder.mkdir()
     return Page(folder)
 
@@ -121,7 +123,7 @@ def _whole(page: Page, example: Example) -> str:
     earlier = page.latest.get(example.kind, "")
     if example.kind == "variation" and "import" not in text:
         return f'import "{page.latest["fpm"]}"\n{text}'
-    if example.name or not earlier or example.kind in ("scenery", "variation", "oracles"):
+    if example.name or not earlier or example.kind in _WHOLE:
         return text
     before = (page.folder / earlier).read_text("utf-8")
     if example.kind == "fpm":
@@ -133,8 +135,8 @@ def _with_keys(before: str, text: str) -> str:
     """Return a YAML document with other top-level keys; indented ones join the last of them."""
     if text.startswith(" "):
         return before + text
-    for key in re.findall(r"^([\w-]+):", text, re.MULTILINE):
-        before = re.sub(rf"^{key}:.*\n(?:(?:[ #].*)?\n)*", "", before, flags=re.MULTILINE)
+    for key in re.findall(r"^([\w-]+):|# instead of ([\w-]+):", text, re.MULTILINE):
+        before = re.sub(rf"^{key[0] or key[1]}:.*\n(?:(?:[ #].*)?\n)*", "", before, flags=re.MULTILINE)
     return before + text
 
 
