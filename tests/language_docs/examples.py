@@ -4,7 +4,7 @@ The words behind a fence say what a block is::
 
     ```fpm house.fpm            a floor plan, kept under that name for the blocks below it
     ```fpm                      more of it: added to the end of the plan above, for this block alone
-    ```scenery doors.scenery    a layer, composed with the plan and the layers above it
+    ```scenery doors.scenery    a layer, composed with the plan above and the objects above it
     ```scenery                  one more layer, for this block alone
     ```variation                a family of the plan above
     ```yaml campaign demo.yaml  also robot, mission, oracles, sut; without a name, top-level keys
@@ -58,7 +58,7 @@ class Example:
 
 @dataclass(slots=True)
 class Page:
-    """What stands in the folder of a page so far: the latest file of each kind, all layers."""
+    """What stands in the folder of a page so far: the latest file of each kind, layers of objects."""
 
     folder: Path
     latest: dict[str, str] = field(default_factory=dict)
@@ -107,7 +107,7 @@ def try_example(page: Page, example: Example) -> str:
     found = _findings(page, example.kind, path)
     if example.name and example.expected is None:
         page.latest[example.kind] = name
-        if example.kind == "scenery":
+        if example.kind == "scenery" and _PLACE.search(text):
             page.layers.append(name)
     else:
         path.unlink()
