@@ -48,12 +48,16 @@ _UNNAMED = "example"
 
 @dataclass(frozen=True, slots=True)
 class Example:
-    """A block that is executed: its kind, the name it is kept under, what must be said of it."""
+    """A block that is executed: its kind, the name it is kept under, what must be said of it.
+
+    ``wrong`` is empty, ``error`` or ``warning``.
+    """
 
     block: Block
     kind: str
     name: str
-    expected: str | None
+    wrong: str
+    expected: str
 
 
 @dataclass(slots=True)
@@ -78,15 +82,14 @@ def _examples(found: Sequence[Block]) -> Iterator[Example]:
         if not words or words[0] not in KINDS:
             continue
         kind, *rest = words
-        wrong = bool(rest) and rest[-1] in ("error", "warning")
-        name = "".join(rest[:-1] if wrong else rest)
-        expected = None
+        wrong = rest.pop() if rest and rest[-1] in ("error", "warning") else ""
+        name, expected = "".join(rest), ""
         if wrong:
             after = found[place + 1] if place + 1 < len(found) else None
             if after is None or after.words != ("text",):
                 raise ValueError(f"{block}: no block ```text says what is wrong with it")
             expected = after.text.rstrip()
-        yield Example(block, kind, name, expected)
+        yield Example(block, kind, name, wrong, expected)
 
 
 def make_folder(parent: Path) -> Page:
@@ -105,14 +108,14 @@ def try_example(page: Page, example: Example) -> str:
     path = page.folder / name
     path.write_text(text, "utf-8")
     found = _findings(page, example.kind, path)
-    if example.name and example.expected is None:
+    if example.name and not example.wrong:
         page.latest[example.kind] = name
         if example.kind == "scenery" and _PLACE.search(text):
             page.layers.append(name)
     else:
         path.unlink()
     said = "\n".join(dict.fromkeys(_said(one, page.folder, example) for one in found))
-    if said == (example.expected or ""):
+    if said == example.expected:
         return ""
     return f"{example.block}: should say\n{example.expected or 'nothing'}\nbut says\n{said or 'nothing'}"
 
@@ -136,7 +139,9 @@ def _with_keys(before: str, text: str) -> str:
     if text.startswith(" "):
         return before + text
     for key in re.findall(r"^([\w-]+):|# instead of ([\w-]+):", text, re.MULTILINE):
-        before = re.sub(rf"^{key[0] or key[1]}:.*\n(?:(?:[ #].*)?\n)*", "", before, flags=re.MULTILINE)
+        before = re.sub(
+            rf"^{key[0] or key[1]}:.*\n(?:(?:[ #].*)?\n)*", "", before, flags=re.MULTILINE
+        )
     return before + text
 
 
@@ -193,20 +198,20 @@ _PLACE = re.compile(r"\b(?:object|mover|starts?(?! to move)|frozen)\b|\bis an? "
 def _said(found: Diagnostic, folder: Path, example: Example) -> str:
     hint = f"\n    {found.hint}" if found.hint else ""
     where = str(found.where).removeprefix(f"{folder}/")
-    expected = example.expected or ""
-    if expected.startswith(("error:", "warning:")):
+    if example.expected.startswith(("error:", "warning:")):
         return f"{found.severity}: {found.message}{hint}".replace(f"{folder}/", "")
     return f"{where}: {found.severity}: {found.message}{hint}".replace(f"{folder}/", "")
 
 
 def exercised(found: Sequence[Example]) -> frozenset[str]:
-    """Return rules and words of grammars, and keys of schemas, that sound examples make use of.
+    """Return rules and words of grammars, and keys of schemas, that examples make use of.
 
-    Each is preceded by its language: ``scenery WalksNode``, ``robot drive.law``.
+    Each is preceded by its language: ``scenery WalksNode``, ``robot drive.law``. Of texts with an
+    error in their grammar there is nothing to say.
     """
     used: set[str] = set()
     for example in found:
-        if example.expected is None or example.kind == "scenery":
+        if example.wrong != "error" or example.kind not in (*_LANGUAGES, "oracles"):
             used |= _exercised(example)
     return frozenset(used)
 
