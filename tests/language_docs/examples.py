@@ -102,7 +102,7 @@ def make_folder(parent: Path) -> Page:
 
 
 def try_example(page: Page, example: Example) -> str:
-    """Write an example to the folder of its page and return what is wrong; nothing is as it should be."""
+    """Write an example to the folder of its page; return what is not as the page says."""
     text = _whole(page, example)
     name = example.name or f"{_UNNAMED}{_ENDINGS[example.kind]}"
     path = page.folder / name
@@ -117,7 +117,8 @@ def try_example(page: Page, example: Example) -> str:
     said = "\n".join(dict.fromkeys(_said(one, page.folder, example) for one in found))
     if said == example.expected:
         return ""
-    return f"{example.block}: should say\n{example.expected or 'nothing'}\nbut says\n{said or 'nothing'}"
+    wanted, got = example.expected or "nothing", said or "nothing"
+    return f"{example.block}: should say\n{wanted}\nbut says\n{got}"
 
 
 def _whole(page: Page, example: Example) -> str:

@@ -15,6 +15,11 @@ from tests.language_docs.markdown import ROOT
 
 SCHEMAS = ROOT / "grammars" / "editor" / "schemas"
 Schema = Mapping[str, Any]
+_HOW_WRITTEN = re.compile(
+    r"(?:^|(?<=\. )|(?<=\.))[A-Z][a-z ]+, (?:a number|with its unit)"
+    r"[^;]*?such as [^;]*?(?:; [^;]*?)?\.$"
+)
+"""The last sentence of a description of a quantity; the table has a column for that."""
 _LIMITS = {
     "exclusiveMinimum": "above",
     "minimum": "at least",
@@ -126,11 +131,7 @@ def _meaning(value: Schema) -> str:
     """Return the description without the sentence about how the quantity is written."""
     said = value.get("description", "")
     if "errorMessage" in value:
-        said = re.sub(
-            r"(?:^|(?<=\. )|(?<=\.))[A-Z][a-z ]+, (?:a number|with its unit)[^;]*?such as [^;]*?(?:; [^;]*?)?\.$",
-            "",
-            said,
-        )
+        said = _HOW_WRITTEN.sub("", said)
     return said.strip()
 
 

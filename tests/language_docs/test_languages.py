@@ -1,4 +1,4 @@
-"""The reference of the languages: its examples are tried, its tables are made, nothing is left out."""
+"""The reference of the languages: examples are tried, tables are made, nothing is left out."""
 
 from __future__ import annotations
 
