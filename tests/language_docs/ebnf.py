@@ -1,13 +1,12 @@
 """textX grammars in EBNF, as readers of the documentation know it.
 
 What a textX grammar says beyond what may be written (names of attributes, classes) is left out.
-``'x'`` is to be written so, ``/x/`` is a regular expression, ``?`` at most once, ``*`` any number of
-times, ``+`` at least once, ``|`` either or.
+``'x'`` is to be written so, ``/x/`` is a regular expression, ``?`` at most once, ``*`` any number
+of times, ``+`` at least once, ``|`` either or.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -32,6 +31,8 @@ _IN_WORDS = {
 }
 """Tokens whose expression would tell nobody anything."""
 _EVERYWHERE = ("Comment",)
+_NOTED = "\0"
+"""Behind what textX notes as there or not there, until it is known whether it has to be there."""
 
 
 @cache
@@ -79,8 +80,8 @@ def _plain(node: Any) -> str:
     inner = node[-1]
     if inner.rule_name == "bracketed_choice":
         # What is noted as true or false ("?=") decides between these, so it has to be there.
-        choices = (re.sub(r"^('\w+')\?", r"\1", one) for one in _choice(_child(inner, "choice")))
-        return f"({' | '.join(choices)})"
+        choices = " | ".join(_choice(_child(inner, "choice")))
+        return f"({choices.replace(_NOTED, '')})"
     return _match(inner)
 
 
@@ -98,10 +99,11 @@ def _assignment(node: Any) -> str:
     if separators:
         again = f"{what} ({_match(separators[0][1])} {what})*"
         return f"({again})?" if operator == "*=" else again
-    return what + {"=": "", "?=": "?", "*=": "*", "+=": "+"}[operator]
+    return what + {"=": "", "?=": _NOTED, "*=": "*", "+=": "+"}[operator]
 
 
 def _wrapped(name: str, choices: list[str]) -> str:
+    choices = [choice.replace(_NOTED, "?") for choice in choices]
     one = f"{name} = {' | '.join(choices)}"
     if len(one) <= _WIDTH:
         return one

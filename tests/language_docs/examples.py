@@ -10,9 +10,9 @@ The words behind a fence say what a block is::
     ```yaml campaign demo.yaml  also robot, mission, oracles, sut; without a name, top-level keys
                                 (or scenarios, indented) that take the place of those above
 
-An ``error`` or ``warning`` at the end says that it is wrong: the next block, ```text, is what must be
-said of it, exactly; with the file's name only where it begins with that. Blocks of other languages
-are not looked at.
+An ``error`` or ``warning`` at the end says that it is wrong: the next block, ```text, is what must
+be said of it, exactly; with the file's name only where it begins with that. Blocks of other
+languages are not looked at.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Example:
 
 @dataclass(slots=True)
 class Page:
-    """What stands in the folder of a page so far: the latest file of each kind, layers of objects."""
+    """What stands in a page's folder so far: the latest file of each kind, layers of objects."""
 
     folder: Path
     latest: dict[str, str] = field(default_factory=dict)
@@ -70,7 +70,7 @@ class Page:
 
 
 def examples(page: Path) -> Sequence[Example]:
-    """Return the blocks of a page that are executed; raises ``ValueError`` for one without sense."""
+    """Return the blocks of a page that are tried; raises ``ValueError`` for one without sense."""
     return tuple(_examples(blocks(page)))
 
 
@@ -132,10 +132,10 @@ def _whole(page: Page, example: Example) -> str:
     before = (page.folder / earlier).read_text("utf-8")
     if example.kind == "fpm":
         return text if text.lstrip().startswith("Floor plan") else before + text
-    return _with_keys(before, text)
+    return with_keys(before, text)
 
 
-def _with_keys(before: str, text: str) -> str:
+def with_keys(before: str, text: str) -> str:
     """Return a YAML document with other top-level keys; indented ones join the last of them."""
     if text.startswith(" "):
         return before + text
