@@ -116,9 +116,6 @@ def _replaced(old: _AppliedSentence | None, new: _AppliedSentence) -> list[Diagn
             f"{joint} already has a behaviour in this layer",
             f"the other one: {old.where}; leave one out (every … except …)",
         )
-    # A layer named among the objects and among the behaviours says everything twice.
-    if old.where == new.where:
-        return []
     message = f"{joint} follows this sentence, not the one at {old.where}"
     return [Diagnostic(new.where, message, severity=Severity.WARNING)]
 
