@@ -4,6 +4,7 @@ Each stands between two comments, of which the first says what it is::
 
     <!-- grammar: scenery Link Shape -->       these rules
     <!-- keys: robot drive -->                 this part of a schema
+    <!-- keys: sut sut about like -->          these keys of it
     <!-- signals -->                           the signals of the oracle language
     <!-- end -->
 

@@ -44,11 +44,15 @@ def definition(name: str, part: str) -> Schema:
     return found
 
 
-def key_table(name: str, part: str) -> str:
-    """Return a Markdown table of the keys of a part of a schema."""
+def key_table(name: str, part: str, *only: str) -> str:
+    """Return a Markdown table of the keys of a part of a schema, all or ``only`` some."""
     body = definition(name, part)
     needed = set(body.get("required", ()))
-    rows = [_row(name, key, value, key in needed) for key, value in body["properties"].items()]
+    rows = [
+        _row(name, key, value, key in needed)
+        for key, value in body["properties"].items()
+        if not only or key in only
+    ]
     return (
         "\n".join(("| key | value | when left out | meaning |", "|---|---|---|---|", *rows)) + "\n"
     )
