@@ -20,6 +20,7 @@ from grammars.floorplan import FloorPlan
 from grammars.jsonld import plan_document, plan_documents, scenery_document
 from grammars.scenery import SceneryLayer
 from grammars.text.codec import digest
+from grammars.text.shipped import shipped_folder
 from templates.naming import file_name
 from templates.world import ExportJob
 
@@ -177,9 +178,15 @@ def _named(paths: tuple[Path, ...]) -> Iterator[tuple[str, Path]]:
     """Name each source once, from the folder all of them lie in: where that is, is nobody's."""
     found = {path.resolve(): path for path in paths}
     # Absolute paths would tell whose machine it was, and change the bytes from one to the next.
-    folder = os.path.commonpath([path.parent for path in found]) if found else ""
+    # What ships lies wherever the project is installed, unless all of it does.
+    shipped = shipped_folder()
+    own = [path for path in found if not path.is_relative_to(shipped)]
+    folder = os.path.commonpath([path.parent for path in own or found]) if found else ""
     for whole, path in found.items():
-        yield whole.relative_to(folder).as_posix(), path
+        if own and whole not in own:
+            yield f"shipped/{whole.relative_to(shipped).as_posix()}", path
+        else:
+            yield whole.relative_to(folder).as_posix(), path
 
 
 def _agent(name: str) -> dict[str, Any]:

@@ -22,14 +22,14 @@ from daemon.campaign._external import (
     default_repeats,
     says_repeats,
 )
-from daemon.campaign._file import (
-    CampaignFile,
+from daemon.campaign._file import CampaignFile, repeat_policy
+from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._scenarios import (
     LayerReference,
     ResolvedScenario,
+    pick_oracles,
     read_campaign,
-    repeat_policy,
 )
-from daemon.campaign._layers import LayerLibrary
 from daemon.campaign._sensors import check_sensors
 from daemon.model.assessments import AssessmentRules
 from daemon.model.packed_submission import fingerprint
@@ -47,7 +47,7 @@ from grammars.oracle import Oracle, check_references
 from grammars.preflight import check_map, check_run, check_scene, places_of
 from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import YamlDocument, load_yaml
 
 T = TypeVar("T")
@@ -255,7 +255,9 @@ def _load_cells(
     suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
     named = scenario.map_file
     given = attempt(partial(library.map, named)) if named else None
-    picked = () if pool is None else attempt(lambda: _pick_oracles(scenario, pool)) or ()
+    picked = (
+        () if pool is None else attempt(lambda: pick_oracles(scenario, pool, loader.text)) or ()
+    )
     oracles = (*picked, *timed.measures())
     if loaded is not None:
         loader.findings += timed.problems(loaded[0])
@@ -363,17 +365,6 @@ def _scene(
     if key not in loader.scenes:
         loader.scenes[key] = compile_scene(plan, objects)
     return loader.scenes[key]
-
-
-def _pick_oracles(scenario: ResolvedScenario, pool: dict[str, Oracle]) -> tuple[Oracle, ...]:
-    unknown = [
-        Diagnostic(r.where, f'no oracle "{r.name}"', did_you_mean(r.name, pool))
-        for r in scenario.oracles
-        if r.name not in pool
-    ]
-    if unknown:
-        raise InputError(unknown)
-    return tuple(pool[r.name] for r in scenario.oracles)
 
 
 def _resolve_all(

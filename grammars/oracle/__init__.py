@@ -8,8 +8,10 @@ from grammars.oracle._checks import (
     margin_kind,
     object_signals,
     obstacle_names,
+    place_names,
 )
 from grammars.oracle._model import (
+    ROBOT,
     Amount,
     Arithmetic,
     Comparison,
@@ -48,6 +50,7 @@ from grammars.text.quantity import Dimension
 
 __all__ = [
     "OBJECT_SIGNALS",
+    "ROBOT",
     "SIGNALS",
     "Amount",
     "Arithmetic",
@@ -84,6 +87,7 @@ __all__ = [
     "object_signals",
     "obstacle_names",
     "parse_oracle",
+    "place_names",
     "render",
     "signal_declaration",
     "signals_of",

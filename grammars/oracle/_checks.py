@@ -9,6 +9,7 @@ from typing import TypeAlias
 from grammars.model.mission import Mission
 from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.oracle._model import (
+    ROBOT,
     Amount,
     Arithmetic,
     Comparison,
@@ -210,6 +211,9 @@ def _signal(signal: Signal) -> Kind:
 
 def _check_arguments(signal: Signal, declared: SignalDeclaration) -> None:
     given = signal.arguments
+    if declared.relates:
+        _check_relation(signal, declared)
+        return
     if declared.takes_object and signal.object is not None:
         given = given[1:]
     if len(given) != len(declared.arguments) and (given or declared.required):
@@ -220,6 +224,17 @@ def _check_arguments(signal: Signal, declared: SignalDeclaration) -> None:
         if argument.dimension != expected:
             message = f'{signal.name} takes {expected.unit}, but "{argument.text}" '
             raise _MismatchError(argument.column, message + _has_unit(argument))
+
+
+def _check_relation(signal: Signal, declared: SignalDeclaration) -> None:
+    """Raise unless the robot and one thing are named, in this order."""
+    names = [a.name for a in signal.arguments if isinstance(a, Signal) and not a.arguments]
+    if len(names) == len(signal.arguments) == 2 and names[0] == ROBOT != names[1]:
+        return
+    things = [name for name in names if name != ROBOT]
+    example = things[0] if things else "kitchen_door" if "object" in declared.relates else "kitchen"
+    message = f"{signal.name} takes the robot and what it is related to"
+    raise _MismatchError(signal.column, message, f"such as: {signal.name}({ROBOT}, {example})")
 
 
 def _signal_hint(name: str) -> str:
@@ -307,9 +322,9 @@ def check_references(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Di
         if signal.name not in everywhere and signal.name not in known:
             found.append(_missing(oracle, signal, scene, known))
         if signal.object is not None:
-            things = obstacle_names(scene)
+            things = _related_names(signal, scene)
             if signal.object.name not in things:
-                found.append(_missing(oracle, signal.object, scene, things))
+                found.append(_missing(oracle, signal.object, scene, things, signal.name))
     if isinstance(oracle.judgement, Reached) and not mission.waypoints:
         found.append(Diagnostic(oracle.where, f'mission "{mission.name}" has no waypoints'))
     if oracle.leg is not None:
@@ -326,6 +341,21 @@ def obstacle_names(scene: Scene) -> tuple[str, ...]:
     for item in scene.objects:
         names += [item.name, *(f"{item.name}.{link.name}" for link in item.links)]
     return tuple(dict.fromkeys(names))
+
+
+def place_names(scene: Scene) -> tuple[str, ...]:
+    """Return the parts of the floor the robot can be in: spaces and doorways."""
+    names = [*(region.name for region in scene.regions), *(door.name for door in scene.doorways)]
+    return tuple(dict.fromkeys(names))
+
+
+def _related_names(signal: Signal, scene: Scene) -> tuple[str, ...]:
+    """Return what may be named as the thing a signal is about."""
+    declared = SIGNALS.get(signal.name)
+    if declared is None or not declared.relates:
+        return obstacle_names(scene)
+    names = obstacle_names(scene) if "object" in declared.relates else ()
+    return (*names, *place_names(scene))
 
 
 def leg_number(leg: Leg, mission: Mission) -> int:
@@ -349,9 +379,14 @@ def leg_number(leg: Leg, mission: Mission) -> int:
     return found[0]
 
 
-def _missing(oracle: Oracle, signal: Signal, scene: Scene, known: Iterable[str]) -> Diagnostic:
-    return Diagnostic(
-        oracle.place(signal.column),
-        f'no "{signal.name}" in scene "{scene.name}"',
-        did_you_mean(signal.name, known),
-    )
+def _missing(
+    oracle: Oracle, signal: Signal, scene: Scene, known: Iterable[str], asking: str = ""
+) -> Diagnostic:
+    """Return that what a signal names is not there, or not what the signal ``asking`` takes."""
+    message = f'no "{signal.name}" in scene "{scene.name}"'
+    if signal.name in obstacle_names(scene):
+        message = f'"{signal.name}" is no space or doorway, which {asking}({ROBOT}, …) takes'
+    elif signal.name in place_names(scene):
+        message = f'"{signal.name}" is a part of the floor, not an object'
+    place = oracle.place(signal.column)
+    return Diagnostic(place, message, did_you_mean(signal.name, known))

@@ -51,6 +51,11 @@ def plan_or_campaign_files(incomplete: str) -> Offer:
     return _find_fitting(incomplete, lambda path: path.suffix in plans or is_campaign(path))
 
 
+def plan_files(incomplete: str) -> Offer:
+    """Offer floor plans."""
+    return with_ending(incomplete, ".fpm", ".jsonld")
+
+
 def layer_files(incomplete: str) -> Offer:
     """Offer everything `scenario check` knows."""
     return with_ending(incomplete, ".yaml", ".yml", ".fpm", ".scenery", ".variation", ".jsonld")

@@ -154,7 +154,7 @@ def test_random_doors_are_drawn_per_repeat_or_once(campaigns: Path, tmp_path: Pa
         ("repeats: 2", "repeat: 2", ['unknown key "repeat"', '"repeats"?']),
         ("campaign: tiny", "campaign: ../tiny", ["tiny.yaml:1:1: campaign: must be letters"]),
         ("campaign: tiny", "campaign: v1.2", ["tiny.yaml:1:1: campaign: must be letters"]),
-        ("mission: courier", "", ['scenario "calm" names no mission']),
+        ("mission: courier", "", ["tiny.yaml:8:1: no scenario names a mission"]),
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(
