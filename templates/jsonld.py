@@ -122,7 +122,7 @@ def provenance(job: ExportJob, made: dict[str, tuple[Path, ...]]) -> list[dict[s
     }
     values = dataclasses.asdict(job.settings)
     values |= {"laser_height": job.laser_height, "resolution": job.resolution}
-    values |= {"rule": job.world.rule}
+    values |= {"rule": job.world.rule, "doors": job.world.doors}
     parameters = [
         {"id": f"here:parameter/{name}", "type": "prov:Entity", "label": name, "value": value}
         for name, value in values.items()

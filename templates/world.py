@@ -64,8 +64,9 @@ class ArtefactWorld:
 
     ``states`` are named joint states of the objects: joint positions [rad or m] by scene-wide
     joint name. ``layers`` are the scenery layers the scene was composed of, in order.
-    ``sources`` are the files all of it was written in. ``resolution`` [m] and ``rule`` are those
-    of the campaign's maps; ``given_map`` is the map that it gives instead of a drawn one.
+    ``sources`` are the files all of it was written in. ``resolution`` [m], ``rule`` and ``doors``
+    are those of the campaign's maps (``none`` leaves objects out of the map of a run, ``initial``
+    draws them as they start); ``given_map`` is the map that it gives instead of a drawn one.
     """
 
     name: str
@@ -78,6 +79,7 @@ class ArtefactWorld:
     sources: tuple[Path, ...] = ()
     resolution: float = DEFAULT_RESOLUTION
     rule: MapRule = DEFAULT_RULE
+    doors: Literal["none", "initial"] = "none"
     given_map: OccupancyGrid | None = None
     layers: tuple[SceneryLayer, ...] = ()
 

@@ -50,6 +50,7 @@ def worlds_of_campaign(
     from dataclasses import replace
 
     from daemon.campaign import load_campaign
+    from templates.naming import free_name
 
     campaign = load_campaign(path)
     worlds: list[ArtefactWorld] = []
@@ -58,7 +59,7 @@ def worlds_of_campaign(
         if not any(
             replace(other, name=world.name, sources=world.sources) == world for other in worlds
         ):
-            worlds.append(replace(world, name=_free_name(world.name, [w.name for w in worlds])))
+            worlds.append(replace(world, name=free_name(world.name, [w.name for w in worlds])))
     return tuple(worlds), campaign.warnings
 
 
@@ -76,6 +77,7 @@ def _world_of_cell(campaign: Campaign, cell: CampaignCell, repeats: int | None) 
         sources=_sources(campaign, cell),
         resolution=cell.map.resolution,
         rule=cell.map.rule,
+        doors=cell.map.doors,
         given_map=cell.given_map,
         layers=cell.layers,
     )
@@ -109,13 +111,6 @@ def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
     ]
     found = [find_layer(folder, reference, kind) for reference, kind in named if reference]
     return (Path(campaign.file), *found)
-
-
-def _free_name(name: str, taken: list[str]) -> str:
-    free, number = name, 2
-    while free in taken:
-        free, number = f"{name}-{number}", number + 1
-    return free
 
 
 class Artefact(StrEnum):

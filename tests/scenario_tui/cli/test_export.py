@@ -62,7 +62,10 @@ def test_a_campaign_has_a_folder_per_scenario(everything: Path) -> None:
         "tasks/hall_route.yaml",
         "tasks/mission/courier_route.yaml",
     } <= written
-    assert "keyframes/kitchen_door.json" not in files(everything / "open-house")
+    # Doors that are held need none in Gazebo Classic, whose plugin puts them there at once.
+    held = files(everything / "open-house")
+    assert "keyframes/kitchen_door.json" in held
+    assert "keyframes/era/kitchen_door.json" not in held
 
 
 def test_scenarios_that_look_the_same_share_a_folder(
