@@ -56,4 +56,6 @@ def _made(found: re.Match[str]) -> str:
         return tables.key_table(*words)
     language, *names = words
     rules = ebnf.rules(language)
-    return "```ebnf\n" + "\n".join(rules[name] for name in names) + "\n```\n"
+    # Classes of syntax nodes end so; to readers a rule is what it stands for.
+    text = re.sub(r"\b(\w+)Node\b", r"\1", "\n".join(rules[name] for name in names))
+    return f"```ebnf\n{text}\n```\n"
