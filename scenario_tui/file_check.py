@@ -89,16 +89,20 @@ def _oracles(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
-    """Tell robots, systems under test and campaigns apart by the key they must have."""
+    """Tell missions, robots, systems under test and campaigns apart by keys they must have."""
     from grammars.text.documents import load_yaml
 
     data = load_yaml(path).data
     keys = data.keys() if isinstance(data, dict) else ()
-    if "robot" in keys and "campaign" not in keys:
+    if "campaign" in keys or "scenarios" in keys:
+        return _campaign(path)
+    if "waypoints" in keys:
+        return _mission(path)
+    if "robot" in keys:
         from grammars.model.files import load_robot
 
         return f"robot {load_robot(path).name}", ()
-    if "sut" in keys and "campaign" not in keys:
+    if "sut" in keys:
         from daemon.campaign import LayerLibrary, LayerReference
 
         library = LayerLibrary(path.parent)

@@ -207,8 +207,9 @@ def _check(
 
 def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     document = load_yaml(path)
-    text, scenarios = read_campaign(document)
-    loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent))
+    missing: list[Diagnostic] = []
+    text, scenarios = read_campaign(document, missing)
+    loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent), missing)
     pool = loader.collect_errors(lambda: loader.library.oracles(_oracle_layers(text, document)))
     declared = AssessmentRules(repeat_policy(text.repeats))
     if pool is not None:
@@ -328,7 +329,7 @@ def _waypoint_places(mission: Mission, document: YamlDocument) -> dict[str, Wher
 
 def _required_reference(reference: LayerReference | None) -> LayerReference:
     if reference is None:
-        raise ValueError("read_campaign admits no scenario with an empty slot")
+        raise InputError(())  # read_campaign has said so
     return reference
 
 

@@ -23,7 +23,7 @@ from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
 from grammars.model.files import MISSION_KEYS, ROBOT_KEYS
 from grammars.model.grid import MapRule
-from grammars.text.documents import Duration, Length, Ratio, StrictModel
+from grammars.text.documents import Duration, Length, Ratio, StrictModel, wrong_form
 from grammars.text.quantity import read_as
 
 _MOST_REPEATS: Final = 100_000
@@ -142,19 +142,19 @@ def _as_list(value: Any) -> Any:
 
 
 def _name_alone(value: Any) -> Any:
-    """Refuse what is no name but may hold one; raises ``ValueError``."""
+    """Refuse what is no name but may hold one."""
     if isinstance(value, list):
-        raise ValueError("takes one name, not a list: write it without brackets")
+        raise wrong_form("takes one name, not a list: write it without brackets")
     if isinstance(value, dict):
-        raise ValueError("takes a name, not keys: what is named has a file of its own")
+        raise wrong_form("takes a name, not keys: what is named has a file of its own")
     if value is None:
-        raise ValueError("names nothing")
+        raise wrong_form("names nothing")
     return value
 
 
 def _no_mapping(value: Any) -> Any:
     if isinstance(value, dict):
-        raise ValueError("takes names, not keys: what is named has a file of its own")
+        raise wrong_form("takes names, not keys: what is named has a file of its own")
     return value
 
 
@@ -167,6 +167,23 @@ _Names: TypeAlias = Annotated[
 _References: TypeAlias = Annotated[
     list[LayerName], BeforeValidator(_as_list, json_schema_input_type=LayerName | list[LayerName])
 ]
+
+
+_OF_DOORS: Final = (
+    'what stands there is said by scenery layers: "objects:" names those with the models and their '
+    'places, "behaviours:" those that say what they do'
+)
+SYNONYMS: Final = {
+    "description": "it is called about",
+    "duration": "it is called limit",
+    "timeout": "it is called limit",
+    "runs": "it is called repeats, at the top of the campaign file",
+    "stack": "it is called sut, for system under test",
+    "doors": _OF_DOORS,
+    "people": _OF_DOORS,
+    "scenery": _OF_DOORS,
+} | dict.fromkeys(("building", "environment", "plan", "world"), "it is called floorplan")
+"""What people call keys of campaigns and scenarios that are called otherwise here."""
 
 
 class ExpectText(StrictModel):
@@ -302,6 +319,7 @@ class ScenarioText(SlotsText):
             "it belongs at the top of the campaign file, it is about all scenarios",
         )
         | {"matrix": "it belongs at the top of the campaign file; here write: sut: [pilot]"}
+        | SYNONYMS
     )
 
     about: str = ""
@@ -347,7 +365,11 @@ class CampaignFile(StrictModel):
             ("like", "abstract", "behaviours+", "oracles+"),
             "it belongs in a scenario, below its name",
         )
-        | {"sut": "for all scenarios write: matrix: {sut: [pilot]}"}
+        | {
+            "sut": "for all scenarios write: matrix: {sut: [pilot]}",
+            "name": 'the name of a campaign is the value of "campaign:"',
+        }
+        | SYNONYMS
     )
 
     campaign: str = Field(pattern=_CAMPAIGN_NAME, examples=["courier-tests"])

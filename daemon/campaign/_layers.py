@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -72,7 +73,7 @@ def find_layer(
     if "/" in name or name.endswith(kind.endings):
         path = folder / name
         if path.is_file():
-            return path
+            return _shortened(path)
         raise InputError(Diagnostic(reference.where, f'no file "{name}" for the {kind.title}'))
     places = layer_places(folder, kind, shipped=shipped)
     for place in places:
@@ -89,6 +90,13 @@ def find_layer(
             did_you_mean(name, known),
         )
     )
+
+
+def _shortened(path: Path) -> Path:
+    """Return a path without ``..`` in its middle, which nobody reads, where that is the same."""
+    short = Path(os.path.normpath(path))
+    # Behind a link to a folder, ".." leads somewhere else than the text of the path says.
+    return short if short.is_file() and short.samefile(path) else path
 
 
 def layer_places(folder: Path, kind: LayerKind, *, shipped: bool = True) -> tuple[Path, ...]:

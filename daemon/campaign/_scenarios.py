@@ -71,8 +71,13 @@ class ResolvedScenario:
     limit: float = 0.0
 
 
-def read_campaign(document: YamlDocument) -> tuple[CampaignFile, tuple[ResolvedScenario, ...]]:
-    """Return the file's keys and its concrete scenarios; raises :class:`InputError`."""
+def read_campaign(
+    document: YamlDocument, missing: list[Diagnostic] | None = None
+) -> tuple[CampaignFile, tuple[ResolvedScenario, ...]]:
+    """Return the file's keys and its concrete scenarios; raises :class:`InputError`.
+
+    With a list, what scenarios lack is put there, so that it hides nothing else.
+    """
     text = read_model(document, CampaignFile)
     problems: list[Diagnostic] = []
     scenarios = []
@@ -84,9 +89,13 @@ def read_campaign(document: YamlDocument) -> tuple[CampaignFile, tuple[ResolvedS
             continue
         if not scenario.abstract:
             scenarios.append(resolved)
-    problems.extend(_missing_slots(scenarios, document, text))
+    lacking = _missing_slots(scenarios, document, text)
+    if missing is None:
+        problems += lacking
+    else:
+        missing += lacking
     if problems:
-        raise InputError(dict.fromkeys(problems))
+        raise InputError(dict.fromkeys([*problems, *(missing or ())]))
     if not scenarios:
         raise InputError(
             Diagnostic(document.where(("scenarios",)), "every scenario is abstract, nothing to run")

@@ -165,14 +165,15 @@ def _check_limit(what: str, kind: Dimension, limit: Limit | None) -> None:
         return
     number = limit.number
     if number.dimension != kind:
-        raise _unlike(number.column, kind, number.dimension)
+        raise _unlike(number, kind, number.dimension)
     if limit.operator in ("==", "!=") and what != "count":
         raise _equality(number.column)
 
 
 def _require(number: Number, kind: Dimension, message: str) -> None:
     if number.dimension != kind:
-        raise _MismatchError(number.column, f'{message}, but "{number.text}" {_has_unit(number)}')
+        message = f'{message}, but "{number.text}" {_has_unit(number)}'
+        raise _MismatchError(number.column, message, _with_unit(number, kind))
 
 
 def _require_predicate(expression: Expression) -> None:
@@ -264,15 +265,24 @@ def _arithmetic(expression: Arithmetic) -> Dimension:
 def _comparison(expression: Comparison) -> None:
     left, right = _quantity(expression.left), _quantity(expression.right)
     if left != right:
-        raise _unlike(expression.right.column, left, right)
+        raise _unlike(expression.right, left, right)
     # Counts and numbers of legs are plain numbers; so are shares, of which nothing else is known.
     if expression.operator in ("==", "!=") and left != RATIO:
         raise _equality(expression.column)
 
 
-def _unlike(column: int, left: Dimension, right: Dimension) -> _MismatchError:
+def _unlike(limit: Expression, left: Dimension, right: Dimension) -> _MismatchError:
     hint = f"write the limit in {left.unit}" if right == RATIO else ""
-    return _MismatchError(column, f"compares {_name(left)} with {_name(right)}", hint)
+    if isinstance(limit, Number):
+        hint = _with_unit(limit, left)
+    return _MismatchError(limit.column, f"compares {_name(left)} with {_name(right)}", hint)
+
+
+def _with_unit(number: Number, kind: Dimension) -> str:
+    """Return how a number without a unit was probably meant."""
+    return (
+        f"write it in {kind.unit}: {number.text} {kind.unit}" if number.dimension == RATIO else ""
+    )
 
 
 def _equality(column: int) -> _MismatchError:

@@ -22,7 +22,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     ValidationError,
 )
-from pydantic_core import core_schema
+from pydantic_core import PydanticCustomError, core_schema
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, closest, did_you_mean
 from grammars.text.quantity import read_as
@@ -334,15 +334,23 @@ def _explain_key(model: Any, key: str) -> tuple[str, str]:
     return f'unknown key "{key}"', hint
 
 
-_SHAPES: Final = ("dict_type", "model_type", "list_type", "too_short")
+_WRONG_FORM: Final = "wrong_form"
+_SHAPES: Final = ("dict_type", "model_type", "list_type", "too_short", _WRONG_FORM)
 """Findings about the form of a value, which an example answers best."""
+
+
+def wrong_form(message: str) -> PydanticCustomError:
+    """Return what a validator raises for a value of another form than the examples of its field."""
+    return PydanticCustomError(_WRONG_FORM, "{message}", {"message": message})
 
 
 def _example(model: type[BaseModel], path: KeyPath) -> str:
     """Return a line that would do at ``path``, empty when its field has no examples."""
+    while path and isinstance(path[-1], int):
+        path = path[:-1]
     fields = getattr(_model_at(model, path[:-1]), "model_fields", {})
     for name, field in fields.items():
-        if (field.alias or name) == path[-1] and field.examples:
+        if path and (field.alias or name) == path[-1] and field.examples:
             return f"such as: {path[-1]}: {_flow(field.examples[0])}"
     return ""
 
