@@ -58,6 +58,8 @@ class Example:
     name: str
     wrong: str
     expected: str
+    shown: Block | None = None
+    """The block that shows what must be said."""
 
 
 @dataclass(slots=True)
@@ -83,13 +85,13 @@ def _examples(found: Sequence[Block]) -> Iterator[Example]:
             continue
         kind, *rest = words
         wrong = rest.pop() if rest and rest[-1] in ("error", "warning") else ""
-        name, expected = "".join(rest), ""
+        name, expected, after = "".join(rest), "", None
         if wrong:
             after = found[place + 1] if place + 1 < len(found) else None
             if after is None or after.words != ("text",):
                 raise ValueError(f"{block}: no block ```text says what is wrong with it")
             expected = after.text.rstrip()
-        yield Example(block, kind, name, wrong, expected)
+        yield Example(block, kind, name, wrong, expected, after)
 
 
 def make_folder(parent: Path) -> Page:
@@ -103,6 +105,15 @@ def make_folder(parent: Path) -> Page:
 
 def try_example(page: Page, example: Example) -> str:
     """Write an example to the folder of its page; return what is not as the page says."""
+    said = said_of(page, example)
+    if said == example.expected:
+        return ""
+    wanted, got = example.expected or "nothing", said or "nothing"
+    return f"{example.block}: should say\n{wanted}\nbut says\n{got}"
+
+
+def said_of(page: Page, example: Example) -> str:
+    """Write an example to the folder of its page; return all that is said of it."""
     text = _whole(page, example)
     name = example.name or f"{_UNNAMED}{_ENDINGS[example.kind]}"
     path = page.folder / name
@@ -114,11 +125,7 @@ def try_example(page: Page, example: Example) -> str:
             page.layers.append(name)
     else:
         path.unlink()
-    said = "\n".join(dict.fromkeys(_said(one, page.folder, example) for one in found))
-    if said == example.expected:
-        return ""
-    wanted, got = example.expected or "nothing", said or "nothing"
-    return f"{example.block}: should say\n{wanted}\nbut says\n{got}"
+    return "\n".join(dict.fromkeys(_said(one, page.folder, example) for one in found))
 
 
 def _whole(page: Page, example: Example) -> str:

@@ -24,7 +24,8 @@ def _exercised() -> frozenset[str]:
 def test_examples_are_right_and_errors_say_what_is_shown(page: Path, tmp_path: Path) -> None:
     folder = examples.make_folder(tmp_path)
     problems = [examples.try_example(folder, example) for example in examples.examples(page)]
-    assert [problem for problem in problems if problem] == []
+    wrong = [problem for problem in problems if problem]
+    assert wrong == [], "new words of a message: python -m tests.language_docs --messages"
 
 
 def test_made_parts_are_current() -> None:
