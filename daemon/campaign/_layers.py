@@ -24,6 +24,7 @@ from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
+from grammars.text.sources import is_file, names_in
 from grammars.variation import floorplan_variants
 
 T = TypeVar("T")
@@ -57,14 +58,14 @@ def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path
     name = reference.name
     if "/" in name or name.endswith(kind.endings):
         path = folder / name
-        if path.is_file():
+        if is_file(path):
             return path
         raise InputError(Diagnostic(reference.where, f'no file "{name}" for the {kind.title}'))
     # Beside the campaign first, so that one may have its own robot of a name that others share.
     places = (folder, folder / kind.folder, folder / ".." / kind.folder)
     for place in places:
         for ending in kind.endings:
-            if (place / f"{name}{ending}").is_file():
+            if is_file(place / f"{name}{ending}"):
                 return place / f"{name}{ending}"
     known = [n for place in places for n in _names_in(place, kind)]
     raise InputError(
@@ -78,10 +79,9 @@ def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path
 
 
 def _names_in(place: Path, kind: LayerKind) -> list[str]:
-    if not place.is_dir():
-        return []
     ending = kind.endings[0]
-    names = [p.name.removesuffix(ending) for p in place.iterdir() if p.name.endswith(ending)]
+    found = names_in(place, lambda path: path.name.endswith(ending))
+    names = [name.removesuffix(ending) for name in found]
     # "tiny.mission" is what another ending leaves of a name, not one that could be written.
     return [name for name in names if "." not in name]
 
@@ -156,7 +156,7 @@ class LayerLibrary:
     def map(self, reference: LayerReference) -> GivenMap:
         """Load a map of one's own and keep it where runs find it by its digest."""
         path = self.folder / reference.name
-        if not path.is_file():
+        if not is_file(path):
             hint = "name the YAML file of a map, relative to the campaign file"
             raise InputError(Diagnostic(reference.where, f'no file "{reference.name}"', hint))
         return self._once("map", path, _load_map)

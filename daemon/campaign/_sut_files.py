@@ -48,6 +48,7 @@ from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Keys
 from daemon.stacks.ros2.settings import REPEATABLE
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument, load_yaml, read_model
+from grammars.text.sources import is_file
 
 ROS: Final = "ros"
 ROS2: Final = "ros2"
@@ -246,7 +247,7 @@ def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Pa
     """Return the files that travel, by name."""
     found: dict[str, Path] = {}
     for name, places in _named_files(path, document, text).items():
-        if len(places) != 1 or not places[0][0].is_file():
+        if len(places) != 1 or not is_file(places[0][0]):
             where = document.where(("files", name))
             what = (
                 "no file " + str(places[0][0]) if len(places) == 1 else "is one file, not several"

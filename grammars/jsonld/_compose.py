@@ -20,8 +20,8 @@ from grammars.jsonld._rules import check_structure, refuse_broken
 from grammars.jsonld.vocabulary import FP, ITEMS, SCN
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import read_text
 from grammars.text.extras import MissingExtraError, load_extra
+from grammars.text.sources import is_folder, read_text
 
 if TYPE_CHECKING:
     from rdflib import Graph
@@ -135,7 +135,7 @@ def load_nodes(path: str | Path) -> NodeGraph:
     """
     file = Path(path)
     files = [file]
-    if file.is_dir():
+    if is_folder(file):
         files = sorted(p for p in file.iterdir() if p.suffix == ".json")
         if not files:
             raise InputError.at(Where(str(path)), "there is no .json file in this folder")

@@ -23,8 +23,8 @@ from grammars.roslaunch._scope import Scope, WrittenRemap
 from grammars.roslaunch._substitution import Substituted, Substitution
 from grammars.roslaunch._xml import XmlElement, parse_xml
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
-from grammars.text.documents import read_text
 from grammars.text.ros_yaml import parse_ros_yaml
+from grammars.text.sources import read_text
 
 _DEEPEST: Final = 30
 _MOST_INCLUDES: Final = 1_000

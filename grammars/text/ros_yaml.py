@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import KeyPath, YamlDocument, mark_place, read_text
+from grammars.text.documents import KeyPath, YamlDocument, read_text
+from grammars.text.yaml_composer import mark_place
 
 _DEEPEST: Final = 20
 _MOST_VALUES: Final = 20_000
