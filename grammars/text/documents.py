@@ -127,7 +127,7 @@ def read_model(document: YamlDocument, model: type[M]) -> M:
     """Check ``document`` against ``model``; raises :class:`InputError` with every finding."""
     if not isinstance(document.data, dict):
         keys = ", ".join(_names(model))
-        raise InputError.at(Where(document.file), f"expected keys such as {keys}")
+        raise InputError.at(document.where(), f"expected keys such as {keys}")
     try:
         return model.model_validate(document.data)
     except ValidationError as error:
