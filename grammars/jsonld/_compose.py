@@ -179,7 +179,7 @@ def load_scenery_jsonld(path: str | Path, warnings: list[Diagnostic] | None = No
         return layers[0]
     hint = "an Object, an ObjectInstance or a layer of ours is needed"
     message = f"there are {len(layers)} layers in it" if layers else "there is no scenery in it"
-    raise InputError.at(Where(str(path)), message, "" if layers else hint)
+    raise InputError.at(Where(str(path), 1, 1), message, "" if layers else hint)
 
 
 def check_jsonld(path: str | Path) -> tuple[Diagnostic, ...]:

@@ -11,6 +11,7 @@ import functools
 import json
 import math
 import re
+from collections import Counter
 from typing import Any, Final
 
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
@@ -47,6 +48,8 @@ class JsonText:
             raise InputError.at(where, f"is not JSON: {error.msg}") from error
         except (RecursionError, ValueError) as error:
             reason = str(error) if isinstance(error, ValueError) else "it is nested too deeply"
+            if "int_max_str_digits" in reason:
+                reason = "a number has thousands of digits"
             raise InputError.at(self._fault(error), f"is not JSON: {reason}") from error
 
     def _fault(self, error: Exception) -> Where:
@@ -70,8 +73,7 @@ class JsonText:
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        twice, _ = Counter(key for key, _ in pairs).most_common(1)[0]
         raise ValueError(f'the key "{twice}" is written twice in one object')
     return found
 

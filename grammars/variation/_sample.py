@@ -119,14 +119,14 @@ def _random_variant(trials: VariantBuilder, seed: int, tries: int) -> Variant:
         if variant is not None:
             return variant
     message = f"seed {seed}: none of {tries} draws fulfils everything required"
-    raise rejected.error(Where(trials.variation.file), message)
+    raise rejected.error(Where(trials.variation.file, 1, 1), message)
 
 
 def _design_variants(
     trials: VariantBuilder, method: Method, n: int | None, levels: int, tries: int
 ) -> tuple[Variant, ...]:
     """Return the variants of a design; point ``k`` has the seed ``seed + k``, rejected or not."""
-    where = Where(trials.variation.file)
+    where = Where(trials.variation.file, 1, 1)
     rejected = Rejections()
     wanted = n if method == "halton" else None
     found: list[Variant] = []
@@ -156,7 +156,7 @@ def _points(
     tries: int,
     rejected: Rejections,
 ) -> Iterator[Point]:
-    where = Where(trials.variation.file)
+    where = Where(trials.variation.file, 1, 1)
     distributions = [draw.distribution for draw in trials.variation.draws]
     if method == "grid":
         return grid(distributions, levels, where)
@@ -184,7 +184,7 @@ def _bounded_acceptance(
             known[point] = trials.variant(point, trials.seed, rejected) is not None
             if not known[point] and next(left) == 0:
                 message = f"pairwise design: given up after {misses} points were rejected"
-                raise rejected.error(Where(trials.variation.file), message)
+                raise rejected.error(Where(trials.variation.file, 1, 1), message)
         return known[point]
 
     return accepted
