@@ -358,10 +358,13 @@ class LaunchReader:
                 return
             path = self._parameter_file(file, scope, element.place("file"))
             source, name, lines = read_text(path), str(path), ()
+        source_lines = source.split("\n")
 
         def locate(line: int, column: int) -> Where:
             if file is not None:
-                return Where(name, line, column)
+                # Texts that are filled in may be longer than the line they stand in.
+                written = source_lines[line - 1] if line <= len(source_lines) else ""
+                return Where(name, line, min(column, len(written) + 1))
             if line > len(lines):  # The end of the text, where a line begins that has nothing.
                 last = lines[-1] if lines else element.where
                 return Where(name, last.line + line - len(lines), column)

@@ -130,12 +130,15 @@ def _design_variants(
     rejected = Rejections()
     wanted = n if method == "halton" else None
     found: list[Variant] = []
-    seen = 0
+    seen, missed = 0, 0
     for k, point in enumerate(_points(trials, method, n, levels, tries, rejected)):
         seen = k + 1
         # Rejected points keep their number: a requirement more leaves the others their names.
         variant = trials.variant(point, trials.seed + k, rejected)
         found.extend([] if variant is None else [variant])
+        missed = 0 if variant is not None else missed + 1
+        if wanted is not None and missed > _MISSES_PER_TRY * tries:
+            break
         if wanted is not None and len(found) == wanted:
             return tuple(found)
         if n is not None and len(found) > n:

@@ -17,6 +17,7 @@ from grammars.jsonld import (
     plan_document,
     scenery_document,
 )
+from grammars.model.map_files import pack_map, read_map
 from grammars.scenery import load_scenery
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity
@@ -129,6 +130,10 @@ def _object_graph(folder: Path) -> None:
     load_scenery_jsonld(folder / "objects.jsonld", [])
 
 
+def _map(folder: Path) -> None:
+    pack_map(read_map(folder / "room.yaml"))
+
+
 def _parameters(folder: Path) -> None:
     _told(load_ros_yaml(folder / "params.yaml")[1])
     _told(check_file(folder / "stack.yaml")[1])
@@ -147,8 +152,8 @@ TARGETS: Final = (
     Target("sut", "stack.yaml", _checked("stack.yaml")),
     Target("launch", "start.launch", _checked("stack.yaml")),
     Target("parameters", "params.yaml", _parameters),
-    Target("map", "room.yaml", _checked("campaign.yaml")),
-    Target("image", "room.pgm", _checked("campaign.yaml")),
+    Target("map", "room.yaml", _map),
+    Target("image", "room.pgm", _map),
     Target("plan-graph", "plan.jsonld", _plan_graph),
     Target("object-graph", "objects.jsonld", _object_graph),
 )
