@@ -48,11 +48,19 @@ def printable(text: str) -> str:
     return _STEERING.sub(lambda sign: ascii(sign[0])[1:-1], text)
 
 
+_LONGEST_SHOWN: Final = 4_000
+
+
+def _shortened(text: str) -> str:
+    half = _LONGEST_SHOWN // 2
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:half]} … {text[-half:]}"
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One finding: ``where: message``, with an optional hint on what to do about it.
 
-    Message and hint are fit for a terminal, whatever the text they quote.
+    Message and hint are fit for a terminal, whatever the text they quote, however long.
     """
 
     where: Where
@@ -61,8 +69,8 @@ class Diagnostic:
     severity: Severity = Severity.ERROR
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "message", printable(self.message))
-        object.__setattr__(self, "hint", printable(self.hint))
+        object.__setattr__(self, "message", _shortened(printable(self.message)))
+        object.__setattr__(self, "hint", _shortened(printable(self.hint)))
 
     def __str__(self) -> str:
         label = "warning: " if self.severity is Severity.WARNING else ""
@@ -152,7 +160,8 @@ class SourceText:
         start = self._within
         if start is not None:
             column = (start.column or 1) + offset
-            return start if len(self._starts) > 1 else Where(start.file, start.line, column)
+            unknown = len(self._starts) > 1 or (start.line and not start.column)
+            return start if unknown else Where(start.file, start.line, column)
         line = bisect_right(self._starts, offset)
         return Where(self.file, line, offset - self._starts[line - 1] + 1)
 
