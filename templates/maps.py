@@ -75,6 +75,7 @@ def feature_collection(plan: FloorPlan) -> dict[str, Any]:
         _feature(
             wall.id,
             wall.footprint,
+            (),
             kind="wall",
             name=wall.id,
             space=wall.space,
@@ -100,6 +101,7 @@ def feature_collection(plan: FloorPlan) -> dict[str, Any]:
         _feature(
             opening.id,
             opening.footprint,
+            (),
             kind=opening.kind,
             name=opening.name,
             thickness=opening.depth,
@@ -134,7 +136,7 @@ def _extent(low: float, high: float) -> dict[str, float]:
     return {"height": high - low, "z_min": low, "z_max": high}
 
 
-def _feature(id: str, ring: Ring, holes: Sequence[Ring] = (), **known: Any) -> dict[str, Any]:
+def _feature(id: str, ring: Ring, holes: Sequence[Ring], **known: Any) -> dict[str, Any]:
     names = ("kind", "name", "space", "index", "height", "thickness", "z_min", "z_max")
     return {
         "type": "Feature",

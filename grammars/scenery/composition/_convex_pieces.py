@@ -38,7 +38,12 @@ def convex_pieces(area: Polygon) -> list[Ring]:
 def _convex(ring: Ring) -> Ring:
     ring = without_flat_corners(ring)
     # Dents of many corners that are each as good as straight may add up to one that is not.
-    return ring if is_convex(ring) else outline_of(Polygon(ring).convex_hull)
+    return ring if is_convex(ring) else _hull(ring)
+
+
+def _hull(ring: Ring) -> Ring:
+    corners = shapely.get_coordinates(shapely.convex_hull(Polygon(ring)))[:-1].tolist()
+    return without_flat_corners(canonical_ring((x, y) for x, y in corners))
 
 
 def _triangles(area: Polygon, cuts: int) -> list[Ring]:
