@@ -6,6 +6,7 @@ are what walls and doorways enclose together. The rest of the drawing is ignored
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any, Final
 
@@ -54,12 +55,16 @@ def _open(file: Path, where: Where) -> Any:
         raise InputError.at(where, f"is larger than {_LARGEST_FILE >> 20} MiB")
     ezdxf = load_extra("ezdxf", "import", "a drawing", "import")
     recover = load_extra("ezdxf.recover", "import", "a drawing", "import")
+    # What it mends in passing is of no use to people who only read.
+    logging.getLogger("ezdxf").addHandler(logging.NullHandler())
     try:
         document, _ = recover.readfile(str(file))
     except (ezdxf.DXFError, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         # The loader meets what is broken in many ways, and says so in words for programmers.
         hint = "it is no DXF, or damaged: save it again as DXF, version 2010 or later"
-        raise InputError.at(where, "cannot be read as a DXF drawing", hint) from error
+        reason = next(iter(str(error).splitlines()), type(error).__name__)
+        message = f"cannot be read as a DXF drawing: {reason}"
+        raise InputError.at(where, message, hint) from error
     return document
 
 

@@ -1,4 +1,6 @@
-"""What is drawn on some layers of a DXF file: lines of walls and blocks of doors, in metres.
+"""What is drawn on some layers of a DXF file: lines of walls, and doors, in metres.
+
+A door is a block by its name, or an arc as a leaf swings, by the name of its layer.
 
 Blocks that are no doors are looked into, since whole storeys are often one block. What cannot be
 read as a line is counted.
@@ -22,6 +24,8 @@ MOST_ENTITIES: Final = 1_000_000
 LINES: Final = ("LINE", "LWPOLYLINE", "POLYLINE")
 """Kinds of entities that walls are read from."""
 _OF_DOORS: Final = (*LINES, "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
+_SWING: Final = (45.0, 120.0)
+"""How far a door is drawn to turn [degrees]."""
 _WIDTHS: Final = ("WIDTH", "W", "BREITE", "LARGEUR", "ANCHO")
 
 
@@ -85,6 +89,8 @@ class LineReader:
             on = layer if own == "0" and depth else own
             if kind == "INSERT":
                 self._block(entity, on, depth)
+            elif kind == "ARC" and is_named_like(on, self.doors) and _is_swing(entity):
+                self._swing(entity, on)
             elif not is_named_like(on, self.layers) or kind not in LINES:
                 self.lines.ignored[kind, on] += 1
             else:
@@ -103,6 +109,12 @@ class LineReader:
         else:
             for single in _singly(insert):
                 self.read(single.virtual_entities(), layer, depth + 1)
+
+    def _swing(self, arc: Any, layer: str) -> None:
+        """Take an arc on a layer of doors for a door that is no block: it turns about its hinge."""
+        hinge = arc.ocs().to_wcs(arc.dxf.center)
+        at = (hinge.x * self.scale, hinge.y * self.scale)
+        self.lines.doors.append(DoorBlock(layer, (at, *self._corners(arc)), at))
 
     def _door(self, insert: Any, name: str) -> DoorBlock:
         points = [
@@ -141,6 +153,11 @@ class LineReader:
             if not corners or corner != corners[-1]:
                 corners.append(corner)
         return tuple(corners)
+
+
+def _is_swing(arc: Any) -> bool:
+    turned = (arc.dxf.end_angle - arc.dxf.start_angle) % 360.0
+    return _SWING[0] <= turned <= _SWING[1]
 
 
 def _singly(insert: Any) -> Iterable[Any]:

@@ -8,7 +8,7 @@ from typing import Final
 WALL_LAYERS: Final = ("*wall*", "*wand*", "*waende*", "*wände*", "*mur*", "*pared*")
 """Names of layers that hold walls, unless others are named."""
 DOOR_BLOCKS: Final = ("*door*", "*tür*", "*tuer*", "*porte*", "*puerta*")
-"""Names of blocks that are doors, unless others are named."""
+"""Names of blocks that are doors, and of layers whose arcs are, unless others are named."""
 WINDOW_BLOCKS: Final = ("*window*", "*fenster*", "*fenêtre*", "*fenetre*", "*ventana*")
 """Names of blocks that close a gap as a wall does."""
 
