@@ -75,7 +75,7 @@ class DrawingReader:
                 for n, gap in enumerate(doorways, 1)
             ),
             f"Made from {Path(self.where.file).name}, drawn in {self.unit}: "
-            f"{len(rooms)} rooms, {len(doorways)} doorways.",
+            f"rooms: {len(rooms)}, doorways: {len(doorways)}.",
             tuple(self.warnings),
         )
 

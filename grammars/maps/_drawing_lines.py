@@ -157,7 +157,7 @@ class LineReader:
 
 def _is_swing(arc: Any) -> bool:
     turned = (arc.dxf.end_angle - arc.dxf.start_angle) % 360.0
-    return _SWING[0] <= turned <= _SWING[1]
+    return bool(_SWING[0] <= turned <= _SWING[1])
 
 
 def _singly(insert: Any) -> Iterable[Any]:

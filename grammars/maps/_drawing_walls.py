@@ -7,7 +7,6 @@ the middle line of a wall.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -177,24 +176,25 @@ def enclosed(walls: BaseGeometry) -> list[Polygon]:
 
 
 def gaps_in(walls: BaseGeometry) -> list[WallGap]:
-    """Return the gaps between ends of walls that face each other, as wide as a doorway."""
+    """Return the gaps as wide as a doorway between the end of a wall and what it looks at."""
     ends = [end for part in polygons_in(walls) for end in _wall_ends(part)]
     if not ends:
         return []
-    frames = np.array([(*end.middle, *end.normal, end.thickness) for end in ends])
-    found = []
-    for i, j in itertools.combinations(range(len(ends)), 2):
-        way = frames[j, :2] - frames[i, :2]
-        along = float(way @ frames[i, 2:4])
-        if not _DOORWAY[0] <= along <= _DOORWAY[1]:
-            continue
-        depth = float(min(frames[i, 4], frames[j, 4]))
-        beside = math.sqrt(max(0.0, float(way @ way) - along**2))
-        if frames[i, 2:4] @ frames[j, 2:4] > -0.98 or beside > depth / 2:
-            continue
-        gap = WallGap(ends[i].middle, ends[j].middle, depth)
-        # Another wall between the two: they face that one.
-        if walls.intersection(gap.area().buffer(-_THINNEST / 2)).area < _GRID:
+    middles = np.array([end.middle for end in ends])
+    normals = np.array([end.normal for end in ends])
+    rays = [middles + normals * reach for reach in (_GRID, _DOORWAY[1])]
+    seen = shapely.intersection(shapely.linestrings(np.stack(rays, axis=1)), walls)
+    away: Any = shapely.distance(shapely.points(middles), seen)
+    found: list[WallGap] = []
+    # Nothing seen is nan, which is not as wide as a doorway either.
+    for k in np.flatnonzero((away >= _DOORWAY[0]) & (away <= _DOORWAY[1])).tolist():
+        x, y = (middles[k] + normals[k] * away[k]).tolist()
+        gap = WallGap(ends[k].middle, (x, y), ends[k].thickness)
+        area = gap.area()
+        # Two ends that look at each other are one gap; and a gap is free of walls.
+        if all(area.intersection(other.area()).area < area.area / 2 for other in found) and (
+            walls.intersection(area.buffer(-_THINNEST / 2)).area < _GRID
+        ):
             found.append(gap)
     return found
 
