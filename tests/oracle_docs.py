@@ -28,6 +28,7 @@ def page_with_table() -> str:
 
 def _row(kind: SignalDeclaration, name: str) -> str:
     parts = ["**object**"] if kind.takes_object else []
+    parts += ["robot", f"**{' or '.join(kind.relates)}**"] if kind.relates else []
     parts += [f"**{dimension.unit}**" for dimension in kind.arguments]
     takes = f" [{', '.join(parts)}]" if parts else ""
     doc = kind.doc.replace("|x|", "abs(x)").replace("|y|", "abs(y)")

@@ -9,17 +9,21 @@ from daemon.campaign._campaign import (
     load_campaign,
     repeat_seed,
 )
-from daemon.campaign._file import CampaignFile, LayerReference, read_campaign
+from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
     FLOORPLAN,
+    LAYER_KINDS,
     MISSION,
     ORACLES,
     ROBOT,
     SCENERY,
     SUT,
     VARIATION,
+    LayerKind,
     LayerLibrary,
     find_layer,
+    layer_names,
+    layer_places,
 )
 from daemon.campaign._parameters import (
     ParameterValue,
@@ -28,10 +32,12 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
+from daemon.campaign._scenarios import LayerReference, read_campaign
 from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
 
 __all__ = [
     "FLOORPLAN",
+    "LAYER_KINDS",
     "MISSION",
     "ORACLES",
     "ROBOT",
@@ -42,6 +48,7 @@ __all__ = [
     "Campaign",
     "CampaignCell",
     "CampaignFile",
+    "LayerKind",
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",
@@ -54,6 +61,8 @@ __all__ = [
     "expand",
     "find_layer",
     "flatten_parameters",
+    "layer_names",
+    "layer_places",
     "load_campaign",
     "load_sut",
     "merge_parameters",

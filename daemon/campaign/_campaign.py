@@ -22,14 +22,14 @@ from daemon.campaign._external import (
     default_repeats,
     says_repeats,
 )
-from daemon.campaign._file import (
-    CampaignFile,
+from daemon.campaign._file import CampaignFile, repeat_policy
+from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._scenarios import (
     LayerReference,
     ResolvedScenario,
+    pick_oracles,
     read_campaign,
-    repeat_policy,
 )
-from daemon.campaign._layers import LayerLibrary
 from daemon.campaign._sensors import check_sensors
 from daemon.model.assessments import AssessmentRules
 from daemon.model.packed_submission import fingerprint
@@ -47,7 +47,7 @@ from grammars.oracle import Oracle, check_references
 from grammars.preflight import check_map, check_run, check_scene, places_of
 from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import YamlDocument, load_yaml
 
 T = TypeVar("T")
@@ -207,8 +207,9 @@ def _check(
 
 def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     document = load_yaml(path)
-    text, scenarios = read_campaign(document)
-    loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent))
+    missing: list[Diagnostic] = []
+    text, scenarios = read_campaign(document, missing)
+    loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent), missing)
     pool = loader.collect_errors(lambda: loader.library.oracles(_oracle_layers(text, document)))
     declared = AssessmentRules(repeat_policy(text.repeats))
     if pool is not None:
@@ -255,7 +256,9 @@ def _load_cells(
     suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
     named = scenario.map_file
     given = attempt(partial(library.map, named)) if named else None
-    picked = () if pool is None else attempt(lambda: _pick_oracles(scenario, pool)) or ()
+    picked = (
+        () if pool is None else attempt(lambda: pick_oracles(scenario, pool, loader.text)) or ()
+    )
     oracles = (*picked, *timed.measures())
     if loaded is not None:
         loader.findings += timed.problems(loaded[0])
@@ -326,7 +329,7 @@ def _waypoint_places(mission: Mission, document: YamlDocument) -> dict[str, Wher
 
 def _required_reference(reference: LayerReference | None) -> LayerReference:
     if reference is None:
-        raise ValueError("read_campaign admits no scenario with an empty slot")
+        raise InputError(())  # read_campaign has said so
     return reference
 
 
@@ -363,17 +366,6 @@ def _scene(
     if key not in loader.scenes:
         loader.scenes[key] = compile_scene(plan, objects)
     return loader.scenes[key]
-
-
-def _pick_oracles(scenario: ResolvedScenario, pool: dict[str, Oracle]) -> tuple[Oracle, ...]:
-    unknown = [
-        Diagnostic(r.where, f'no oracle "{r.name}"', did_you_mean(r.name, pool))
-        for r in scenario.oracles
-        if r.name not in pool
-    ]
-    if unknown:
-        raise InputError(unknown)
-    return tuple(pool[r.name] for r in scenario.oracles)
 
 
 def _resolve_all(
