@@ -105,7 +105,7 @@ def test_where_a_robot_that_ships_is_installed_stays_unsaid(scenario, here: Path
     scenario("new", "mine")
     file = here / "mine" / "campaign.yaml"
     file.write_text(file.read_text().replace("robot: my_robot", "robot: courier"))
-    assert scenario("export", str(file), "jsonld", "-o", "out").code == 0
+    assert scenario("export", str(file), "prov", "-o", "out").code == 0
     said = "".join(path.read_text() for path in (here / "out").rglob("*.json*"))
     assert "shipped/robots/courier.yaml" in said
     assert str(here) not in said
