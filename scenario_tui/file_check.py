@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.sources import is_folder, refuse_unreadable
 from scenario_tui.text.formatting import pluralise
 
 if TYPE_CHECKING:
@@ -24,12 +25,11 @@ def check_file(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _checker(path: Path) -> Checker:
-    if not path.exists():
-        raise InputError(Diagnostic(Where(str(path)), "no such file"))
-    if path.is_dir():
+    if is_folder(path):
         if any(file.suffix in (".json", ".jsonld") for file in path.iterdir()):
             return _jsonld
         raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))
+    refuse_unreadable(path)
     for ending, checker in _BY_ENDING.items():
         if path.name.endswith(ending):
             return checker

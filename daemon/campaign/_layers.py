@@ -28,6 +28,7 @@ from grammars.scenery import SceneryLayer, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
 from grammars.text.shipped import shipped_folder
+from grammars.text.sources import is_file, is_folder, names_in
 from grammars.variation import floorplan_variants
 
 T = TypeVar("T")
@@ -73,7 +74,7 @@ def find_layer(
     name = reference.name
     if "/" in name or name.endswith(kind.endings):
         path = folder / name
-        if path.is_file():
+        if is_file(path):
             return _shortened(path)
         if _is_folder_of(path, kind):
             return path
@@ -81,7 +82,7 @@ def find_layer(
     places = layer_places(folder, kind, shipped=shipped)
     for place in places:
         for ending in kind.endings:
-            if (place / f"{name}{ending}").is_file():
+            if is_file(place / f"{name}{ending}"):
                 return place / f"{name}{ending}"
         if _is_folder_of(place / name, kind):
             return place / name
@@ -99,14 +100,14 @@ def find_layer(
 
 def _is_folder_of(path: Path, kind: LayerKind) -> bool:
     """Return whether a path is a folder of JSON-LD files, as published models are."""
-    return ".jsonld" in kind.endings and path.is_dir() and is_jsonld(path)
+    return ".jsonld" in kind.endings and is_folder(path) and is_jsonld(path)
 
 
 def _shortened(path: Path) -> Path:
     """Return a path without ``..`` in its middle, which nobody reads, where that is the same."""
     short = Path(os.path.normpath(path))
     # Behind a link to a folder, ".." leads somewhere else than the text of the path says.
-    return short if short.is_file() and short.samefile(path) else path
+    return short if is_file(short) and short.samefile(path) else path
 
 
 def layer_places(folder: Path, kind: LayerKind, *, shipped: bool = True) -> tuple[Path, ...]:
@@ -118,16 +119,10 @@ def layer_places(folder: Path, kind: LayerKind, *, shipped: bool = True) -> tupl
 
 def layer_names(place: Path, kind: LayerKind) -> list[str]:
     """Return the names of the layers in a folder that have the usual ending of their kind."""
-    if not place.is_dir():
-        return []
     # Any .jsonld file may be something else; these two endings tell a floor plan.
-    endings = [kind.endings[0], *(ending for ending in kind.endings if ending == WALLS_ENDING)]
-    names = [
-        p.name.removesuffix(ending)
-        for p in place.iterdir()
-        for ending in endings
-        if p.name.endswith(ending) and _may_be(p, kind)
-    ]
+    endings = (kind.endings[0], *(ending for ending in kind.endings if ending == WALLS_ENDING))
+    found = names_in(place, lambda path: path.name.endswith(endings) and _may_be(path, kind))
+    names = [name.removesuffix(next(filter(name.endswith, endings))) for name in found]
     # "tiny.mission" is what another ending leaves of a name, not one that could be written.
     return [name for name in names if "." not in name]
 
@@ -214,7 +209,7 @@ class LayerLibrary:
     def map(self, reference: LayerReference) -> GivenMap:
         """Load a map of one's own and keep it where runs find it by its digest."""
         path = self.folder / reference.name
-        if not path.is_file():
+        if not is_file(path):
             hint = "name the YAML file of a map, relative to the campaign file"
             raise InputError(Diagnostic(reference.where, f'no file "{reference.name}"', hint))
         return self._once("map", path, _load_map)

@@ -341,7 +341,7 @@ class _LayerReader:
         return tuple(found)
 
     def _instance(self, node: Node) -> Instance:
-        where = self._nodes.where(node.id, Where(self._file))
+        where = self._nodes.where(node.id, Where(self._file, 1, 1))
         of = node.ref(OBJ["of-object"])
         if of is None:
             raise InputError.at(where, f"instance {local_name(node.id)} is of no object")

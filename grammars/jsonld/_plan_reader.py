@@ -99,7 +99,7 @@ class _PlanReader:
             self.nodes.add_error(plans[1].id, f"there are several floor plans: {names}")
         else:
             hint = "one node has the type FloorPlan and lists the spaces"
-            where = Where(self.file or "<graph>")
+            where = Where(self.file or "<graph>", 1, 1)
             self.nodes.diagnostics.append(Diagnostic(where, "there is no floor plan in it", hint))
         raise InputError(self.nodes.errors)
 
@@ -234,7 +234,7 @@ class _PlanReader:
         self, node: Node, name: str, placed: PlacedFrame, ring: Ring, walls: list[Wall]
     ) -> Space:
         """Return the space its outline implies where that is what is published, bit by bit."""
-        where = self.nodes.where(node.id, Where(self.file))
+        where = self.nodes.where(node.id, Where(self.file, 1, 1))
         published = Space(name, placed.pose, placed.pose.apply_ring(ring), tuple(walls), where)
         return implied_space(published, ring) or published
 
@@ -303,7 +303,7 @@ class _PlanReader:
         if drawn is None or height is None or placed is None:
             return
         name = node.text(SCN["name"]) or (local.removeprefix(f"{space}-") if space else local)
-        where = self.nodes.where(node.id, Where(self.file))
+        where = self.nodes.where(node.id, Where(self.file, 1, 1))
         ring = placed.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1]))
         found[node.id] = Feature(
             kind,
@@ -342,7 +342,7 @@ class _PlanReader:
         if depth is None:
             depth = max(point[1] for point in body[1])
         prism = OpeningPrism(near[1], depth, placed.z, placed.tilt)
-        where = self.nodes.where(node.id, Where(self.file))
+        where = self.nodes.where(node.id, Where(self.file, 1, 1))
         placement = self._placement(*near)
         return node.id, opening_at(kind, name, walls, placed.pose, prism, where, placement)
 

@@ -105,10 +105,10 @@ class SentenceReader:
 
     def read(self, id: str, *kinds: type) -> Any:
         """Return the value at ``id``; raises :class:`InputError` unless it is one of ``kinds``."""
-        value = self._value(Ref(id), self._nodes.where(id, Where(self._file)), 0)
+        value = self._value(Ref(id), self._nodes.where(id, Where(self._file, 1, 1)), 0)
         if not isinstance(value, kinds):
             names = " or ".join(kind.__name__ for kind in kinds)
-            where = self._nodes.where(id, Where(self._file))
+            where = self._nodes.where(id, Where(self._file, 1, 1))
             raise InputError.at(where, f"{local_name(id)} is no {names}")
         return value
 

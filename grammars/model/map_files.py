@@ -29,6 +29,7 @@ from grammars.text.documents import (
     load_yaml,
     read_model,
 )
+from grammars.text.sources import is_file
 
 MOST_CELLS: Final = 64_000_000
 """A map of 400 m by 400 m at 5 cm; more is refused before it is read."""
@@ -104,6 +105,8 @@ def _values(grey: npt.NDArray[np.uint8], text: _MapKeys) -> npt.NDArray[np.int8]
 
 def _read_image(path: Path, named: Where) -> npt.NDArray[np.uint8]:
     """Return the grey of an image, top row first; ``named`` is where its name stands."""
+    if not is_file(path):
+        raise InputError.at(named, f"the image {path} cannot be read: No such ordinary file")
     try:
         size = path.stat().st_size
         if size > _LONGEST_HEADER + 4 * MOST_CELLS:

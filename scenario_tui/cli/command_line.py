@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -194,7 +195,9 @@ def _report_unhandled(error: Exception) -> int:
     if isinstance(error, OSError):
         where = f": {error.filename}" if error.filename else ""
         say(f"scenario: {error.strerror or error}{where}")
-        return ExitCode.INFRASTRUCTURE
+        # Such names are typed or written by people; no disk is at fault.
+        named = error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
+        return ExitCode.BAD_INPUT if named else ExitCode.INFRASTRUCTURE
     say("".join(traceback.format_exception(error)).rstrip())
     say(f"scenario: {type(error).__name__}: {error}\nThis is a bug in scenario; please report it.")
     return ExitCode.BUG
