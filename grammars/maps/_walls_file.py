@@ -33,7 +33,7 @@ _LARGEST: Final = 1e6
 """Greatest coordinate [m], as in floor plans."""
 _NARROWEST: Final = 1e-3
 _WIDEST: Final = 50.0
-"""Widths an entryway may have [m]: the gates of hangars are no wider."""
+"""Widths and depths an entryway may have [m]: the gates of hangars are no wider."""
 _NAME: Final = r"^[A-Za-z_][A-Za-z0-9_]*$"
 """Names that sentences about objects can hold."""
 
@@ -73,7 +73,7 @@ class EntrywayText(StrictModel):
     end: Corner = Field(alias="to")
     """The other jamb. Seen along the way from the one to the other, inwards is to the right and
     outwards to the left."""
-    depth: _Size
+    depth: Length = Field(ge=_NARROWEST, le=_WIDEST)
     """Thickness of the wall it leads through."""
     height: _Size = 2.0
     """Of the passage; it begins at the floor."""
