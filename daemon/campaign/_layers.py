@@ -17,6 +17,7 @@ from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
 from grammars.floorplan import FloorPlan, load_floorplan
 from grammars.jsonld import is_jsonld, load_floorplan_jsonld, load_scenery_jsonld
+from grammars.maps import WALLS_ENDING, load_walls
 from grammars.model.files import load_mission, load_robot
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
@@ -48,7 +49,7 @@ class LayerKind:
     ships: bool = False
 
 
-FLOORPLAN: Final = LayerKind("floor plan", (".fpm", ".jsonld", ".json"), "floorplans")
+FLOORPLAN: Final = LayerKind("floor plan", (".fpm", WALLS_ENDING, ".jsonld", ".json"), "floorplans")
 VARIATION: Final = LayerKind("variation", (".variation",), "floorplans")
 SCENERY: Final = LayerKind("scenery", (".scenery", ".jsonld", ".json"), "scenery")
 MISSION: Final = LayerKind("mission", (".mission.yaml", ".yaml"), "missions")
@@ -118,9 +119,10 @@ def layer_places(folder: Path, kind: LayerKind, *, shipped: bool = True) -> tupl
 
 def layer_names(place: Path, kind: LayerKind) -> list[str]:
     """Return the names of the layers in a folder that have the usual ending of their kind."""
-    ending = kind.endings[0]
-    found = names_in(place, lambda path: path.name.endswith(ending) and _may_be(path, kind))
-    names = [name.removesuffix(ending) for name in found]
+    # Any .jsonld file may be something else; these two endings tell a floor plan.
+    endings = (kind.endings[0], *(ending for ending in kind.endings if ending == WALLS_ENDING))
+    found = names_in(place, lambda path: path.name.endswith(endings) and _may_be(path, kind))
+    names = [name.removesuffix(next(filter(name.endswith, endings))) for name in found]
     # "tiny.mission" is what another ending leaves of a name, not one that could be written.
     return [name for name in names if "." not in name]
 
@@ -232,13 +234,14 @@ class LayerLibrary:
     def _load_floorplan(
         self, path: Path, values: Overrides | None = None, where: Where | None = None
     ) -> FloorPlan:
-        if not is_jsonld(path):
+        is_walls = path.name.endswith(WALLS_ENDING)
+        if not is_walls and not is_jsonld(path):
             plan = load_floorplan(path, values, where)
         elif values:
             message = f"{path.name} has no variables, and so none to give another value"
             raise InputError(Diagnostic(where or Where(str(path)), message, "use a plan in .fpm"))
         else:
-            plan = load_floorplan_jsonld(path)
+            plan = load_walls(path) if is_walls else load_floorplan_jsonld(path)
         self.warnings.extend(plan.warnings)
         return plan
 
