@@ -13,7 +13,8 @@ which keeps areas, but what is thinner than a cell may have holes.
 Objects, if they are drawn, are occupied by any rule. A door that is shut closes its doorway without
 a gap under ``touch`` and under ``outline``, which draws it, and the walls beside it, by ``touch``.
 
-What nobody painted is *unknown*: outside, inside nothing, and in windows the laser looks through
+What nobody painted is *unknown*: outside, inside nothing, where the centre of a cell lies in a hole
+of a space (by any rule, unless a solid stands there), and in windows the laser looks through
 (it meets no wall there, yet no robot can stand there).
 """
 
@@ -70,7 +71,6 @@ def occupancy_grid(
     """
     if not (resolution > 0.0 and math.isfinite(resolution) and margin >= 0.0):
         raise ValueError(f"resolution {resolution} must be positive, margin {margin} not negative")
-    spaces = [r.outline for r in scene.regions]
     # Both ends count, unlike in pictures (grammars.model.kinematics): what only touches the
     # plane of the laser overlaps it, however little.
     solids = [s.polygon for s in scene.solids if s.z_min <= laser_height <= s.z_max]
@@ -81,9 +81,17 @@ def occupancy_grid(
     def taken(cells_of: CellsOf, rings: Sequence[Ring]) -> npt.NDArray[np.bool_]:
         return painted((cells_of((np.array(ring) - origin) / resolution) for ring in rings), shape)
 
+    def floor(cells_of: CellsOf) -> npt.NDArray[np.bool_]:
+        found = taken(cells_of, [r.outline for r in scene.regions if not r.holes])
+        # One by one: what is a hole in one space may be the floor of another.
+        for region in scene.regions:
+            if region.holes:
+                found |= taken(cells_of, [region.outline]) & ~taken(centres_inside, region.holes)
+        return found
+
     cells: npt.NDArray[np.int8] = np.full(shape, UNKNOWN, dtype=np.int8)
     if rule == "outline":
-        cells[taken(outline_filled, spaces)] = FREE
+        cells[floor(outline_filled)] = FREE
         whole = whole_solids(scene.solids, doorways, laser_height)
         cells[taken(outline_of_convex, whole)] = OCCUPIED
         cells[taken(outline_of_convex, [widened(d, resolution) for d in doorways])] = FREE
@@ -92,7 +100,8 @@ def occupancy_grid(
             leaves = taken(cells_overlapped, objects)
             cells[leaves | (_grown(leaves, _BESIDE) & taken(cells_overlapped, solids))] = OCCUPIED
     else:
-        cells[taken(centres_inside, spaces + [d.footprint for d in doorways])] = FREE
+        passages = [d.footprint for d in doorways]
+        cells[floor(centres_inside) | taken(centres_inside, passages)] = FREE
         drawn = cells_overlapped if rule == "touch" else centres_inside
         cells[taken(drawn, solids + objects)] = OCCUPIED
     return OccupancyGrid(resolution, float(origin[0]), float(origin[1]), cells)

@@ -68,7 +68,7 @@ def inset_contour(region: Region, distance: float) -> Contour:
     """
     if not (distance > 0.0 and math.isfinite(distance)):
         raise ValueError(f"a contour lies inside of a space, not {distance} m from its edge")
-    floor = Polygon(region.outline)
+    floor = Polygon(region.outline, region.holes)
     # The published tool insets edge by edge, which is wrong for rooms that are not convex or
     # narrow.
     inner = floor.buffer(-distance, join_style="mitre", mitre_limit=_SHARPEST)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
 from grammars.floorplan import FloorPlan, load_floorplan
 from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
+from grammars.maps import WALLS_ENDING, load_walls
 from grammars.model.files import load_mission, load_robot
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
@@ -38,13 +39,20 @@ class LayerKind:
     folder: str
 
 
-FLOORPLAN: Final = LayerKind("floor plan", (".fpm", ".jsonld"), "floorplans")
+FLOORPLAN: Final = LayerKind("floor plan", (".fpm", WALLS_ENDING, ".jsonld"), "floorplans")
 VARIATION: Final = LayerKind("variation", (".variation",), "floorplans")
 SCENERY: Final = LayerKind("scenery", (".scenery", ".jsonld"), "scenery")
 MISSION: Final = LayerKind("mission", (".mission.yaml", ".yaml"), "missions")
 ROBOT: Final = LayerKind("robot", (".yaml",), "robots")
 SUT: Final = LayerKind("system under test", (".yaml",), "suts")
 ORACLES: Final = LayerKind("oracles", (".oracles.yaml", ".yaml"), "oracles")
+
+
+_WITHOUT_VARIABLES: Final[Mapping[str, Callable[[Path], FloorPlan]]] = {
+    ".jsonld": load_floorplan_jsonld,
+    ".yaml": load_walls,
+}
+"""How floor plans that have no variables are read, by the ending of their file."""
 
 
 def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path:
@@ -179,13 +187,14 @@ class LayerLibrary:
     def _load_floorplan(
         self, path: Path, values: Overrides | None = None, where: Where | None = None
     ) -> FloorPlan:
-        if path.suffix != ".jsonld":
+        load = _WITHOUT_VARIABLES.get(path.suffix)
+        if load is None:
             plan = load_floorplan(path, values, where)
         elif values:
             message = f"{path.name} has no variables, and so none to give another value"
             raise InputError(Diagnostic(where or Where(str(path)), message, "use a plan in .fpm"))
         else:
-            plan = load_floorplan_jsonld(path)
+            plan = load(path)
         self.warnings.extend(plan.warnings)
         return plan
 

@@ -138,7 +138,7 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
     import shapely
 
     # A tree, because all pairs of rooms of a large plan are too many.
-    outlines = [shapely.Polygon(space.outline) for space in plan.spaces]
+    outlines = [shapely.Polygon(space.outline, space.holes) for space in plan.spaces]
     tree = shapely.STRtree(outlines)
     first, second = tree.query(outlines, predicate="intersects")
     for a, b in sorted(zip(first.tolist(), second.tolist(), strict=True)):

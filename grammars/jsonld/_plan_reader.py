@@ -174,7 +174,8 @@ class _PlanReader:
         known = [body for body in bodies if body is not None]
         if drawn is None or placed is None or len(known) < len(bodies):
             return None
-        if not known:
+        is_area = SCN["Area"] in node.types
+        if not known and not is_area:
             self.nodes.add_error(node.id, f"{local_name(node.id)} has no walls")
             return None
         ring: Ring = tuple((x, y) for x, y, _ in drawn[1])
@@ -182,10 +183,25 @@ class _PlanReader:
             self.nodes.add_error(node.id, f"the shape of {local_name(node.id)} has no area")
             return None
         space = self._made(node, name, placed, ring, known)
+        if is_area:
+            space = replace(space, holes=self._holes(node, placed))
         for wall, made in zip(walls, space.walls, strict=True):
             self.walls[wall.id] = made
         self.drawn[name] = drawn
         return space
+
+    def _holes(self, node: Node, placed: PlacedFrame) -> tuple[Ring, ...]:
+        """Return the holes of a space or wall of a walls layer, in the world."""
+        found = []
+        for id in node.refs(SCN["holes"]):
+            hole = self.nodes.by_id.get(id)
+            drawn = self.positions.outline(hole.refs(POLY["points"])) if hole else None
+            if drawn is None or len(drawn[1]) < 3:
+                message = f"hole {local_name(id)} of {local_name(node.id)} is no polygon"
+                self.nodes.add_error(node.id, message, "list its points and give every position")
+                continue
+            found.append(placed.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1])))
+        return tuple(found)
 
     def _wall(self, node: Node, space: str, index: int) -> Wall | None:
         drawn = self._outline(node, FP["shape"])
@@ -250,10 +266,12 @@ class _PlanReader:
 
     def _feature(self, id: Ref | str, owner: Node, space: str, found: dict[str, Feature]) -> None:
         node = self.nodes.by_id.get(id)
-        kind: Literal["column", "divider"] | None = None
+        kind: Literal["column", "divider", "wall"] | None = None
         if node is not None:
             kind = (
-                "column"
+                "wall"
+                if SCN["Wall"] in node.types
+                else "column"
                 if FP["Column"] in node.types
                 else "divider"
                 if FP["Divider"] in node.types
@@ -291,6 +309,7 @@ class _PlanReader:
             height,
             where,
             self._placement(drawn[0], drawn[1]),
+            self._holes(node, placed),
         )
 
     def _opening(self, node: Node) -> tuple[str, Opening] | None:
@@ -304,7 +323,7 @@ class _PlanReader:
                 message = f"{kind} {local_name(node.id)} voids {local_name(id)}, which is no wall"
                 hint = did_you_mean(local_name(id), map(local_name, self.walls))
                 self.nodes.add_error(node.id, message, hint)
-        if not 1 <= len(voids) <= 2:
+        if not 1 <= len(voids) <= 2 and (voids or SCN["Gap"] not in node.types):
             message = f"{kind} {local_name(node.id)} voids {len(voids)} walls, one or two are cut"
             self.nodes.add_error(node.id, message)
             return None

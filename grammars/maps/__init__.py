@@ -1,5 +1,20 @@
-"""Buildings from occupancy maps and drawings, and the walls layers that hold them."""
+"""Buildings from occupancy maps and drawings, and the walls layers that hold them.
 
+- :func:`walls_text`, :func:`load_walls`: a walls layer, written and read.
+"""
+
+from grammars.maps._walls_file import WALLS_ENDING, WallsText, load_walls
+from grammars.maps._walls_text import walls_text
 from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, DrawnWall
 
-__all__ = ["Area", "DrawnBuilding", "DrawnEntryway", "DrawnSpace", "DrawnWall"]
+__all__ = [
+    "WALLS_ENDING",
+    "Area",
+    "DrawnBuilding",
+    "DrawnEntryway",
+    "DrawnSpace",
+    "DrawnWall",
+    "WallsText",
+    "load_walls",
+    "walls_text",
+]

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 
 def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
-    """Return the world of a floor plan (`.fpm` or `.jsonld`), and the warnings about it."""
+    """Return the world of a plan (`.fpm`, `.jsonld`, `.walls.yaml`), and the warnings about it."""
     from grammars.floorplan import load_floorplan
+    from grammars.maps import WALLS_ENDING
     from grammars.scenery.composition import compile_scene
     from templates.world import ArtefactWorld
 
@@ -32,9 +33,14 @@ def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
         from grammars.jsonld import load_floorplan_jsonld
 
         plan = load_floorplan_jsonld(path)
+    elif path.name.endswith(WALLS_ENDING):
+        from grammars.maps import load_walls
+
+        plan = load_walls(path)
     else:
         plan = load_floorplan(path)
-    world = ArtefactWorld(path.stem, compile_scene(plan), plan, sources=(path,))
+    name = path.name.removesuffix(WALLS_ENDING).removesuffix(path.suffix)
+    world = ArtefactWorld(name, compile_scene(plan), plan, sources=(path,))
     return world, plan.warnings
 
 
@@ -153,7 +159,7 @@ def export(
         Path,
         typer.Argument(
             metavar="PLAN.fpm|CAMPAIGN.yaml",
-            help="A floor plan or a campaign.",
+            help="A floor plan, a walls layer or a campaign.",
             autocompletion=completion.files(plan_or_campaign_files),
         ),
     ],
@@ -214,12 +220,14 @@ def export(
 
     A campaign gets one folder per scenario; scenarios with equal worlds share one.
     """
+    from grammars.maps import WALLS_ENDING
     from templates.naming import file_name
     from templates.rendering import Templates
     from templates.world import ExportSettings
 
     worlds: Iterable[ArtefactWorld]
-    if is_campaign := source.suffix in (".yaml", ".yml"):
+    is_walls = source.name.endswith(WALLS_ENDING)
+    if is_campaign := source.suffix in (".yaml", ".yml") and not is_walls:
         worlds, warnings = worlds_of_campaign(source, repeats)
     else:
         world, warnings = world_of_plan(source)

@@ -8,7 +8,7 @@ from typing import Final
 
 from shapely.geometry import Polygon
 
-from grammars.floorplan import FloorPlan
+from grammars.floorplan import FloorPlan, Space
 from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_mover
@@ -112,13 +112,18 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
     placed.update(apply_settings(layers, catalogue, placed))
     return Scene(
         plan.name,
-        tuple(Region(s.name, tuple(map(rounded_point, s.outline))) for s in plan.spaces),
+        tuple(_region(space) for space in plan.spaces),
         doorways,
         solids_of(plan),
         tuple(placed.values()),
         # Only routes of movers need them, and whatever is in a scene counts in its digest.
         _frames(plan) if any(is_mover(body.joints) for body in placed.values()) else (),
     )
+
+
+def _region(space: Space) -> Region:
+    outline, *holes = (tuple(map(rounded_point, ring)) for ring in (space.outline, *space.holes))
+    return Region(space.name, outline, tuple(holes))
 
 
 def _frames(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
