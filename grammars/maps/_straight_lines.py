@@ -28,7 +28,7 @@ _CUT_CORNER: Final = 0.36
 _PARALLEL: Final = 0.25
 """Sine of the angle below which two lines are not asked where they cross: about 15 degrees."""
 _SAME_LINE: Final = 0.05
-_TURNED: Final = 0.6
+_TURNED: Final = 0.8
 """How far a main direction may move the ends of a piece."""
 _MOST_TURN: Final = math.radians(25.0)
 _ON_LINE: Final = 0.3

@@ -194,7 +194,7 @@ def _drawn(
     """Return the lines of all arcs [m], drawn so closely that none crosses another."""
     drawn = [_line(arc, frame) for arc in straight]
     while True:
-        crossing = _crossings(drawn) | _invalid(regions, drawn)
+        crossing = _crossings(drawn) or _invalid(regions, drawn)
         closer = [
             index
             for index in sorted({arc for arc, _ in crossing})
