@@ -134,9 +134,7 @@ def _gaps_in_rows(
     row, start = np.nonzero(change == -1)
     row_after, end = np.nonzero(change == 1)
     # The next beginning of a wall in the same row ends the gap, if there is one.
-    following = np.searchsorted(
-        row_after * columns + end, row * columns + start, side="right"
-    )
+    following = np.searchsorted(row_after * columns + end, row * columns + start, side="right")
     inside = following < len(end)
     row, start, following = row[inside], start[inside] + 1, following[inside]
     same = row_after[following] == row
@@ -204,7 +202,9 @@ def _parting(labels: Labels, gaps: Sequence[Gap], room: int) -> Iterator[Gap]:
     """Yield the gaps that part rooms of ``room`` cells or more."""
     free = labels == FREE_CELL
     for gap in gaps:
-        free[_cells_in(gap.corners(_IN_THE_WALL, 1.0 - min(gap.depth, 1.0) / 2), free.shape)] = False
+        free[_cells_in(gap.corners(_IN_THE_WALL, 1.0 - min(gap.depth, 1.0) / 2), free.shape)] = (
+            False
+        )
     rooms = connected(free)
     numbers, sizes = rooms.numbers(), rooms.sizes.copy()
     same = list(range(len(sizes)))

@@ -112,7 +112,9 @@ def _true_corners(step: Points, arc: Arc) -> npt.NDArray[np.float64]:
     behind = np.roll(ahead, 1)
     long = (ahead >= 2) & (behind >= 2)
     side = turn[bends]
-    about = ((side == np.roll(side, -1)) & (ahead == 1)) | ((side == np.roll(side, 1)) & (behind == 1))
+    about = ((side == np.roll(side, -1)) & (ahead == 1)) | (
+        (side == np.roll(side, 1)) & (behind == 1)
+    )
     free = ~arc.chequered[bends]
     if arc.closed:
         return bends[(long | about) & free].astype(np.float64)
@@ -254,9 +256,7 @@ class StraightArc:
 
     def _joints(self) -> list[list[npt.NDArray[np.float64]]]:
         """Return where pieces meet: a point, or two where one goes on beside the other."""
-        inner = [
-            self._joint(a, b) for a, b in pairwise(self.pieces)
-        ]
+        inner = [self._joint(a, b) for a, b in pairwise(self.pieces)]
         if self.closed:
             around = self._joint(self.pieces[-1], self.pieces[0])
             return [around, *inner, around]
@@ -384,8 +384,7 @@ class StraightArc:
         across = np.array([-piece.along[1], piece.along[0]])
         corners, _ = self.track.passed(following.first, following.last)
         return bool(
-            len(corners)
-            and np.abs((corners - piece.origin) @ across).max() > 2 * self.tolerance
+            len(corners) and np.abs((corners - piece.origin) @ across).max() > 2 * self.tolerance
         )
 
     def _together(self, piece: _Piece, following: _Piece) -> _Piece | None:
@@ -394,9 +393,7 @@ class StraightArc:
         level = float(np.median(middles @ across))
         if np.abs(corners @ across - level).max() > self.tolerance + 1e-9:
             return None
-        return _Piece(
-            piece.first, following.last, piece.closeness, across * level, piece.along
-        )
+        return _Piece(piece.first, following.last, piece.closeness, across * level, piece.along)
 
 
 def _positions(points: Points, kept: Points, closed: bool) -> list[int]:
