@@ -62,12 +62,14 @@ class Gap:
         return np.array([math.cos(self.heading), math.sin(self.heading)])
 
     def corners(self, beyond: float = 0.0, thicker: float = 0.0) -> Points:
-        """Return its rectangle, longer by ``beyond`` at both ends, and ``thicker`` on both sides."""
+        """Return its rectangle, ``beyond`` longer at both ends, ``thicker`` on both sides."""
         along = self.along() * (self.width / 2 + beyond)
         across = np.array([-along[1], along[0]]) / np.hypot(*along)
         across = across * (self.depth / 2 + thicker)
         middle = np.array([self.x, self.y])
-        return middle + np.array([-along - across, along - across, along + across, across - along])
+        turned = [-along - across, along - across, along + across, across - along]
+        corners: Points = middle + np.array(turned)
+        return corners
 
 
 def find_doorways(
@@ -202,9 +204,7 @@ def _parting(labels: Labels, gaps: Sequence[Gap], room: int) -> Iterator[Gap]:
     """Yield the gaps that part rooms of ``room`` cells or more."""
     free = labels == FREE_CELL
     for gap in gaps:
-        free[_cells_in(gap.corners(_IN_THE_WALL, 1.0 - min(gap.depth, 1.0) / 2), free.shape)] = (
-            False
-        )
+        free[_cells_in(gap.corners(_IN_THE_WALL, _shut_by(gap)), free.shape)] = False
     rooms = connected(free)
     numbers, sizes = rooms.numbers(), rooms.sizes.copy()
     same = list(range(len(sizes)))
@@ -226,6 +226,11 @@ def _parting(labels: Labels, gaps: Sequence[Gap], room: int) -> Iterator[Gap]:
         sizes[one] += sizes[other]
     for gap, _, _ in doors:
         yield gap
+
+
+def _shut_by(gap: Gap) -> float:
+    """Return how much thicker than its wall a gap is shut, so that no cell leads through."""
+    return 1.0 - min(gap.depth, 1.0) / 2
 
 
 def _cells_in(corners: Points, shape: tuple[int, ...]) -> tuple[Points, Points]:

@@ -28,12 +28,14 @@ _CUT_CORNER: Final = 0.36
 _PARALLEL: Final = 0.25
 """Sine of the angle below which two lines are not asked where they cross: about 15 degrees."""
 _SAME_LINE: Final = 0.05
+"""How far apart lines that go on in one direction may be to meet in one point."""
 _TURNED: Final = 0.8
 """How far a main direction may move the ends of a piece."""
 _MOST_TURN: Final = math.radians(25.0)
 _ON_LINE: Final = 0.3
+"""How far the end of an open arc may lie from the line that begins there."""
 _STRAIGHT: Final = 0.75
-"""How far corners of cells lie from a straight line drawn in cells: half their diagonal, and some."""
+"""How far corners of cells lie from a line drawn in cells: half their diagonal, and some."""
 _FITTED_FROM: Final = 3
 """The fewest edges to which a line is fitted."""
 
@@ -88,7 +90,8 @@ def track_of(arc: Arc) -> Track:
 def _points_at(at: npt.NDArray[np.float64], corners: Points, middles: Points) -> Points:
     whole = np.floor(at).astype(int)
     half = (at > whole)[:, None]
-    return np.where(half, middles[whole % len(middles)], corners[whole % len(corners)])
+    found: Points = np.where(half, middles[whole % len(middles)], corners[whole % len(corners)])
+    return found
 
 
 def _true_corners(step: Points, arc: Arc) -> npt.NDArray[np.float64]:
@@ -117,7 +120,8 @@ def _true_corners(step: Points, arc: Arc) -> npt.NDArray[np.float64]:
     )
     free = ~arc.chequered[bends]
     if arc.closed:
-        return bends[(long | about) & free].astype(np.float64)
+        true: npt.NDArray[np.float64] = bends[(long | about) & free].astype(np.float64)
+        return true
     chosen = bends[((long | about) & free) | (bends == 0)]
     return np.append(chosen, edges).astype(np.float64)
 
@@ -220,7 +224,7 @@ class StraightArc:
                 between = []
             following = [*between, *joints[i + 1]]
             if self.closed and i + 1 == len(self.pieces):
-                # The first joint is also the last one; its last point is there already, at the start.
+                # The first joint is also the last one, and its last point the one we began with.
                 following = [*between, *joints[0]]
             for point in following:
                 if np.hypot(*(point - points[-1])) > 1e-9:

@@ -4,8 +4,8 @@ Pixels mean what they mean to ``map_server`` of Noetic (``image_loader.cpp``): a
 (255 - grey) / 255, or grey / 255 with ``negate``, is occupied above ``occupied_thresh``, free below
 ``free_thresh`` and in between unknown (``mode: trinary``) or 1 to 99 (``scale``). With ``raw`` the
 grey is the value itself, and what is above 100 unknown, as nav2 has it. Colours count as the mean
-of their channels, in which ``trinary`` has a share for alpha; with ``scale``, what is in between and
-quite transparent is unknown.
+of their channels, in which ``trinary`` has a share for alpha; with ``scale``, what is in between
+and quite transparent is unknown.
 
 Packed, a map is one piece of bytes that only its content decides, so that its digest can name it.
 """
@@ -74,7 +74,7 @@ def read_map(path: str | Path) -> OccupancyGrid:
 class SavedMap:
     """A map as a mapping tool saved it, which may be turned.
 
-    ``grid`` is the map as if it were not; ``yaw`` [rad] turns it about its origin, counter-clockwise.
+    ``grid`` is the map as if it were not; ``yaw`` [rad] turns it about its origin.
     """
 
     grid: OccupancyGrid
@@ -92,7 +92,7 @@ def read_saved_map(path: str | Path) -> SavedMap:
     values = _value_of_shades(image.shades, text)
     used = np.bincount(image.levels.ravel(), minlength=len(values))
     warnings: list[Diagnostic] = []
-    # map_saver of nav2 writes free_thresh: 0.25 and 205 for unknown, which is an occupancy of 0.196.
+    # map_saver of nav2 writes free_thresh: 0.25 and, for unknown, 205: an occupancy of 0.196.
     saved = len(values) == WHITE + 1 and set(np.flatnonzero(used).tolist()) <= _SAVED_GREYS
     if saved and text.mode == "trinary" and not text.negate and values[_SAVED_UNKNOWN] == FREE:
         share = used[_SAVED_UNKNOWN] / image.levels.size

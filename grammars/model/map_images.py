@@ -72,7 +72,7 @@ def _read_png(path: Path, head: bytes, named: Where, alpha_counts: bool) -> MapI
                 return MapImage(levels, np.arange(WHITE + 1, dtype=np.float64))
             if image.mode.startswith("I"):
                 levels = np.asarray(image).astype(np.int64).clip(0, _DEEP)
-                return MapImage(levels, np.arange(_DEEP + 1) * (WHITE / _DEEP))
+                return MapImage(levels, np.linspace(0.0, WHITE, _DEEP + 1))
             alpha = image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info
             pixels = np.asarray(image.convert("RGBA" if alpha else "RGB"))
     # A damaged PNG makes pillow raise any of these.
@@ -81,7 +81,7 @@ def _read_png(path: Path, head: bytes, named: Where, alpha_counts: bool) -> MapI
         raise InputError.at(named, message, "save the map again") from error
     channels = 4 if alpha and alpha_counts else 3
     levels = pixels[..., :channels].sum(axis=2, dtype=np.uint16)
-    shades = np.arange(WHITE * channels + 1) / channels
+    shades = np.linspace(0.0, WHITE, WHITE * channels + 1)
     return MapImage(levels, shades, pixels[..., -1] == 0 if alpha else None)
 
 

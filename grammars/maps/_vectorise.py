@@ -1,4 +1,4 @@
-"""From an occupancy map to a building: polygons of floor and walls, doorways, and how exact it is."""
+"""From an occupancy map to a building: floor, walls and doorways, and how exact they are."""
 
 from __future__ import annotations
 
@@ -219,9 +219,8 @@ def _crossings(drawn: Sequence[tuple[Points, list[int]]]) -> set[tuple[int, int]
     """Return the pieces (arc, piece) whose lines meet another one elsewhere than at their ends."""
     owner = [(index, piece) for index, (_, pieces) in enumerate(drawn) for piece in pieces]
     segments = np.vstack([np.stack([line[:-1], line[1:]], axis=1) for line, _ in drawn])
-    one, other = shapely.STRtree(shapely.linestrings(segments)).query(
-        shapely.linestrings(segments), predicate="intersects"
-    )
+    straight = np.asarray(shapely.linestrings(segments))
+    one, other = shapely.STRtree(straight).query(straight, predicate="intersects")
     once = one < other
     one, other = one[once], other[once]
     shared = np.zeros(len(one), dtype=np.bool_)
