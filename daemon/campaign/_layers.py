@@ -88,8 +88,14 @@ def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path
 def _names_in(place: Path, kind: LayerKind) -> list[str]:
     if not place.is_dir():
         return []
-    ending = kind.endings[0]
-    names = [p.name.removesuffix(ending) for p in place.iterdir() if p.name.endswith(ending)]
+    # Any file may end in .yaml: where there is another ending, only that tells the kind.
+    endings = [ending for ending in kind.endings if ending != ".yaml"] or kind.endings
+    names = [
+        p.name.removesuffix(ending)
+        for p in place.iterdir()
+        for ending in endings
+        if p.name.endswith(ending)
+    ]
     # "tiny.mission" is what another ending leaves of a name, not one that could be written.
     return [name for name in names if "." not in name]
 

@@ -111,11 +111,13 @@ class LayerWriter:
         else:
             placed = place_instance(self._plan, instance, model)
             opening = next(o for o in self._plan.openings if o.name == instance.place.entryway.text)
-            wall = next(w for w in self._plan.walls if w.id == opening.walls[0])
-            # Others know no entryways to fit doors into: they get a pose at the wall, and our own
-            # words say how it came about, for us to read back.
-            relative = wall.frame.inverse() @ placed.pose
-            wrt = f"fpm:{self._frames.frame(f'{wall.id}-frame')}"
+            # Others know no entryways to fit doors into: they get a pose at the wall (in the world,
+            # where it cuts none), and our own words say how it came about, for us to read back.
+            walls = (w for w in self._plan.walls if w.id in opening.walls[:1])
+            against = {f"{wall.id}-frame": wall.frame for wall in walls} or {WORLD_FRAME: Pose2()}
+            ((frame, base),) = against.items()
+            relative = base.inverse() @ placed.pose
+            wrt = f"fpm:{self._frames.frame(frame)}"
             pose = Pose2(trim_rounding(relative.x), trim_rounding(relative.y), relative.yaw)
             node["scn:stands-in"] = {"@id": f"fpm:{self._frames.ids[opening.kind, opening.id]}"}
             node["scn:placement"] = value_to_jsonld(instance.place)

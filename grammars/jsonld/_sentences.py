@@ -26,7 +26,7 @@ from grammars.text.diagnostics import InputError, Where, did_you_mean
 from grammars.text.quantity import unit_of
 
 _WALL: Final = re.compile(r"(?P<space>.+)-wall-(?P<index>\d{1,9})-frame")
-_FEATURE: Final = re.compile(r"(?:column|divider)-(?P<name>.+)-frame")
+_FEATURE: Final = re.compile(r"(?:column|divider|wall)-(?P<name>.+)-frame")
 _OPENING: Final = re.compile(r"(?:entryway|window)-(?P<name>.+)-frame")
 
 

@@ -1,10 +1,13 @@
 """Buildings from occupancy maps and drawings, and the walls layers that hold them.
 
-- :func:`vectorise`: a building made from an occupancy map.
-- :func:`walls_text`, :func:`load_walls`: a walls layer, written and read.
+- :func:`walls_text`, :func:`load_walls`: a walls layer, written and read;
+- :func:`vectorise`: a building from an occupancy map;
+- :func:`read_drawing`: a building from a DXF drawing.
 """
 
-from grammars.maps._vectorise import (
+from grammars.maps._drawing import read_drawing
+from grammars.maps._drawing_settings import DrawingSettings
+from grammars.maps._map_import import (
     EmptyMapError,
     ImportedMap,
     ImportReport,
@@ -18,6 +21,7 @@ from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, 
 __all__ = [
     "WALLS_ENDING",
     "Area",
+    "DrawingSettings",
     "DrawnBuilding",
     "DrawnEntryway",
     "DrawnSpace",
@@ -28,6 +32,7 @@ __all__ = [
     "ImportedMap",
     "WallsText",
     "load_walls",
+    "read_drawing",
     "vectorise",
     "walls_text",
 ]

@@ -75,7 +75,7 @@ def trace_borders(labels: Labels) -> list[Arc]:
     level = np.argwhere(cells[1:] != cells[:-1])
     # Edge (row, column) of the upright ones goes up from vertex (row, column + 1) of the padded
     # cells, of the level ones to the right from vertex (row + 1, column).
-    starts: npt.NDArray[np.int64] = np.vstack([upright + [0, 1], level + [1, 0]])
+    starts: npt.NDArray[np.int64] = np.vstack([np.add(upright, (0, 1)), np.add(level, (1, 0))])
     ends = starts.copy()
     ends[: len(upright), 0] += 1
     ends[len(upright) :, 1] += 1

@@ -22,6 +22,7 @@ from grammars.maps._borders import (
 )
 from grammars.maps._cells import tidied
 from grammars.maps._doorways import DoorwaySizes, Gap, find_doorways
+from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
 from grammars.maps._straight_lines import StraightArc, main_directions
 from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, DrawnWall
 from grammars.model.geometry import Point2, Pose2, Ring
@@ -41,77 +42,8 @@ _JAMB_CELLS: Final = 4.0
 """How far beyond a gap's cells its jambs are looked for."""
 
 
-@dataclass(frozen=True, slots=True)
-class ImportSettings:
-    """How a building is made from a map.
-
-    ``tolerance`` is the largest distance between a border of cells and the line drawn for it
-    [cells, at least 0.4]; ``specks`` the fewest cells that are more than noise; ``least_room`` the
-    smallest piece of floor that is kept [m²]; ``height`` that of the walls and ``door_height`` that
-    of the doorways [m], of which a map says nothing. Gaps between walls from ``narrowest`` to
-    ``widest`` [m] become doorways if ``doorways`` says so.
-    """
-
-    name: str = "building"
-    tolerance: float = 1.0
-    specks: int = 4
-    least_room: float = 1.0
-    height: float = 2.5
-    doorways: bool = True
-    door_height: float = 2.0
-    narrowest: float = 0.7
-    widest: float = 1.3
-
-
-@dataclass(frozen=True, slots=True)
-class ImportReport:
-    """What was found on a map, and how far the building is from it.
-
-    ``largest_error`` is the greatest distance between a corner of the cells and the line drawn for
-    it, in cells; ``directions`` are the main directions of the walls [rad]. Areas are in m²:
-    ``floor`` of all spaces, ``dropped_floor`` of pockets that were left out. ``dropped_walls`` and
-    ``filled_cells`` count cells that were taken for noise.
-    """
-
-    resolution: float
-    width: float
-    depth: float
-    spaces: int
-    walls: int
-    corners: int
-    doorways: int
-    floor: float
-    largest_error: float
-    directions: tuple[float, ...]
-    dropped_floor: float
-    dropped_walls: int
-    filled_cells: int
-
-
-@dataclass(frozen=True, slots=True)
-class ImportedMap:
-    """A building made from a map, and how it was made."""
-
-    building: DrawnBuilding
-    report: ImportReport
-
-
-class EmptyMapError(ValueError):
-    """A map without a single free cell."""
-
-
-def vectorise(
-    grid: OccupancyGrid, settings: ImportSettings | None = None, *, yaw: float = 0.0
-) -> ImportedMap:
-    """Return the building that a map shows.
-
-    Free floor becomes spaces, occupied cells walls; both have their borders in common, and what is
-    unknown is in neither. No corner of a cell on a border lies further from the line drawn for it
-    than the tolerance. ``yaw`` [rad] turns the map about its origin. Equal maps, equal buildings.
-
-    Raises :class:`EmptyMapError` for a map that shows no floor.
-    """
-    settings = settings or ImportSettings()
+def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> ImportedMap:
+    """Return the building that a map shows; see :func:`grammars.maps.vectorise`."""
     per_cell = grid.resolution
     room = max(round(settings.least_room / per_cell**2), 1)
     tidy = tidied(grid.cells, least_room=room, specks=settings.specks)
@@ -142,6 +74,8 @@ def vectorise(
         gaps = find_doorways(tidy.labels, directions, sizes)
     gaps = tuple(_between_walls(gap, walls, frame) for gap in gaps)
     rooms = _parted(floors, gaps, frame)
+    low, high = _extent([*rooms, *walls])
+    size = f"{high[0] - low[0]:.1f} m by {high[1] - low[1]:.1f} m"
     building = DrawnBuilding(
         settings.name,
         tuple(
@@ -149,8 +83,8 @@ def vectorise(
         ),
         tuple(DrawnWall(_area(polygon), settings.height) for polygon in _in_order(walls)),
         tuple(_entryways(gaps, frame, min(settings.door_height, settings.height))),
+        source=f"Made by scenario import from a map of {per_cell:g} m per cell: {size}.",
     )
-    low, high = _extent([*rooms, *walls])
     report = ImportReport(
         resolution=per_cell,
         width=high[0] - low[0],

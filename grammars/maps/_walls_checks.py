@@ -128,7 +128,7 @@ class WallsChecker(DiagnosticCollector):
                     f'{label}: no wall stands at "{name}" [{x:g}, {y:g}]',
                     "an entryway leads from the end of one wall to that of another",
                 )
-        for side, y in (("right", -_BESIDE), ("left", opening.depth + _BESIDE)):
-            probe = Point(at(0.0, y))
-            if not any(floor.covers(probe) for floor in floors):
-                self.warn(opening.where, f"{label}: there is no space to the {side} of it")
+        # On one side may be the outside.
+        probes = [Point(at(0.0, y)) for y in (-_BESIDE, opening.depth + _BESIDE)]
+        if not any(floor.covers(probe) for floor in floors for probe in probes):
+            self.warn(opening.where, f"{label} leads to no space")

@@ -346,6 +346,8 @@ def _plain_message(finding: Any) -> str:
 
 def _pattern_in_words(pattern: str) -> str:
     """Describe a pattern of names, such as ``^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$``."""
+    if pattern == "^[A-Za-z_][A-Za-z0-9_]*$":
+        return 'must be letters (a to z), digits and "_", and not begin with a digit'
     found = re.fullmatch(r"\^\[A-Za-z0-9\]\[A-Za-z0-9(\.?)_-\](?:\*|\{0,(\d+)\})\$", pattern)
     if found is None:
         return f"must match {pattern}"
