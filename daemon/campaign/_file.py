@@ -219,8 +219,8 @@ class _ScenarioText(StrictModel):
     abstract: bool = False
     """Never run itself, only for others to be like."""
     floorplan: LayerName | None = None
-    """A floor plan: NAME.fpm beside this file or in floorplans/. NAME: {variable: value} gives
-    variables of the plan other values."""
+    """A floor plan: NAME.fpm, or a walls layer NAME.walls.yaml, beside this file or in floorplans/.
+    NAME: {variable: value} gives variables of a plan other values."""
     objects: _Names | None = None
     """Scenery layers with object models and their places: NAME.scenery here or in scenery/."""
     behaviours: _References | None = None

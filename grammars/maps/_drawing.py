@@ -51,6 +51,8 @@ def _open(file: Path, where: Where) -> Any:
             "is a DWG file, which only AutoCAD's own library reads",
             "save it as DXF in your CAD, or convert it with the ODA File Converter or dwg2dxf",
         )
+    if size == 0:
+        raise InputError.at(where, "is empty")
     if size > _LARGEST_FILE:
         raise InputError.at(where, f"is larger than {_LARGEST_FILE >> 20} MiB")
     ezdxf = load_extra("ezdxf", "import", "a drawing", "import")

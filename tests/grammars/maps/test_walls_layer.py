@@ -37,6 +37,16 @@ def test_a_layer_becomes_a_plan(tmp_path: Path) -> None:
     assert plan.warnings == ()
 
 
+def test_the_layer_of_the_guide_is_one(tmp_path: Path) -> None:
+    guide = Path(__file__).parents[3] / "docs" / "walls-layer.md"
+    text = guide.read_text(encoding="utf-8").partition("```yaml\n")[2].partition("```")[0]
+    path = tmp_path / "hut.walls.yaml"
+    path.write_text(text, encoding="utf-8")
+    plan = load_walls(path)
+    assert plan.openings == hut(tmp_path).openings
+    assert plan.warnings == ()
+
+
 def test_what_is_written_reads_back(tmp_path: Path) -> None:
     plan = hut(tmp_path)
     building = DrawnBuilding(
