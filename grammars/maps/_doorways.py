@@ -2,7 +2,7 @@
 
 A gap counts when, seen along a main direction of the building, walls end on both of its sides at
 the distance of a doorway, one of them goes on in that line, the gap is as deep as a wall at most,
-and there is free floor before and behind it. It is a doorway when shutting all gaps would part the
+and there is free floor before and behind it, wider than the gap. It is a doorway when shutting all gaps would part the
 floor before it from that behind it, and neither of the two parts is smaller than a room. So what
 merely stands near a wall makes no doorway, and two doors between the same two rooms both do.
 
@@ -28,6 +28,8 @@ _FREE_SHARE: Final = 0.8
 """Share of the cells of a gap that must be free; unknown ones lie behind jambs."""
 _IN_THE_WALL: Final = 2.0
 """How far a gap is shut beyond its jambs, which are ragged on maps that were measured."""
+_OFF_THE_FACE: Final = 3
+"""How many rows of cells off a gap it has to be wider: beyond what is ragged."""
 _SUBSAMPLES: Final = (np.array([1, 3, 5]) / 6, np.array([1, 3, 5]) / 6)
 
 
@@ -40,6 +42,7 @@ class DoorwaySizes:
     deepest: float
     wall: float
     clear: float
+    wider: float
     room: int
 
 
@@ -184,6 +187,12 @@ def _gap_of(
     before = free[low:high, round(start + quarter) : round(end - quarter)]
     if high - low != before.shape[0] or before.mean() < 0.9:
         return None
+    centre = round((start + end) / 2)
+    for beyond in (max(first - _OFF_THE_FACE, 0), min(last + _OFF_THE_FACE, len(thick) - 1)):
+        row = thick[beyond]
+        open_here = _length(~row[:centre][::-1]) + _length(~row[centre:])
+        if open_here < end - start + sizes.wider:
+            return None
     middle = core[len(core) // 2]
     beside = thick[int(middle[0])]
     left = _length(beside[: int(middle[1])][::-1])

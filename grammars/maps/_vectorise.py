@@ -34,7 +34,9 @@ _DECIMALS: Final = 3
 """Corners are whole millimetres, as a walls layer is written."""
 _DEEPEST: Final = 0.6
 """Thickness of the thickest wall with a doorway [m]."""
-_WALL: Final = 0.25
+_WIDER: Final = 0.25
+"""How much wider the floor is before and behind a doorway [m]: a corridor is none."""
+_WALL: Final = 0.5
 """How far a wall goes on beside a doorway at least [m]."""
 _CLEAR: Final = 0.3
 """Free floor before and behind a doorway [m]."""
@@ -69,6 +71,7 @@ def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> Im
             _DEEPEST / per_cell,
             _WALL / per_cell,
             _CLEAR / per_cell,
+            _WIDER / per_cell,
             room,
         )
         gaps = find_doorways(tidy.labels, directions, sizes)
