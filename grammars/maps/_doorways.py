@@ -2,9 +2,10 @@
 
 A gap counts when, seen along a main direction of the building, walls end on both of its sides at
 the distance of a doorway, one of them goes on in that line, the gap is as deep as a wall at most,
-and there is free floor before and behind it, wider than the gap. It is a doorway when shutting all gaps would part the
-floor before it from that behind it, and neither of the two parts is smaller than a room. So what
-merely stands near a wall makes no doorway, and two doors between the same two rooms both do.
+and there is free floor before and behind it, wider than the gap. It is a doorway when shutting all
+gaps would part the floor before it from that behind it, and neither of the two parts is smaller
+than a room. So what merely stands near a wall makes no doorway, and two doors between the same two
+rooms both do.
 
 Lengths are in cells, points as in :mod:`grammars.maps._borders`.
 """
