@@ -50,7 +50,7 @@ class Closeness(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Track:
+class CellTrack:
     """An arc as points that two arcs never share: middles of edges, and true corners.
 
     ``at`` is where along the arc each point lies, in edges; ``corners`` and ``middles`` are those
@@ -69,7 +69,7 @@ class Track:
         return corners, self.middles[math.ceil(low - 0.5) : math.floor(high - 0.5) + 1]
 
 
-def track_of(arc: Arc) -> Track:
+def track_of(arc: Arc) -> CellTrack:
     """Return the points of an arc."""
     corners = arc.corners.astype(np.float64)
     step = np.diff(corners, axis=0)
@@ -84,7 +84,7 @@ def track_of(arc: Arc) -> Track:
         away = np.hypot(*(points - points.mean(axis=0)).T).round(6)
         first = int(away.argmax())
         at = np.concatenate([at[first:], at[: first + 1] + edges])
-    return Track(_points_at(at, corners, middles), at, corners, middles)
+    return CellTrack(_points_at(at, corners, middles), at, corners, middles)
 
 
 def _points_at(at: npt.NDArray[np.float64], corners: Points, middles: Points) -> Points:
@@ -141,7 +141,7 @@ class _Piece:
 class StraightArc:
     """An arc while its pieces are made straight, and closer again where that is needed."""
 
-    track: Track
+    track: CellTrack
     closed: bool
     tolerance: float
     pieces: list[_Piece]

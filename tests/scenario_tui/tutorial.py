@@ -1,4 +1,4 @@
-"""The code blocks of a tutorial: the files it has its readers write, the commands it has them run."""
+"""The code blocks of a tutorial: the files its readers write, the commands they run."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ CELL = 0.05
 
 @dataclass(frozen=True)
 class Comparison:
-    """The share of cells that the map of a building has otherwise, and how many far from borders."""
+    """The share of cells that a building's map has otherwise, and how many far from borders."""
 
     made: ImportedMap
     plan: FloorPlan

@@ -174,7 +174,7 @@ def test_a_map_without_floor_is_refused() -> None:
         vectorise(painted(4, 4, (0, 0, 4, 4, OCCUPIED)))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40)
 @given(st.lists(RECTANGLE, min_size=1, max_size=9))
 def test_any_map_becomes_polygons_that_do_not_overlap(
     rectangles: list[tuple[int, int, int, int, int]],

@@ -96,6 +96,7 @@ def test_the_tutorial_leads_from_a_map_to_a_verdict(scenario, folder: Path) -> N
         codes[words[0]] = said.code
         output = said.out
     assert codes == {"import": 0, "export": 0, "check": 0, "run": 1}
-    verdicts = {line.split()[0]: line for line in output.splitlines() if " reached " in line}
-    assert "pass" in verdicts["open"]
-    assert "fail" in verdicts["rude"]
+    verdicts = {line.split()[0]: line for line in output.splitlines() if "/1 " in line}
+    assert "pass 1/1" in verdicts["open"]
+    assert "fail 0/1" in verdicts["rude"]
+    assert "pilot rude reached" in output
