@@ -48,7 +48,7 @@ class DoorwaySizes:
 
 
 @dataclass(frozen=True, slots=True)
-class WallGap:
+class MapGap:
     """A gap: its middle, the heading of the line of its walls [rad], its sizes.
 
     ``walls`` is how far the wall goes on in that line, on the side where it goes on further.
@@ -78,11 +78,11 @@ class WallGap:
 
 def find_doorways(
     labels: Labels, directions: Sequence[float], sizes: DoorwaySizes
-) -> tuple[WallGap, ...]:
+) -> tuple[MapGap, ...]:
     """Return the doorways of a map whose walls follow ``directions`` [rad] and right angles."""
     found = [gap for direction in directions for gap in _gaps_along(labels, direction, sizes)]
     found.sort(key=lambda gap: (-gap.walls, gap.y, gap.x, gap.heading))
-    apart: list[WallGap] = []
+    apart: list[MapGap] = []
     for gap in found:
         near = (math.hypot(gap.x - other.x, gap.y - other.y) for other in apart)
         if all(distance > sizes.least for distance in near):
@@ -90,7 +90,7 @@ def find_doorways(
     return tuple(_parting(labels, apart, sizes.room))
 
 
-def _gaps_along(labels: Labels, direction: float, sizes: DoorwaySizes) -> Iterator[WallGap]:
+def _gaps_along(labels: Labels, direction: float, sizes: DoorwaySizes) -> Iterator[MapGap]:
     walls, free, origin = _turned(labels, direction)
     cos, sin = math.cos(direction), math.sin(direction)
     for upright in (False, True):
@@ -99,7 +99,7 @@ def _gaps_along(labels: Labels, direction: float, sizes: DoorwaySizes) -> Iterat
         for along, across, width, depth, reach in _gaps_in_rows(*grids, sizes):
             x, y = (across, along) if upright else (along, across)
             x, y = x + origin[0], y + origin[1]
-            yield WallGap(x * cos - y * sin, x * sin + y * cos, heading, width, depth, reach)
+            yield MapGap(x * cos - y * sin, x * sin + y * cos, heading, width, depth, reach)
 
 
 def _turned(labels: Labels, direction: float) -> tuple[Cells, Cells, Points]:
@@ -210,7 +210,7 @@ def _length(wall: npt.NDArray[np.bool_]) -> int:
     return int(gaps[0]) if len(gaps) else len(wall)
 
 
-def _parting(labels: Labels, gaps: Sequence[WallGap], room: int) -> Iterator[WallGap]:
+def _parting(labels: Labels, gaps: Sequence[MapGap], room: int) -> Iterator[MapGap]:
     """Yield the gaps that part rooms of ``room`` cells or more."""
     free = labels == FREE_CELL
     for gap in gaps:
@@ -238,7 +238,7 @@ def _parting(labels: Labels, gaps: Sequence[WallGap], room: int) -> Iterator[Wal
         yield gap
 
 
-def _shut_by(gap: WallGap) -> float:
+def _shut_by(gap: MapGap) -> float:
     """Return how much thicker than its wall a gap is shut, so that no cell leads through."""
     return 1.0 - min(gap.depth, 1.0) / 2
 
@@ -256,7 +256,7 @@ def _cells_in(corners: Points, shape: tuple[int, ...]) -> tuple[Points, Points]:
     return y[inside], x[inside]
 
 
-def _sides(gap: WallGap, numbers: npt.NDArray[np.int32]) -> tuple[int, int] | None:
+def _sides(gap: MapGap, numbers: npt.NDArray[np.int32]) -> tuple[int, int] | None:
     """Return the numbers of the rooms before and behind a gap, if there is one on each side."""
     along = gap.along()
     across = np.array([-along[1], along[0]])

@@ -21,7 +21,7 @@ from grammars.maps._borders import (
     trace_borders,
 )
 from grammars.maps._cells import tidied
-from grammars.maps._doorways import DoorwaySizes, WallGap, find_doorways
+from grammars.maps._doorways import DoorwaySizes, MapGap, find_doorways
 from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
 from grammars.maps._straight_lines import StraightArc, main_directions
 from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, DrawnWall
@@ -62,7 +62,7 @@ def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> Im
     areas = [(region.label, _polygon(region, lines)) for region in regions]
     floors = [area for label, area in areas if label == FREE_CELL]
     walls = [area for label, area in areas if label == OCCUPIED_CELL]
-    gaps: tuple[WallGap, ...] = ()
+    gaps: tuple[MapGap, ...] = ()
     if settings.doorways:
         # A cell more or less: a wall may begin anywhere in its first cell.
         sizes = DoorwaySizes(
@@ -201,7 +201,7 @@ def _polygon(region: Patch, lines: Sequence[Points]) -> shapely.Polygon:
     return shapely.Polygon(ring(region.outline), [ring(hole) for hole in region.holes])
 
 
-def _between_walls(gap: WallGap, walls: Sequence[shapely.Polygon], frame: _Frame) -> WallGap:
+def _between_walls(gap: MapGap, walls: Sequence[shapely.Polygon], frame: _Frame) -> MapGap:
     """Return a gap with its jambs on the lines that were drawn for the walls beside it."""
     along = gap.along()
     across = np.array([-along[1], along[0]])
@@ -220,11 +220,11 @@ def _between_walls(gap: WallGap, walls: Sequence[shapely.Polygon], frame: _Frame
         ends.append(side * (float(np.median(found)) if found else gap.width / 2))
     shift = sum(ends) / 2
     x, y = (np.array([gap.x, gap.y]) + shift * along).tolist()
-    return WallGap(x, y, gap.heading, ends[1] - ends[0], gap.depth, gap.walls)
+    return MapGap(x, y, gap.heading, ends[1] - ends[0], gap.depth, gap.walls)
 
 
 def _parted(
-    floors: Sequence[shapely.Polygon], gaps: Sequence[WallGap], frame: _Frame
+    floors: Sequence[shapely.Polygon], gaps: Sequence[MapGap], frame: _Frame
 ) -> list[shapely.Polygon]:
     """Return the rooms: the floors without the doorways, in reading order."""
     # As far beyond the jambs as the gap was shut, so that ragged ones leave no way past it.
@@ -252,7 +252,7 @@ def _in_order(polygons: Iterable[shapely.Polygon]) -> list[shapely.Polygon]:
     return sorted(polygons, key=place)
 
 
-def _entryways(gaps: Sequence[WallGap], frame: _Frame, height: float) -> Iterable[DrawnEntryway]:
+def _entryways(gaps: Sequence[MapGap], frame: _Frame, height: float) -> Iterable[DrawnEntryway]:
     """Yield the entryways in reading order, each from its left or lower jamb on."""
     placed: list[tuple[Point2, Point2, float]] = []
     for gap in gaps:
