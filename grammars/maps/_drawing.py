@@ -65,6 +65,7 @@ def _open(file: Path, where: Where) -> Any:
         # The loader meets what is broken in many ways, and says so in words for programmers.
         hint = "it is no DXF, or damaged: save it again as DXF, version 2010 or later"
         reason = next(iter(str(error).splitlines()), type(error).__name__)
+        reason = reason.encode("utf-8", "replace").decode("utf-8")
         message = f"cannot be read as a DXF drawing: {reason}"
         raise InputError.at(where, message, hint) from error
     return document

@@ -82,12 +82,17 @@ class DrawingReader:
     def _lines(self, document: Any) -> DrawnLines:
         chosen, scale = self.settings, UNITS[self.unit]
         blocks = (*chosen.doors, *WINDOW_BLOCKS)
+        from ezdxf.lldxf.const import DXFError
+
         reader = LineReader(chosen.layers, blocks, scale, chosen.tolerance)
         try:
             reader.read(document.modelspace())
         except TooManyEntitiesError as error:
             message = f"holds more than {MOST_ENTITIES:,} entities, blocks in blocks counted"
             raise InputError.at(self.where, message, "save the plan of one storey alone") from error
+        except DXFError as error:
+            message = "holds entities that cannot be read: the file is damaged"
+            raise InputError.at(self.where, message, "save it again as DXF") from error
         if not reader.lines.walls:
             raise self._without_walls(reader.lines.ignored)
         return reader.lines

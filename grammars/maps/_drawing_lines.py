@@ -60,6 +60,11 @@ class TooManyEntitiesError(ValueError):
     """A drawing holds more than any floor plan does."""
 
 
+def printable(text: str) -> str:
+    """Return text of a damaged file without what no terminal and no file takes."""
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
 def is_named_like(name: str, patterns: Iterable[str]) -> bool:
     """Return whether a name fits one of the patterns (``*`` and ``?``), whatever its case."""
     return any(fnmatch.fnmatchcase(name.lower(), pattern.lower()) for pattern in patterns)
@@ -85,7 +90,9 @@ class LineReader:
             self._read += 1
             if self._read > MOST_ENTITIES:
                 raise TooManyEntitiesError
-            kind, own = entity.dxftype(), entity.dxf.get("layer", "0")
+            kind = printable(entity.dxftype())
+            # What ezdxf does not know at all has no layer.
+            own = printable(entity.dxf.layer) if entity.dxf.is_supported("layer") else "0"
             on = layer if own == "0" and depth else own
             if kind == "INSERT":
                 self._block(entity, on, depth)
@@ -101,7 +108,7 @@ class LineReader:
                     self.lines.walls.append(corners)
 
     def _block(self, insert: Any, layer: str, depth: int) -> None:
-        name = insert.dxf.get("name", "")
+        name = printable(insert.dxf.get("name", ""))
         if is_named_like(name, self.doors):
             self.lines.doors.append(self._door(insert, name))
         elif depth >= _DEEPEST:

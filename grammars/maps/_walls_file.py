@@ -31,6 +31,9 @@ WALLS_ENDING: Final = ".walls.yaml"
 """What the name of every walls layer ends with."""
 _LARGEST: Final = 1e6
 """Greatest coordinate [m], as in floor plans."""
+_NARROWEST: Final = 1e-3
+_WIDEST: Final = 50.0
+"""Widths an entryway may have [m]: the gates of hangars are no wider."""
 _NAME: Final = r"^[A-Za-z_][A-Za-z0-9_]*$"
 """Names that sentences about objects can hold."""
 
@@ -149,8 +152,10 @@ class _Reader:
         for name, item in self._text.entryways.items():
             path: KeyPath = ("entryways", name)
             self._take_name(name, "entryway", path)
-            if math.dist(item.start, item.end) < 1e-3:
-                self.findings.error(self._at(path), f'entryway "{name}" is not wide at all')
+            width = math.dist(item.start, item.end)
+            if not _NARROWEST <= width <= _WIDEST:
+                how = "not wide at all" if width < _NARROWEST else f"{width:,.0f} m wide"
+                self.findings.error(self._at(path), f'entryway "{name}" is {how}')
                 continue
             found.append(entryway_between(name, item, self._at(path)))
         return tuple(found)

@@ -91,6 +91,7 @@ def test_corners_are_written_as_finely_as_it_takes(tmp_path: Path) -> None:
         ("name: post", "name: hall", 16, 'there is a space "hall" already'),
         ("depth: 20 cm", "depth: 20", 18, "has no unit"),
         ("to: [6.1, 2]", "to: [6.1, 1]", 18, "not wide at all"),
+        ("to: [6.1, 2]", "to: [6.1, 900]", 18, "899 m wide"),
         ("from: [6.1, 1], to: [6.1, 2]", "from: [6.1, 2], to: [6.1, 4]", 18, "through a wall"),
         ("[[2, 1], [2.5, 1], [2.5, 1.5]", "[[2, 1], [2, 1], [2, 1]", 7, "hole"),
         ("[[6.2, 0], [10, 0], [10, 4], [6.2", "[[10, 4], [10.2, 4], [10.2, 4.1], [10", 9, "cover"),
