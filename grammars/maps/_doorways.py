@@ -31,7 +31,7 @@ _IN_THE_WALL: Final = 2.0
 """How far a gap is shut beyond its jambs, which are ragged on maps that were measured."""
 _OFF_THE_FACE: Final = 3
 """How many rows of cells off a gap it has to be wider: beyond what is ragged."""
-_SUBSAMPLES: Final = (np.array([1, 3, 5]) / 6, np.array([1, 3, 5]) / 6)
+_SUBSAMPLES: Final = (np.array([0.25, 0.75]), np.array([0.25, 0.75]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ def _turned(labels: Labels, direction: float) -> tuple[Cells, Cells, Points]:
     if direction == 0.0:
         return walls, free, np.zeros(2)
     cos, sin = math.cos(direction), math.sin(direction)
-    # Nine points of each cell leave no holes in what they fall into.
+    # Points half a cell apart: every cell they fall among has one within, however it is turned.
     dx, dy = (part.ravel() for part in np.meshgrid(*_SUBSAMPLES))
     placed: list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]] = []
     for cells in (walls, free):
