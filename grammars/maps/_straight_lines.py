@@ -22,6 +22,7 @@ import numpy.typing as npt
 import shapely
 
 from grammars.maps._borders import Arc, Points
+from grammars.maps._cell_tracks import CellTrack, track_of
 
 _CUT_CORNER: Final = 0.36
 """How far a corner of a cell lies at most from the middles of the edges beside it, rounded up."""
@@ -47,83 +48,6 @@ class Closeness(IntEnum):
     FITTED = 1
     CHORD = 2
     CELLS = 3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CellTrack:
-    """An arc as points that two arcs never share: middles of edges, and true corners.
-
-    ``at`` is where along the arc each point lies, in edges; ``corners`` and ``middles`` are those
-    of the arc, twice in a row for a closed one, so that every piece of it is a slice.
-    """
-
-    points: Points
-    at: npt.NDArray[np.float64]
-    corners: Points
-    middles: Points
-
-    def passed(self, first: int, last: int) -> tuple[Points, Points]:
-        """Return the corners of cells and the middles of edges between two points."""
-        low, high = self.at[first], self.at[last]
-        corners = self.corners[math.ceil(low) : math.floor(high) + 1]
-        return corners, self.middles[math.ceil(low - 0.5) : math.floor(high - 0.5) + 1]
-
-
-def track_of(arc: Arc) -> CellTrack:
-    """Return the points of an arc."""
-    corners = arc.corners.astype(np.float64)
-    step = np.diff(corners, axis=0)
-    edges = len(step)
-    middles = corners[:-1] + step / 2
-    true = _true_corners(step, arc)
-    at = np.sort(np.concatenate([true, np.arange(edges) + 0.5]))
-    if arc.closed:
-        corners, middles = np.vstack([corners[:-1]] * 2), np.vstack([middles] * 2)
-        points = _points_at(at, corners, middles)
-        # Cut open at the point furthest from the middle: a true corner, if there is any.
-        away = np.hypot(*(points - points.mean(axis=0)).T).round(6)
-        first = int(away.argmax())
-        at = np.concatenate([at[first:], at[: first + 1] + edges])
-    return CellTrack(_points_at(at, corners, middles), at, corners, middles)
-
-
-def _points_at(at: npt.NDArray[np.float64], corners: Points, middles: Points) -> Points:
-    whole = np.floor(at).astype(int)
-    half = (at > whole)[:, None]
-    found: Points = np.where(half, middles[whole % len(middles)], corners[whole % len(corners)])
-    return found
-
-
-def _true_corners(step: Points, arc: Arc) -> npt.NDArray[np.float64]:
-    """Return which corners of cells are no part of a slanting line, and the ends of open arcs.
-
-    True ones have two edges or more on both sides, or belong to a wall or a gap one cell wide.
-    """
-    edges = len(step)
-    before = np.roll(step, 1, axis=0)
-    turn = np.sign(before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0])
-    if not arc.closed:
-        turn[0] = 2.0  # an end, which is no turn to either side
-    bends = np.flatnonzero(turn)
-    if not len(bends):
-        return np.array([0.0, float(edges)])
-    ahead = (np.roll(bends, -1) - bends) % edges
-    ahead[ahead == 0] = edges
-    if not arc.closed:
-        ahead[-1] = edges  # up to the other end: however short, it is no step of a slanting line
-        ahead[0] = edges
-    behind = np.roll(ahead, 1)
-    long = (ahead >= 2) & (behind >= 2)
-    side = turn[bends]
-    about = ((side == np.roll(side, -1)) & (ahead == 1)) | (
-        (side == np.roll(side, 1)) & (behind == 1)
-    )
-    free = ~arc.chequered[bends]
-    if arc.closed:
-        true: npt.NDArray[np.float64] = bends[(long | about) & free].astype(np.float64)
-        return true
-    chosen = bends[((long | about) & free) | (bends == 0)]
-    return np.append(chosen, edges).astype(np.float64)
 
 
 @dataclass(slots=True)
@@ -155,7 +79,7 @@ class StraightArc:
         kept = shapely.LineString(track.points).simplify(
             max(tolerance - _CUT_CORNER, 0.05), preserve_topology=False
         )
-        cuts = _positions(track.points, shapely.get_coordinates(kept), arc.closed)
+        cuts = _positions(track.points, shapely.get_coordinates(kept))
         closeness = Closeness.CHORD
         if arc.closed and len(cuts) < 4:
             cuts, closeness = [0, len(track.points) - 1], Closeness.CELLS
@@ -400,51 +324,8 @@ class StraightArc:
         return _Piece(piece.first, following.last, piece.closeness, across * level, piece.along)
 
 
-def _positions(points: Points, kept: Points, closed: bool) -> list[int]:
+def _positions(points: Points, kept: Points) -> list[int]:
     """Return which of ``points`` were kept, in order."""
     where = {tuple(point): i for i, point in enumerate(points[:-1].tolist())}
     found = [where[tuple(point)] for point in kept[:-1].tolist()]
-    del closed
     return [*found, len(points) - 1]
-
-
-def main_directions(chords: Sequence[Points], *, most: int = 4) -> tuple[float, ...]:
-    """Return the directions most walls follow [rad, in (-pi / 4, pi / 4]], the strongest first.
-
-    Walls at right angles have one direction in common. Chords count by their length, those of
-    less than six cells not at all: the direction of short ones is chance.
-    """
-    vectors = np.vstack([np.zeros((0, 2)), *chords])
-    length = np.hypot(*vectors.T)
-    vectors, length = vectors[length >= 6.0], length[length >= 6.0]
-    if not len(length):
-        return ()
-    quarter = math.pi / 2
-    angle = np.arctan2(vectors[:, 1], vectors[:, 0]) % quarter
-    total = float(length.sum())
-    found: list[float] = []
-    left = np.ones(len(angle), dtype=bool)
-    bins = np.arange(0.0, 90.0, 0.5) * math.pi / 180
-    near = math.radians(2.0)
-    while left.any() and len(found) < most:
-        off = np.abs(_modulo(angle[None, left] - bins[:, None]))
-        weight = np.where(off < near, 1 - off / near, 0.0) @ length[left]
-        best = int(weight.argmax())
-        close = left & (np.abs(_modulo(angle - bins[best])) < near)
-        if length[close].sum() < 0.1 * total:
-            break
-        # A weighted median: walls drawn along the rows of cells are there exactly, and many.
-        offsets = _modulo(angle[close] - bins[best])
-        order = np.argsort(offsets, kind="stable")
-        heap = np.cumsum(length[close][order] ** 2)
-        middle = float(offsets[order][np.searchsorted(heap, heap[-1] / 2)])
-        direction = math.remainder(bins[best] + middle, quarter)
-        found.append(0.0 if abs(direction) < 1e-9 else direction)
-        left &= ~close
-    return tuple(found)
-
-
-def _modulo(angle: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return angles [rad] modulo a right angle, between -pi / 4 and pi / 4."""
-    quarter = math.pi / 2
-    return angle - np.round(angle / quarter) * quarter

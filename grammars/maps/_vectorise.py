@@ -22,8 +22,9 @@ from grammars.maps._borders import (
 )
 from grammars.maps._cells import tidied
 from grammars.maps._doorways import DoorwaySizes, MapGap, find_doorways
+from grammars.maps._main_directions import main_directions
 from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
-from grammars.maps._straight_lines import StraightArc, main_directions
+from grammars.maps._straight_lines import StraightArc
 from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, DrawnWall
 from grammars.model.geometry import Point2, Pose2, Ring
 
