@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import runpy
 from pathlib import Path
 
 import pytest
@@ -12,9 +11,6 @@ from grammars.maps import load_walls
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import write_map
 from tests.grammars.maps.imported import house
-from tests.scenario_tui.tutorial import Command, File, steps_of
-
-TUTORIAL = Path(__file__).parents[3] / "docs" / "tutorials" / "map-to-verdict.md"
 
 
 @pytest.fixture
@@ -77,26 +73,3 @@ def test_what_cannot_be_imported_is_told(scenario, map_file: Path) -> None:
     text = map_file.read_text().replace("free_thresh: 0.196", "free_thresh: 0.25")
     map_file.write_text(text)
     assert "grey 205" in scenario("import", "office.yaml").err
-
-
-def test_the_tutorial_leads_from_a_map_to_a_verdict(scenario, folder: Path) -> None:
-    codes: dict[str, int] = {}
-    for step in steps_of(TUTORIAL):
-        if isinstance(step, File):
-            # Once is enough to see that it runs.
-            Path(step.name).write_text(step.text.replace("repeats: 2", "repeats: 1"))
-            continue
-        assert isinstance(step, Command)
-        program, *words = step.words
-        if program == "python":
-            runpy.run_path(words[0])
-            continue
-        said = scenario(*words)
-        assert step.answer.strip() in said.out
-        codes[words[0]] = said.code
-        output = said.out
-    assert codes == {"import": 0, "export": 0, "check": 0, "run": 1}
-    verdicts = {line.split()[0]: line for line in output.splitlines() if "/1 " in line}
-    assert "pass 1/1" in verdicts["open"]
-    assert "fail 0/1" in verdicts["rude"]
-    assert "pilot rude reached" in output
