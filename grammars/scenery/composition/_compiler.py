@@ -135,13 +135,14 @@ def _doorways(plan: FloorPlan) -> tuple[Doorway, ...]:
         Doorway(
             o.name,
             rounded_pose(o.frame),
-            canonical_ring(o.footprint),
+            ring,
             rounded(o.width),
             rounded(o.z_min),
             rounded(o.z_max),
         )
         for o in plan.openings
-        if o.kind == "entryway"
+        # A wall of no thickness, which is warned about, has a line for a hole: no passage.
+        if o.kind == "entryway" and len(ring := canonical_ring(o.footprint)) > 2
     )
 
 
