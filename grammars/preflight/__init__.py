@@ -4,9 +4,10 @@
 do in it, :func:`check_map` at a map that it is given as it is.
 """
 
+from grammars.preflight._checked import places_of
 from grammars.preflight._map import check_map
 from grammars.preflight._run import check_run
-from grammars.preflight._scene import check_scene, places_of
+from grammars.preflight._scene import check_scene
 
 __all__ = [
     "check_map",

@@ -38,8 +38,9 @@ from grammars.model.mission import Mission
 from grammars.model.movers import Route, body_link, is_fixed, is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Link, Scene, SceneObject
+from grammars.preflight._checked import CheckedScene
 from grammars.preflight._reach import immobile_leaves
-from grammars.preflight._scene import CheckedScene, starts_in_wall
+from grammars.preflight._sweeps import starts_in_wall
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
 _ROUTE_STEP = 0.1

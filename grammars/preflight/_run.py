@@ -16,8 +16,9 @@ from grammars.model.movers import PLANAR_JOINTS, is_mover
 from grammars.model.robot import Robot
 from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.preflight._behaviours import check_events, check_triggers, check_walks
+from grammars.preflight._checked import CheckedScene
 from grammars.preflight._reach import Spot, check_reach
-from grammars.preflight._scene import CheckedScene, Sweeps, object_hits, wall_hits
+from grammars.preflight._sweeps import Sweeps, object_hits, wall_hits
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
 _TOLERANCE: Final = 1e-9
