@@ -68,23 +68,25 @@ def swept_area(
     Joints without a range stay where they are at the start. Between steps the convex hull of two
     neighbouring placements is taken, so nothing is missed but the bulge of a short arc.
     """
-    shapes = [link_shape(body, link, body.initial)]
+    shapes: list[Any] = [[link_shape(body, link, body.initial)]]
     for index, joint in enumerate(body.joints):
         if joint.name not in ranges:
             continue
         low, high = ranges[joint.name]
-        placements = [
-            link_shape(body, link, [*body.initial[:index], q, *body.initial[index + 1 :]])
+        poses = [
+            link_poses(body, [*body.initial[:index], q, *body.initial[index + 1 :]])[link.name]
             for q in _steps(joint, low, high)
         ]
-        shapes.extend(placements)
-        shapes.extend(
-            shapely.convex_hull(shapely.union(a, b))
-            for a, b in itertools.pairwise(placements)
-            # The hull of several polygons would fill what is free between them.
-            if len(link.polygons) == 1
-        )
-    return shapely.union_all(shapes)
+        placements = [
+            shapely.linearrings([pose.apply_ring(ring) for pose in poses]) for ring in link.polygons
+        ]
+        shapes.extend(shapely.polygons(rings) for rings in placements)
+        # The hull of several polygons would fill what is free between them.
+        if len(placements) == 1:
+            corners = shapely.get_coordinates(placements[0]).reshape(len(poses), -1, 2)
+            both = np.concatenate([corners[:-1], corners[1:]], axis=1)
+            shapes.append(shapely.convex_hull(shapely.linestrings(both)))
+    return shapely.union_all(np.concatenate(shapes))
 
 
 def _steps(joint: Joint, low: float, high: float) -> list[float]:
