@@ -19,7 +19,13 @@ from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
 from grammars.model.grid import MapRule
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.documents import Duration, Length, Ratio, StrictModel, YamlDocument, read_model
+from grammars.text.documents import (
+    Duration,
+    Length,
+    Ratio,
+    StrictModel,
+    YamlDocument,
+)
 from grammars.text.quantity import read_as
 
 _MOST_REPEATS: Final = 100_000
@@ -336,32 +342,13 @@ class ResolvedScenario:
     limit: float = 0.0
 
 
-def read_campaign(document: YamlDocument) -> tuple[CampaignFile, tuple[ResolvedScenario, ...]]:
-    """Return the file's keys and its concrete scenarios; raises :class:`InputError`."""
-    text = read_model(document, CampaignFile)
-    problems: list[Diagnostic] = []
-    scenarios = []
-    for name, scenario in text.scenarios.items():
-        try:
-            resolved = _resolve_scenario(name, text, document, ())
-        except InputError as error:
-            problems.extend(error.diagnostics)
-            continue
-        if not scenario.abstract:
-            problems.extend(_missing_slots(resolved))
-            scenarios.append(resolved)
-    if problems:
-        raise InputError(dict.fromkeys(problems))
-    if not scenarios:
-        raise InputError(
-            Diagnostic(document.where(("scenarios",)), "every scenario is abstract, nothing to run")
-        )
-    return text, tuple(scenarios)
-
-
-def _resolve_scenario(
-    name: str, text: CampaignFile, document: YamlDocument, seen: tuple[str, ...]
+def resolve_scenario(
+    name: str, text: CampaignFile, document: YamlDocument, seen: tuple[str, ...] = ()
 ) -> ResolvedScenario:
+    """Return a scenario with what it inherits; raises :class:`InputError`.
+
+    ``seen`` are the scenarios that are like this one.
+    """
     scenario, path = text.scenarios[name], ("scenarios", name)
     where = document.where(path)
     if scenario.like is None:
@@ -375,7 +362,7 @@ def _resolve_scenario(
         if scenario.like not in text.scenarios:
             hint = did_you_mean(scenario.like, text.scenarios)
             raise InputError(Diagnostic(like_at, f'no scenario "{scenario.like}" here', hint))
-        base = _resolve_scenario(scenario.like, text, document, (*seen, name))
+        base = resolve_scenario(scenario.like, text, document, (*seen, name))
     # The seed of variants that names none is the campaign's, also where the slot is inherited.
     varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
     renamed = replace(base, name=name, where=where, vary=varied)
@@ -480,7 +467,8 @@ _REQUIRED: Final = {
 """Slots a scenario needs, each with the key people write."""
 
 
-def _missing_slots(scenario: ResolvedScenario) -> list[Diagnostic]:
+def missing_slots(scenario: ResolvedScenario) -> list[Diagnostic]:
+    """Return an error for every slot that a scenario needs and nobody fills."""
     return [
         Diagnostic(scenario.where, f'scenario "{scenario.name}" names no {key}')
         for slot, key in _REQUIRED.items()
