@@ -53,10 +53,9 @@ def _floorplan(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _scenery(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
-    from grammars.scenery import load_scenery
+    from grammars.scenery import load_scenery, unused_parameters
 
-    load_scenery(path)
-    return "scenery layer", ()
+    return "scenery layer", tuple(unused_parameters(load_scenery(path)))
 
 
 def _variation(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:

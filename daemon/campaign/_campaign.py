@@ -32,6 +32,7 @@ from daemon.campaign._file import (
 from daemon.campaign._findings import find_problems
 from daemon.campaign._layers import LayerLibrary
 from daemon.campaign._survey import survey_campaign
+from daemon.campaign._unused import CampaignUse, find_unused
 from daemon.model.assessments import AssessmentRules
 from daemon.model.packed_submission import fingerprint
 from daemon.model.spec import OracleText, RunSpec, SutReference
@@ -151,6 +152,10 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         timed = tuple(c for c in declared.comparisons if scenario.name in (c.left, c.right))
         timings = LegTimings(timed, document)
         _load_cells(scenario, loader, pool, timings, whole=scenario.name not in survey.incomplete)
+    use = CampaignUse(text, document, scenarios, loader.worlds, not loader.findings)
+    unused = find_unused(
+        use, lambda layer: loader.collect_errors(lambda: loader.library.oracles((layer,)))
+    )
     campaign = Campaign(
         name=text.campaign,
         about=text.about,
@@ -163,6 +168,7 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         warnings=(
             *dict.fromkeys(loader.library.warnings),
             *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
+            *dict.fromkeys(unused),
         ),
     )
     return campaign, loader
