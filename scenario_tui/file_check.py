@@ -88,11 +88,13 @@ def _oracles(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
-    """Tell robots, systems under test and campaigns apart by the key they must have."""
+    """Tell missions, robots, systems under test and campaigns apart by the key they must have."""
     from grammars.text.documents import load_yaml
 
     data = load_yaml(path).data
     keys = data.keys() if isinstance(data, dict) else ()
+    if "waypoints" in keys and "campaign" not in keys:
+        return _mission(path)
     if "robot" in keys and "campaign" not in keys:
         from grammars.model.files import load_robot
 

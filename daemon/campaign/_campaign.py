@@ -29,7 +29,7 @@ from daemon.campaign._file import (
     ResolvedScenario,
     repeat_policy,
 )
-from daemon.campaign._findings import find_problems
+from daemon.campaign._findings import find_problems, say_once
 from daemon.campaign._layers import LayerLibrary
 from daemon.campaign._survey import survey_campaign
 from daemon.campaign._unused import CampaignUse, find_unused
@@ -124,13 +124,13 @@ def examine(path: str | Path) -> tuple[Campaign, tuple[Diagnostic, ...]]:
     campaign, loader = _load_all(path)
     preflight = find_problems(loader.worlds, (*campaign.cells, *loader.partial))
     found = (*loader.findings, *campaign.warnings, *preflight)
-    return campaign, tuple(dict.fromkeys(found))
+    return campaign, say_once(found)
 
 
 def check(campaign: Campaign) -> tuple[Diagnostic, ...]:
     """Return warnings of the layers and what the pre-flight of every cell finds."""
     found = (*campaign.warnings, *find_problems(campaign.cells, campaign.cells))
-    return tuple(dict.fromkeys(found))
+    return say_once(found)
 
 
 def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:

@@ -30,7 +30,7 @@ def find_problems(
     found.extend(check_sensors(pairs))
     for cell in cells:
         found.extend(_problems_of(cell))
-    return _once(found)
+    return found
 
 
 def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
@@ -54,16 +54,16 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
         )
 
 
-def _once(found: Iterable[Diagnostic]) -> list[Diagnostic]:
+def say_once(found: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the findings without those that another place already has in other sizes."""
     # In another variant of a plan the same door is too narrow by another centimetre.
     kept: dict[tuple[object, ...], list[Diagnostic]] = {}
     for one in dict.fromkeys(found):
         key = (one.where, one.severity, _SIZE.sub("#", one.message))
         kept.setdefault(key, []).append(one)
-    return [
+    return tuple(
         replace(same[0], message=f"{same[0].message} (and {len(same) - 1} more like it)")
         if len(same) > 1
         else same[0]
         for same in kept.values()
-    ]
+    )

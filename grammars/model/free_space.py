@@ -208,6 +208,13 @@ class ConnectedParts:
         nearest = int(np.argmin(distances))
         return nearest if float(distances[nearest]) <= reach else None
 
+    def near(self, point: Point2, reach: float) -> set[int]:
+        """Return all parts within ``reach`` [m] of ``point``."""
+        if not self.parts:
+            return set()
+        distances = shapely.distance(np.array(self.parts, dtype=object), Point(point))
+        return set(np.flatnonzero(distances <= reach).tolist())
+
 
 def valid_polygon(ring: Ring) -> BaseGeometry:
     """Return the area of an outline, also of one that touches or crosses itself."""

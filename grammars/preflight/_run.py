@@ -58,7 +58,7 @@ def check_run(
     # A way is looked for between spots that stand free: from others there is none anyway.
     if problems[0] is None:
         findings.extend(_start_overlaps(checked, robot, mission, spots[0][2]))
-        findings.extend(check_reach(scene, robot, sound, behaviours))
+        findings.extend(check_reach(scene, robot, start, sound, behaviours))
     findings.extend(check_events(checked, mission, behaviours))
     findings.extend(check_walks(checked, behaviours))
     unsound = check_behaviours(checked, behaviours)
