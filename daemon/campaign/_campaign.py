@@ -31,7 +31,7 @@ from daemon.campaign._file import (
 )
 from daemon.campaign._findings import find_problems, say_once
 from daemon.campaign._layers import LayerLibrary
-from daemon.campaign._survey import survey_campaign
+from daemon.campaign._survey import limit_place, survey_campaign
 from daemon.campaign._unused import CampaignUse, find_unused
 from daemon.model.assessments import AssessmentRules
 from daemon.model.packed_submission import fingerprint
@@ -226,6 +226,7 @@ def _load_cells(
             behaviours=tuple(r.behaviours for r in world.resolved) or ((),),
             map=given.settings if given else scenario.map,
             limit=scenario.limit,
+            limit_where=limit_place(scenario.name, loader.text, loader.document),
             given_map=given.grid if given else None,
         )
         unusable = not world.whole or (named is not None and given is None)

@@ -62,4 +62,5 @@ class CampaignCell:
     behaviours: tuple[tuple[Behaviour, ...], ...]
     map: MapSettings
     limit: float
+    limit_where: Where
     given_map: OccupancyGrid | None = None

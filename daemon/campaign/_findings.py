@@ -9,8 +9,9 @@ from typing import Final
 
 from daemon.campaign._cells import CampaignCell, LoadedWorld
 from daemon.campaign._sensors import check_sensors
+from daemon.campaign._speed import top_speed
 from grammars.jsonld import check_composition
-from grammars.preflight import check_map, check_run, check_scene
+from grammars.preflight import check_limit, check_map, check_run, check_scene
 from grammars.text.diagnostics import Diagnostic
 
 _SIZE: Final = re.compile(r"-?\d+\.\d+")
@@ -43,6 +44,14 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
             where=cell.scenario.map_file.where,
             places=cell.places,
         )
+    yield from check_limit(
+        cell.scene,
+        cell.robot,
+        cell.mission,
+        {sut.name: top_speed(sut, cell.robot) for sut in cell.suts},
+        limit=cell.limit,
+        where=cell.limit_where,
+    )
     for behaviours in dict.fromkeys(cell.behaviours):
         yield from check_run(
             cell.scene,

@@ -14,7 +14,7 @@ from daemon.campaign._file import (
     missing_slots,
     resolve_scenario,
 )
-from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import KeyPath, YamlDocument, read_model
 
 
@@ -149,3 +149,11 @@ def _bases(name: str, text: CampaignFile) -> Iterator[str]:
         yield base
         seen.add(base)
         base = text.scenarios[base].like
+
+
+def limit_place(name: str, text: CampaignFile, document: YamlDocument) -> Where:
+    """Return where the limit of a scenario is written: in it, in one it is like, or for all."""
+    for scenario in (name, *_bases(name, text)):
+        if text.scenarios[scenario].limit is not None:
+            return document.where(("scenarios", scenario, "limit"))
+    return document.where(("limit",))
