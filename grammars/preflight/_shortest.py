@@ -27,6 +27,8 @@ _SLACK: Final = 1.5
 """So much longer than from door to door are ways hardly ever: shortcuts make them shorter."""
 _TOUCHING: Final = 0.1
 """A doorway this near to the floor of a room [m] leads to it."""
+_CONVEX: Final = 0.95
+"""A room that fills so much of its convex hull has nothing to go round."""
 _MOST_CORNERS: Final = 1500
 """Beyond so many corners of walls, as outlines of drawn maps have, ways are taken for straight."""
 _GRAZE: Final = 1e-4
@@ -87,13 +89,15 @@ def _way_by_doors(scene: Scene, legs: Sequence[tuple[Point2, Point2]]) -> float:
     doors = [valid_polygon(doorway.footprint) for doorway in scene.doorways]
     ends = [Point(point) for leg in legs for point in leg]
     places = np.array([*doors, *ends], dtype=object)
-    # Ends and doorways of one room see each other, more or less.
+    # Ends and doorways of one room see each other, or there is a way along its walls.
     member, room = shapely.STRtree(rooms).query(places, predicate="dwithin", distance=_TOUCHING)
     inside = np.zeros((len(places), len(rooms)), bool)
     inside[member, room] = True
     centres = shapely.get_coordinates(shapely.centroid(places))
     apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
-    ways = np.where(inside.astype(int) @ inside.T.astype(int) > 0, apart, np.inf)
+    convex = shapely.area(rooms) > _CONVEX * shapely.area(shapely.convex_hull(rooms))
+    around = np.where(convex, 0.0, shapely.length(rooms) / 2.0)
+    ways = apart + np.where(inside[:, None] & inside[None], around, np.inf).min(axis=2)
     doorways = len(doors)
     between = ways[:doorways, :doorways]
     for door in range(doorways):

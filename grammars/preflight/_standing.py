@@ -66,14 +66,17 @@ def _meet(one: _StandingLink, other: _StandingLink) -> bool:
 
 def _overlap(checked: CheckedScene, one: _StandingLink, other: _StandingLink) -> Diagnostic:
     common = one.shape.intersection(other.shape)
-    x_min, y_min, x_max, y_max = common.bounds
+    around = shapely.get_coordinates(shapely.minimum_rotated_rectangle(common))
+    width, length = sorted(np.linalg.norm(np.diff(around[:3], axis=0), axis=1).tolist())
+    # Adding 0.0 makes 0.0 of -0.0.
+    x, y = round(common.centroid.x, 2) + 0.0, round(common.centroid.y, 2) + 0.0
     loose = one.moves or other.moves
     return Diagnostic(
         checked.place(other.body.name),
         f"{other.body.name} and {one.body.name} stand in each other at the start: the "
         f"{other.link.name} and the {one.link.name} overlap near "
-        f"({common.centroid.x:.2f}, {common.centroid.y:.2f}) by "
-        f"{x_max - x_min:.2f} m x {y_max - y_min:.2f} m",
+        f"({x:.2f}, {y:.2f}) by "
+        f"{length:.2f} m x {width:.2f} m",
         f"the other one: {checked.place(one.body.name)}; move one of them"
         + (", or let it start elsewhere" if loose else ""),
         Severity.ERROR if loose else Severity.WARNING,
