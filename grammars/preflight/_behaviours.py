@@ -40,6 +40,7 @@ from grammars.model.robot import Robot
 from grammars.model.scene import Link, Scene, SceneObject
 from grammars.preflight._checked import CheckedScene
 from grammars.preflight._reach import immobile_leaves
+from grammars.preflight._standing import check_inside
 from grammars.preflight._sweeps import starts_in_wall
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
@@ -51,16 +52,15 @@ def check_walks(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> list[
 
     Errors: walks of what is no mover, points inside of a wall or outside of every room, ways that
     lead through a wall, movers that stand in one. Warnings: bodies that brush a wall, or walk
-    through what stands still.
+    through what stands still, or rest outside of the building.
     """
     bodies = {body.name: body for body in checked.scene.objects}
     walking = {walk.object for walk in behaviours if isinstance(walk, Walk)}
-    findings = [
-        problem
-        for body in checked.scene.objects
-        if is_mover(body.joints) and body.name not in walking
-        for problem in starts_in_wall(checked, body)
+    resting = [
+        body for body in checked.scene.objects if is_mover(body.joints) and body.name not in walking
     ]
+    findings = [problem for body in resting for problem in starts_in_wall(checked, body)]
+    findings += check_inside(checked, resting)
     for walk in behaviours:
         if not isinstance(walk, Walk):
             continue

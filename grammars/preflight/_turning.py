@@ -10,6 +10,7 @@ to pass does not pass, what barely does not is let through.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -27,6 +28,8 @@ _STEP: Final = math.radians(2.0)
 """Between two headings that are looked at."""
 _MARGIN: Final = 1e-3
 """What simplifying the outlines of walls moves them at most [m]."""
+_MOST_EDGES: Final = 2000
+"""Around so many edges in one place, as maps that were not made straight have, nothing is said."""
 _SEGMENTS: Final = 8
 
 
@@ -100,6 +103,11 @@ class TurningSpace:
             return {}
         return self._search(start, points, first, ways)
 
+    @functools.cached_property
+    def _walls(self) -> BaseGeometry:
+        """The outlines of all that stands around and in the floor."""
+        return self._area.simplify(_MARGIN).boundary
+
     def _hubs_near(self, point: Point2) -> set[int]:
         # From beside a straight wall, or out of a corner of a room, a body gets to where it can
         # turn.
@@ -165,8 +173,9 @@ class TurningSpace:
             return [(0.0, [window])]
         corners = shapely.get_coordinates(shrunk.exterior)[:-1]
         near = shapely.box(*window.bounds).buffer(self._radius)
-        walls = self._area.simplify(_MARGIN).boundary.intersection(near)
-        edges = _edges(walls)
+        edges = _edges(self._walls.intersection(near))
+        if len(edges) > _MOST_EDGES:
+            return [(0.0, [window])]
         opposite = shapely.symmetric_difference(shrunk, Polygon(-corners)).area
         around = math.pi if opposite < 1e-6 else math.tau
         headings = [k * _STEP for k in range(round(around / _STEP))]
