@@ -77,15 +77,14 @@ def swept_area(
             link_poses(body, [*body.initial[:index], q, *body.initial[index + 1 :]])[link.name]
             for q in _steps(joint, low, high)
         ]
-        placements = [
-            shapely.linearrings([pose.apply_ring(ring) for pose in poses]) for ring in link.polygons
-        ]
-        shapes.extend(shapely.polygons(rings) for rings in placements)
-        # The hull of several polygons would fill what is free between them.
-        if len(placements) == 1:
-            corners = shapely.get_coordinates(placements[0]).reshape(len(poses), -1, 2)
-            both = np.concatenate([corners[:-1], corners[1:]], axis=1)
+        rings = [np.array([pose.apply_ring(ring) for pose in poses]) for ring in link.polygons]
+        if len(rings) == 1:
+            # The hulls hold the placements as well.
+            both = np.concatenate([rings[0][:-1], rings[0][1:]], axis=1)
             shapes.append(shapely.convex_hull(shapely.linestrings(both)))
+        else:
+            # The hull of several polygons would fill what is free between them.
+            shapes.extend(shapely.polygons(corners) for corners in rings)
     return shapely.union_all(np.concatenate(shapes))
 
 

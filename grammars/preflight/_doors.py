@@ -90,11 +90,13 @@ def _shut(body: SceneObject, doorway: Doorway) -> _ShutDoor:
     # the doorway is closed.
     zero = tuple(min(max(0.0, j.lower), j.upper) for j in body.joints)
     lowest, highest = (tuple(getattr(j, end) for j in body.joints) for end in ("lower", "upper"))
-    candidates = dict.fromkeys((zero, body.initial, lowest, highest))
-    return max(
-        (_placed(body, positions, doorway, passage) for positions in candidates),
-        key=lambda door: round(_extent(door.closing), 6),
-    )
+    best = _placed(body, zero, doorway, passage)
+    for positions in dict.fromkeys((body.initial, lowest, highest)):
+        if _extent(best.closing) >= _LEAST_SHARE * doorway.width:
+            break
+        other = _placed(body, positions, doorway, passage)
+        best = max(best, other, key=lambda door: round(_extent(door.closing), 6))
+    return best
 
 
 def _placed(
