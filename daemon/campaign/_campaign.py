@@ -45,7 +45,12 @@ from grammars.model.scene import Scene
 from grammars.oracle import Oracle, check_references
 from grammars.preflight import places_of
 from grammars.scenery import SceneryLayer, configure
-from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
+from grammars.scenery.composition import (
+    ResolvedBehaviours,
+    compile_scene,
+    compile_sound_part,
+    resolve_behaviours,
+)
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument, load_yaml
 
@@ -250,6 +255,9 @@ def _load_worlds(
     references = (*scenario.objects, *scenario.behaviours)
     layers = [attempt(partial(_configured_layer, library, reference)) for reference in references]
     sound = tuple(layer for layer in layers if layer is not None)
+    objects = layers[: len(scenario.objects)]
+    # Without one of its layers an object would be missed that is only written elsewhere.
+    usable = sound[: len(objects)] if whole and None not in objects else ()
     whole = whole and len(sound) == len(layers)
     repeats = repeat_policy(loader.text.repeats).at_most
     if not says_repeats(loader.document):
@@ -259,10 +267,8 @@ def _load_worlds(
     for name, plan in plans:
         scene = attempt(partial(_scene, scenario, plan, sound, loader)) if whole else None
         if scene is None:
-            # The building and the mission can still be looked at, objects cannot.
-            bare = attempt(partial(_scene, scenario, plan, (), loader))
-            if bare is not None:
-                worlds.append(LoadedWorld(name, plan, (), bare, (), places_of((), plan), False))
+            # The building, the mission and the objects that stand can still be looked at.
+            worlds.append(_sound_part(name, plan, usable))
             continue
         places = places_of(sound, plan)
         resolved = attempt(partial(_resolve_all, scenario, loader.text.seed, repeats, sound, scene))
@@ -274,6 +280,16 @@ def _load_worlds(
         worlds.append(LoadedWorld(name, plan, sound, scene, resolved, places))
     loader.worlds += worlds
     return worlds
+
+
+def _sound_part(name: str, plan: FloorPlan, objects: tuple[SceneryLayer, ...]) -> LoadedWorld:
+    """Return what can be said of a world without the layers and objects that cannot be used."""
+    try:
+        scene, _ = compile_sound_part(plan, objects)
+    except InputError:
+        # What is wrong has been reported; without known names there is the building alone.
+        scene = compile_scene(plan)
+    return LoadedWorld(name, plan, (), scene, (), places_of(objects, plan), whole=False)
 
 
 def _waypoint_places(mission: Mission, document: YamlDocument) -> dict[str, Where]:

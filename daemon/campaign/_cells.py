@@ -23,9 +23,8 @@ from grammars.text.diagnostics import Where
 class LoadedWorld:
     """The part of a cell that needs neither robot nor mission.
 
-    Where layers cannot be used it is what can be said without them: without any objects
-    (``layers`` empty), or without what they do (``resolved`` empty). No run is made of such a
-    world.
+    Where something of it cannot be used it is not ``whole``, and no run is made of it: there are no
+    ``layers`` where objects are missing, and no ``resolved`` behaviours.
     """
 
     name: str

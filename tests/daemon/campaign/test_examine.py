@@ -128,6 +128,25 @@ def test_a_layer_that_cannot_be_used_hides_no_waypoint_in_a_wall(
         assert found == errors
 
 
+def test_a_sentence_that_cannot_be_read_hides_no_door(folder: Path) -> None:
+    change(folder, "moods.scenery", ("all both stay", "all both sway"))
+    change(folder, "doors.scenery", ("to 1.98 m,   mass", "to 2.2 m, mass"))
+    assert [text.split(":")[0] for text in said(folder)] == [
+        "moods.scenery", "doors.scenery", "doors.scenery"
+    ]  # fmt: skip
+
+
+def test_an_object_without_a_place_hides_no_other_one(folder: Path) -> None:
+    change(
+        folder, "doors.scenery",
+        ("in kitchen_doorway", "in kitchn_doorway"), ("to 1.98 m,   mass", "to 2.2 m, mass"),
+    )  # fmt: skip
+    assert [text.split(" ", 1)[1] for text in said(folder)] == [
+        'E there is no entryway "kitchn_doorway" in the floor plan',
+        "E the leaf of bedroom_door reaches 2.20 m high, bedroom_doorway only 2.00 m",
+    ]
+
+
 @pytest.mark.parametrize(
     ("layer", "old", "new", "expected"),
     [
