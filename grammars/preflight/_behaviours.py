@@ -24,7 +24,6 @@ from grammars.model.behaviour import (
 )
 from grammars.model.free_space import (
     SNAP_DISTANCE,
-    FreeSpace,
     inscribed_radius,
     is_overlap,
     link_shape,
@@ -38,7 +37,7 @@ from grammars.model.mission import Mission
 from grammars.model.movers import Route, body_link, is_fixed, is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Link, Scene, SceneObject
-from grammars.preflight._checked import CheckedScene
+from grammars.preflight._checked import CheckedScene, free_space
 from grammars.preflight._reach import immobile_leaves
 from grammars.preflight._standing import check_inside
 from grammars.preflight._sweeps import starts_in_wall
@@ -254,7 +253,7 @@ def check_triggers(
         return []
     scene = checked.scene
     shut = [s for shapes in immobile_leaves(scene, robot, behaviours).values() for s in shapes]
-    parts = FreeSpace(scene, robot.height).for_radius(inscribed_radius(robot.footprint), shut)
+    parts = free_space(scene, robot.height).for_radius(inscribed_radius(robot.footprint), shut)
     home_part = parts.of((mission.start.x, mission.start.y))
     if home_part is None:
         return []

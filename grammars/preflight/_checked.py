@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from shapely.geometry.base import BaseGeometry
 
 from grammars.floorplan import FloorPlan
-from grammars.model.free_space import SolidIndex, valid_polygon
+from grammars.model.free_space import FreeSpace, SolidIndex, valid_polygon
 from grammars.model.scene import Scene
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Where
@@ -48,3 +48,9 @@ class CheckedScene:
         """Return the place of a joint, else of its object, else of everything."""
         owner = name.partition(".")[0]
         return self.places.get(name) or self.places.get(owner) or self.home
+
+
+@functools.lru_cache(maxsize=4)
+def free_space(scene: Scene, height: float) -> FreeSpace:
+    """Return the free floor below ``height`` [m], which all missions of a scene have in common."""
+    return FreeSpace(scene, height)

@@ -25,6 +25,7 @@ from grammars.model.geometry import Point2, Pose2
 from grammars.model.movers import own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Doorway, Scene, SceneObject
+from grammars.preflight._checked import free_space
 from grammars.preflight._turning import TurningSpace, circumscribed_radius, smallest_width
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 
@@ -50,7 +51,7 @@ def check_reach(
     a test.
     """
     radius = inscribed_radius(robot.footprint)
-    space = FreeSpace(scene, robot.height)
+    space = free_space(scene, robot.height)
     parts = space.for_radius(radius)
     home, *waypoints = points
     part = parts.of(home[1])
@@ -139,8 +140,10 @@ def _cannot_turn(
 
 
 def _space_at(scene: Scene, point: Point2) -> str:
-    names = [r.name for r in scene.regions if valid_polygon(r.outline).covers(Point(point))]
-    names += [d.name for d in scene.doorways if Polygon(d.footprint).covers(Point(point))]
+    spot = Point(point)
+    floors = [(r.name, valid_polygon(r.outline)) for r in scene.regions]
+    floors += [(d.name, valid_polygon(d.footprint)) for d in scene.doorways]
+    names = [name for name, floor in floors if floor.distance(spot) <= SNAP_DISTANCE]
     return f" in {names[0]}" if names else ""
 
 

@@ -14,11 +14,12 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from grammars.model.free_space import FreeSpace, inscribed_radius, valid_polygon
+from grammars.model.free_space import inscribed_radius, valid_polygon
 from grammars.model.geometry import Floats, Point2
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
+from grammars.preflight._checked import free_space
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 
 _ARRIVAL: Final = 0.5
@@ -119,7 +120,7 @@ def _counted(legs: Sequence[float]) -> float:
 @functools.lru_cache(maxsize=4)
 def _floor(scene: Scene, robot: Robot) -> _Floor:
     radius = inscribed_radius(robot.footprint)
-    return _Floor(FreeSpace(scene, robot.height).area.buffer(-radius, join_style="bevel"))
+    return _Floor(free_space(scene, robot.height).area.buffer(-radius, join_style="bevel"))
 
 
 class _Floor:

@@ -89,7 +89,7 @@ def test_objects_in_each_other_are_an_error_where_one_can_move(frozen: str, seve
     )
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
 def test_blocks_stand_in_each_other_where_their_outlines_do(x: float, y: float) -> None:
     x, y = round(x, 2), round(y, 2)

@@ -51,7 +51,7 @@ def test_the_way_round_is_counted_not_the_straight_one(robile: Robot) -> None:
     assert said(robile, HORSESHOE, 0.98 * least, 2.0, goal, start=start) == []
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(x=st.floats(0.5, 1.5), y=st.floats(4.0, 9.0), speed=st.floats(0.1, 2.0))
 def test_a_limit_that_a_driven_way_keeps_is_never_too_short(
     robile: Robot, x: float, y: float, speed: float
