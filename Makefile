@@ -9,7 +9,7 @@ WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
 # long. Some containers switch it off.
 KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
 
-.PHONY: demo test test-ros2 test-ros2-short bench chaos lint format lock clean
+.PHONY: demo test test-ros2 test-ros2-short bench chaos docs lint format lock clean
 
 demo: $(VENV)/.installed          ## run the main job: a campaign with moving doors, judged
 	@$(BIN)/scenario demo
@@ -36,6 +36,10 @@ bench: $(VENV)/.installed-test    ## measure, side by side in one process
 chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; about nine minutes
 	$(BIN)/python -m tests.chaos
 
+docs: $(VENV)/.installed-docs     ## build the documentation as a site: site/index.html
+	$(BIN)/python -m tests.language_docs
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --nitpicky --quiet docs site
+
 format: $(VENV)/.installed-test   ## rewrite sources the way lint wants them
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
@@ -53,6 +57,11 @@ $(VENV)/.installed: pyproject.toml requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --editable .
 	@$(WARM)
+	@touch $@
+
+$(VENV)/.installed-docs: pyproject.toml requirements.lock
+	$(PYTHON) -m venv $(VENV)
+	$(INSTALL) --editable '.[docs]'
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml requirements.lock

@@ -24,6 +24,8 @@ def _checker(path: Path) -> Checker:
     if not path.exists():
         raise InputError(Diagnostic(Where(str(path)), "no such file"))
     if path.is_dir():
+        if any(file.suffix in (".json", ".jsonld") for file in path.iterdir()):
+            return _jsonld
         raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))
     for ending, checker in _BY_ENDING.items():
         if path.name.endswith(ending):
@@ -53,9 +55,10 @@ def _floorplan(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _scenery(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
-    from grammars.scenery import load_scenery, unused_parameters
+    from grammars.scenery import load_scenery
 
-    return "scenery layer", tuple(unused_parameters(load_scenery(path)))
+    load_scenery(path)
+    return "scenery layer", ()
 
 
 def _variation(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
@@ -88,18 +91,20 @@ def _oracles(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
-    """Tell missions, robots, systems under test and campaigns apart by the key they must have."""
+    """Tell missions, robots, systems under test and campaigns apart by keys they must have."""
     from grammars.text.documents import load_yaml
 
     data = load_yaml(path).data
     keys = data.keys() if isinstance(data, dict) else ()
-    if "waypoints" in keys and "campaign" not in keys:
+    if "campaign" in keys or "scenarios" in keys:
+        return _campaign(path)
+    if "waypoints" in keys:
         return _mission(path)
-    if "robot" in keys and "campaign" not in keys:
+    if "robot" in keys:
         from grammars.model.files import load_robot
 
         return f"robot {load_robot(path).name}", ()
-    if "sut" in keys and "campaign" not in keys:
+    if "sut" in keys:
         from daemon.campaign import LayerLibrary, LayerReference
 
         library = LayerLibrary(path.parent)
@@ -123,6 +128,7 @@ _BY_ENDING: Final[dict[str, Checker]] = {
     ".scenery": _scenery,
     ".variation": _variation,
     ".jsonld": _jsonld,
+    ".json": _jsonld,
     ".mission.yaml": _mission,
     ".oracles.yaml": _oracles,
 }

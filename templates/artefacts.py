@@ -7,10 +7,11 @@ is not installed, is an error when it is asked for by name and left out when all
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.extras import MissingExtraError
@@ -19,6 +20,9 @@ from templates.world import ArtefactWorld, ExportJob, ExportSettings
 
 Needs: TypeAlias = Literal["plan", "scene", "campaign"]
 ALL: Final = "all"
+_LAST: Final = "prov"
+_AHEAD: Final = 4
+"""How many worlds are begun while pictures of the one before them are still being painted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +73,63 @@ def export(
     :class:`InputError` for unknown kinds, for kinds ``world`` has not the parts of, for libraries
     that are not installed, and for templates that cannot be used.
     """
+    (done,) = export_worlds([(world, folder)], kinds, settings=settings, templates=templates)
+    return done
+
+
+def export_worlds(
+    worlds: Sequence[tuple[ArtefactWorld, Path]],
+    kinds: Iterable[str],
+    *,
+    settings: ExportSettings | None = None,
+    templates: Templates | None = None,
+) -> Iterator[ExportResult]:
+    """Make artefacts of ``kinds`` of every world in its folder, and yield what :func:`export` does.
+
+    What worlds have in common is made once, and other processes paint the pictures of some of them
+    while the next are made.
+    """
     wanted = tuple(kinds)
-    chosen = choose_kinds(world, wanted)
-    job = ExportJob(world, folder, settings or ExportSettings(), templates or Templates())
-    folder.mkdir(parents=True, exist_ok=True)
+    chosen = [choose_kinds(world, wanted) for world, _ in worlds]
+    common = settings or ExportSettings(), templates or Templates()
+    shared: dict[Hashable, Any] = {}
+    begun: deque[tuple[ExportJob, tuple[ArtefactKind, ...]]] = deque()
+    try:
+        for (world, folder), kinds_of_it in zip(worlds, chosen, strict=True):
+            folder.mkdir(parents=True, exist_ok=True)
+            begun.append((ExportJob(world, folder, *common, shared=shared), kinds_of_it))
+            # Pictures first: they are painted meanwhile.
+            for kind in sorted(kinds_of_it, key=lambda kind: kind.name != "picture"):
+                if kind.name != _LAST:
+                    _make(kind, begun[-1][0], wanted)
+            if len(begun) > _AHEAD:
+                yield _finished(*begun.popleft(), wanted)
+        while begun:
+            yield _finished(*begun.popleft(), wanted)
+    finally:
+        # No process outlives an export that fails.
+        for job, _ in begun:
+            job.finish()
+
+
+def _make(kind: ArtefactKind, job: ExportJob, wanted: tuple[str, ...]) -> None:
+    try:
+        job.made[kind.name] = kind.make(job)
+    except MissingExtraError as error:
+        if kind.name in wanted:
+            raise
+        job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
+
+
+def _finished(
+    job: ExportJob, chosen: tuple[ArtefactKind, ...], wanted: tuple[str, ...]
+) -> ExportResult:
+    """Wait for the files of a job, write what tells of all of them, and return what was made."""
+    job.finish()
+    job.made = {kind.name: job.made[kind.name] for kind in chosen if kind.name in job.made}
     for kind in chosen:
-        try:
-            job.made[kind.name] = kind.make(job)
-        except MissingExtraError as error:
-            if kind.name in wanted:
-                raise
-            job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
+        if kind.name == _LAST:
+            _make(kind, job, wanted)
     return ExportResult(job.made, tuple(dict.fromkeys(job.notes)))
 
 

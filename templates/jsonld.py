@@ -17,17 +17,34 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from grammars.floorplan import FloorPlan
-from grammars.jsonld import plan_document, plan_documents, scenery_document
+from grammars.jsonld import (
+    objects_document,
+    plan_document,
+    plan_documents,
+    scenery_document,
+)
 from grammars.scenery import SceneryLayer
 from grammars.text.codec import digest
+from grammars.text.shipped import shipped_folder
 from templates.naming import file_name
 from templates.world import ExportJob
 
 
 def export_jsonld(job: ExportJob) -> tuple[Path, ...]:
     """Write the folder ``jsonld``."""
-    plan = job.world.plan
-    return write_jsonld(plan, job.path("jsonld"), job.world.layers) if plan else ()
+    plan, layers = job.world.plan, job.world.layers
+    if plan is None:
+        return ()
+    folder = job.folder / "jsonld"
+    made = job.cached(("jsonld", plan, layers), lambda: write_jsonld(plan, folder, layers))
+    return tuple(_copied(path, job.path("jsonld", path.name)) for path in made)
+
+
+def _copied(path: Path, to: Path) -> Path:
+    """Return ``to``, a copy of a file of this export."""
+    if to != path:
+        to.write_bytes(path.read_bytes())
+    return to
 
 
 def write_jsonld(
@@ -38,13 +55,16 @@ def write_jsonld(
     ``skeleton.json``, ``shape.json``, ``polyhedron.json``, ``spatial_relations.json``,
     ``coordinate.json`` and ``floorplan.json`` as the published tools read them from a folder, and
     the same nodes in one file, ``<plan>.jsonld``, which a campaign can name. Each layer is
-    ``<layer>.scenery.jsonld``. Raises :class:`InputError` for objects that cannot be placed.
+    ``<layer>.scenery.jsonld``; objects and instances of all of them are in ``objects.json``, for
+    the published tools again. Raises :class:`InputError` for objects that cannot be placed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = [
         _write(document, folder / f"{name}.json") for name, document in plan_documents(plan).items()
     ]
     written.append(_write(plan_document(plan), folder / f"{file_name(plan.name)}.jsonld"))
+    if any(layer.models or layer.instances for layer in layers):
+        written.append(_write(objects_document(plan, layers), folder / "objects.json"))
     for layer in layers:
         path = folder / f"{file_name(layer.name)}.scenery.jsonld"
         written.append(_write(scenery_document(layer, plan, layers), path))
@@ -98,6 +118,7 @@ def write_provenance(job: ExportJob) -> tuple[Path, ...]:
 
     Alone, it tells of the artefacts that earlier exports of this world left in the folder.
     """
+    job.finish()
     path = job.path(f"{job.name}.prov.jsonld")
     made = {kind: paths for kind, paths in job.made.items() if paths}
     graph = provenance(job, made or _found(job, path))
@@ -121,7 +142,7 @@ def provenance(job: ExportJob, made: dict[str, tuple[Path, ...]]) -> list[dict[s
     }
     values = dataclasses.asdict(job.settings)
     values |= {"laser_height": job.laser_height, "resolution": job.resolution}
-    values |= {"rule": job.world.rule}
+    values |= {"rule": job.world.rule, "doors": job.world.doors}
     parameters = [
         {"id": f"here:parameter/{name}", "type": "prov:Entity", "label": name, "value": value}
         for name, value in values.items()
@@ -177,9 +198,15 @@ def _named(paths: tuple[Path, ...]) -> Iterator[tuple[str, Path]]:
     """Name each source once, from the folder all of them lie in: where that is, is nobody's."""
     found = {path.resolve(): path for path in paths}
     # Absolute paths would tell whose machine it was, and change the bytes from one to the next.
-    folder = os.path.commonpath([path.parent for path in found]) if found else ""
+    # What ships lies wherever the project is installed, unless all of it does.
+    shipped = shipped_folder()
+    own = [path for path in found if not path.is_relative_to(shipped)]
+    folder = os.path.commonpath([path.parent for path in own or found]) if found else ""
     for whole, path in found.items():
-        yield whole.relative_to(folder).as_posix(), path
+        if own and whole not in own:
+            yield f"shipped/{whole.relative_to(shipped).as_posix()}", path
+        else:
+            yield whole.relative_to(folder).as_posix(), path
 
 
 def _agent(name: str) -> dict[str, Any]:

@@ -22,16 +22,16 @@ def write_launch(job: ExportJob) -> tuple[Path, ...]:
     """Write ``launch/<world>.launch`` (ROS 1) and ``launch/<world>.launch.xml`` (ROS 2)."""
     mission = job.world.mission
     start = mission.start if mission else Pose2()
+    # A launch file starts one world: that of the first draw of behaviours.
+    draw = job.world.draws[0]
     values = {
         "name": job.name,
-        "map": map_file(job),
+        "map": map_file(job, draw),
         "x": start.x,
         "y": start.y,
         "yaw": start.yaw,
         "robot": job.world.robot.name if job.world.robot else "robot",
     }
-    # A launch file starts one world: that of the first draw of behaviours.
-    draw = job.world.draws[0]
     ros1 = job.templates.render(
         "ros1.launch.j2",
         world=world_file(job, draw, classic=True),

@@ -8,49 +8,75 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Ring, signed_area
 from grammars.model.map_files import write_map
-from templates.naming import file_name
-from templates.occupancy import occupancy_grid
-from templates.world import ExportJob
+from templates.naming import file_name, free_name
+from templates.occupancy import building_grid, with_objects
+from templates.world import BehaviourDraw, ExportJob
+
+_START: Final = "start"
+"""What is added to the name of the map with objects as they start."""
 
 
-def map_file(job: ExportJob) -> str:
-    """Return the map a navigation stack gets, relative to the folder of the world.
+def map_file(job: ExportJob, draw: BehaviourDraw) -> str:
+    """Return the map a navigation stack gets in a run of ``draw``, relative to the world's folder.
 
-    Worlds with objects have several maps, which then have a folder of their own.
+    It is the one the campaign declares, as a run gets it. Worlds with objects have several maps,
+    which then have a folder of their own.
     """
-    return f"maps/{job.building}.yaml" if job.world.scene.objects else f"{job.building}.yaml"
+    world = job.world
+    initial = world.doors == "initial" and world.scene.objects and world.given_map is None
+    ending = _start_ending(job, draw) if initial else ""
+    return f"{_stem(job)}-{ending}.yaml" if ending else f"{_stem(job)}.yaml"
+
+
+def _stem(job: ExportJob) -> str:
+    return f"maps/{job.building}" if job.world.scene.objects else job.building
+
+
+def _start_ending(job: ExportJob, draw: BehaviourDraw) -> str:
+    """Return what is added to the name of the map of ``draw`` at its start: that of the first
+    draw whose objects start alike."""
+    scene, draws = job.world.scene, job.world.draws
+    start = start_positions(scene, draw.behaviours)
+    like = next(d for d in draws if start_positions(scene, d.behaviours) == start)
+    return _START if like is draws[0] else f"{_START}-{like.name}"
 
 
 def write_maps(job: ExportJob) -> tuple[Path, ...]:
     """Write the map without objects, with objects as they start, and in every named state.
 
-    A state that an object does not have leaves it as it starts. A map that the campaign gives is
-    written as it is, and is the only one: it says nothing about doors.
+    A state that an object does not have leaves it as it starts. Where the campaign wants maps with
+    objects as they start, every draw in which they start elsewhere has a map of its own. A map that
+    the campaign gives is written as it is, and is the only one: it says nothing about doors.
     """
     scene, height = job.world.scene, job.laser_height
-    stem = job.path(*map_file(job).removesuffix(".yaml").split("/"))
+    stem = job.path(*_stem(job).split("/"))
     if job.world.given_map is not None:
         return write_map(job.world.given_map, stem, laser_height=height)
     variants: dict[str, dict[str, float] | None] = {"": None}
     if scene.objects:
-        start = start_positions(scene, job.world.draws[0].behaviours)
-        variants["start"] = start
-        variants |= {file_name(name): start | dict(given) for name, given in job.world.states}
+        draws = job.world.draws if job.world.doors == "initial" else job.world.draws[:1]
+        for draw in draws:
+            variants[_start_ending(job, draw)] = start_positions(scene, draw.behaviours)
+        start = start_positions(scene, draws[0].behaviours)
+        for state, given in job.world.states:
+            # A layer may call a state of its doors "start".
+            variants[free_name(file_name(state), variants)] = start | dict(given)
+    resolution, rule = job.resolution, job.world.rule
+    building = job.cached(
+        ("map", scene.regions, scene.solids, scene.doorways, resolution, height, rule),
+        lambda: building_grid(scene, resolution=resolution, laser_height=height, rule=rule),
+    )
     written: list[Path] = []
     for name, joints in variants.items():
-        grid = occupancy_grid(
-            scene,
-            resolution=job.resolution,
-            laser_height=height,
-            joints=joints,
-            rule=job.world.rule,
-        )
+        grid = building
+        if joints is not None:
+            grid = with_objects(building, scene, laser_height=height, joints=joints, rule=rule)
         path = stem.with_name(f"{stem.name}-{name}" if name else stem.name)
         written += write_map(grid, path, laser_height=height)
     return tuple(written)

@@ -71,21 +71,35 @@ def write_meshes(job: ExportJob) -> tuple[Path, ...]:
     if not job.world.scene.solids:
         job.notes.append("nothing stands here: there is no mesh")
         return ()
-    mesh = job.cached("mesh", lambda: wall_mesh(job.world.scene))
-    stl, glb = (job.path("mesh", f"{job.building}.{ending}") for ending in ("stl", "glb"))
-    return write_stl(mesh, stl), write_glb(mesh, glb, name=job.building)
+    solids, name = job.world.scene.solids, job.building
+    stl, glb = (job.path("mesh", f"{name}.{ending}") for ending in ("stl", "glb"))
+    stl.write_bytes(building_stl(job))
+    data = job.cached(("glb", solids, name), lambda: glb_bytes(building_mesh(job), name=name))
+    glb.write_bytes(data)
+    return stl, glb
 
 
-def write_stl(mesh: WallMesh, path: Path) -> Path:
-    """Write the mesh as binary STL, z up, and return the path."""
+def building_mesh(job: ExportJob) -> WallMesh:
+    """Return :func:`wall_mesh` of the world, made once for all kinds and worlds."""
+    scene = job.world.scene
+    return job.cached(("mesh", scene.solids), lambda: wall_mesh(scene))
+
+
+def building_stl(job: ExportJob) -> bytes:
+    """Return the walls of the world as binary STL."""
+    solids = job.world.scene.solids
+    return job.cached(("stl", solids), lambda: stl_bytes(building_mesh(job)))
+
+
+def stl_bytes(mesh: WallMesh) -> bytes:
+    """Return the mesh as binary STL, z up."""
     trimesh = _library("trimesh")
     body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    path.write_bytes(body.export(file_type="stl"))
-    return path
+    return bytes(body.export(file_type="stl"))
 
 
-def write_glb(mesh: WallMesh, path: Path, *, name: str) -> Path:
-    """Write the mesh as binary glTF 2.0, turned to its y-up axes, and return the path.
+def glb_bytes(mesh: WallMesh, *, name: str) -> bytes:
+    """Return the mesh as binary glTF 2.0, turned to its y-up axes.
 
     ``name`` is the name of the only node.
     """
@@ -97,8 +111,7 @@ def write_glb(mesh: WallMesh, path: Path, *, name: str) -> Path:
     body.visual = trimesh.visual.TextureVisuals(material=material)
     scene = trimesh.Scene()
     scene.add_geometry(body, node_name=name, geom_name=name, transform=_UPRIGHT)
-    path.write_bytes(scene.export(file_type="glb"))
-    return path
+    return bytes(scene.export(file_type="glb"))
 
 
 def _library(name: str) -> Any:

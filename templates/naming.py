@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Container
 from typing import Final
 
 _SAFE: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._@-]{0,99}")
@@ -23,6 +24,14 @@ def file_name(name: str) -> str:
     digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
     kept = _UNSAFE.sub("-", name).strip(".-")[:80]
     return f"{kept}-{digest}" if kept else f"unnamed-{digest}"
+
+
+def free_name(name: str, taken: Container[str], separator: str = "-") -> str:
+    """Return ``name``, or the first of ``name-2``, ``name-3``, … that is not taken."""
+    free, number = name, 2
+    while free in taken:
+        free, number = f"{name}{separator}{number}", number + 1
+    return free
 
 
 def xml_text(text: str) -> str:

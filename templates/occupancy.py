@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from grammars.model.geometry import Floats, Ring
+from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid
 from grammars.model.kinematics import placed_links
 from grammars.model.movers import is_mover
@@ -36,8 +36,11 @@ from templates.outline_parts import standing_in, whole_solids, widened
 from templates.polygon_cells import (
     NOISE,
     CellsOf,
+    Spans,
+    cells_in,
     cells_overlapped,
     centres_inside,
+    grown,
     outline_filled,
     outline_of_convex,
     painted,
@@ -68,14 +71,28 @@ def occupancy_grid(
 
     Raises :class:`ValueError` for an empty scene, sizes that are not positive and unknown joints.
     """
+    building = building_grid(
+        scene, resolution=resolution, laser_height=laser_height, margin=margin, rule=rule
+    )
+    if joints is None:
+        return building
+    return with_objects(building, scene, laser_height=laser_height, joints=joints, rule=rule)
+
+
+def building_grid(
+    scene: Scene,
+    *,
+    resolution: float,
+    laser_height: float,
+    margin: float = 1.25,
+    rule: MapRule = "outline",
+) -> OccupancyGrid:
+    """Return the map of ``scene`` without its objects; see :func:`occupancy_grid`."""
     if not (resolution > 0.0 and math.isfinite(resolution) and margin >= 0.0):
         raise ValueError(f"resolution {resolution} must be positive, margin {margin} not negative")
     spaces = [r.outline for r in scene.regions]
-    # Both ends count, unlike in pictures (grammars.model.kinematics): what only touches the
-    # plane of the laser overlaps it, however little.
-    solids = [s.polygon for s in scene.solids if s.z_min <= laser_height <= s.z_max]
+    solids = _solid_polygons(scene, laser_height)
     doorways = [d for d in scene.doorways if d.z_min <= laser_height <= d.z_max]
-    objects = [] if joints is None else _object_polygons(scene, laser_height, joints)
     origin, shape = _extent(scene, resolution, margin)
 
     def taken(cells_of: CellsOf, rings: Sequence[Ring]) -> npt.NDArray[np.bool_]:
@@ -88,14 +105,43 @@ def occupancy_grid(
         cells[taken(outline_of_convex, whole)] = OCCUPIED
         cells[taken(outline_of_convex, [widened(d, resolution) for d in doorways])] = FREE
         cells[taken(outline_of_convex, standing_in(doorways, solids))] = OCCUPIED
-        if objects:
-            leaves = taken(cells_overlapped, objects)
-            cells[leaves | (_grown(leaves, _BESIDE) & taken(cells_overlapped, solids))] = OCCUPIED
     else:
         cells[taken(centres_inside, spaces + [d.footprint for d in doorways])] = FREE
-        drawn = cells_overlapped if rule == "touch" else centres_inside
-        cells[taken(drawn, solids + objects)] = OCCUPIED
+        cells[taken(cells_overlapped if rule == "touch" else centres_inside, solids)] = OCCUPIED
     return OccupancyGrid(resolution, float(origin[0]), float(origin[1]), cells)
+
+
+def with_objects(
+    building: OccupancyGrid,
+    scene: Scene,
+    *,
+    laser_height: float,
+    joints: Mapping[str, float],
+    rule: MapRule = "outline",
+) -> OccupancyGrid:
+    """Return a map of :func:`building_grid`, made with the same values, with the objects in it.
+
+    ``joints`` are positions by scene-wide name [rad or m]. Raises :class:`ValueError` for unknown
+    joints.
+    """
+    objects = _object_polygons(scene, laser_height, joints)
+    cells = building.cells.copy()
+    rows, columns = cells.shape
+    shape, origin = (rows, columns), np.array((building.x, building.y))
+
+    def taken(cells_of: CellsOf, rings: Sequence[Ring]) -> Spans:
+        parts = [cells_of((np.array(ring) - origin) / building.resolution) for ring in rings]
+        return np.concatenate([np.zeros((0, 3), dtype=np.intp), *parts])
+
+    leaves = taken(centres_inside if rule == "centre" else cells_overlapped, objects)
+    cells.reshape(-1)[cells_in(leaves, shape)] = OCCUPIED
+    if rule == "outline":
+        # There are many solids, and few of them stand beside an object.
+        solids = _beside(_solid_polygons(scene, laser_height), objects, building.resolution)
+        beside = cells_in(grown(leaves, shape, _BESIDE), shape)
+        touched = cells_in(taken(cells_overlapped, solids), shape)
+        cells.reshape(-1)[np.intersect1d(beside, touched)] = OCCUPIED
+    return OccupancyGrid(building.resolution, building.x, building.y, cells)
 
 
 def _extent(scene: Scene, resolution: float, margin: float) -> tuple[Floats, tuple[int, int]]:
@@ -120,14 +166,31 @@ def _corners(rings: Sequence[Ring]) -> Floats:
     return np.array([corner for ring in rings for corner in ring])
 
 
-def _grown(cells: npt.NDArray[np.bool_], steps: int) -> npt.NDArray[np.bool_]:
-    """Return the cells that are at most ``steps`` away from one of ``cells``, diagonals too."""
-    rows, columns = cells.shape
-    near = np.pad(cells, steps)
-    shifts = range(2 * steps + 1)
-    near = np.logical_or.reduce([near[k : k + rows] for k in shifts])
-    grown: npt.NDArray[np.bool_] = np.logical_or.reduce([near[:, k : k + columns] for k in shifts])
-    return grown
+def _solid_polygons(scene: Scene, height: float) -> list[Ring]:
+    # Both ends count, unlike in pictures (grammars.model.kinematics): what only touches the
+    # plane of the laser overlaps it, however little.
+    return [s.polygon for s in scene.solids if s.z_min <= height <= s.z_max]
+
+
+def _beside(solids: Sequence[Ring], objects: Sequence[Ring], resolution: float) -> list[Ring]:
+    """Return the solids of which cells may lie beside cells of an object, and some others."""
+    if not (solids and objects):
+        return []
+    # A cell more, for those in which an edge only begins.
+    reach = (_BESIDE + 1) * resolution
+    low, high = (np.array([bound(ring) for ring in solids]) for bound in (_lowest, _highest))
+    lower, upper = (np.array([bound(ring) for ring in objects]) for bound in (_lowest, _highest))
+    apart: npt.NDArray[np.bool_] = (low[:, None] > upper + reach) | (high[:, None] < lower - reach)
+    near = np.flatnonzero(np.any(~np.any(apart, axis=2), axis=1))
+    return [solids[index] for index in near.tolist()]
+
+
+def _lowest(ring: Ring) -> Point2:
+    return min(x for x, _ in ring), min(y for _, y in ring)
+
+
+def _highest(ring: Ring) -> Point2:
+    return max(x for x, _ in ring), max(y for _, y in ring)
 
 
 def _object_polygons(scene: Scene, height: float, joints: Mapping[str, float]) -> list[Ring]:

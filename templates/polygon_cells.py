@@ -144,14 +144,42 @@ def painted(parts: Iterable[Spans], shape: tuple[int, int]) -> npt.NDArray[np.bo
     """Return which cells of a grid of ``shape`` (rows, columns) lie in any span."""
     rows, columns = shape
     inside = np.zeros(rows * columns, dtype=np.bool_)
-    spans = np.concatenate([np.zeros((0, 3), dtype=np.intp), *parts])
-    row, first, last = spans[(spans[:, 0] >= 0) & (spans[:, 0] < rows)].T
-    first, last = np.maximum(first, 0), np.minimum(last, columns - 1)
-    length = np.maximum(last - first + 1, 0)
+    inside[cells_in(np.concatenate([np.zeros((0, 3), dtype=np.intp), *parts]), shape)] = True
+    return inside.reshape(shape)
+
+
+def cells_in(spans: Spans, shape: tuple[int, int]) -> npt.NDArray[np.intp]:
+    """Return the cells of a grid of ``shape`` in every span, counted row by row.
+
+    What lies in several spans is there several times.
+    """
+    row, first, last = _inside(spans, shape).T
+    length = last - first + 1
     # The cells of all runs one after the other: each counts on from where its own run begins.
     done = np.cumsum(length) - length
-    inside[np.arange(length.sum()) + np.repeat(row * columns + first - done, length)] = True
-    return inside.reshape(shape)
+    cells: npt.NDArray[np.intp] = np.arange(length.sum()) + np.repeat(
+        row * shape[1] + first - done, length
+    )
+    return cells
+
+
+def grown(spans: Spans, shape: tuple[int, int], steps: int) -> Spans:
+    """Return the cells at most ``steps`` away from one of ``spans`` in a grid, diagonals too."""
+    row, first, last = _inside(spans, shape).T
+    steps_up = range(-steps, steps + 1)
+    return np.concatenate(
+        [np.stack([row + k, first - steps, last + steps], axis=1) for k in steps_up]
+    )
+
+
+def _inside(spans: Spans, shape: tuple[int, int]) -> Spans:
+    """Return the part of spans in a grid of ``shape`` (rows, columns)."""
+    rows, columns = shape
+    row, first, last = spans.T
+    first, last = np.maximum(first, 0), np.minimum(last, columns - 1)
+    met = (row >= 0) & (row < rows) & (first <= last)
+    inside: Spans = np.stack([row[met], first[met], last[met]], axis=1)
+    return inside
 
 
 def _rows(y: Floats) -> tuple[int, int]:

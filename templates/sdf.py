@@ -26,7 +26,7 @@ from grammars.model.behaviour import (
 )
 from grammars.model.scene import Scene, SceneObject
 from templates.bodies import Body, BodyJoint, body_of
-from templates.naming import file_name
+from templates.naming import file_name, free_name
 from templates.world import BehaviourDraw, ExportJob, driven_joints
 
 ERA = "era"
@@ -65,6 +65,25 @@ def _from_the_start(behaviour: Behaviour, initial: float) -> Behaviour:
     return KeyFrames(behaviour.joint, frames, behaviour.motion)
 
 
+def played_frames(
+    scene: Scene, behaviours: tuple[Behaviour, ...], *, era: bool = False
+) -> dict[str, KeyFrames]:
+    """Return what the plugin for key frames plays, by scene-wide joint name in scene order.
+
+    These are the key frames of the behaviours, and one frame for every joint that something else
+    moves but that does not start at zero: the other plugins only pull it there. The one of 2024
+    that holds a joint needs none, it puts the joint there in the first step.
+    """
+    acts, start = behaviour_by_joint(scene, behaviours), start_positions(scene, behaviours)
+    played: dict[str, KeyFrames] = {}
+    for joint, act in acts.items():
+        if isinstance(act, KeyFrames):
+            played[joint] = act
+        elif start[joint] != 0.0 and not (era and isinstance(act, Hold)):
+            played[joint] = KeyFrames(joint, (KeyFrame(0.0, start[joint]),), Jump())
+    return played
+
+
 def frames_file(thing: SceneObject, joint: str, draw: BehaviourDraw, *, era: bool = False) -> str:
     """Return the file of a joint's key frames, relative to the folder of the world."""
     single = len(thing.joints) == 1
@@ -77,14 +96,16 @@ def write_keyframes(job: ExportJob) -> tuple[Path, ...]:
     """Write the key frames of every joint that has some, in both forms."""
     scene, written = job.world.scene, []
     for draw in job.world.draws:
-        acts = behaviour_by_joint(scene, draw.behaviours)
+        # The plugins renamed the key in June 2025; with the wrong one every position reads as 0.
+        forms = [
+            (era, key, played_frames(scene, draw.behaviours, era=era))
+            for era, key in ((False, "position"), (True, "pose"))
+        ]
         for thing in scene.objects:
             for joint in thing.joints:
-                act = acts.get(f"{thing.name}.{joint.name}")
-                if isinstance(act, KeyFrames):
-                    # The plugins renamed the key in June 2025; with the wrong one every position
-                    # reads as 0.
-                    for era, key in ((False, "position"), (True, "pose")):
+                for era, key, played in forms:
+                    act = played.get(f"{thing.name}.{joint.name}")
+                    if act is not None:
                         path = job.path(*frames_file(thing, joint.name, draw, era=era).split("/"))
                         written.append(job.write(path, frames_text(act, key)))
     return tuple(written)
@@ -166,15 +187,15 @@ def write_sdf(job: ExportJob) -> tuple[Path, ...]:
 
 
 def _write_building(job: ExportJob) -> list[Path]:
-    from templates.mesh import wall_mesh, write_stl
+    from templates.mesh import building_stl
 
     name = job.building
     folder = f"gazebo/models/{name}"
     written: list[Path] = []
     if job.world.scene.solids:
         stl = job.path(*folder.split("/"), "meshes", f"{name}.stl")
-        walls = job.cached("mesh", lambda: wall_mesh(job.world.scene))
-        written.append(write_stl(walls, stl))
+        stl.write_bytes(building_stl(job))
+        written.append(stl)
     mesh = f"model://{name}/meshes/{name}.stl" if written else ""
     path = job.path(*folder.split("/"), "model.sdf")
     text = job.templates.render("building_model.sdf.j2", name=name, mesh=mesh)
@@ -192,23 +213,24 @@ def _instances(
     job: ExportJob, models: dict[str, tuple[str, Body]], draw: BehaviourDraw, classic: bool
 ) -> list[PlacedModel]:
     acts = behaviour_by_joint(job.world.scene, draw.behaviours)
+    played = played_frames(job.world.scene, draw.behaviours, era=classic)
     target = job.world.robot.name if job.world.robot else "robot"
     found = []
     for thing in job.world.scene.objects:
         model, body = models[thing.name]
         pose = (thing.pose.x, thing.pose.y, 0.0, 0.0, 0.0, thing.pose.yaw)
         described = tuple(
-            _act(thing, joint, acts[f"{thing.name}.{joint.of}"], draw, classic) | {"target": target}
+            _act(thing, joint, acts[name])
+            | {"uri": frames_file(thing, joint.of, draw, era=classic) if name in played else ""}
+            | {"target": target}
             for joint in body.joints
-            if f"{thing.name}.{joint.of}" in acts
+            if (name := f"{thing.name}.{joint.of}") in acts
         )
         found.append(PlacedModel(thing.name, model, body.static, pose, described))
     return found
 
 
-def _act(
-    thing: SceneObject, joint: BodyJoint, act: Behaviour, draw: BehaviourDraw, classic: bool
-) -> dict[str, Any]:
+def _act(thing: SceneObject, joint: BodyJoint, act: Behaviour) -> dict[str, Any]:
     """Return what a template needs to say about one joint, by the tags of the plugins."""
     several = len(thing.joints) > 1
     values: dict[str, Any] = {
@@ -220,8 +242,6 @@ def _act(
     match act:
         case Hold():
             values |= {"position": act.position} | _gains(joint, Servo())
-        case KeyFrames():
-            values |= {"uri": frames_file(thing, joint.of, draw, era=classic)}
         case Trigger():
             values |= {"start": act.start, "end": act.end, "distance": act.distance}
             values |= _gains(joint, act.motion)
@@ -270,8 +290,6 @@ def _losses(job: ExportJob) -> Iterator[str]:
 
 def _free(name: str, taken: set[str]) -> str:
     """Return ``name``, or the first of ``name_2``, ``name_3``, … that is not taken; take it."""
-    free, number = name, 2
-    while free in taken:
-        free, number = f"{name}_{number}", number + 1
+    free = free_name(name, taken, "_")
     taken.add(free)
     return free

@@ -5,7 +5,7 @@ Named states of its objects come from their layers (:func:`named_states`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, TypeVar
@@ -48,6 +48,8 @@ T = TypeVar("T")
 DEFAULT_LASER_HEIGHT: Final = 0.3
 DEFAULT_RESOLUTION: Final = 0.05
 DEFAULT_RULE: Final = "outline"
+_MOST_SHARED: Final = 24
+"""How many results are kept for other worlds: variants of a plan share none, and some are large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +66,9 @@ class ArtefactWorld:
 
     ``states`` are named joint states of the objects: joint positions [rad or m] by scene-wide
     joint name. ``layers`` are the scenery layers the scene was composed of, in order.
-    ``sources`` are the files all of it was written in. ``resolution`` [m] and ``rule`` are those
-    of the campaign's maps; ``given_map`` is the map that it gives instead of a drawn one.
+    ``sources`` are the files all of it was written in. ``resolution`` [m], ``rule`` and ``doors``
+    are those of the campaign's maps (``none`` leaves objects out of the map of a run, ``initial``
+    draws them as they start); ``given_map`` is the map that it gives instead of a drawn one.
     """
 
     name: str
@@ -78,6 +81,7 @@ class ArtefactWorld:
     sources: tuple[Path, ...] = ()
     resolution: float = DEFAULT_RESOLUTION
     rule: MapRule = DEFAULT_RULE
+    doors: Literal["none", "initial"] = "none"
     given_map: OccupancyGrid | None = None
     layers: tuple[SceneryLayer, ...] = ()
 
@@ -107,7 +111,8 @@ class ExportSettings:
 class ExportJob:
     """One export of one world into ``folder``: what the makers of artefacts are given.
 
-    ``made`` collects the files by kind, ``notes`` what could not be said in a format.
+    ``made`` collects the files by kind, ``notes`` what could not be said in a format. ``shared`` is
+    what worlds that are exported together have in common, ``pending`` what is still being written.
     """
 
     world: ArtefactWorld
@@ -116,14 +121,25 @@ class ExportJob:
     templates: Templates = field(default_factory=Templates)
     made: dict[str, tuple[Path, ...]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    _shared: dict[str, Any] = field(default_factory=dict)
+    shared: dict[Hashable, Any] = field(default_factory=dict)
+    pending: list[Callable[[], object]] = field(default_factory=list)
 
-    def cached(self, name: str, make: Callable[[], T]) -> T:
-        """Return what ``make`` returned the first time: several kinds may need the same."""
-        if name not in self._shared:
-            self._shared[name] = make()
-        shared: T = self._shared[name]
+    def cached(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what ``make`` returned the first time: several kinds and worlds need the same.
+
+        ``key`` holds everything that the result is made of.
+        """
+        if key not in self.shared:
+            while len(self.shared) >= _MOST_SHARED:
+                del self.shared[next(iter(self.shared))]
+            self.shared[key] = make()
+        shared: T = self.shared[key]
         return shared
+
+    def finish(self) -> None:
+        """Wait until all files are written."""
+        while self.pending:
+            self.pending.pop(0)()
 
     @property
     def name(self) -> str:

@@ -9,17 +9,21 @@ from daemon.campaign._campaign import (
     repeat_seed,
 )
 from daemon.campaign._cells import CampaignCell
-from daemon.campaign._file import CampaignFile, LayerReference
+from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
     FLOORPLAN,
+    LAYER_KINDS,
     MISSION,
     ORACLES,
     ROBOT,
     SCENERY,
     SUT,
     VARIATION,
+    LayerKind,
     LayerLibrary,
     find_layer,
+    layer_names,
+    layer_places,
 )
 from daemon.campaign._parameters import (
     ParameterValue,
@@ -28,11 +32,13 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
+from daemon.campaign._scenarios import LayerReference
 from daemon.campaign._survey import read_campaign
 from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
 
 __all__ = [
     "FLOORPLAN",
+    "LAYER_KINDS",
     "MISSION",
     "ORACLES",
     "ROBOT",
@@ -43,6 +49,7 @@ __all__ = [
     "Campaign",
     "CampaignCell",
     "CampaignFile",
+    "LayerKind",
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",
@@ -55,6 +62,8 @@ __all__ = [
     "expand",
     "find_layer",
     "flatten_parameters",
+    "layer_names",
+    "layer_places",
     "load_campaign",
     "load_sut",
     "merge_parameters",

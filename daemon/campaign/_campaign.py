@@ -23,15 +23,16 @@ from daemon.campaign._external import (
     default_repeats,
     says_repeats,
 )
-from daemon.campaign._file import (
-    CampaignFile,
-    LayerReference,
-    ResolvedScenario,
-    repeat_policy,
-)
+from daemon.campaign._file import CampaignFile, repeat_policy
 from daemon.campaign._findings import find_problems, say_once
 from daemon.campaign._layers import LayerLibrary
-from daemon.campaign._survey import limit_place, survey_campaign
+from daemon.campaign._scenarios import (
+    LayerReference,
+    ResolvedScenario,
+    limit_place,
+    pick_oracles,
+)
+from daemon.campaign._survey import survey_campaign
 from daemon.campaign._unused import CampaignUse, find_unused
 from daemon.model.assessments import AssessmentRules
 from daemon.model.packed_submission import fingerprint
@@ -51,7 +52,7 @@ from grammars.scenery.composition import (
     compile_sound_part,
     resolve_behaviours,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import YamlDocument, load_yaml
 
 T = TypeVar("T")
@@ -204,7 +205,9 @@ def _load_cells(
     suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
     named = scenario.map_file
     given = attempt(partial(library.map, named)) if named else None
-    picked = () if pool is None else attempt(lambda: _pick_oracles(scenario, pool)) or ()
+    picked = (
+        () if pool is None else attempt(lambda: pick_oracles(scenario, pool, loader.text)) or ()
+    )
     oracles = (*picked, *timed.measures())
     if loaded is not None:
         loader.findings += timed.problems(loaded[0])
@@ -331,17 +334,6 @@ def _scene(
     if key not in loader.scenes:
         loader.scenes[key] = compile_scene(plan, objects)
     return loader.scenes[key]
-
-
-def _pick_oracles(scenario: ResolvedScenario, pool: dict[str, Oracle]) -> tuple[Oracle, ...]:
-    unknown = [
-        Diagnostic(r.where, f'no oracle "{r.name}"', did_you_mean(r.name, pool))
-        for r in scenario.oracles
-        if r.name not in pool
-    ]
-    if unknown:
-        raise InputError(unknown)
-    return tuple(pool[r.name] for r in scenario.oracles)
 
 
 def _resolve_all(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from daemon.campaign._file import ResolvedScenario
+from daemon.campaign._scenarios import ResolvedScenario
 from daemon.model.spec import MapSettings, SutReference
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import Behaviour

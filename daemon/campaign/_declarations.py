@@ -9,8 +9,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._file import CampaignFile, ExpectText, ResolvedScenario, repeat_policy
+from daemon.campaign._file import CampaignFile, ExpectText, repeat_policy
 from daemon.campaign._references import KnownQuantities, read_references
+from daemon.campaign._scenarios import ResolvedScenario
 from daemon.model.assessments import (
     DELAY,
     DURATION,

@@ -1,31 +1,29 @@
-"""The campaign file as written: its keys, scenarios and what they inherit, expected results.
+"""The keys of a campaign file, as they are written.
 
-Every value names a layer file; a scenario that is ``like`` another is that scenario except for
-the slots written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracles+`` and
-``behaviours+`` add to it. Comparisons and policies are sentences (``delay(S3.2 vs S3.5) <= 30 s``,
+Comparisons and policies are sentences (``delay(S3.2 vs S3.5) <= 30 s``,
 ``rate >= 80 %``), so that no value starts with a sign that means something to YAML.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_validator,
+)
 
+from daemon.campaign._names import LayerName, Names, OneName, References
 from daemon.campaign._references import ReferenceText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
+from grammars.model.files import MISSION_KEYS, ROBOT_KEYS
 from grammars.model.grid import MapRule
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.documents import (
-    Duration,
-    Length,
-    Ratio,
-    StrictModel,
-    YamlDocument,
-)
+from grammars.text.documents import Duration, Length, Ratio, StrictModel
 from grammars.text.quantity import read_as
 
 _MOST_REPEATS: Final = 100_000
@@ -108,23 +106,22 @@ def repeat_policy(text: _RepeatsText) -> RepeatPolicy:
 
 _CAMPAIGN_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
-Overrides: TypeAlias = dict[str, Any]
-_OneLayer: TypeAlias = Annotated[
-    dict[str, Overrides], Field(json_schema_extra={"minProperties": 1, "maxProperties": 1})
-]
-LayerName: TypeAlias = str | _OneLayer
 
-
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
-
-
-_Names: TypeAlias = Annotated[
-    list[str], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
-]
-_References: TypeAlias = Annotated[
-    list[LayerName], BeforeValidator(_as_list, json_schema_input_type=LayerName | list[LayerName])
-]
+_OF_DOORS: Final = (
+    'what stands there is said by scenery layers: "objects:" names those with the models and their '
+    'places, "behaviours:" those that say what they do'
+)
+SYNONYMS: Final = {
+    "description": "it is called about",
+    "duration": "it is called limit",
+    "timeout": "it is called limit",
+    "runs": "it is called repeats, at the top of the campaign file",
+    "stack": "it is called sut, for system under test",
+    "doors": _OF_DOORS,
+    "people": _OF_DOORS,
+    "scenery": _OF_DOORS,
+} | dict.fromkeys(("building", "environment", "plan", "world"), "it is called floorplan")
+"""What people call keys of campaigns and scenarios that are called otherwise here."""
 
 
 class ExpectText(StrictModel):
@@ -134,7 +131,7 @@ class ExpectText(StrictModel):
     """Name of a scenario, or a pattern such as S3.*; all when left out."""
     oracle: str = "*"
     """Name of an oracle or of a comparison, or a pattern; all when left out."""
-    sut: _Names = Field(default_factory=list)
+    sut: Names = Field(default_factory=list)
     """Systems under test, names or patterns; all when left out."""
     verdict: Literal["pass", "fail", "mixed", "any"]
     """pass; fail: in every run; mixed: in at least one run; any: whatever comes out."""
@@ -158,7 +155,7 @@ class GateText(StrictModel):
     """By how much a margin or the duration may get worse, such as 10 %."""
 
 
-class _MapText(StrictModel):
+class MapText(StrictModel):
     """The map handed to the system under test."""
 
     resolution: Length = Field(default=0.05, ge=0.01, le=0.5)
@@ -172,7 +169,7 @@ class _MapText(StrictModel):
     """A map of one's own instead: its map_server YAML, relative to the campaign file."""
 
     @model_validator(mode="after")
-    def _drawn_or_given(self) -> _MapText:
+    def _drawn_or_given(self) -> MapText:
         drawing = sorted(self.model_fields_set - {"file"})
         if self.file and drawing:
             raise ValueError(
@@ -184,10 +181,10 @@ class _MapText(StrictModel):
         return MapSettings(self.resolution, self.doors, self.rule)
 
 
-_Chance: TypeAlias = Literal["per repeat", "per campaign"]
+Chance: TypeAlias = Literal["per repeat", "per campaign"]
 
 
-class _VaryText(StrictModel):
+class VaryText(StrictModel):
     """Run in variants of the floor plan."""
 
     model_config = ConfigDict(
@@ -199,7 +196,7 @@ class _VaryText(StrictModel):
         }
     )
 
-    floorplan: str
+    floorplan: OneName
     """A variation layer: NAME.variation beside this file."""
     samples: int | None = Field(default=None, ge=1, le=10_000)
     """How many variants; grid and pairwise know it themselves."""
@@ -209,60 +206,111 @@ class _VaryText(StrictModel):
     """Seed of the variants; that of the campaign when left out."""
 
     @model_validator(mode="after")
-    def _countable(self) -> _VaryText:
+    def _countable(self) -> VaryText:
         if self.samples is None and self.cover not in ("grid", "pairwise"):
             raise ValueError(f'"cover: {self.cover}" needs a number of "samples"')
         return self
 
 
-class _ScenarioText(StrictModel):
-    """One scenario: the layers that make it."""
+class SlotsText(StrictModel):
+    """What a scenario is made of."""
 
-    about: str = ""
-    """One line for people."""
-    like: str | None = None
-    """Another scenario of this file: this one is the same except for what is written here."""
-    abstract: bool = False
-    """Never run itself, only for others to be like."""
-    floorplan: LayerName | None = None
+    floorplan: LayerName | None = Field(default=None, examples=["flat"])
     """A floor plan: NAME.fpm beside this file or in floorplans/. NAME: {variable: value} gives
     variables of the plan other values."""
-    objects: _Names | None = None
+    objects: Names | None = Field(default=None, examples=["doors"])
     """Scenery layers with object models and their places: NAME.scenery here or in scenery/."""
-    behaviours: _References | None = None
+    behaviours: References | None = Field(default=None, examples=["doors_open"])
     """Scenery layers that say what objects do; later ones win. NAME: {parameter: value} sets
     parameters of a layer."""
-    more_behaviours: _References | None = Field(default=None, alias="behaviours+")
-    """Behaviours on top of those of the scenario this one is like."""
-    mission: str | None = None
+    mission: OneName | None = Field(default=None, examples=["courier"])
     """A mission: NAME.mission.yaml here or in missions/."""
-    robot: str | None = None
+    robot: OneName | None = Field(default=None, examples=["courier"])
     """Another robot than the campaign's."""
-    sut: _Names | None = None
+    sut: Names | None = Field(default=None, examples=["pilot"])
     """Other systems under test than the campaign's."""
-    oracles: _Names | None = None
+    oracles: Names | None = Field(default=None, examples=[["reached", "no-contact"]])
     """Which oracles judge this scenario, by their names in the layers of the campaign."""
-    more_oracles: _Names | None = Field(default=None, alias="oracles+")
-    """Oracles on top of those of the scenario this one is like."""
-    map: _MapText | None = None
-    vary: _VaryText | None = None
-    chance: _Chance | None = None
+    map: MapText | None = Field(default=None, examples=[{"file": "office.yaml"}])
+    vary: VaryText | None = Field(default=None, examples=[{"floorplan": "flat", "samples": 20}])
+    chance: Chance | None = None
     """Whether random behaviours are drawn anew for each repeat or once."""
     limit: Duration | None = Field(default=None, gt=0)
     """Simulated time a run of this scenario may take."""
 
 
+class DefaultsText(SlotsText):
+    """What holds for every scenario that does not say otherwise, itself or by "like"."""
+
+    elsewhere = MISSION_KEYS | dict.fromkeys(
+        ("about", "like", "abstract", "behaviours+", "oracles+"), "it belongs in a scenario"
+    )
+
+
+class ScenarioText(SlotsText):
+    """One scenario: the layers that make it."""
+
+    elsewhere = (
+        MISSION_KEYS
+        | dict.fromkeys(
+            ("seed", "repeats", "compare", "expect", "reference", "gate", "defaults"),
+            "it belongs at the top of the campaign file, it is about all scenarios",
+        )
+        | {"matrix": "it belongs at the top of the campaign file; here write: sut: [pilot]"}
+        | SYNONYMS
+    )
+
+    about: str = ""
+    """One line for people."""
+    like: OneName | None = None
+    """Another scenario of this file: this one is the same except for what is written here."""
+    abstract: bool = False
+    """Never run itself, only for others to be like."""
+    more_behaviours: References | None = Field(default=None, alias="behaviours+")
+    """Behaviours on top of those of the scenario this one is like."""
+    more_oracles: Names | None = Field(default=None, alias="oracles+")
+    """Oracles on top of those of the scenario this one is like."""
+
+
 class _MatrixText(StrictModel):
     """What every scenario is run with, in turn."""
 
-    sut: _Names
-    """Systems under test: NAME.yaml here or in suts/, or the name of a kind."""
+    elsewhere = dict.fromkeys(
+        ("robot", "floorplan", "mission"), 'only "sut" has several values here: a scenario for each'
+    )
+
+    sut: Names = Field(examples=[["pilot"]])
+    """Systems under test: NAME.yaml here or in suts/, the name of a kind, or one that ships."""
 
 
 class CampaignFile(StrictModel):
     """The keys of a campaign file."""
 
-    campaign: str = Field(pattern=_CAMPAIGN_NAME)
+    elsewhere = (
+        MISSION_KEYS
+        | ROBOT_KEYS
+        | dict.fromkeys(("kind", "ros", "parameters"), "it belongs in a SUT file: suts/NAME.yaml")
+        | {
+            key: f'it belongs in a scenario, or under "defaults:" for all of them: {key}: {example}'
+            for key, example in (
+                ("floorplan", "flat"),
+                ("objects", "doors"),
+                ("behaviours", "doors_open"),
+                ("mission", "courier"),
+            )
+        }
+        | dict.fromkeys(
+            ("like", "abstract", "behaviours+", "oracles+"),
+            "it belongs in a scenario, below its name",
+        )
+        | {
+            "sut": "for all scenarios write: matrix: {sut: [pilot]}",
+            "name": 'the name of a campaign is the value of "campaign:"',
+        }
+        | SYNONYMS
+    )
+
+    campaign: str = Field(pattern=_CAMPAIGN_NAME, examples=["courier-tests"])
     """Name of the campaign."""
     about: str = ""
     """One line for people."""
@@ -271,18 +319,22 @@ class CampaignFile(StrictModel):
     repeats: RepeatsText = ONCE
     """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}; the same repeat sees the
     same noise in each of them. When left out 1, and 5 with a system that is not repeatable."""
-    limit: Duration = Field(gt=0, le=86_400)
+    limit: Duration = Field(gt=0, le=86_400, examples=["3 min"])
     """Simulated time a run may take."""
-    robot: str | None = None
-    """A robot: NAME.yaml beside this file or in robots/."""
-    matrix: _MatrixText | None = None
-    oracles: _Names | None = None
-    """Oracle layers: NAME.oracles.yaml beside this file or in oracles/."""
-    map: _MapText = _MapText()
-    vary: _VaryText | None = None
-    chance: _Chance = "per repeat"
+    robot: OneName | None = Field(default=None, examples=["courier"])
+    """A robot: NAME.yaml beside this file or in robots/, or one that ships."""
+    matrix: _MatrixText | None = Field(default=None, examples=[{"sut": ["pilot"]}])
+    oracles: Names | None = Field(default=None, examples=["navigation"])
+    """Oracle layers, of which scenarios name lines: NAME.oracles.yaml beside this file or in
+    oracles/."""
+    map: MapText = Field(default=MapText(), examples=[{"doors": "initial"}])
+    vary: VaryText | None = Field(default=None, examples=[{"floorplan": "flat", "samples": 20}])
+    defaults: DefaultsText = DefaultsText()
+    """What holds for every scenario that does not say otherwise, itself or by "like": any key of a
+    scenario."""
+    chance: Chance = "per repeat"
     """Whether random behaviours are drawn anew for each repeat or once."""
-    scenarios: dict[Annotated[str, Field(pattern=_NAME)], _ScenarioText] = Field(min_length=1)
+    scenarios: dict[Annotated[str, Field(pattern=_NAME)], ScenarioText] = Field(min_length=1)
     """The scenarios by name."""
     compare: dict[Annotated[str, Field(pattern=_NAME)], str] = Field(default_factory=dict)
     """Comparisons of scenarios by name, paired by repeat: delay(S3.2 vs S3.5) <= 30 s, with
@@ -296,181 +348,3 @@ class CampaignFile(StrictModel):
     of the report and a column in its tables. No verdict follows from it."""
     gate: GateText | None = None
     """Results that must not get worse than those of another campaign."""
-
-
-@dataclass(frozen=True, slots=True)
-class LayerReference:
-    """A layer by name, with the overrides written beside it and where it stands."""
-
-    name: str
-    overrides: Overrides
-    where: Where
-
-
-@dataclass(frozen=True, slots=True)
-class PlanVariation:
-    """Run the scenario in variants of its floor plan: ``floorplan`` names a variation layer."""
-
-    floorplan: LayerReference
-    samples: int | None
-    cover: Literal["random", "grid", "halton", "lhs", "pairwise"]
-    seed: int
-
-
-@dataclass(frozen=True, slots=True)
-class ResolvedScenario:
-    """A scenario after inheritance: every slot filled, nothing loaded yet.
-
-    ``chance`` says whether random behaviours are drawn anew for each repeat or once. With a
-    ``map_file`` the map is that file's, else it is drawn as ``map`` says.
-    """
-
-    name: str
-    where: Where
-    about: str = ""
-    floorplan: LayerReference | None = None
-    objects: tuple[LayerReference, ...] = ()
-    behaviours: tuple[LayerReference, ...] = ()
-    mission: LayerReference | None = None
-    robot: LayerReference | None = None
-    suts: tuple[LayerReference, ...] = ()
-    oracles: tuple[LayerReference, ...] = ()
-    map: MapSettings = field(default_factory=MapSettings)
-    map_file: LayerReference | None = None
-    vary: PlanVariation | None = None
-    chance: _Chance = "per repeat"
-    limit: float = 0.0
-
-
-def resolve_scenario(
-    name: str, text: CampaignFile, document: YamlDocument, seen: tuple[str, ...] = ()
-) -> ResolvedScenario:
-    """Return a scenario with what it inherits; raises :class:`InputError`.
-
-    ``seen`` are the scenarios that are like this one.
-    """
-    scenario, path = text.scenarios[name], ("scenarios", name)
-    where = document.where(path)
-    if scenario.like is None:
-        base = _defaults(name, where, text, document)
-    else:
-        like_at = document.where((*path, "like"))
-        # In the order in which people would follow it, to be read as a chain.
-        if scenario.like in (*seen, name):
-            chain = " -> ".join((*seen, name, scenario.like))
-            raise InputError(Diagnostic(like_at, f"scenarios are like each other: {chain}"))
-        if scenario.like not in text.scenarios:
-            hint = did_you_mean(scenario.like, text.scenarios)
-            raise InputError(Diagnostic(like_at, f'no scenario "{scenario.like}" here', hint))
-        base = resolve_scenario(scenario.like, text, document, (*seen, name))
-    # The seed of variants that names none is the campaign's, also where the slot is inherited.
-    varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
-    renamed = replace(base, name=name, where=where, vary=varied)
-    return _overlay(renamed, scenario, document, path)
-
-
-def _defaults(
-    name: str, where: Where, text: CampaignFile, document: YamlDocument
-) -> ResolvedScenario:
-    robot = LayerReference(text.robot, {}, document.where(("robot",))) if text.robot else None
-    suts = _references(text.matrix.sut if text.matrix else [], ("matrix", "sut"), document)
-    return ResolvedScenario(
-        name,
-        where,
-        robot=robot,
-        suts=suts,
-        map=text.map.settings(),
-        map_file=_map_file(text.map, ("map", "file"), document),
-        vary=_vary(text.vary, ("vary",), text, document),
-        chance=text.chance,
-        limit=text.limit,
-    )
-
-
-def _vary(
-    written: _VaryText | None, path: tuple[str, ...], text: CampaignFile, document: YamlDocument
-) -> PlanVariation | None:
-    if written is None:
-        return None
-    where = document.where((*path, "floorplan"))
-    seed = text.seed % 2**32 if written.seed is None else written.seed
-    return PlanVariation(
-        LayerReference(written.floorplan, {}, where), written.samples, written.cover, seed
-    )
-
-
-_LISTS: Final = {"sut": "suts"} | {key: key for key in ("objects", "behaviours", "oracles")}
-"""Slots that hold several layers, by the key people write."""
-
-
-def _overlay(
-    base: ResolvedScenario, scenario: _ScenarioText, document: YamlDocument, path: tuple[str, ...]
-) -> ResolvedScenario:
-    changes: dict[str, Any] = {}
-    if scenario.floorplan is not None:
-        where = document.where((*path, "floorplan"))
-        changes["floorplan"] = _reference(scenario.floorplan, where)
-    for slot in ("mission", "robot"):
-        value = getattr(scenario, slot)
-        if value is not None:
-            changes[slot] = LayerReference(value, {}, document.where((*path, slot)))
-    # A list takes the place of the inherited one, the key with a plus adds to whichever holds:
-    # merging lists in silence is what surprises people elsewhere.
-    for key, slot in _LISTS.items():
-        value = getattr(scenario, key)
-        if value is not None:
-            changes[slot] = _references(value, (*path, key), document)
-    for slot in ("behaviours", "oracles"):
-        more = getattr(scenario, f"more_{slot}") or []
-        inherited = changes.get(slot, getattr(base, slot))
-        changes[slot] = inherited + _references(more, (*path, f"{slot}+"), document)
-    if scenario.map is not None:
-        changes["map"] = scenario.map.settings()
-        changes["map_file"] = _map_file(scenario.map, (*path, "map", "file"), document)
-    for slot in ("limit", "chance", "about"):
-        if getattr(scenario, slot):
-            changes[slot] = getattr(scenario, slot)
-    return replace(base, **changes)
-
-
-def _map_file(
-    written: _MapText, path: tuple[str, ...], document: YamlDocument
-) -> LayerReference | None:
-    return LayerReference(written.file, {}, document.where(path)) if written.file else None
-
-
-def _references(
-    values: list[str] | list[LayerName], path: tuple[str, ...], document: YamlDocument
-) -> tuple[LayerReference, ...]:
-    return tuple(
-        _reference(value, document.where((*path, index))) for index, value in enumerate(values)
-    )
-
-
-def _reference(value: LayerName, where: Where) -> LayerReference:
-    if isinstance(value, str):
-        return LayerReference(value, {}, where)
-    if len(value) != 1:
-        hint = "write one list item per layer"
-        raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
-    ((name, overrides),) = value.items()
-    return LayerReference(name, overrides, where)
-
-
-_REQUIRED: Final = {
-    "floorplan": "floorplan",
-    "mission": "mission",
-    "robot": "robot",
-    "suts": "sut",
-    "oracles": "oracles",
-}
-"""Slots a scenario needs, each with the key people write."""
-
-
-def missing_slots(scenario: ResolvedScenario) -> list[Diagnostic]:
-    """Return an error for every slot that a scenario needs and nobody fills."""
-    return [
-        Diagnostic(scenario.where, f'scenario "{scenario.name}" names no {key}')
-        for slot, key in _REQUIRED.items()
-        if not getattr(scenario, slot) and not (slot == "floorplan" and scenario.vary)
-    ]

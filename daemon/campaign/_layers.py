@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from daemon.campaign._file import LayerReference, Overrides, PlanVariation
+from daemon.campaign._names import Overrides
+from daemon.campaign._scenarios import LayerReference, PlanVariation
 from daemon.campaign._sut_files import LoadedSut, load_sut
 from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
 from grammars.floorplan import FloorPlan, load_floorplan
-from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
+from grammars.jsonld import is_jsonld, load_floorplan_jsonld, load_scenery_jsonld
 from grammars.model.files import load_mission, load_robot
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
@@ -24,6 +26,7 @@ from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
+from grammars.text.shipped import shipped_folder
 from grammars.variation import floorplan_variants
 
 T = TypeVar("T")
@@ -31,59 +34,108 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class LayerKind:
-    """A kind of layer: what people call it, its file endings, the folder it may share."""
+    """A kind of layer: what people call it, its file endings, the folder it may share.
+
+    Files of a kind with a ``key`` have that key; their ending is one of other files, too. Of some
+    kinds there are layers that ship, which any campaign may name.
+    """
 
     title: str
     endings: tuple[str, ...]
     folder: str
+    key: str = ""
+    ships: bool = False
 
 
-FLOORPLAN: Final = LayerKind("floor plan", (".fpm", ".jsonld"), "floorplans")
+FLOORPLAN: Final = LayerKind("floor plan", (".fpm", ".jsonld", ".json"), "floorplans")
 VARIATION: Final = LayerKind("variation", (".variation",), "floorplans")
-SCENERY: Final = LayerKind("scenery", (".scenery", ".jsonld"), "scenery")
+SCENERY: Final = LayerKind("scenery", (".scenery", ".jsonld", ".json"), "scenery")
 MISSION: Final = LayerKind("mission", (".mission.yaml", ".yaml"), "missions")
-ROBOT: Final = LayerKind("robot", (".yaml",), "robots")
-SUT: Final = LayerKind("system under test", (".yaml",), "suts")
+ROBOT: Final = LayerKind("robot", (".yaml",), "robots", key="robot", ships=True)
+SUT: Final = LayerKind("system under test", (".yaml",), "suts", key="sut", ships=True)
 ORACLES: Final = LayerKind("oracles", (".oracles.yaml", ".yaml"), "oracles")
 
+LAYER_KINDS: Final = (ROBOT, SUT, FLOORPLAN, VARIATION, SCENERY, MISSION, ORACLES)
+"""Every kind, those first of which there are some that ship."""
 
-def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path:
-    """Return the file a reference names.
+
+def find_layer(
+    folder: Path, reference: LayerReference, kind: LayerKind, *, shipped: bool = True
+) -> Path:
+    """Return the file a reference names, or the folder of JSON-LD files that are one layer.
 
     A name is looked for beside the campaign file, then in the kind's folder there
-    (``robots/robile.yaml``), then in that folder one level up; a path is taken from the campaign
-    file's folder. Raises :class:`InputError` with the names that exist.
+    (``robots/robile.yaml``), then in that folder one level up, and last among those that ship,
+    unless ``shipped`` is false; a path is taken from the campaign file's folder. Raises
+    :class:`InputError` with the names that exist.
     """
     name = reference.name
     if "/" in name or name.endswith(kind.endings):
         path = folder / name
         if path.is_file():
+            return _shortened(path)
+        if _is_folder_of(path, kind):
             return path
         raise InputError(Diagnostic(reference.where, f'no file "{name}" for the {kind.title}'))
-    # Beside the campaign first, so that one may have its own robot of a name that others share.
-    places = (folder, folder / kind.folder, folder / ".." / kind.folder)
+    places = layer_places(folder, kind, shipped=shipped)
     for place in places:
         for ending in kind.endings:
             if (place / f"{name}{ending}").is_file():
                 return place / f"{name}{ending}"
-    known = [n for place in places for n in _names_in(place, kind)]
+        if _is_folder_of(place / name, kind):
+            return place / name
+    known = [n for place in places for n in layer_names(place, kind)]
+    ships = ", and none of that name ships" if kind.ships else ""
     raise InputError(
         Diagnostic(
             reference.where,
             f'no {kind.title} "{name}": there is no {name}{kind.endings[0]} '
-            f"beside the campaign nor in {kind.folder}/",
+            f"beside the campaign nor in {kind.folder}/{ships}",
             did_you_mean(name, known),
         )
     )
 
 
-def _names_in(place: Path, kind: LayerKind) -> list[str]:
+def _is_folder_of(path: Path, kind: LayerKind) -> bool:
+    """Return whether a path is a folder of JSON-LD files, as published models are."""
+    return ".jsonld" in kind.endings and path.is_dir() and is_jsonld(path)
+
+
+def _shortened(path: Path) -> Path:
+    """Return a path without ``..`` in its middle, which nobody reads, where that is the same."""
+    short = Path(os.path.normpath(path))
+    # Behind a link to a folder, ".." leads somewhere else than the text of the path says.
+    return short if short.is_file() and short.samefile(path) else path
+
+
+def layer_places(folder: Path, kind: LayerKind, *, shipped: bool = True) -> tuple[Path, ...]:
+    """Return the folders in which a campaign in ``folder`` finds layers by name, first to last."""
+    # Beside the campaign first, so that one may have its own robot of a name that others share.
+    near = (folder, folder / kind.folder, folder / ".." / kind.folder)
+    return (*near, shipped_folder() / kind.folder) if kind.ships and shipped else near
+
+
+def layer_names(place: Path, kind: LayerKind) -> list[str]:
+    """Return the names of the layers in a folder that have the usual ending of their kind."""
     if not place.is_dir():
         return []
     ending = kind.endings[0]
-    names = [p.name.removesuffix(ending) for p in place.iterdir() if p.name.endswith(ending)]
+    files = [p for p in place.iterdir() if p.name.endswith(ending) and _may_be(p, kind)]
+    names = [p.name.removesuffix(ending) for p in files]
     # "tiny.mission" is what another ending leaves of a name, not one that could be written.
     return [name for name in names if "." not in name]
+
+
+def _may_be(path: Path, kind: LayerKind) -> bool:
+    """Return whether a file has the key of its kind, seen without reading it as YAML."""
+    if not kind.key:
+        return True
+    try:
+        with path.open(encoding="utf-8", errors="replace") as lines:
+            keys = {line.partition(":")[0] for line in lines}
+    except OSError:
+        return False  # what cannot be read is not proposed
+    return kind.key in keys and "campaign" not in keys
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,13 +215,15 @@ class LayerLibrary:
 
     def sut(self, reference: LayerReference) -> SutReference:
         """Load a SUT file, or take a kind by its name with default parameters."""
+        # A file of that name comes first: so a kind can be given parameters without renaming. Those
+        # that ship come last: what plugs in never changes its meaning.
         try:
-            path = find_layer(self.folder, reference, SUT)
+            path = find_layer(self.folder, reference, SUT, shipped=False)
         except InputError:
-            # A file of that name comes first: so a kind can be given parameters without renaming.
-            if reference.name not in sut_kinds():
-                raise
-            return self._once("sut", Path(reference.name), partial(self._default_sut, reference))
+            if reference.name in sut_kinds():
+                default = partial(self._default_sut, reference)
+                return self._once("sut", Path(reference.name), default)
+            path = find_layer(self.folder, reference, SUT)
         return self.sut_file(path).reference
 
     def sut_file(self, path: Path) -> LoadedSut:
@@ -179,7 +233,7 @@ class LayerLibrary:
     def _load_floorplan(
         self, path: Path, values: Overrides | None = None, where: Where | None = None
     ) -> FloorPlan:
-        if path.suffix != ".jsonld":
+        if not is_jsonld(path):
             plan = load_floorplan(path, values, where)
         elif values:
             message = f"{path.name} has no variables, and so none to give another value"
@@ -190,7 +244,7 @@ class LayerLibrary:
         return plan
 
     def _load_scenery(self, path: Path) -> SceneryLayer:
-        if path.suffix == ".jsonld":
+        if is_jsonld(path):
             return load_scenery_jsonld(path, self.warnings)
         return load_scenery(path)
 
@@ -213,7 +267,7 @@ class LayerLibrary:
     def _find_sut(self, folder: Path, reference: LayerReference) -> Path:
         """Return the SUT file that one in ``folder`` is like: near it, or near the campaign."""
         try:
-            return find_layer(folder, reference, SUT)
+            return find_layer(folder, reference, SUT, shipped=False)
         except InputError:
             return find_layer(self.folder, reference, SUT)
 

@@ -8,13 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from daemon.campaign._file import (
-    CampaignFile,
+from daemon.campaign._file import CampaignFile, SlotsText
+from daemon.campaign._scenarios import (
     ResolvedScenario,
+    bases_of,
     missing_slots,
     resolve_scenario,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Diagnostic, InputError, closest
 from grammars.text.documents import KeyPath, YamlDocument, read_model
 
 
@@ -55,25 +56,29 @@ def survey_campaign(document: YamlDocument) -> CampaignSurvey:
         problems.extend(error.diagnostics)
         text, lost = _readable_part(document, error)
     incomplete = {str(path[1]) for path in lost if path[0] == "scenarios"}
+    if any(_may_hold_for_all(path[0]) for path in lost):
+        incomplete |= text.scenarios.keys()
     scenarios: list[ResolvedScenario] = []
     for name, scenario in text.scenarios.items():
         try:
             resolved = resolve_scenario(name, text, document)
         except InputError as error:
-            problems.extend(error.diagnostics)
+            # What is like a scenario that could not be read does nothing wrong itself.
+            if not any(("scenarios", base) in lost for base in _named_bases(name, text)):
+                problems.extend(error.diagnostics)
             incomplete.add(name)
             resolved = _without_base(name, text, document)
-        if not incomplete.isdisjoint(_bases(name, text)):
+        if not incomplete.isdisjoint(bases_of(name, text)):
             incomplete.add(name)
         if not scenario.abstract:
-            # A key that could not be read is not missing.
-            if not lost and name not in incomplete:
-                problems.extend(missing_slots(resolved))
             scenarios.append(resolved)
     if not scenarios:
         where = document.where(("scenarios",))
         problems.append(Diagnostic(where, "every scenario is abstract, nothing to run"))
         raise InputError(dict.fromkeys(problems))
+    # A key that could not be read is not missing.
+    if not lost:
+        problems.extend(missing_slots(scenarios, text, document, incomplete))
     return CampaignSurvey(
         text,
         tuple(scenarios),
@@ -131,6 +136,19 @@ def _leave_out(data: Any, path: KeyPath) -> None:
         data.pop(path[-1], None)
 
 
+def _may_hold_for_all(key: str | int) -> bool:
+    """Return whether a key at the top may be meant to say what scenarios are made of."""
+    known = CampaignFile.model_fields.keys()
+    slots = SlotsText.model_fields.keys() - known
+    return key == "defaults" or (key not in known and bool(closest(str(key), {*slots, "defaults"})))
+
+
+def _named_bases(name: str, text: CampaignFile) -> Iterator[str | None]:
+    """Yield the scenarios that one and those that it is like name, there or not."""
+    for one in (name, *bases_of(name, text)):
+        yield text.scenarios[one].like
+
+
 def _without_base(name: str, text: CampaignFile, document: YamlDocument) -> ResolvedScenario:
     """Return what a scenario says itself, where that which it is like is not to be had."""
     alone = text.scenarios[name].model_copy(update={"like": None})
@@ -139,21 +157,3 @@ def _without_base(name: str, text: CampaignFile, document: YamlDocument) -> Reso
         return resolve_scenario(name, rest, document)
     except InputError:
         return ResolvedScenario(name, document.where(("scenarios", name)))
-
-
-def _bases(name: str, text: CampaignFile) -> Iterator[str]:
-    """Yield the scenarios that one is like, directly or through others."""
-    seen = {name}
-    base = text.scenarios[name].like
-    while base in text.scenarios and base not in seen:
-        yield base
-        seen.add(base)
-        base = text.scenarios[base].like
-
-
-def limit_place(name: str, text: CampaignFile, document: YamlDocument) -> Where:
-    """Return where the limit of a scenario is written: in it, in one it is like, or for all."""
-    for scenario in (name, *_bases(name, text)):
-        if text.scenarios[scenario].limit is not None:
-            return document.where(("scenarios", scenario, "limit"))
-    return document.where(("limit",))

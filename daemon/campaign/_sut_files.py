@@ -15,7 +15,6 @@ from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
-from daemon.campaign._file import LayerReference
 from daemon.campaign._foreign_files import refuse_unread
 from daemon.campaign._launch import load_launched
 from daemon.campaign._parameter_files import (
@@ -40,12 +39,14 @@ from daemon.campaign._ros_sources import (
     plan_launch,
     refuse_lone_changes,
 )
+from daemon.campaign._scenarios import LayerReference
 from daemon.model.attachments import FILES_PARAMETER, attach_files
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
 from daemon.stacks.registry import check_parameters, is_built_in
 from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Keys
 from daemon.stacks.ros2.settings import REPEATABLE
+from grammars.model.files import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument, load_yaml, read_model
 
@@ -67,7 +68,16 @@ FindSutFile: TypeAlias = Callable[[Path, LayerReference], Path]
 class SutFile(Ros2Keys):
     """The keys of a file that describes a system under test."""
 
-    sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")
+    elsewhere = (
+        ROBOT_KEYS
+        | MISSION_KEYS
+        | CAMPAIGN_KEYS
+        | {
+            "": 'what differs from the defaults of its kind stands under "parameters:"',
+        }
+    )
+
+    sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$", examples=["my-stack"])
     """Name of this system under test, as verdicts show it."""
     about: str = ""
     """One line for people."""

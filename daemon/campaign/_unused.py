@@ -6,9 +6,11 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from daemon.campaign._cells import LoadedWorld
-from daemon.campaign._file import CampaignFile, LayerReference, ResolvedScenario
+from daemon.campaign._file import CampaignFile, SlotsText
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario, bases_of
 from grammars.oracle import Oracle
 from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
@@ -42,12 +44,16 @@ def find_unused(
         found += [
             *_abstract_scenarios(use),
             *_slots(use),
+            *_replaced_everywhere(use),
             *_plans_of_variants(use),
             *_oracles(use, load_oracles),
             *_groups(use.worlds),
             *_without_effect(use),
         ]
     return list(dict.fromkeys(found))
+
+
+_ONE_OF_BOTH: Final = "leave it out here, or there"
 
 
 def _warning(where: Where, message: str, hint: str) -> Diagnostic:
@@ -65,24 +71,51 @@ def _abstract_scenarios(use: CampaignUse) -> Iterator[Diagnostic]:
 
 def _slots(use: CampaignUse) -> Iterator[Diagnostic]:
     """Yield the robot and the systems of the whole campaign that every scenario replaces."""
+    text, defaults = use.text, use.text.defaults
     robots = {s.robot.where for s in use.scenarios if s.robot}
-    where = use.document.where(("robot",))
-    if use.text.robot is not None and where not in robots:
-        message = f"no scenario uses the robot {use.text.robot}, each names another"
-        yield _warning(where, message, "leave it out here, or there")
+    for robot, path in ((text.robot, ("robot",)), (defaults.robot, ("defaults", "robot"))):
+        where = use.document.where(path)
+        if robot is not None and where not in robots:
+            message = f"no scenario uses the robot {robot}, each names another"
+            yield _warning(where, message, _ONE_OF_BOTH)
     suts = {reference.where for s in use.scenarios for reference in s.suts}
-    for index, name in enumerate(use.text.matrix.sut if use.text.matrix else ()):
-        where = use.document.where(("matrix", "sut", index))
-        if where not in suts:
-            message = f"no scenario uses the system under test {name}, each names others"
-            yield _warning(where, message, "leave it out here, or there")
+    matrix = text.matrix.sut if text.matrix else []
+    for names, path in ((matrix, ("matrix", "sut")), (defaults.sut or [], ("defaults", "sut"))):
+        for index, name in enumerate(names):
+            where = use.document.where((*path, index))
+            if where not in suts:
+                message = f"no scenario uses the system under test {name}, each names others"
+                yield _warning(where, message, _ONE_OF_BOTH)
+
+
+_AT_THE_TOP: Final = frozenset({"map", "vary", "chance"})
+"""Keys that may stand at the top, below ``defaults`` and in scenarios; without the limit, which a
+campaign must have at the top, and the robot, which is told by its name."""
+
+
+def _replaced_everywhere(use: CampaignUse) -> Iterator[Diagnostic]:
+    """Yield what is said for all scenarios and replaced in each of them."""
+    text, slots = use.text, use.text.scenarios
+    chains = [[slots[n] for n in (s.name, *bases_of(s.name, text))] for s in use.scenarios]
+    for path, said, keys in (
+        ((), text, _AT_THE_TOP),
+        (("defaults",), text.defaults, SlotsText.model_fields.keys() - {"robot", "sut"}),
+    ):
+        over = [[text.defaults, *chain] for chain in chains] if said is text else chains
+        for key in sorted(keys & said.model_fields_set):
+            if all(any(getattr(one, key) is not None for one in chain) for chain in over):
+                message = f"no scenario uses the {key} said for all, each has another"
+                yield _warning(use.document.where((*path, key)), message, _ONE_OF_BOTH)
 
 
 def _plans_of_variants(use: CampaignUse) -> Iterator[Diagnostic]:
-    for name, scenario in use.text.scenarios.items():
-        if scenario.vary is not None and scenario.floorplan is not None:
-            where = use.document.where(("scenarios", name, "floorplan"))
-            message = f"not used: the plans are variants of {scenario.vary.floorplan}"
+    # A plan beside variants from elsewhere waits for these to be switched off.
+    defaults: tuple[tuple[str, ...], SlotsText] = (("defaults",), use.text.defaults)
+    scenarios = ((("scenarios", name), text) for name, text in use.text.scenarios.items())
+    for path, slots in (defaults, *scenarios):
+        if slots.vary is not None and slots.floorplan is not None:
+            where = use.document.where((*path, "floorplan"))
+            message = f"not used: the plans are variants of {slots.vary.floorplan}"
             yield _warning(where, message, 'leave out "floorplan", or "vary"')
 
 

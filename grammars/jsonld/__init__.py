@@ -20,7 +20,8 @@ from grammars.jsonld._compose import (
     validate,
 )
 from grammars.jsonld._expand import expand, expand_text
-from grammars.jsonld._layers import read_layers, scenery_document
+from grammars.jsonld._files import is_jsonld, model_files
+from grammars.jsonld._layers import objects_document, read_layers, scenery_document
 from grammars.jsonld._legacy_terms import replace_legacy_terms
 from grammars.jsonld._plan_reader import read_plan
 from grammars.jsonld._plan_writer import plan_document, plan_documents
@@ -33,8 +34,11 @@ __all__ = [
     "decompose",
     "expand",
     "expand_text",
+    "is_jsonld",
     "load_floorplan_jsonld",
     "load_scenery_jsonld",
+    "model_files",
+    "objects_document",
     "plan_document",
     "plan_documents",
     "read_layers",

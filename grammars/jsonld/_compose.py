@@ -6,21 +6,27 @@ Also the way from and to files: reading a plan or a layer that is written in JSO
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grammars.floorplan import FloorPlan
-from grammars.jsonld._expand import expand, expand_text
+from grammars.jsonld._expand import expand
+from grammars.jsonld._files import (
+    ModelPath,
+    model_nodes,
+    path_text,
+    plan_nodes,
+    scenery_nodes,
+)
 from grammars.jsonld._layers import LayerWriter, read_layers
 from grammars.jsonld._legacy_terms import replace_legacy_terms
 from grammars.jsonld._nodes import NodeGraph, Ref
 from grammars.jsonld._plan_reader import read_plan
-from grammars.jsonld._plan_writer import FILES, PlanWriter, plan_context
+from grammars.jsonld._plan_writer import FILES, PlanWriter
 from grammars.jsonld._rules import check_structure, refuse_broken
+from grammars.jsonld._written_contexts import plan_context
 from grammars.jsonld.vocabulary import FP, ITEMS, SCN
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import read_text
 from grammars.text.extras import MissingExtraError, load_extra
 
 if TYPE_CHECKING:
@@ -59,14 +65,13 @@ def _require_rdf() -> None:
     load_extra("pyshacl", "rdf", "a graph held to the SHACL shapes", "JSON-LD")
 
 
-def _check_shapes(nodes: NodeGraph, path: str | Path) -> tuple[Diagnostic, ...]:
+def _check_shapes(nodes: NodeGraph, path: str) -> tuple[Diagnostic, ...]:
     try:
         _require_rdf()
     except MissingExtraError as error:
         # Everything that would make it unreadable has been checked by other means.
         return tuple(
-            Diagnostic(Where(str(path)), d.message, d.hint, Severity.WARNING)
-            for d in error.diagnostics
+            Diagnostic(Where(path), d.message, d.hint, Severity.WARNING) for d in error.diagnostics
         )
     from grammars.jsonld.rdf import check_shapes, graph_of
 
@@ -128,78 +133,64 @@ def check_composition(
     return tuple(dict.fromkeys((*nodes.diagnostics, *check_structure(nodes))))
 
 
-def load_nodes(path: str | Path) -> NodeGraph:
-    """Read a JSON-LD file, or every ``*.json`` of a folder, into one graph.
+def load_floorplan_jsonld(path: ModelPath, base: str = "") -> FloorPlan:
+    """Read a floor plan from JSON-LD in the published vocabulary.
 
-    Raises :class:`InputError` with everything that cannot be read; warnings are in ``diagnostics``.
+    ``path`` is a file, a folder of files, or several files that make one plan; one ``.json`` file
+    of several is completed by those beside it. Relative identifiers resolve against ``base``, else
+    against the address of their file. The graph is checked as a whole first
+    (:func:`grammars.jsonld.validate`). Raises :class:`InputError` with everything that is wrong;
+    warnings are in the plan.
     """
-    file = Path(path)
-    files = [file]
-    if file.is_dir():
-        files = sorted(p for p in file.iterdir() if p.suffix == ".json")
-        if not files:
-            raise InputError.at(Where(str(path)), "there is no .json file in this folder")
-    nodes = NodeGraph()
-    problems: list[Diagnostic] = []
-    for each in files:
-        try:
-            nodes.merge(expand_text(read_text(each), str(each)))
-        except InputError as error:
-            problems.extend(error.diagnostics)
-    if problems:
-        raise InputError(problems)
-    return replace_legacy_terms(nodes)
-
-
-def load_floorplan_jsonld(path: str | Path) -> FloorPlan:
-    """Read a floor plan from JSON-LD in the published vocabulary: one file, or a folder of them.
-
-    The graph is checked as a whole first (:func:`grammars.jsonld.validate`). Raises
-    :class:`InputError` with everything that is wrong; warnings are in the plan.
-    """
-    nodes = load_nodes(path)
+    nodes = plan_nodes(path, base)
     refuse_broken(nodes)
-    return read_plan(nodes, str(path))
+    return read_plan(nodes, path_text(path))
 
 
-def load_scenery_jsonld(path: str | Path, warnings: list[Diagnostic] | None = None) -> SceneryLayer:
+def load_scenery_jsonld(
+    path: ModelPath, warnings: list[Diagnostic] | None = None, base: str = ""
+) -> SceneryLayer:
     """Read a scenery layer from JSON-LD: objects, states, instances, and behaviours of ours.
 
+    ``path`` is a file, a folder of files, or several files that make one layer; a ``.json`` file is
+    completed by those beside it that define what it refers to, or the states of its joints.
+    Relative identifiers resolve against ``base``, else against the address of their file.
     A file that refers to a floor plan or to objects of other layers is complete without them.
     Names are made such that sentences can say them (``door-instance-1`` is ``door_instance_1``).
     What was read although it was written in an outdated or incomplete way is added to
     ``warnings``. Raises :class:`InputError` with everything that is wrong.
     """
-    nodes = load_nodes(path)
+    nodes = scenery_nodes(path, base)
     refuse_broken(nodes, partial=True)
-    layers = read_layers(nodes, str(path))
+    layers = read_layers(nodes, path_text(path))
     if len(layers) == 1:
         if warnings is not None:
             warnings.extend(dict.fromkeys(nodes.diagnostics))
         return layers[0]
     hint = "an Object, an ObjectInstance or a layer of ours is needed"
     message = f"there are {len(layers)} layers in it" if layers else "there is no scenery in it"
-    raise InputError.at(Where(str(path)), message, "" if layers else hint)
+    raise InputError.at(Where(path_text(path)), message, "" if layers else hint)
 
 
-def check_jsonld(path: str | Path) -> tuple[Diagnostic, ...]:
-    """Return everything that is wrong with a JSON-LD file or folder, errors and warnings.
+def check_jsonld(path: ModelPath, base: str = "") -> tuple[Diagnostic, ...]:
+    """Return everything that is wrong with JSON-LD files, errors and warnings.
 
-    A floor plan is held to the SHACL shapes as well, with a warning where the extra ``rdf`` is
-    missing; a scenery file alone is not a whole graph. Raises :class:`InputError` when it cannot be
-    read at all.
+    ``path`` is a file, a folder of files, or several files that make one graph; one ``.json`` file
+    of several is completed by those beside it. A floor plan is held to the SHACL shapes as well,
+    with a warning where the extra ``rdf`` is missing; a scenery file alone is not a whole graph.
+    Raises :class:`InputError` when it cannot be read at all.
     """
-    nodes = load_nodes(path)
+    nodes = model_nodes(path, base)
     # A layer alone refers to frames that are elsewhere: SHACL would refuse every one of them.
     whole = bool(nodes.of_type(FP["FloorPlan"]))
     found = [*nodes.diagnostics, *check_structure(nodes, partial=not whole)]
     if whole:
-        found += _check_shapes(nodes, path)
+        found += _check_shapes(nodes, path_text(path))
     if not any(d.severity is Severity.ERROR for d in found):
         try:
             if whole:
-                found += read_plan(nodes, str(path)).warnings
-            read_layers(nodes, str(path))
+                found += read_plan(nodes, path_text(path)).warnings
+            read_layers(nodes, path_text(path))
         except InputError as error:
             found += error.diagnostics
         found += nodes.diagnostics

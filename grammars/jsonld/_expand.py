@@ -7,69 +7,25 @@ vanishing.
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import re
 from typing import Any, Final
 
+from grammars.jsonld._json_text import JsonText
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
-from grammars.jsonld.vocabulary import XSD, ContextError, JsonLdContext, Term
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, SourceText, Where
-
-_ID: Final = re.compile(r'"(?:@id|id)"\s*:\s*"([^"\\]*)"')
-
-
-class JsonText:
-    """The text of a JSON-LD document, able to tell where an ``@id`` stands in it."""
-
-    def __init__(self, text: str, file: str) -> None:
-        self.text = text
-        self.file = file
-
-    @functools.cached_property
-    def _ids(self) -> dict[str, int]:
-        found: dict[str, int] = {}
-        for match in _ID.finditer(self.text):
-            found.setdefault(match[1], match.start())
-        return found
-
-    @functools.cached_property
-    def _source(self) -> SourceText:
-        return SourceText(self.text, self.file)
-
-    def parsed(self) -> Any:
-        """Return the JSON in the text; raises :class:`InputError` when it is none."""
-        try:
-            return json.loads(self.text, object_pairs_hook=_unique, parse_constant=_refused)
-        except json.JSONDecodeError as error:
-            where = Where(self.file, error.lineno, error.colno)
-            raise InputError.at(where, f"is not JSON: {error.msg}") from error
-        except (RecursionError, ValueError) as error:
-            reason = str(error) if isinstance(error, ValueError) else "it is nested too deeply"
-            where = Where(self.file)
-            raise InputError.at(where, f"is not JSON: {reason}") from error
-
-    def where(self, id: str) -> Where:
-        """Return where an ``@id``, as written, first stands."""
-        position = self._ids.get(id)
-        if position is None:
-            return Where(self.file, 1, 1)
-        return self._source.where(position)
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f'the key "{twice}" is written twice in one object')
-    return found
-
-
-def _refused(constant: str) -> float:
-    raise ValueError(f"{constant} is not a number")
-
+from grammars.jsonld.vocabulary import (
+    COORD,
+    UNKNOWN,
+    XSD,
+    ContextError,
+    JsonLdContext,
+    Term,
+    context_of_type,
+    local_name,
+    secoro,
+)
+from grammars.text.diagnostics import Diagnostic, InputError, Severity
 
 _NO_IRI: Final = re.compile(r'[\x00-\x20<>"{}|\\^`]')
 # Documents come from outside: one with a million mistakes, or lists nested without end, is refused
@@ -81,17 +37,25 @@ _NUMERIC: Final = frozenset(
     XSD[name] for name in ("double", "float", "decimal", "integer", "int", "long")
 )
 _PLAIN: Final = Term("")
+_AXES: Final = ("x", "y", "z")
+_COORDINATES: Final = secoro("geometry/coordinates.json")
 
 
-def expand_text(text: str, file: str) -> NodeGraph:
-    """Return what the JSON-LD ``text`` says; raises :class:`InputError` with every problem."""
+def expand_text(text: str, file: str, base: str = "") -> NodeGraph:
+    """Return what the JSON-LD ``text`` says; raises :class:`InputError` with every problem.
+
+    Relative identifiers resolve against ``base``, or, where the text says so, its own ``@base``.
+    """
     document = JsonText(text, file)
-    return expand(document.parsed(), file, document)
+    return expand(document.parsed(), file, document, base)
 
 
-def expand(data: Any, file: str, document: JsonText | None = None) -> NodeGraph:
-    """Return what parsed JSON-LD says; raises :class:`InputError` with every problem."""
-    expansion = _Expansion(document or JsonText("", file))
+def expand(data: Any, file: str, document: JsonText | None = None, base: str = "") -> NodeGraph:
+    """Return what parsed JSON-LD says; raises :class:`InputError` with every problem.
+
+    Relative identifiers resolve against ``base``.
+    """
+    expansion = _Expansion(document or JsonText("", file), base)
     try:
         expansion.top(data)
     except ContextError as error:
@@ -104,12 +68,14 @@ def expand(data: Any, file: str, document: JsonText | None = None) -> NodeGraph:
 class _Expansion:
     """One document on its way to nodes."""
 
-    def __init__(self, document: JsonText) -> None:
+    def __init__(self, document: JsonText, base: str) -> None:
         self.document = document
+        self.base = base
         self.nodes = NodeGraph()
         self.outdated: set[str] = set()
         self.blanks = 0
         self.dropped: dict[str, list[str]] = {}
+        self.undefined: dict[str, tuple[dict[str, None], list[str]]] = {}
         self.written: dict[str, str] = {}
         self.good: set[str] = set()
 
@@ -127,6 +93,10 @@ class _Expansion:
             raise InputError(errors)
         for address in sorted(self.outdated):
             self.warn("", f'"{address}" is an outdated address', "read as the current context")
+        for address, (names, ids) in self.undefined.items():
+            listed = ", ".join(names)
+            message = f"no context defines {listed}, first used by {ids[0] or 'a node without @id'}"
+            self.warn(ids[0], message, f"read with {address}, which RDF tools need too")
         for key, ids in self.dropped.items():
             more = f" (and in {len(ids) - 1} other nodes)" if len(ids) > 1 else ""
             self.warn(
@@ -140,7 +110,7 @@ class _Expansion:
         return self.nodes
 
     def top(self, data: Any) -> None:
-        context = JsonLdContext("", "", {})
+        context = JsonLdContext(self.base, "", {})
         for item in data if isinstance(data, list) else [data]:
             if isinstance(item, dict):
                 self.node(item, context, top=True)
@@ -157,14 +127,23 @@ class _Expansion:
         types, written, rest = self._split(data, terms)
         # Terms scoped to each of its types; rdflib knows those of the first type only.
         typed = context.for_types(types, self.outdated) if types else context
+        missing = {name: self._context_of(name, context) for name in types if name not in terms}
+        for address in sorted({address for address in missing.values() if address}):
+            # After the types' own contexts: what is defined there holds.
+            typed = typed.completed(address).for_types(types, self.outdated)
         if top and written is None and any(k == "@graph" for k, _, _ in rest):
             self._envelope(rest, context)
             return None
         id = self._identify(written, typed)
         node = self.nodes.get(id)
         for name in types:
-            known = name in terms or ":" in name or context.vocabulary
-            iri = context.iri(name, vocabulary=True) if known else ""
+            address = missing.get(name, "")
+            if address:
+                names, ids = self.undefined.setdefault(address, ({}, []))
+                names[name] = None
+                ids.append(written or "")
+            known = name in terms or ":" in name or context.vocabulary or address
+            iri = (typed if address else context).iri(name, vocabulary=True) if known else ""
             if ":" in iri and not _NO_IRI.search(iri):
                 node.add_type(iri)
             else:
@@ -172,6 +151,12 @@ class _Expansion:
         for key, _, value in rest:
             self._property(node, key, value, typed, context)
         return Ref(id)
+
+    def _context_of(self, name: str, context: JsonLdContext) -> str:
+        """Return the published context of a type that no context of the document defines."""
+        if context.vocabulary or ":" in name or name in context.terms:
+            return ""
+        return context_of_type(name)
 
     def _split(
         self, data: dict[str, Any], terms: dict[str, Term | None]
@@ -224,6 +209,8 @@ class _Expansion:
         if ":" not in id or _NO_IRI.search(id):
             self.error(written, f'"{written}" is no IRI', "give a @base, or a prefix known here")
         self.written.setdefault(id, written)
+        if context.base == self.base and ":" not in written:
+            self.nodes.relative.add(id)
         return id
 
     def _property(
@@ -236,6 +223,13 @@ class _Expansion:
                 self.error(self.written.get(node.id, ""), f'"{key}" is not read here')
             return
         term = typed.terms.get(key)
+        if term is None and key in _AXES and _is_vector(node):
+            # Files of June 2023 define the type themselves, without what the published context
+            # scopes to it.
+            names, ids = self.undefined.setdefault(_COORDINATES, ({}, []))
+            names[key] = None
+            ids.append(self.written.get(node.id, ""))
+            term = Term(COORD[key], _DOUBLE)
         if term is None:
             meant = key not in typed.terms and (":" in key or bool(typed.vocabulary))
             iri = typed.iri(key, vocabulary=True) if meant else ""
@@ -301,6 +295,10 @@ class _Expansion:
         iri = context.iri(text, vocabulary=vocabulary)
         if iri.startswith("_:"):
             return f"_:{self.document.file}#{iri[2:]}"
+        if vocabulary and ":" not in iri:
+            # A word no context defines, in a text without an address: what it may have meant is
+            # known where units and kinds are read.
+            return UNKNOWN[iri]
         if iri not in self.good:
             if ":" not in iri or _NO_IRI.search(iri):
                 self.error(text, f'"{text}" is no IRI', "give a @base, or a prefix known here")
@@ -349,6 +347,10 @@ class _Expansion:
 
     def _drop(self, key: str, written: str | None) -> None:
         self.dropped.setdefault(key, []).append(written or "")
+
+
+def _is_vector(node: Node) -> bool:
+    return any(local_name(kind) in ("VectorXY", "VectorXYZ") for kind in node.types)
 
 
 def _short(value: Any) -> str:

@@ -100,6 +100,13 @@ class PoseGraph:
                 f"its pose is with respect to {local_name(wrt)}",
                 "write the coordinates in the frame the pose is with respect to",
             )
+        if all(coordinates[0].number(COORD[word]) is None for word in ("x", "y", "z", "alpha")):
+            self._nodes.add_error(
+                coordinates[0].id,
+                f"{local_name(coordinates[0].id)} has none of x, y, z and alpha",
+                "lists of coordinates and direction cosines are not read here",
+            )
+            return None
         x, y, z = (scaled(coordinates[0], COORD[axis], LENGTHS) or 0.0 for axis in ("x", "y", "z"))
         alpha, beta = (
             scaled(coordinates[0], COORD[angle], ANGLES) or 0.0 for angle in ("alpha", "beta")

@@ -17,7 +17,7 @@ from grammars.jsonld._object_writer import (
     object_pose_nodes,
     trim_rounding,
 )
-from grammars.jsonld._plan_writer import PlanWriter, plan_base
+from grammars.jsonld._plan_writer import PlanWriter
 from grammars.jsonld._sentences import (
     SentenceReader,
     frame_name,
@@ -25,18 +25,8 @@ from grammars.jsonld._sentences import (
     sentence_fields,
     value_to_jsonld,
 )
-from grammars.jsonld.vocabulary import (
-    GEOM,
-    ITEMS,
-    OBJ,
-    ROB2B_CONTEXTS,
-    SCN,
-    SECORO_CONTEXTS,
-    ST,
-    local_name,
-    rob2b,
-    secoro,
-)
+from grammars.jsonld._written_contexts import layer_context
+from grammars.jsonld.vocabulary import GEOM, ITEMS, OBJ, SCN, ST, local_name
 from grammars.model.geometry import Pose2
 from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import (
@@ -63,12 +53,33 @@ def scenery_document(
     return LayerWriter(layer, PlanWriter(plan), layers or (layer,)).document()
 
 
+def objects_document(plan: FloorPlan, layers: Sequence[SceneryLayer]) -> Json:
+    """Return objects, states and instances of all layers as one document, without behaviours.
+
+    What published tools read from the folder of a plan. Every instance has its pose in the world:
+    scenery_builder goes astray on the way to it from rooms that are placed by a wall at their
+    side. Raises :class:`InputError` for what cannot be placed.
+    """
+    frames = PlanWriter(plan)
+    writers = [LayerWriter(layer, frames, layers, in_world=True) for layer in layers]
+    nodes = [node for writer in writers for node in writer.write_objects()]
+    # Two layers may each need the mirror image of a door.
+    known = {node["@id"]: node for node in nodes}
+    return {"@context": layer_context(frames.base), "@graph": list(known.values())}
+
+
 class LayerWriter:
     """Builds the nodes of one layer; ``places`` tells where each was written in the text."""
 
     def __init__(
-        self, layer: SceneryLayer, frames: PlanWriter, layers: Sequence[SceneryLayer]
+        self,
+        layer: SceneryLayer,
+        frames: PlanWriter,
+        layers: Sequence[SceneryLayer],
+        *,
+        in_world: bool = False,
     ) -> None:
+        self._in_world = in_world
         self._layer = layer
         self._plan = frames.plan
         self._catalogue = Catalogue(layers)
@@ -79,6 +90,12 @@ class LayerWriter:
 
     def document(self) -> Json:
         """Return the document."""
+        self.write_objects()
+        self._write_layer()
+        return {"@context": layer_context(self._frames.base), "@graph": self.nodes}
+
+    def write_objects(self) -> list[Json]:
+        """Write what others know as well, objects and instances, and return it."""
         for model in self._layer.models:
             id = self._model(model.name)
             self._add(object_nodes(id, model), model.where)
@@ -86,8 +103,7 @@ class LayerWriter:
                 self.places[f"{ITEMS}{id.removeprefix('item:')}.state.{state.name}"] = state.where
         for instance in self._layer.instances:
             self._instance(instance)
-        self._write_layer()
-        return {"@context": _context(self._plan.name), "@graph": self.nodes}
+        return self.nodes
 
     def _add(self, nodes: list[Json], where: Where) -> None:
         self.nodes += nodes
@@ -105,11 +121,16 @@ class LayerWriter:
         node: Json = {"@id": id, "@type": "ObjectInstance", "frame": f"{id}.frame"}
         node["world"] = f"fpm:{self._frames.ids['plan', self._plan.name]}"
         node["scn:name"] = instance.name
-        if isinstance(instance.place, At):
+        placed = place_instance(self._plan, instance, model)
+        if placed.mirrored:
+            kind = self._mirror(model, placed.across)
+        if self._in_world:
+            wrt, pose = f"fpm:{self._frames.frame(WORLD_FRAME)}", placed.pose
+            node["scn:placement"] = value_to_jsonld(instance.place)
+        elif isinstance(instance.place, At):
             wrt = self._frame(instance.place.frame)
             pose = self._at(instance, model, node, wrt)
         else:
-            placed = place_instance(self._plan, instance, model)
             opening = next(o for o in self._plan.openings if o.name == instance.place.entryway.text)
             wall = next(w for w in self._plan.walls if w.id == opening.walls[0])
             # Others know no entryways to fit doors into: they get a pose at the wall, and our own
@@ -119,8 +140,6 @@ class LayerWriter:
             pose = Pose2(trim_rounding(relative.x), trim_rounding(relative.y), relative.yaw)
             node["scn:stands-in"] = {"@id": f"fpm:{self._frames.ids[opening.kind, opening.id]}"}
             node["scn:placement"] = value_to_jsonld(instance.place)
-            if placed.mirrored:
-                kind = self._mirror(model, placed.across)
         node["of-object"] = kind
         self._start(node, instance, model)
         if instance.frozen:
@@ -230,13 +249,6 @@ class LayerWriter:
 
 def _references(ids: Any) -> Json:
     return {"@list": [{"@id": id} for id in ids]}
-
-
-def _context(plan: str) -> list[Any]:
-    addresses = [rob2b(path) for path, ours in ROB2B_CONTEXTS.items() if ours != "dynamics.json"]
-    addresses.append(rob2b("newtonian-rigid-body-dynamics.json"))
-    addresses += [secoro(path) for path in SECORO_CONTEXTS if path != "qudt.json"]
-    return [*addresses, {"fpm": plan_base(plan), "item": ITEMS, "scn": str(SCN)}]
 
 
 _ON_FLOOR: Final = 1e-6

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from grammars.jsonld._legacy_models import settle_models
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
 from grammars.jsonld.vocabulary import COORD, DYN, FP, KC_STATE, POLY, QUDT, UNIT, local_name
 
@@ -19,6 +20,13 @@ _FOLDERS: Final = {
     f"{_MODELS}object#": f"{_MODELS}floorplan/object#",
     f"{_MODELS}state#": f"{_MODELS}floorplan/state#",
     f"{_MODELS}polytope#": f"{_MODELS}geometry/polytope#",
+}
+# The first files, of June 2023, have one namespace for models and words.
+_FIRST: Final = "http://exsce-floorplan.org/"
+_FIRST_TERMS: Final = {
+    **{word: FP[word] for word in ("FloorPlan", "Space", "Wall", "spaces", "walls", "shape")},
+    **{word: POLY[word] for word in ("Polygon", "points")},
+    **{word: COORD[word] for word in ("VectorXY", "theta")},
 }
 _DYNAMICS: Final = DYN.replace("structural-entities", "coordinates")
 _UNITS: Final = {
@@ -36,7 +44,18 @@ _YAW: Final = (COORD["theta"], POLY["theta"])
 
 
 def replace_legacy_terms(nodes: NodeGraph) -> NodeGraph:
-    """Return ``nodes`` with current names everywhere; every kind of drift is one warning."""
+    """Return ``nodes`` with current names everywhere; every kind of drift is one warning.
+
+    What earlier models said otherwise, or not at all, is read as current ones say it
+    (:mod:`grammars.jsonld._legacy_models`).
+    """
+    nodes = rename_terms(nodes)
+    settle_models(nodes)
+    return nodes
+
+
+def rename_terms(nodes: NodeGraph) -> NodeGraph:
+    """Return ``nodes``, which may be one file of many, in words of the current vocabulary."""
     seen: dict[str, str] = {}
     # Looked at first: what is current, which is nearly everything, is not copied.
     if any(_is_old(word) for word in _words(nodes)):
@@ -73,13 +92,15 @@ def _current(word: str) -> str:
         if word.startswith(old):
             word = new + word[len(old) :]
             break
+    if word.startswith(_FIRST):
+        word = _FIRST_TERMS.get(word[len(_FIRST) :], word)
     if word.startswith(_DYNAMICS):
         word = DYN + word[len(_DYNAMICS) :]
     return word
 
 
 def _renamed(nodes: NodeGraph, seen: dict[str, str]) -> NodeGraph:
-    fresh = NodeGraph(places=nodes.places, diagnostics=nodes.diagnostics)
+    fresh = NodeGraph(places=nodes.places, diagnostics=nodes.diagnostics, relative=nodes.relative)
 
     def current(word: str, id: str) -> str:
         new = _current(word)
@@ -120,12 +141,13 @@ def _units(node: Node) -> str:
     units = node.values.get(QUDT["unit"])
     if not units:
         return ""
+    said = ""
     for k, unit in enumerate(units):
         name = local_name(str(unit))
         if name in _UNITS and (unit != UNIT[name] or name in ("CM", "MM")):
             units[k] = Ref(UNIT[_UNITS[name]])
-            return f'"{name}" is no unit of QUDT'
-    return ""
+            said = f'"{name}" is no unit of QUDT'
+    return said
 
 
 def _quantity(node: Node) -> str:

@@ -88,6 +88,12 @@ def moments(mass: float, x: float, y: float, z: float) -> dict[str, float]:
     }
 
 
+def _extent(link: Link) -> tuple[float, float]:
+    """Return the edge lengths of the box around the outlines of a link."""
+    xs, ys = zip(*(point for ring in link.polygons for point in ring), strict=True)
+    return trim_rounding(max(xs) - min(xs)), trim_rounding(max(ys) - min(ys))
+
+
 _VECTOR: Final = ["3D", "Euclidean", "Vector", "BoundVector", "UnitLength"]
 _FRAME: Final = ["Frame", "Orthonormal", "RigidBody", "RightHanded", "OriginVectorsXYZ"]
 _MATERIAL: Final = "Grey"
@@ -151,9 +157,12 @@ class _ObjectWriter:
         return f"{self.id}.joint.{joint}"
 
     def _own(self, link: str, nodes: list[Json]) -> None:
-        """Add nodes that are part of the body of a link."""
+        """Add nodes that are part of the body of a link, its frame the first of them."""
         self.nodes += nodes
-        self.members[link] += [node["@id"] for node in nodes]
+        # The published generator of Gazebo models takes the first simplex of a body for the frame
+        # that joints are placed in.
+        ids = sorted(nodes, key=lambda node: "Frame" not in node["@type"])
+        self.members[link] += [node["@id"] for node in ids]
 
     def _joint(self, joint: Joint) -> None:
         id = self._joint_id(joint.name)
@@ -245,10 +254,13 @@ class _ObjectWriter:
                 shapes.append(f"{body}.shape-{k}")
                 self._prism(link, shapes[-1], ring)
         inertia: Json = {"@id": f"{body}.inertia", "of-body": body, "mass": link.mass}
-        inertia["@type"] = ["RigidBodyInertia", "Mass"]
-        if box is not None:
-            inertia["@type"] += ["RotationalInertia", "PrincipalMomentsOfInertiaXYZ"]
-            inertia |= moments(link.mass, box[1], box[2], link.z_max - link.z_min)
+        inertia["@type"] = [
+            *("RigidBodyInertia", "Mass"),
+            *("RotationalInertia", "PrincipalMomentsOfInertiaXYZ"),
+        ]
+        # Of other shapes, those of the box around them: published readers take none for granted.
+        length, width = box[1:] if box is not None else _extent(link)
+        inertia |= moments(link.mass, length, width, link.z_max - link.z_min)
         self.nodes.append(inertia)
         views: dict[str, list[str]] = {"visual": [], "collision": []}
         for k, shape in enumerate(shapes):

@@ -22,7 +22,7 @@ from grammars.floorplan import (
 from grammars.jsonld._kinematics import LENGTHS, PlacedFrame, PoseGraph, Positions, scaled
 from grammars.jsonld._nodes import Node, NodeGraph, Ref
 from grammars.jsonld._plan_writer import implied_space, is_polygon
-from grammars.jsonld.vocabulary import FP, OBJ, POLY, SCN, local_name
+from grammars.jsonld.vocabulary import FP, GEOM, OBJ, POLY, SCN, local_name
 from grammars.model.geometry import Ring
 from grammars.text.diagnostics import (
     Diagnostic,
@@ -111,11 +111,17 @@ class _PlanReader:
                 self.names[frame] = WORLD_FRAME
                 return frame
         world = root.id[: len(root.id) - len(local_name(root.id))] + WORLD_FRAME
+        frames = [node.id for node in self.nodes.of_type(GEOM["Frame"])]
         if world not in self.nodes.by_id:
-            frames = [id for id in self.nodes.by_id if local_name(id).endswith("frame")]
-            hint = did_you_mean(local_name(world), map(local_name, frames)) if frames else ""
-            self.nodes.add_error(root.id, f"there is no frame <{world}> to start from", hint)
-            raise InputError(self.nodes.errors)
+            # Plans of 2023 have their frames and their elements in namespaces of their own.
+            called = [id for id in frames if local_name(id) == WORLD_FRAME]
+            if len(called) != 1:
+                near = map(local_name, frames)
+                hint = did_you_mean(local_name(world), near) if frames else ""
+                message = f"there is no frame <{world}> to start from"
+                self.nodes.add_error(root.id, message, hint)
+                raise InputError(self.nodes.errors)
+            world = called[0]
         self.names[world] = WORLD_FRAME
         return world
 

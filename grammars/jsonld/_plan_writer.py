@@ -8,9 +8,10 @@ implies, the outline's own numbers are written.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 from grammars.floorplan import (
     Feature,
@@ -31,6 +32,7 @@ from grammars.jsonld._kinematics import (
     pose_nodes,
     position_nodes,
 )
+from grammars.jsonld._written_contexts import plan_context
 from grammars.jsonld.vocabulary import PLANS, SCN, rob2b, secoro
 from grammars.model.geometry import Pose2, Ring, signed_area
 from grammars.text.diagnostics import Where
@@ -84,6 +86,7 @@ def _close(a: Pose2, b: Pose2) -> bool:
 
 
 WORLD: Final = "world"
+_WALL_FRAME: Final = re.compile(r"-wall-\d+-frame$")
 _QUDT: Final = rob2b("qudt.json").replace("https:", "http:")
 FILES: Final = {
     "skeleton": [rob2b("geometry/structural-entities.json")],
@@ -226,7 +229,12 @@ class PlanWriter:
         self.files["skeleton"] += frame_nodes(frame, origin)
 
     def _pose(self, of: str, wrt: str, pose: Pose2, z: float = 0.0, tilt: float = 0.0) -> None:
-        id = f"pose-{of}-wrt-{wrt}"
+        # Published readers turn round the pose before one whose identifier has "wall" in it twice:
+        # they take a room to be placed by its wall against another wall. One that is placed by its
+        # wall against something else would stand elsewhere without the word.
+        own = of.startswith(f"{wrt.removesuffix('frame')}wall-")
+        by_wall = _WALL_FRAME.search(of) and not _WALL_FRAME.search(wrt) and not own
+        id = f"pose-{'wall-' if by_wall else ''}{of}-wrt-{wrt}"
         where = self.places.get(self.base + of)
         self._relate(where, pose_nodes((id, f"coord-{id}"), of, wrt, pose, z, tilt))
 
@@ -317,11 +325,6 @@ def plan_document(plan: FloorPlan) -> Json:
     return {"@context": plan_context(writer.base, contexts), "@graph": nodes}
 
 
-def plan_context(base: str, contexts: Iterable[str]) -> list[Any]:
-    """Return the ``@context`` of a plan's file: its base and the published contexts."""
-    return [{"@base": base, "fpm": base}, *contexts]
-
-
 def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
     """Return pose in the space and own footprint of every wall.
 
@@ -335,7 +338,7 @@ def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
         return [
             (
                 space.frame.inverse() @ wall.frame,
-                wall.frame.inverse().apply_ring(wall.footprint),
+                _level(wall.frame.inverse().apply_ring(wall.footprint)),
             )
             for wall in space.walls
         ]
@@ -350,6 +353,11 @@ def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
         level: Ring = ((start[0], thickness), (end[0], thickness), (half, 0.0), (-half, 0.0))
         found.append((pose, level))
     return found
+
+
+def _level(ring: Ring) -> Ring:
+    """Return a ring whose corners on the x axis are there exactly."""
+    return tuple((x, y if abs(y) > _SAME else 0.0) for x, y in ring)
 
 
 def _shapes(id: str) -> Json:
@@ -372,5 +380,5 @@ def _untilted(opening: Opening) -> tuple[Point3, ...]:
     for px, py, pz in opening.near:
         x, y = to_local.apply((px, py))
         z = pz - opening.z
-        found.append((c * x - s * z, y, s * x + c * z))
+        found.append((c * x - s * z, y if abs(y) > _SAME else 0.0, s * x + c * z))
     return tuple(found)

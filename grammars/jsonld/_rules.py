@@ -11,15 +11,13 @@ and the order of limits are what no shape can say.
 
 from __future__ import annotations
 
-import functools
-import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-from grammars.jsonld._kinematics import check_joints
+from grammars.jsonld._kinematics import ANGLES, LENGTHS, check_joints
 from grammars.jsonld._nodes import Node, NodeGraph, index_by
+from grammars.jsonld._references import reference_rules
 from grammars.jsonld.vocabulary import (
     COORD,
     DYN,
@@ -179,33 +177,6 @@ class _Forest:
         return a != b
 
 
-REFERENCES_FILE: Final = Path(__file__).with_name("shapes") / "references.json"
-"""What the SHACL shapes say about references, in a form that needs no rdflib."""
-
-
-class ReferenceRule(NamedTuple):
-    """What may stand at the end of a reference.
-
-    ``classes`` go by the class of the subject where that matters, else by ``""``. A reference may
-    have ``several`` values; the loss of a ``harmless`` one changes nothing that is read.
-    """
-
-    classes: dict[str, list[str]]
-    several: bool
-    harmless: bool
-
-    def allowed(self, node: Node) -> list[str]:
-        """Return the classes of what ``node`` may refer to; none: any."""
-        *others, default = self.classes
-        return self.classes[next((kind for kind in others if kind in node.types), default)]
-
-
-@functools.cache
-def _reference_rules() -> dict[str, ReferenceRule]:
-    rules = json.loads(REFERENCES_FILE.read_text(encoding="utf-8"))
-    return {predicate: ReferenceRule(**rule) for predicate, rule in rules.items()}
-
-
 _OURS: Final = tuple(
     str(n) for n in (GEOM, REL, COORD, KC, KC_STATE, DYN, POLY, FP, OBJ, ST, GZB, QUDT, SCN)
 )
@@ -223,6 +194,15 @@ _KIND_NAMES: Final = {
     KC_STATE["JointPosition"]: "joint position",
 }
 """Kinds of things of which one identifier can only be one."""
+_UNIT: Final = QUDT["unit"]
+_MEASURED: Final = (
+    *(COORD[word] for word in ("x", "y", "z", "alpha")),
+    *(POLY[f"{axis}-size"] for axis in "xyz"),
+    *(FP[word] for word in ("height", "thickness")),
+)
+"""Predicates whose numbers are lengths and angles."""
+_OF_THE_PLAN: Final = (REL["with-respect-to"], COORD["as-seen-by"], OBJ["world"])
+"""What leads from a layer to the floor plan it is for."""
 _SHOWN: Final = 4
 _HINTS: Final = 20
 """Looking for similar names takes time in a large graph: later errors go without."""
@@ -246,6 +226,7 @@ def check_structure(nodes: NodeGraph, *, partial: bool = False) -> tuple[Diagnos
     _check_identity(nodes, found)
     _check_references(nodes, found, partial)
     _check_coordinates(nodes, found)
+    _check_units(nodes, found)
     check_pose_tree(nodes, found, partial=partial)
     _check_owners(nodes, found)
     check_joints(nodes, found)
@@ -254,7 +235,7 @@ def check_structure(nodes: NodeGraph, *, partial: bool = False) -> tuple[Diagnos
 
 def _check_identity(nodes: NodeGraph, found: NodeGraph) -> None:
     """One identifier is one thing, which says one thing of each sort."""
-    rules = _reference_rules()
+    rules = reference_rules()
     for node in nodes.by_id.values():
         kinds = [_KIND_NAMES[kind] for kind in node.types if kind in _KIND_NAMES]
         if len(kinds) > 1:
@@ -286,10 +267,12 @@ def _shown(value: object) -> str:
 def _check_references(nodes: NodeGraph, found: NodeGraph, partial: bool) -> None:
     homes = {_home(node.id) for node in nodes.by_id.values() if node.types}
 
-    def elsewhere(target: str) -> bool:
-        return partial and _home(target) not in homes
+    def elsewhere(node: Node, predicate: str, target: str) -> bool:
+        # Earlier models have the names of plan and objects in one namespace.
+        of_the_plan = predicate in _OF_THE_PLAN or OBJ["WorldFrame"] in node.types
+        return partial and (of_the_plan or _home(target) not in homes)
 
-    rules = _reference_rules()
+    rules = reference_rules()
     for node in nodes.by_id.values():
         for predicate in node.values:
             rule = rules.get(predicate)
@@ -308,7 +291,7 @@ def _home(id: str) -> str:
 def _check_reference(
     nodes: NodeGraph,
     found: NodeGraph,
-    elsewhere: Callable[[str], bool],
+    elsewhere: Callable[[Node, str, str], bool],
     node: Node,
     predicate: str,
     target: str,
@@ -322,18 +305,19 @@ def _check_reference(
         kinds = ", ".join(map(local_name, other.types))
         wanted = " or ".join(dict.fromkeys(map(local_name, allowed)))
         found.add_error(node.id, f"{words}, a {kinds}", f"expected a {wanted}")
-    elif not elsewhere(target):
+    elif not elsewhere(node, predicate, target):
         hint = ""
         if len(found.diagnostics) < _HINTS:
             near = [n.id for kind in allowed for n in nodes.of_type(kind)]
             hint = did_you_mean(local_name(target), map(local_name, near))
         message = f"{words}, which does not exist"
-        note = found.add_warning if _reference_rules()[predicate].harmless else found.add_error
+        note = found.add_warning if reference_rules()[predicate].harmless else found.add_error
         note(node.id, message, hint)
 
 
 def _check_coordinates(nodes: NodeGraph, found: NodeGraph) -> None:
     """Every pose and position has its numbers exactly once."""
+    offsets = {o for joint in nodes.of_type(KC["Joint"]) for o in joint.refs(KC["origin-offset"])}
     for kind, numbers, of in (
         ("Pose", "PoseCoordinate", "of-pose"),
         ("Position", "PositionCoordinate", "of-position"),
@@ -341,12 +325,28 @@ def _check_coordinates(nodes: NodeGraph, found: NodeGraph) -> None:
         by_relation = index_by(nodes.by_id, COORD[numbers], COORD[of])
         for node in nodes.of_type(REL[kind]):
             have = by_relation.get(node.id, [])
-            if not have:
+            if not have and node.id in offsets:
+                message = f"origin-offset {local_name(node.id)} has no coordinates"
+                found.add_warning(node.id, message, "the frames of the joint say where it is")
+            elif not have:
                 found.add_error(node.id, f"{kind.lower()} {local_name(node.id)} has no coordinates")
             elif len(have) > 1:
                 names = ", ".join(local_name(n.id) for n in have[:_SHOWN])
                 message = f"{kind.lower()} {local_name(node.id)} has {len(have)} coordinates"
                 found.add_error(have[1].id, message, f"keep one of {names}")
+
+
+def _check_units(nodes: NodeGraph, found: NodeGraph) -> None:
+    """Numbers that are read are in units known here: another one would be taken for metres."""
+    for node in nodes.by_id.values():
+        units = node.values.get(_UNIT)
+        if units is None or not any(word in node.values for word in _MEASURED):
+            continue
+        for unit in node.refs(_UNIT):
+            if unit not in LENGTHS and unit not in ANGLES:
+                message = f'"{local_name(unit)}", the unit of {local_name(node.id)}, is not known'
+                known = ", ".join(map(local_name, (*LENGTHS, *ANGLES)))
+                found.add_error(node.id, message, f"one of {known}")
 
 
 def _check_owners(nodes: NodeGraph, found: NodeGraph) -> None:

@@ -28,16 +28,20 @@ from grammars.text.quantity import unit_of
 _WALL: Final = re.compile(r"(?P<space>.+)-wall-(?P<index>\d{1,9})-frame")
 _FEATURE: Final = re.compile(r"(?:column|divider)-(?P<name>.+)-frame")
 _OPENING: Final = re.compile(r"(?:entryway|window)-(?P<name>.+)-frame")
+# As frames were called in 2023: frame-hall-wall-2, frame-center-hall.
+_EARLIER_WALL: Final = re.compile(r"frame-(?P<space>.+)-wall-(?P<index>\d{1,9})")
+_EARLIER_SPACE: Final = re.compile(r"frame-center-(?P<name>.+)")
 
 
 def frame_name(published: str, where: Where) -> FrameName:
     """Return what the scenery language calls a published frame."""
     if published == WORLD_FRAME:
         return FrameName("world", None, "", where)
-    wall = _WALL.fullmatch(published)
+    wall = _WALL.fullmatch(published) or _EARLIER_WALL.fullmatch(published)
     if wall is not None:
         return FrameName(wall["space"], int(wall["index"]), "", where)
-    thing = _FEATURE.fullmatch(published) or _OPENING.fullmatch(published)
+    patterns = (_FEATURE, _OPENING, _EARLIER_SPACE)
+    thing = next(filter(None, (pattern.fullmatch(published) for pattern in patterns)), None)
     name = thing["name"] if thing is not None else published.removesuffix("-frame")
     return FrameName(name, None, "", where)
 

@@ -19,7 +19,7 @@ from rdflib.namespace import RDF, SH
 from rdflib.term import Node as Term
 
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
-from grammars.jsonld._rules import REFERENCES_FILE
+from grammars.jsonld._references import REFERENCES_FILE
 from grammars.jsonld.vocabulary import (
     COORD,
     DYN,

@@ -50,6 +50,9 @@ RDF: Final = Namespace("http://www.w3.org/1999/02/22-rdf-syntax-ns#")
 SCN: Final = Namespace("urn:scenario-tui:scenery#")
 """Our own words: what the published vocabulary has none for."""
 
+UNKNOWN: Final = Namespace("urn:scenario-tui:unknown:")
+"""Words that no context of a document defines, where the document has no address."""
+
 PLANS: Final = f"{_SECORO.removesuffix('metamodels/')}models/floorplan/"
 """Where plans are identified: ``<PLANS><plan name>/<element>``."""
 ITEMS: Final = "urn:scenario-tui:item:"
@@ -79,6 +82,18 @@ SECORO_CONTEXTS: Final = {
 """Published context documents of secorolab, by path, and ours with the same IRIs."""
 
 
+_BY_FILE_NAME: Final = {
+    f"{name}.json": f"{_SECORO}{folder}/{name}.json"
+    for name, folder in (
+        ("object", "floorplan"),
+        ("state", "floorplan"),
+        ("floorplan", "floorplan"),
+        ("polytope", "geometry"),
+        ("gazebo", "simulation"),
+    )
+}
+
+
 def rob2b(path: str) -> str:
     """Return the published address of a comp-rob2b context."""
     return _ROB2B + path
@@ -106,6 +121,8 @@ _KEYWORDS: Final = frozenset(
 # Contexts of strangers may refer to each other in a circle.
 _MOST_CONTEXTS: Final = 64
 _SIMPLE: Final = re.compile(r"\w[\w-]*")
+# A term is a prefix when its IRI ends so (JSON-LD 1.1: the gen-delim characters of RFC 3986).
+_PREFIX_ENDS: Final = (":", "/", "?", "#", "[", "]", "@")
 
 
 class ContextError(ValueError):
@@ -186,7 +203,8 @@ class JsonLdContext:
             if prefix == "_" or rest.startswith("//"):
                 return text
             term = self.terms.get(prefix)
-            return text if term is None else term.iri + rest
+            usable = term is not None and term.iri.endswith(_PREFIX_ENDS)
+            return term.iri + rest if term is not None and usable else text
         if not self.base:
             return text
         if self._folder and _SIMPLE.fullmatch(text):
@@ -195,6 +213,11 @@ class JsonLdContext:
             return urljoin(self.base, text)
         except ValueError as error:
             raise ContextError(f'"{text}" is no address: {error}') from error
+
+    def completed(self, address: str) -> JsonLdContext:
+        """Return this context with what our context for ``address`` defines and this does not."""
+        other = JsonLdContext("", "", {}).extended(address, set())
+        return JsonLdContext(self.base, self.vocabulary, {**other.terms, **self.terms})
 
     def _with(self, local: dict[str, Any]) -> JsonLdContext:
         base, vocabulary = self.base, self.vocabulary
@@ -271,6 +294,10 @@ def _text(value: Any, what: str) -> str:
 
 def context_for(address: str, notes: set[str]) -> Any:
     """Return our context for a published address, whatever host and folder it had at the time."""
+    if address.startswith("file:"):
+        # Files of 2023 name the contexts on the disk of the person who wrote them.
+        notes.add(address)
+        address = _BY_FILE_NAME.get(address.rpartition("/")[2], address)
     path = address.partition("metamodels/")[2]
     drifted = (
         "/secorolab.github.io/" not in address and "/comp-rob2b.github.io/" not in address
@@ -295,6 +322,26 @@ def context_for(address: str, notes: set[str]) -> Any:
     if drifted:
         notes.add(address)
     return _ours(name)
+
+
+@functools.cache
+def _contexts_by_type() -> dict[str, str]:
+    """Return the address of the one published context that defines a type, by the type's name."""
+    found: dict[str, set[str]] = {}
+    published = {rob2b(path): name for path, name in ROB2B_CONTEXTS.items()}
+    published |= {secoro(path): name for path, name in SECORO_CONTEXTS.items()}
+    # Several addresses lead to one context of ours: the first of them names it.
+    for name in dict.fromkeys(published.values()):
+        address = next(key for key, value in published.items() if value == name)
+        for term in _ours(name):
+            if term[:1].isupper() or term[:1].isdigit():
+                found.setdefault(term, set()).add(address)
+    return {term: min(places) for term, places in found.items() if len(places) == 1}
+
+
+def context_of_type(name: str) -> str:
+    """Return the address of the published context that defines a type, or an empty text."""
+    return _contexts_by_type().get(name, "")
 
 
 @functools.cache

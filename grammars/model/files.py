@@ -50,6 +50,21 @@ from grammars.text.documents import (
 
 _Metres = Annotated[float, QuantityField("length", plain=True), Field(allow_inf_nan=False)]
 _Radians = Annotated[float, QuantityField("angle", plain=True), Field(allow_inf_nan=False)]
+_IN_MISSIONS: Final = "it belongs in a mission file: NAME.mission.yaml"
+_IN_ROBOTS: Final = "it belongs in a robot file: robots/NAME.yaml"
+_IN_CAMPAIGNS: Final = "it belongs in the campaign file"
+MISSION_KEYS: Final = dict.fromkeys(("start", "waypoints"), _IN_MISSIONS)
+"""Keys that only mission files have, with where they belong."""
+ROBOT_KEYS: Final = dict.fromkeys(
+    ("footprint", "height", "mass", "drive", "laser", "lasers", "odometry"), _IN_ROBOTS
+)
+"""Keys that only robot files have, with where they belong."""
+CAMPAIGN_KEYS: Final = dict.fromkeys(
+    ("campaign", "repeats", "seed", "limit", "oracles", "scenarios", "floorplan", "objects",
+     "behaviours", "matrix", "expect", "defaults", "robot", "mission", "sut"),
+    _IN_CAMPAIGNS,
+)  # fmt: skip
+"""Keys of campaign files that people look for in other files, with where they belong."""
 _ID_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 
 
@@ -75,6 +90,10 @@ class PoseText(StrictModel):
 class WaypointText(StrictModel):
     """A place the robot has to reach; the order of waypoints is the order of driving."""
 
+    elsewhere = dict.fromkeys(
+        ("pose", "position", "orientation"), "write x, y and yaw of the waypoint itself"
+    ) | {"theta": "it is called yaw", "name": "it is called id"}
+
     id: str = Field(default="", max_length=100)
     """How verdicts and the dashboard call it; without one it is waypoint-1, waypoint-2, …"""
     x: _Metres
@@ -92,13 +111,17 @@ class WaypointText(StrictModel):
 class MissionText(StrictModel):
     """The keys of a mission file: where the robot starts and which waypoints it visits."""
 
+    elsewhere = ROBOT_KEYS | CAMPAIGN_KEYS
+
     mission: str = Field(default="", max_length=100)
     """Name of the mission; the file's name when left out."""
     about: str = ""
     """One line for people."""
     start: PoseText | None = None
     """Where the robot stands at first; the origin of the map when left out."""
-    waypoints: list[WaypointText] = Field(min_length=1, max_length=10_000)
+    waypoints: list[WaypointText] = Field(
+        min_length=1, max_length=10_000, examples=[[{"id": "kitchen", "x": 1.5, "y": 0.4}]]
+    )
     """Places to visit, in this order."""
 
 
@@ -271,6 +294,8 @@ class MountText(StrictModel):
 class LaserText(StrictModel):
     """A planar laser scanner."""
 
+    elsewhere = dict.fromkeys(("x", "y", "yaw"), 'it belongs in "mount:"')
+
     mount: MountText
     z: Length = Field(ge=0)
     """Height of the scan plane above the floor: walls and objects are cut there."""
@@ -364,6 +389,17 @@ _MOST_LASERS: Final = 16
 class RobotText(StrictModel):
     """The keys of a robot file; every measure has a unit."""
 
+    elsewhere = (
+        MISSION_KEYS
+        | CAMPAIGN_KEYS
+        | dict.fromkeys(
+            ("kind", "max_vx", "max_vy", "max_wz", "max_ax", "max_az", "timeout"),
+            'it belongs in "drive:"',
+        )
+        | dict.fromkeys(("length", "width", "radius", "corners"), 'it belongs in "footprint:"')
+        | {"parameters": "systems under test have it: suts/NAME.yaml"}
+    )
+
     model_config = ConfigDict(
         json_schema_extra={"oneOf": [{"required": ["laser"]}, {"required": ["lasers"]}]}
     )
@@ -372,7 +408,7 @@ class RobotText(StrictModel):
     """Name of the robot."""
     about: str = ""
     """One line for people."""
-    footprint: FootprintText
+    footprint: FootprintText = Field(examples=[{"length": "0.5 m", "width": "0.4 m"}])
     height: Length = Field(gt=0)
     """The robot touches only what is lower than this."""
     mass: Mass = Field(gt=0)

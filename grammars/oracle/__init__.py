@@ -1,15 +1,8 @@
 """The oracle language: what must hold for a run, one line per oracle, with units."""
 
-from grammars.oracle._checks import (
-    JointReference,
-    check_references,
-    kind_of,
-    leg_number,
-    margin_kind,
-    object_signals,
-    obstacle_names,
-)
+from grammars.oracle._checks import kind_of, margin_kind
 from grammars.oracle._model import (
+    ROBOT,
     Amount,
     Arithmetic,
     Comparison,
@@ -32,6 +25,14 @@ from grammars.oracle._model import (
     signals_of,
 )
 from grammars.oracle._parse import load_oracles, parse_oracle
+from grammars.oracle._references import (
+    JointReference,
+    check_references,
+    leg_number,
+    object_signals,
+    obstacle_names,
+    place_names,
+)
 from grammars.oracle._signals import (
     OBJECT_SIGNALS,
     SIGNALS,
@@ -48,6 +49,7 @@ from grammars.text.quantity import Dimension
 
 __all__ = [
     "OBJECT_SIGNALS",
+    "ROBOT",
     "SIGNALS",
     "Amount",
     "Arithmetic",
@@ -84,6 +86,7 @@ __all__ = [
     "object_signals",
     "obstacle_names",
     "parse_oracle",
+    "place_names",
     "render",
     "signal_declaration",
     "signals_of",

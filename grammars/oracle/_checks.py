@@ -1,21 +1,17 @@
-"""Checking oracles: every comparison compares like with like, every object and leg is there."""
+"""Checking oracles by themselves: signals are known, every comparison compares like with like."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TypeAlias
 
-from grammars.model.mission import Mission
-from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.oracle._model import (
+    ROBOT,
     Amount,
     Arithmetic,
     Comparison,
     CustomCall,
     Expression,
     Function,
-    Leg,
     Limit,
     Logic,
     Not,
@@ -26,14 +22,12 @@ from grammars.oracle._model import (
     Statistic,
     Temporal,
     Until,
-    signals_of,
 )
 from grammars.oracle._signals import (
     OBJECT_SIGNALS,
     SIGNALS,
     SignalDeclaration,
     custom_oracle,
-    custom_signal_names,
     dimension_of,
     signal_declaration,
     signal_names,
@@ -164,14 +158,15 @@ def _check_limit(what: str, kind: Dimension, limit: Limit | None) -> None:
         return
     number = limit.number
     if number.dimension != kind:
-        raise _unlike(number.column, kind, number.dimension)
+        raise _unlike(number, kind, number.dimension)
     if limit.operator in ("==", "!=") and what != "count":
         raise _equality(number.column)
 
 
 def _require(number: Number, kind: Dimension, message: str) -> None:
     if number.dimension != kind:
-        raise _MismatchError(number.column, f'{message}, but "{number.text}" {_has_unit(number)}')
+        message = f'{message}, but "{number.text}" {_has_unit(number)}'
+        raise _MismatchError(number.column, message, _with_unit(number, kind))
 
 
 def _require_predicate(expression: Expression) -> None:
@@ -210,6 +205,9 @@ def _signal(signal: Signal) -> Kind:
 
 def _check_arguments(signal: Signal, declared: SignalDeclaration) -> None:
     given = signal.arguments
+    if declared.relates:
+        _check_relation(signal, declared)
+        return
     if declared.takes_object and signal.object is not None:
         given = given[1:]
     if len(given) != len(declared.arguments) and (given or declared.required):
@@ -220,6 +218,17 @@ def _check_arguments(signal: Signal, declared: SignalDeclaration) -> None:
         if argument.dimension != expected:
             message = f'{signal.name} takes {expected.unit}, but "{argument.text}" '
             raise _MismatchError(argument.column, message + _has_unit(argument))
+
+
+def _check_relation(signal: Signal, declared: SignalDeclaration) -> None:
+    """Raise unless the robot and one thing are named, in this order."""
+    names = [a.name for a in signal.arguments if isinstance(a, Signal) and not a.arguments]
+    if len(names) == len(signal.arguments) == 2 and names[0] == ROBOT != names[1]:
+        return
+    things = [name for name in names if name != ROBOT]
+    example = things[0] if things else "kitchen_door" if "object" in declared.relates else "kitchen"
+    message = f"{signal.name} takes the robot and what it is related to"
+    raise _MismatchError(signal.column, message, f"such as: {signal.name}({ROBOT}, {example})")
 
 
 def _signal_hint(name: str) -> str:
@@ -249,15 +258,24 @@ def _arithmetic(expression: Arithmetic) -> Dimension:
 def _comparison(expression: Comparison) -> None:
     left, right = _quantity(expression.left), _quantity(expression.right)
     if left != right:
-        raise _unlike(expression.right.column, left, right)
+        raise _unlike(expression.right, left, right)
     # Counts and numbers of legs are plain numbers; so are shares, of which nothing else is known.
     if expression.operator in ("==", "!=") and left != RATIO:
         raise _equality(expression.column)
 
 
-def _unlike(column: int, left: Dimension, right: Dimension) -> _MismatchError:
+def _unlike(limit: Expression, left: Dimension, right: Dimension) -> _MismatchError:
     hint = f"write the limit in {left.unit}" if right == RATIO else ""
-    return _MismatchError(column, f"compares {_name(left)} with {_name(right)}", hint)
+    if isinstance(limit, Number):
+        hint = _with_unit(limit, left)
+    return _MismatchError(limit.column, f"compares {_name(left)} with {_name(right)}", hint)
+
+
+def _with_unit(number: Number, kind: Dimension) -> str:
+    """Return how a number without a unit was probably meant."""
+    return (
+        f"write it in {kind.unit}: {number.text} {kind.unit}" if number.dimension == RATIO else ""
+    )
 
 
 def _equality(column: int) -> _MismatchError:
@@ -272,86 +290,3 @@ def _name(kind: Dimension) -> str:
 
 def _has_unit(number: Number) -> str:
     return "has no unit" if number.dimension == RATIO else f"is in {number.dimension.unit}"
-
-
-@dataclass(frozen=True, slots=True)
-class JointReference:
-    """A joint of a scene object, named by an object signal."""
-
-    object: SceneObject
-    joint: Joint
-
-
-def object_signals(scene: Scene) -> dict[str, JointReference]:
-    """Return the signals of scenery objects in ``scene`` and the joint each one reads."""
-    found: dict[str, JointReference] = {}
-    for item in scene.objects:
-        for joint in item.joints:
-            position = "angle" if joint.kind == "revolute" else "position"
-            # Whoever has one joint need not name it: door-17.angle.
-            prefixes = [f"{item.name}.{joint.name}"]
-            if len(item.joints) == 1:
-                prefixes.append(item.name)
-            for prefix in prefixes:
-                found[f"{prefix}.{position}"] = JointReference(item, joint)
-                found[f"{prefix}.distance"] = JointReference(item, joint)
-    return found
-
-
-def check_references(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Diagnostic, ...]:
-    """Return what ``oracle`` speaks of that is not in ``scene`` or ``mission``."""
-    known = object_signals(scene)
-    everywhere = {*SIGNALS, *custom_signal_names()}
-    found = []
-    for signal in signals_of(oracle):
-        if signal.name not in everywhere and signal.name not in known:
-            found.append(_missing(oracle, signal, scene, known))
-        if signal.object is not None:
-            things = obstacle_names(scene)
-            if signal.object.name not in things:
-                found.append(_missing(oracle, signal.object, scene, things))
-    if isinstance(oracle.judgement, Reached) and not mission.waypoints:
-        found.append(Diagnostic(oracle.where, f'mission "{mission.name}" has no waypoints'))
-    if oracle.leg is not None:
-        try:
-            leg_number(oracle.leg, mission)
-        except ValueError as error:
-            found.append(Diagnostic(oracle.place(oracle.leg.column), str(error)))
-    return tuple(found)
-
-
-def obstacle_names(scene: Scene) -> tuple[str, ...]:
-    """Return what clearance and contacts can be asked about: solids, objects and their links."""
-    names = [solid.owner for solid in scene.solids]
-    for item in scene.objects:
-        names += [item.name, *(f"{item.name}.{link.name}" for link in item.links)]
-    return tuple(dict.fromkeys(names))
-
-
-def leg_number(leg: Leg, mission: Mission) -> int:
-    """Return which waypoint ``leg`` leads to, from 1; raises ``ValueError`` when none or several.
-
-    A mission may visit a waypoint more than once; its legs are then told apart by number.
-    """
-    count = len(mission.waypoints)
-    if not leg.waypoint:
-        if not 1 <= leg.number <= count:
-            raise ValueError(f'no {leg} in mission "{mission.name}": it has {count} waypoints')
-        return leg.number
-    ids = [waypoint.id for waypoint in mission.waypoints]
-    found = [number for number, name in enumerate(ids, start=1) if name == leg.waypoint]
-    if not found:
-        hint = did_you_mean(leg.waypoint, ids)
-        raise ValueError(f'no waypoint "{leg.waypoint}" in mission "{mission.name}": {hint}')
-    if len(found) > 1:
-        numbers = " and ".join(map(str, found))
-        raise ValueError(f'legs {numbers} lead to "{leg.waypoint}": write the number of one')
-    return found[0]
-
-
-def _missing(oracle: Oracle, signal: Signal, scene: Scene, known: Iterable[str]) -> Diagnostic:
-    return Diagnostic(
-        oracle.place(signal.column),
-        f'no "{signal.name}" in scene "{scene.name}"',
-        did_you_mean(signal.name, known),
-    )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import Where
 from grammars.text.quantity import DIMENSIONS, Dimension
@@ -21,6 +21,9 @@ def dimension(name: str) -> Dimension:
         raise ValueError(f"a {name} is not something a signal can have")
     return found
 
+
+ROBOT: Final = "robot"
+"""What oracles and recorded contacts call the robot."""
 
 ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">", "==", "!="]
 
@@ -39,7 +42,8 @@ class Number:
 class Signal:
     """A recorded or derived signal, some with arguments: ``clearance(0.35 m, 0.2 m)``.
 
-    An object named as an argument, ``clearance(door-17)``, is a :class:`Signal` of that name.
+    An object named as an argument, ``clearance(door-17)``, is a :class:`Signal` of that name; so is
+    the robot in ``distance(robot, door-17)``.
     """
 
     name: str
@@ -48,9 +52,11 @@ class Signal:
 
     @property
     def object(self) -> Signal | None:
-        """The thing in the scene it is about, when one is named as its first argument."""
-        first = self.arguments[0] if self.arguments else None
-        return first if isinstance(first, Signal) and not first.arguments else None
+        """The thing in the scene it is about, named as its first argument or behind the robot."""
+        named = [a for a in self.arguments[:2] if isinstance(a, Signal) and not a.arguments]
+        if not named or named[0] is not self.arguments[0]:
+            return None
+        return named[1] if named[0].name == ROBOT and len(named) > 1 else named[0]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Literal, TypeAlias, TypeVar
 
 from grammars.oracle._model import dimension
 from grammars.text.plugins import load_plugin, plugin_names
@@ -135,12 +135,18 @@ def dimension_of(unit: str) -> Dimension | None:
     return dimension(quantity.dimension)
 
 
+Sort: TypeAlias = Literal["object", "space"]
+"""What the robot can be related to: what stands or moves there (objects, their links, walls), or a
+part of the floor (spaces, doorways)."""
+
+
 @dataclass(frozen=True, slots=True)
 class SignalDeclaration:
     """A declared signal; ``dimension`` is ``None`` when it is true or false.
 
     ``arguments`` are the dimensions of its arguments, which may be left out altogether unless
-    ``required``. A signal that ``takes_object`` may name a thing in the scene before them.
+    ``required``. A signal that ``takes_object`` may name a thing in the scene before them; one that
+    ``relates`` the robot to things of some sorts always names both: ``distance(robot, door-17)``.
     """
 
     name: str
@@ -149,6 +155,7 @@ class SignalDeclaration:
     arguments: tuple[Dimension, ...] = ()
     takes_object: bool = False
     required: bool = False
+    relates: tuple[Sort, ...] = ()
 
     @property
     def unit(self) -> str:
@@ -197,6 +204,19 @@ _DECLARATIONS: Final = (
         LENGTH,
         "deepest recorded overlap with the robot, 0 without",
         takes_object=True,
+    ),
+    SignalDeclaration(
+        "distance",
+        LENGTH,
+        "from the robot's footprint to the nearest point of a thing as high as the robot, or of a "
+        "space or doorway; 0 when they touch or overlap: distance(robot, door-17)",
+        relates=("object", "space"),
+    ),
+    SignalDeclaration(
+        "in",
+        None,
+        "the middle of the robot's base is in a space or doorway: in(robot, kitchen)",
+        relates=("space",),
     ),
     SignalDeclaration("speed", SPEED, "true speed of the robot's base"),
     SignalDeclaration("speed.forward", SPEED, "true speed ahead, negative when driving backwards"),

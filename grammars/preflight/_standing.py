@@ -84,14 +84,17 @@ def _overlap(checked: CheckedScene, one: _StandingLink, other: _StandingLink) ->
 
 
 def check_inside(checked: CheckedScene, bodies: Iterable[SceneObject]) -> list[Diagnostic]:
-    """Return a warning for every object that touches neither a space nor a wall."""
+    """Return a warning for every object that touches neither a space nor a wall.
+
+    What hangs in a doorway may be on the outer face of the building.
+    """
     scene = checked.scene
     if not scene.regions:
         return []
     names = [region.name for region in scene.regions]
     floors = shapely.STRtree(checked.floors)
     findings = []
-    for body in bodies:
+    for body in (body for body in bodies if not body.doorway):
         shape = shapely.union_all(
             [link_shape(body, link, body.initial) for link in body.links if link.polygons]
         )

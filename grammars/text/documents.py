@@ -13,7 +13,7 @@ import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, Final, TypeAlias, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -22,9 +22,9 @@ from pydantic import (
     GetJsonSchemaHandler,
     ValidationError,
 )
-from pydantic_core import core_schema
+from pydantic_core import PydanticCustomError, core_schema
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where, closest, did_you_mean
 from grammars.text.quantity import read_as
 
 Key: TypeAlias = str | int
@@ -40,9 +40,17 @@ _LARGEST: Final = 2**64
 
 
 class StrictModel(BaseModel):
-    """Base of models of what people write: unknown keys are errors, values are frozen."""
+    """Base of models of what people write: unknown keys are errors, values are frozen.
+
+    Messages show the first of a field's ``examples`` to whoever left it out or gave it another
+    form.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    elsewhere: ClassVar[Mapping[str, str]] = {}
+    """Keys that people look for here although they belong somewhere else: what to do instead.
+    That of the empty key is said of keys that are like no other."""
 
 
 @dataclass(frozen=True)
@@ -301,16 +309,59 @@ def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str,
     path = tuple(finding["loc"])
     kind = finding["type"]
     if kind == "extra_forbidden":
-        known = _names(_model_at(model, path[:-1]))
-        return path, f'unknown key "{path[-1]}"', did_you_mean(str(path[-1]), known)
+        return (path, *_explain_key(_model_at(model, path[:-1]), str(path[-1])))
     if kind == "missing":
-        return path[:-1], f'key "{path[-1]}" is missing', ""
+        return path[:-1], f'key "{path[-1]}" is missing', _example(model, path)
     given = finding.get("input")
     textless = kind == "string_type" and isinstance(given, bool | int | float)
     hint = _text_hint(str(given), given) if textless else ""
+    if kind in _SHAPES:
+        hint = _example(model, path)
     words = [str(part) for part in path if isinstance(part, str) and part != "[key]"]
     message = _plain_message(finding)
     return path, f"{words[-1]}: {message}" if words else message, hint
+
+
+def _explain_key(model: Any, key: str) -> tuple[str, str]:
+    """Return message and hint for a key that ``model`` does not have."""
+    known, elsewhere = _names(model), getattr(model, "elsewhere", {})
+    if key and key in elsewhere:
+        renamed = elsewhere[key].startswith("it is called")
+        wrong = f'unknown key "{key}"' if renamed else f'key "{key}" is in the wrong place'
+        return wrong, elsewhere[key]
+    meant = "" if closest(key, known) else closest(key, elsewhere)
+    hint = f"{meant}: {elsewhere[meant]}" if meant else did_you_mean(key, known)
+    if not meant and not closest(key, known) and elsewhere.get(""):
+        hint = f"{elsewhere['']}; {hint}"
+    return f'unknown key "{key}"', hint
+
+
+_WRONG_FORM: Final = "wrong_form"
+_SHAPES: Final = ("dict_type", "model_type", "list_type", "too_short", _WRONG_FORM)
+"""Findings about the form of a value, which an example answers best."""
+
+
+def wrong_form(message: str) -> PydanticCustomError:
+    """Return what a validator raises for a value of another form than the examples of its field."""
+    return PydanticCustomError(_WRONG_FORM, "{message}", {"message": message})
+
+
+def _example(model: type[BaseModel], path: KeyPath) -> str:
+    """Return a line that would do at ``path``, empty when its field has no examples."""
+    while path and isinstance(path[-1], int):
+        path = path[:-1]
+    fields = getattr(_model_at(model, path[:-1]), "model_fields", {})
+    for name, field in fields.items():
+        if path and (field.alias or name) == path[-1] and field.examples:
+            return f"such as: {path[-1]}: {_flow(field.examples[0])}"
+    return ""
+
+
+def _flow(value: Any) -> str:
+    """Return a value as YAML has it on one line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_flow(part)}" for key, part in value.items()) + "}"
+    return f"[{', '.join(map(_flow, value))}]" if isinstance(value, list) else str(value)
 
 
 def _text_hint(written: str, given: Any) -> str:

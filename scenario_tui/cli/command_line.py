@@ -12,6 +12,7 @@ import typer
 
 from grammars.text.diagnostics import InputError
 from scenario_tui.cli import (
+    begin,
     blame,
     compare,
     coverage,
@@ -39,6 +40,8 @@ from scenario_tui.cli.output import report_diagnostics, say, settle_streams
 _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
     "Run campaigns": (
         run_campaigns.demo,
+        begin.new,
+        begin.layers,
         run_campaigns.check,
         run_campaigns.run,
         run_campaigns.submit,
@@ -81,7 +84,7 @@ app = typer.Typer(
     name="scenario",
     help="Test mobile robots in scenarios: run campaigns in simulation, judge every run, "
     "see what happened.",
-    epilog="Start with: scenario demo",
+    epilog="Start with: scenario demo, then scenario new my-tests",
     cls=PlainFlagsGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,

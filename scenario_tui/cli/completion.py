@@ -47,13 +47,19 @@ def sut_files(incomplete: str) -> Offer:
 
 def plan_or_campaign_files(incomplete: str) -> Offer:
     """Offer floor plans and campaigns."""
-    plans = (".fpm", ".jsonld")
+    plans = (".fpm", ".jsonld", ".json")
     return _find_fitting(incomplete, lambda path: path.suffix in plans or is_campaign(path))
+
+
+def plan_files(incomplete: str) -> Offer:
+    """Offer floor plans."""
+    return with_ending(incomplete, ".fpm", ".jsonld")
 
 
 def layer_files(incomplete: str) -> Offer:
     """Offer everything `scenario check` knows."""
-    return with_ending(incomplete, ".yaml", ".yml", ".fpm", ".scenery", ".variation", ".jsonld")
+    plain = (".fpm", ".scenery", ".variation", ".jsonld", ".json")
+    return with_ending(incomplete, ".yaml", ".yml", *plain)
 
 
 def oracle_files(incomplete: str) -> Offer:

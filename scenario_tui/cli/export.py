@@ -14,27 +14,25 @@ from scenario_tui.cli.options import AsJson
 from scenario_tui.cli.output import Output, report_diagnostics
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from daemon.campaign import Campaign, CampaignCell
     from grammars.text.diagnostics import Diagnostic
-    from templates.rendering import Templates
-    from templates.world import ArtefactWorld, BehaviourDraw, ExportSettings
+    from templates.artefacts import ExportResult
+    from templates.world import ArtefactWorld, BehaviourDraw
 
 
 def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
-    """Return the world of a floor plan (`.fpm` or `.jsonld`), and the warnings about it."""
+    """Return the world of a floor plan (`.fpm` or JSON-LD), and the warnings about it."""
     from grammars.floorplan import load_floorplan
+    from grammars.jsonld import is_jsonld, load_floorplan_jsonld, model_files
     from grammars.scenery.composition import compile_scene
     from templates.world import ArtefactWorld
 
-    if path.suffix == ".jsonld":
-        from grammars.jsonld import load_floorplan_jsonld
-
-        plan = load_floorplan_jsonld(path)
-    else:
-        plan = load_floorplan(path)
-    world = ArtefactWorld(path.stem, compile_scene(plan), plan, sources=(path,))
+    plan = load_floorplan_jsonld(path) if is_jsonld(path) else load_floorplan(path)
+    # One of several files is called after what it holds of the plan: the plan itself has a name.
+    name = path.stem if path.suffix != ".json" and path.is_file() else plan.name
+    world = ArtefactWorld(name, compile_scene(plan), plan, sources=model_files(path))
     return world, plan.warnings
 
 
@@ -50,6 +48,7 @@ def worlds_of_campaign(
     from dataclasses import replace
 
     from daemon.campaign import load_campaign
+    from templates.naming import free_name
 
     campaign = load_campaign(path)
     worlds: list[ArtefactWorld] = []
@@ -58,7 +57,7 @@ def worlds_of_campaign(
         if not any(
             replace(other, name=world.name, sources=world.sources) == world for other in worlds
         ):
-            worlds.append(replace(world, name=_free_name(world.name, [w.name for w in worlds])))
+            worlds.append(replace(world, name=free_name(world.name, [w.name for w in worlds])))
     return tuple(worlds), campaign.warnings
 
 
@@ -76,6 +75,7 @@ def _world_of_cell(campaign: Campaign, cell: CampaignCell, repeats: int | None) 
         sources=_sources(campaign, cell),
         resolution=cell.map.resolution,
         rule=cell.map.rule,
+        doors=cell.map.doors,
         given_map=cell.given_map,
         layers=cell.layers,
     )
@@ -99,6 +99,7 @@ def _draws(cell: CampaignCell, repeats: int | None) -> tuple[BehaviourDraw, ...]
 def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
     """Return the files the cell was written in, the campaign first."""
     from daemon.campaign import FLOORPLAN, MISSION, ROBOT, SCENERY, VARIATION, find_layer
+    from grammars.jsonld import model_files
 
     scenario, folder = cell.scenario, Path(campaign.file).parent
     named = [
@@ -108,14 +109,7 @@ def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
         (scenario.robot, ROBOT),
     ]
     found = [find_layer(folder, reference, kind) for reference, kind in named if reference]
-    return (Path(campaign.file), *found)
-
-
-def _free_name(name: str, taken: list[str]) -> str:
-    free, number = name, 2
-    while free in taken:
-        free, number = f"{name}-{number}", number + 1
-    return free
+    return (Path(campaign.file), *(file for path in found for file in model_files(path)))
 
 
 class Artefact(StrEnum):
@@ -153,7 +147,7 @@ def export(
         Path,
         typer.Argument(
             metavar="PLAN.fpm|CAMPAIGN.yaml",
-            help="A floor plan or a campaign.",
+            help="A floor plan (.fpm, .jsonld or a folder of .json) or a campaign.",
             autocompletion=completion.files(plan_or_campaign_files),
         ),
     ],
@@ -214,6 +208,8 @@ def export(
 
     A campaign gets one folder per scenario; scenarios with equal worlds share one.
     """
+    from grammars.text.diagnostics import Diagnostic, Severity, Where
+    from templates.artefacts import export_worlds
     from templates.naming import file_name
     from templates.rendering import Templates
     from templates.world import ExportSettings
@@ -238,41 +234,32 @@ def export(
     own = Templates(templates)
     written: list[str] = []
     report_diagnostics(own.unused())
-    for world in worlds:
-        # A campaign has a folder for each world, also when there is one: paths stay the same when
-        # another scenario is added.
-        folder = out / file_name(world.name) if is_campaign else out
+    # A campaign has a folder for each world, also when there is one: paths stay the same when
+    # another scenario is added.
+    placed = [(w, out / file_name(w.name) if is_campaign else out) for w in worlds]
+    results = export_worlds(placed, kinds, settings=settings, templates=own)
+    for (world, _), done in zip(placed, _written(results, out), strict=True):
         about = f"{source} ({world.name})" if is_campaign else str(source)
-        paths = _write_world(world, kinds, folder, settings, own, about)
-        written += paths
-        # Said as they are made and not at the end: with meshes that takes a while.
+        notes = (Diagnostic(Where(about), note, severity=Severity.WARNING) for note in done.notes)
+        report_diagnostics(notes)
+        written += map(str, done.paths)
+        # Said as they are made and not at the end: with many worlds that takes a while.
         if not as_json:
-            for path in paths:
+            for path in done.paths:
                 typer.echo(path)
     if as_json:
         ExportOutput(written).emit()
 
 
-def _write_world(
-    world: ArtefactWorld,
-    kinds: list[Artefact],
-    folder: Path,
-    settings: ExportSettings,
-    templates: Templates,
-    about: str,
-) -> list[str]:
-    """Make the artefacts of a world and report what they leave out; return their paths."""
-    from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-    from templates.artefacts import export as write
+def _written(results: Iterator[ExportResult], out: Path) -> Iterator[ExportResult]:
+    """Yield ``results``; a folder that cannot be written is bad input."""
+    from grammars.text.diagnostics import Diagnostic, InputError, Where
 
     try:
-        done = write(world, kinds, folder, settings=settings, templates=templates)
+        yield from results
     except OSError as error:
-        place = Where(str(error.filename or folder))
+        place = Where(str(error.filename or out))
         raise InputError(Diagnostic(place, f"cannot be written: {error.strerror}")) from error
-    notes = (Diagnostic(Where(about), note, severity=Severity.WARNING) for note in done.notes)
-    report_diagnostics(notes)
-    return [str(path) for path in done.paths]
 
 
 def _check_time(text: str) -> str:

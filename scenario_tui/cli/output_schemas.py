@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Literal, get_type_hints
 
 from scenario_tui.cli import (
+    begin,
     blame,
     compare,
     coverage,
@@ -49,6 +50,8 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     results.ResultsOutput,
     look.RunOutput,
     logs.LogsOutput,
+    begin.NewOutput,
+    begin.LayersOutput,
     run_campaigns.SubmitOutput,
     run_campaigns.CheckOutput,
     steer.CancelOutput,

@@ -96,7 +96,7 @@ def show(
         Path,
         typer.Argument(
             metavar="SUT.yaml",
-            help="A system under test.",
+            help="A system under test: its file, or a name as campaigns say it.",
             autocompletion=completion.files(sut_files),
         ),
     ],
@@ -108,8 +108,11 @@ def show(
     layers of both costmaps and who hears which laser; for a ROS 2 stack the defaults that apply.
     Nothing is started.
     """
-    from daemon.campaign import LayerLibrary, RefusedSutError
+    from daemon.campaign import SUT, LayerLibrary, LayerReference, RefusedSutError, find_layer
+    from grammars.text.diagnostics import Where
 
+    if not file.is_file() and not file.suffix:
+        file = find_layer(Path(), LayerReference(str(file), {}, Where(str(file))), SUT)
     try:
         found = LayerLibrary(file.parent).sut_file(file)
     except RefusedSutError as refused:

@@ -8,9 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from grammars.text.extras import MissingExtraError
-from templates.picture._compose import PNG_SCALE, draw_world, write_png
+from templates.picture._compose import draw_world
 from templates.picture._drawing import Drawing
 from templates.picture._mission import RunOverlay
+from templates.picture._png import PNG_SCALE, begin_png, write_png
 from templates.world import ExportJob
 
 __all__ = ["PNG_SCALE", "Drawing", "RunOverlay", "draw_world", "write_picture", "write_png"]
@@ -22,7 +23,9 @@ def write_picture(job: ExportJob) -> tuple[Path, ...]:
     svg = job.templates.render("picture.svg.j2", figure=figure)
     path = job.write(job.path(f"{job.name}.svg"), svg)
     try:
-        return path, write_png(figure, job.path(f"{job.name}.png"))
+        png = job.path(f"{job.name}.png")
+        job.pending.append(begin_png(figure, png))
+        return path, png
     except MissingExtraError as error:
         job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
         return (path,)

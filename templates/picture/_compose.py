@@ -1,20 +1,15 @@
-"""From a world to the drawing people see, and the drawing as PNG."""
+"""From a world to the drawing people see."""
 
 from __future__ import annotations
 
-import tempfile
-from dataclasses import replace
-from pathlib import Path
 from typing import Final
 
 from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Point2
-from grammars.text.extras import load_extra
 from templates.picture import _mission, _page, _scene
-from templates.picture._drawing import Drawing, DrawingGroup, DrawingItem, Labels, TextLabel
+from templates.picture._drawing import Drawing, DrawingItem, Labels
 from templates.picture._mission import RunOverlay
 from templates.picture._page import PAPER, is_below, page_around, page_for
-from templates.rendering import Templates
 from templates.world import ArtefactWorld
 
 _BESIDE: Final = 0.9
@@ -101,66 +96,3 @@ def _about(world: ArtefactWorld) -> str:
     if world.robot:
         parts.append(f"robot {world.robot.name}")
     return "  ·  ".join(parts)
-
-
-PNG_SCALE: Final = 1.5
-"""Pixels of the PNG in a unit of the page."""
-_BOLD: Final = 0.7
-"""Width of the line around letters that stands in for a bold face [page units]."""
-
-
-def write_png(figure: Drawing, path: Path) -> Path:
-    """Write the figure, :data:`PNG_SCALE` times as large as its page, and return the path.
-
-    Raises :class:`grammars.text.extras.MissingExtraError` without the extra ``png``.
-    """
-    resvg_py, fonts = (
-        load_extra(module, "png", "a PNG picture", "picture")
-        for module in ("resvg_py", "PIL.ImageFont")
-    )
-    font = fonts.load_default(16)
-    if not isinstance(font, fonts.FreeTypeFont):
-        raise RuntimeError("Pillow was built without FreeType, it brings no font")
-    with tempfile.TemporaryDirectory() as folder:
-        # The one face Pillow carries, and no other: resvg leaves out every text without a word
-        # when it finds no font, and with those of the machine no two would draw the same picture.
-        face = Path(folder) / "face.ttf"
-        face.write_bytes(font.font_bytes)
-        image = resvg_py.svg_to_bytes(
-            Templates().render("picture.svg.j2", figure=_emboldened(figure)),
-            zoom=PNG_SCALE,
-            style_sheet=_style(figure),
-            skip_system_fonts=True,
-            font_files=[str(face)],
-            sans_serif_family=font.getname()[0],
-        )
-    path.write_bytes(image)
-    return path
-
-
-def _emboldened(figure: Drawing) -> Drawing:
-    """Return the figure with every bold text twice, the second in an outline of its colour.
-
-    The face has no bold letters, and resvg makes up none. A copy lies over the halo, which a text
-    can have only one of.
-    """
-    groups = []
-    for group in figure.groups:
-        items = [
-            part
-            for item in group.items
-            for part in (
-                (item, replace(item, halo=item.colour))
-                if isinstance(item, TextLabel) and item.bold
-                else (item,)
-            )
-        ]
-        groups.append(DrawingGroup(group.name, tuple(items)))
-    return replace(figure, groups=groups)
-
-
-def _style(figure: Drawing) -> str:
-    """Return the rule that makes the outlines of :func:`_emboldened` thinner than halos."""
-    labels = [i for group in figure.groups for i in group.items if isinstance(i, TextLabel)]
-    colours = dict.fromkeys(label.colour for label in labels if label.bold)
-    return "".join(f'text[fill="{c}"][stroke="{c}"]{{stroke-width:{_BOLD}}}' for c in colours)

@@ -6,15 +6,15 @@ Page units are pixels of the SVG, x to the right, y down. Colours are ``#rrggbb`
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, TypeAlias
 
+import numpy as np
 import shapely
-from shapely import affinity
-from shapely.geometry import LineString, MultiPoint, box
+from shapely.geometry import LineString, MultiPoint
 
-from grammars.model.geometry import Point2
+from grammars.model.geometry import Floats, Point2
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,41 +109,44 @@ class Labels:
 
     def place(self, words: TextLabel, spots: Iterable[Point2]) -> TextLabel:
         """Return ``words`` at the best of ``spots``; earlier ones win where all is equal."""
-        tree = shapely.STRtree(self._taken)
-        best, least = words, math.inf
-        for rank, spot in enumerate(spots):
-            tried = replace(words, at=spot)
-            # A little for every later spot: texts stay near what they name unless much is in the
-            # way.
-            cost = 0.02 * rank + self._cost(extent(tried), tree)
-            if cost < least:
-                best, least = tried, cost
-        self._taken.append(extent(best))
+        places = list(spots) or [words.at]
+        areas = _extents(words, places)
+        # A little for every later spot: texts stay near what they name unless much is in the way.
+        best = int(np.argmin(0.02 * np.arange(len(places)) + self._covered(areas)))
+        self._taken.append(areas[best])
         self._weights.append(4.0)
-        return best
+        return replace(words, at=places[best])
 
-    def _cost(self, area: Any, tree: shapely.STRtree) -> float:
-        near = tree.query(area, predicate="intersects").tolist()
-        shares = (
-            area.intersection(self._taken[i]).area / area.area * self._weights[i] for i in near
-        )
-        return float(sum(shares))
+    def _covered(self, texts: Any) -> Floats:
+        """Return what it costs to put a text on each of some areas, for what lies there."""
+        taken = np.array(self._taken, dtype=object)
+        text, other = shapely.STRtree(taken).query(texts, predicate="intersects")
+        shared = shapely.area(shapely.intersection(texts[text], taken[other]))
+        shares: Floats = shared / shapely.area(texts)[text] * np.array(self._weights)[other]
+        return np.bincount(text, shares, minlength=len(texts)).astype(np.float64)
 
 
 def extent(words: TextLabel) -> Any:
     """Return the area a centred text takes on the page, with a little room around it."""
+    return _extents(words, [words.at])[0]
+
+
+def _extents(words: TextLabel, places: Sequence[Point2]) -> Any:
+    """Return the areas a centred text would take at ``places``, an array of polygons."""
     wide = LETTER * words.size * max(len(words.text), 1) / 2.0 + _PAD
     high = words.size * 0.6 + _PAD
-    (x, y) = words.at
-    area = box(x - wide, y - high, x + wide, y + high)
-    # The page's y looks down, so a turn to the left there is one to the right here.
-    return affinity.rotate(area, -words.turn, origin=(x, y)) if words.turn else area
-
-
-def _share(text: Any, other: Any) -> float:
-    """Return how much of the smaller of two areas lies in the other."""
-    smaller = min(text.area, other.area)
-    return float(text.intersection(other).area / smaller) if smaller > 0.0 else 0.0
+    at_x, at_y = np.array(places, dtype=np.float64).T[:, :, None]
+    x = at_x + np.array((wide, wide, -wide, -wide))
+    y = at_y + np.array((-high, high, high, -high))
+    if words.turn:
+        # The page's y looks down, so a turn to the left there is one to the right here.
+        angle = math.radians(-words.turn)
+        along, across = math.cos(angle), math.sin(angle)
+        x, y = (
+            along * x - across * y + (at_x - at_x * along + at_y * across),
+            across * x + along * y + (at_y - at_x * across - at_y * along),
+        )
+    return shapely.polygons(np.stack([x, y], axis=2))
 
 
 def _areas(item: DrawingItem) -> list[Any]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import numpy as np
 import shapely
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Polygon
 
 from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Point2
@@ -40,13 +42,13 @@ def floors(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return the free floor: spaces and the passages between them."""
     areas = [Polygon(r.outline) for r in scene.regions]
     areas += [Polygon(d.footprint) for d in scene.doorways]
-    return [Shape(_rings(_union(areas), page), fill=FLOOR)] if areas else []
+    return [Shape(_rings(_union(tuple(areas)), page), fill=FLOOR)] if areas else []
 
 
 def walls(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return what stands still: low things and sills in light, what is cut in dark."""
-    low = [Polygon(s.polygon) for s in scene.solids if is_below(s)]
-    cut = [Polygon(ring) for ring in solid_rings(scene, CUT)]
+    low = tuple(Polygon(s.polygon) for s in scene.solids if is_below(s))
+    cut = tuple(Polygon(ring) for ring in solid_rings(scene, CUT))
     items: list[DrawingItem] = []
     if low:
         items.append(Shape(_rings(_union(low), page), fill=LOW, line=SOFT, width=0.6))
@@ -81,8 +83,8 @@ def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
     room = (0.86 * length * page.scale, 0.7 * breadth * page.scale)
     size = max(min(15.0, room[0] / (LETTER * max(len(text), 1)), room[1]), 6.5)
     middle = corners[:4].mean(axis=0)
-    spots = [middle + long * a + short * b for a in _ALONG for b in _ACROSS]
-    inside = [(float(x), float(y)) for x, y in spots if floor.contains(Point(x, y))]
+    spots = np.array([middle + long * a + short * b for a in _ALONG for b in _ACROSS])
+    inside = spots[shapely.contains_xy(floor, spots)].tolist()
     at = shapely.get_point(shapely.maximum_inscribed_circle(floor, tolerance=0.01), 0)
     words = TextLabel(
         page.point((at.x, at.y)),
@@ -96,7 +98,9 @@ def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
     return labels.place(words, map(page.point, inside or [(at.x, at.y)]))
 
 
-def _union(areas: list[Polygon]) -> Any:
+# Kept: pictures of runs and scenarios come by the dozen, and few of them differ in the building.
+@functools.lru_cache(maxsize=8)
+def _union(areas: tuple[Polygon, ...]) -> Any:
     # Snapped to a grid: pieces of walls that meet within rounding would show hairlines between
     # them.
     return shapely.union_all(areas, grid_size=_GRID)

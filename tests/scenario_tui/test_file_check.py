@@ -9,7 +9,9 @@ import pytest
 
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import plan_document
+from grammars.scenery import load_scenery
 from scenario_tui.file_check import check_file
+from templates.jsonld import write_jsonld
 
 
 @pytest.mark.parametrize(
@@ -37,6 +39,19 @@ def test_a_json_ld_graph_is_checked_as_a_whole(campaigns: Path, tmp_path: Path) 
     path.write_text(damaged)
     found = check_file(path)[1]
     assert any("nowhere-frame" in d.message for d in found)
+
+
+def test_a_folder_of_json_ld_files_is_checked_as_a_whole(campaigns: Path, tmp_path: Path) -> None:
+    plan = load_floorplan(campaigns / "demo" / "flat.fpm")
+    write_jsonld(plan, tmp_path / "flat", [load_scenery(campaigns / "demo" / "doors.scenery")])
+    assert check_file(tmp_path / "flat") == ("JSON-LD graph", ())
+    assert check_file(tmp_path / "flat" / "skeleton.json") == ("JSON-LD graph", ())
+    assert check_file(tmp_path / "flat" / "objects.json") == ("JSON-LD graph", ())
+    (tmp_path / "flat" / "shape.json").unlink()
+    found = check_file(tmp_path / "flat")[1]
+    assert any("hall-polygon, which does not exist" in d.message for d in found)
+    (tmp_path / "nothing").mkdir()
+    assert check_file(tmp_path / "nothing")[1][0].message == "is a folder"
 
 
 def test_an_unknown_kind_of_file_says_what_is_known(tmp_path: Path) -> None:

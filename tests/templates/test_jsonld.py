@@ -20,10 +20,10 @@ def test_a_scenario_written_as_jsonld_is_the_same_scene(campaigns: Path, tmp_pat
     assert [path.name for path in written] == [
         *("skeleton.json", "shape.json", "polyhedron.json"),
         *("spatial_relations.json", "coordinate.json", "floorplan.json"),
-        *("flat.jsonld", "doors.scenery.jsonld", "doors_open.scenery.jsonld"),
+        *("flat.jsonld", "objects.json", "doors.scenery.jsonld", "doors_open.scenery.jsonld"),
     ]
     back = [load_scenery_jsonld(path) for path in written[-2:]]
-    scene = compile_scene(load_floorplan_jsonld(written[-3]), back)
+    scene = compile_scene(load_floorplan_jsonld(written[6]), back)
     assert scene.digest == compile_scene(plan, layers).digest
 
 

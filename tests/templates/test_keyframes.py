@@ -3,7 +3,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames
+from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Spring, Trigger
 from templates.sdf import behaviour_by_joint, write_keyframes
 from templates.world import BehaviourDraw
 from tests.templates.worlds import BEHAVIOURS, job, scene
@@ -41,6 +41,18 @@ def test_frames_stay_as_they_are_listed() -> None:
 def test_a_first_frame_at_the_start_is_kept() -> None:
     act = KeyFrames("slider.rail", (KeyFrame(0.0, 0.5), KeyFrame(4.0, 1.0)), Jump())
     assert behaviour_by_joint(scene(), (act,))["slider.rail"] == act
+
+
+def test_what_is_pulled_or_held_begins_where_it_starts(tmp_path: Path) -> None:
+    acts = (
+        Trigger("entrance.hinge", 1.4, 0.0, 1.3, Spring(0.5, 0.0), begin=0.7),
+        Hold("slider.rail", 0.5),
+    )
+    write_keyframes(job(tmp_path, "errand", BehaviourDraw("", acts)))
+    assert frames(tmp_path / "keyframes/entrance.json") == [{"position": 0.7, "time": 0.0}]
+    assert frames(tmp_path / "keyframes/era/entrance.json") == [{"pose": 0.7, "time": 0.0}]
+    assert frames(tmp_path / "keyframes/slider.json") == [{"position": 0.5, "time": 0.0}]
+    assert not (tmp_path / "keyframes/era/slider.json").exists()
 
 
 def test_only_joints_that_can_move_do_something() -> None:

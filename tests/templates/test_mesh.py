@@ -15,7 +15,7 @@ from grammars.floorplan import load_floorplan
 from grammars.model.geometry import Pose2, Ring
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition import compile_scene
-from templates.mesh import WallMesh, wall_mesh, write_glb, write_stl
+from templates.mesh import WallMesh, glb_bytes, stl_bytes, wall_mesh
 from tests.templates.test_occupancy import box, two_rooms
 
 
@@ -116,8 +116,9 @@ def test_any_heap_of_blocks_has_the_volume_of_its_union(
 def test_building_c_stays_watertight_in_both_formats(campaigns: Path, tmp_path: Path) -> None:
     scene = compile_scene(load_floorplan(campaigns / "ortega2024" / "building_c.fpm"))
     mesh = wall_mesh(scene)
-    stl = write_stl(mesh, tmp_path / "c.stl")
-    glb = write_glb(mesh, tmp_path / "c.glb", name="c")
+    stl, glb = tmp_path / "c.stl", tmp_path / "c.glb"
+    stl.write_bytes(stl_bytes(mesh))
+    glb.write_bytes(glb_bytes(mesh, name="c"))
     low, high = surface(mesh).bounds
     for path in (stl, glb):
         body = trimesh.load(path, force="mesh")
@@ -128,8 +129,8 @@ def test_building_c_stays_watertight_in_both_formats(campaigns: Path, tmp_path: 
     upright = [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]]
     assert np.allclose(trimesh.load(glb, force="mesh").bounds, upright, atol=1e-4)
     again = wall_mesh(scene)
-    assert write_stl(again, tmp_path / "d.stl").read_bytes() == stl.read_bytes()
-    assert write_glb(again, tmp_path / "d.glb", name="c").read_bytes() == glb.read_bytes()
+    assert stl_bytes(again) == stl.read_bytes()
+    assert glb_bytes(again, name="c") == glb.read_bytes()
 
 
 def test_published_plans_give_watertight_walls(reference_data: Path) -> None:

@@ -74,7 +74,8 @@ def test_objects_stand_where_the_scene_has_them(tmp_path: Path) -> None:
 
 def test_classic_worlds_use_the_plugins_of_2024(tmp_path: Path) -> None:
     world = exported(tmp_path)["worlds/errand.world"]
-    (trigger,) = include(world, "entrance").iter("plugin")
+    start, trigger = include(world, "entrance").iter("plugin")
+    assert tags(start) == {"joint": "hinge", "uri": "keyframes/era/entrance.json"}
     assert trigger.get("filename") == "libadversarial_joint_plugin.so"
     assert tags(trigger) == {"joint": "hinge", "x": "1.4", "near": "1.3", "y": "0"}
     (timed,) = include(world, "slider").iter("plugin")
@@ -96,6 +97,10 @@ def test_worlds_for_gz_sim_use_the_present_plugins(tmp_path: Path) -> None:
         "end_joint_angle": "0",
         "target": "cart",
     }
+    assert tags(plugins["gz::TimedJointStateChangePlugin"]) == {
+        "joint": "hinge",
+        "uri": "file://keyframes/entrance.json",
+    }
     controller = tags(plugins["gz::sim::systems::JointPositionController"])
     assert controller["joint_name"] == "hinge"
     assert controller["initial_position"] == "1.4"
@@ -107,6 +112,7 @@ def test_worlds_for_gz_sim_use_the_present_plugins(tmp_path: Path) -> None:
     held = exported(tmp_path, BehaviourDraw("", OTHERS))["worlds/errand.sdf"]
     names = {p.get("name"): p for p in include(held, "entrance").iter("plugin")}
     assert tags(names["gz::InitialJointStatePlugin"]) == {"joint": "hinge", "position": "1.7"}
+    assert "gz::TimedJointStateChangePlugin" in names
 
 
 def test_a_free_door_starts_where_the_scene_has_it(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ from daemon.model.attachments import FILES_PARAMETER, attached_digests, resolve_
 from daemon.model.spec import RunSpec, SutReference
 from daemon.run_map import stored_map
 from daemon.stacks.ros2.keys import ROS2_KEYS
-from grammars.jsonld import plan_document, scenery_document
+from grammars.jsonld import is_jsonld, plan_document, scenery_document
 from grammars.model.map_files import write_map
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
@@ -129,10 +129,13 @@ def _plan(case: RunCase, folder: _Folder) -> str:
     scenario = case.cell.scenario
     # A variant has no file of its own: it is drawn from the variation layer, whose draws must not
     # be repeated by who gets the folder.
-    if scenario.vary is not None:
+    source = None
+    if scenario.vary is None:
+        source = find_layer(case.folder, _required(scenario.floorplan), FLOORPLAN)
+    # A plan of several JSON-LD files becomes one.
+    if source is None or (is_jsonld(source) and source.suffix != ".jsonld"):
         text = json.dumps(plan_document(case.cell.plan), indent=1)
         return folder.write(f"{case.cell.plan.name}.jsonld", text)
-    source = find_layer(case.folder, _required(scenario.floorplan), FLOORPLAN)
     return folder.write(source.name, source.read_text(encoding="utf-8"))
 
 
@@ -143,7 +146,7 @@ def _objects(case: RunCase, smallest: Candidate, folder: _Folder) -> list[tuple[
     layers = reduce_layers(tuple(whole.values()), names)
     written, loaded = [], []
     for layer in layers:
-        if Path(layer.file).suffix != ".jsonld":
+        if not is_jsonld(Path(layer.file)):
             text = layer_text(layer, whole[layer.file])
             written.append((folder.write(f"{layer.name}.scenery", text), True))
             loaded.append(load_scenery(folder.path / written[-1][0]))

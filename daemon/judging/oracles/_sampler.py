@@ -23,6 +23,12 @@ from daemon.judging.oracles._clearance import (
     obstacles_named,
     obstacles_of,
 )
+from daemon.judging.oracles._distance import (
+    distance_series,
+    inside_series,
+    place_distance_series,
+    place_outline,
+)
 from daemon.judging.oracles._series import (
     RECORDED_SIGNALS,
     LocalisationSignals,
@@ -36,6 +42,7 @@ from daemon.model.verdicts import Evidence, MarginInterval
 from daemon.trace import Trace
 from grammars.model.geometry import Floats
 from grammars.oracle import (
+    ROBOT,
     SIGNALS,
     CustomCall,
     JointReference,
@@ -45,13 +52,11 @@ from grammars.oracle import (
     custom_signal,
     custom_signal_names,
     object_signals,
+    obstacle_names,
 )
 from grammars.text.plugins import explain_plugin_error
 
 T = TypeVar("T")
-
-ROBOT = "robot"
-"""What recorded contacts call the robot's body."""
 
 
 class PluginError(Exception):
@@ -222,6 +227,10 @@ class SignalSampler:
             return self._localisation.sample(name)
         if name == "clearance":
             return self._clearance(thing, arguments)
+        if name == "distance":
+            return self._distance(thing)
+        if name == "in":
+            return inside_series(place_outline(self.trace.scene, thing), self.poses, thing)
         if name.startswith("contact"):
             depth, objects, names = self._contacts(thing)
             values = depth if name == "contact.depth" else (objects >= 0).astype(np.float64)
@@ -246,6 +255,14 @@ class SignalSampler:
             centre, half = footprint_box(self.trace.spec.robot.footprint)
         obstacles = obstacles_named(self.obstacles, thing) if thing else self.obstacles
         return box_clearance_series(obstacles, self.poses, centre=centre, half=half)
+
+    def _distance(self, thing: str) -> SignalSeries:
+        footprint = self.trace.spec.robot.footprint
+        if thing in obstacle_names(self.trace.scene):
+            named = obstacles_named(self.obstacles, thing)
+            return distance_series(named, self.poses, footprint)
+        outline = place_outline(self.trace.scene, thing)
+        return place_distance_series(outline, self.poses, footprint, thing)
 
     @functools.cached_property
     def obstacles(self) -> ObstaclePolygons:

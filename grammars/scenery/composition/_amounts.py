@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -101,9 +102,12 @@ def _single(
     kind = next(j for j in (model.joints if joint else own) if not joint or j.name == joint)
     value = require_dimension(given, "angle" if kind.kind == "revolute" else "length")
     if not kind.lower - _TOLERANCE <= value <= kind.upper + _TOLERANCE:
-        unit = "rad" if kind.kind == "revolute" else "m"
+        unit, factor = "rad" if kind.kind == "revolute" else "m", 1.0
+        # In the unit of whoever wrote it.
+        if unit == "rad" and "deg" in given.text:
+            unit, factor = "deg", math.degrees(1.0)
         message = f"{given.text} is outside the limits of {body.name}.{kind.name}"
-        hint = f"between {kind.lower:g} {unit} and {kind.upper:g} {unit}"
+        hint = f"between {kind.lower * factor:g} {unit} and {kind.upper * factor:g} {unit}"
         raise InputError.at(where, message, hint)
     return {kind.name: _in_scene(body, kind.name, value)}
 

@@ -15,6 +15,7 @@ from grammars.floorplan import load_floorplan
 from grammars.jsonld import plan_document, scenery_document
 from grammars.scenery import load_scenery
 from grammars.text.diagnostics import InputError, Severity
+from templates.jsonld import write_jsonld
 
 CAMPAIGN = """\
 campaign: tiny
@@ -154,7 +155,7 @@ def test_random_doors_are_drawn_per_repeat_or_once(campaigns: Path, tmp_path: Pa
         ("repeats: 2", "repeat: 2", ['unknown key "repeat"', '"repeats"?']),
         ("campaign: tiny", "campaign: ../tiny", ["tiny.yaml:1:1: campaign: must be letters"]),
         ("campaign: tiny", "campaign: v1.2", ["tiny.yaml:1:1: campaign: must be letters"]),
-        ("mission: courier", "", ['scenario "calm" names no mission']),
+        ("mission: courier", "", ["tiny.yaml:8:1: no scenario names a mission"]),
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(
@@ -257,6 +258,17 @@ def test_layers_written_as_json_ld_make_the_same_runs(folder: Path) -> None:
     written = expand(load_campaign(write(folder, CAMPAIGN))).scenes[0]
     read = expand(load_campaign(write(folder, text))).scenes[0]
     assert read == written
+
+
+def test_a_folder_of_json_ld_files_is_a_layer(folder: Path) -> None:
+    """As exports of ours and published models are; one of its files names it as well."""
+    plan, doors = load_floorplan(folder / "flat.fpm"), load_scenery(folder / "doors.scenery")
+    write_jsonld(plan, folder / "floorplans" / "house", [doors])
+    written = expand(load_campaign(write(folder, CAMPAIGN))).scenes[0]
+    for name in ("house", "floorplans/house", "floorplans/house/shape.json"):
+        text = CAMPAIGN.replace("floorplan: flat", f"floorplan: {name}")
+        text = text.replace("objects: doors", "objects: floorplans/house/objects.json")
+        assert expand(load_campaign(write(folder, text))).scenes[0] == written
 
 
 def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(

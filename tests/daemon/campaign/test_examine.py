@@ -86,7 +86,7 @@ def test_errors_of_all_kinds_come_at_once_and_once(folder: Path) -> None:
         "doors.sceneryE the leaf of kitchen_door reaches 2.20 m high, kitchen_doorway only 2.00 m",
         'house.oracles.yamlE unknown signal "clearence"',
         'tiny.yamlE no system under test "pilto": there is no pilto.yaml beside the campaign nor '
-        "in suts/",
+        "in suts/, and none of that name ships",
         'tiny.yamlE unknown key "colour"',
         'tiny.yamlE unknown key "objcts"',
     ]
@@ -172,6 +172,17 @@ def test_an_object_without_a_place_hides_no_other_one(folder: Path) -> None:
         ("tiny.yaml", "like: calm", "like: calm\n    floorplan: flat\n    "
          "vary: {floorplan: flat, samples: 1}",
          "tiny.yaml:16 W not used: the plans are variants of flat"),
+        ("tiny.yaml", "scenarios:", "defaults: {robot: shuttle, map: {doors: initial}}\nscenarios:",
+         "tiny.yaml:4 W no scenario uses the robot courier, each names another"),
+        ("tiny.yaml", "scenarios:", "map: {doors: none}\ndefaults: {map: {doors: initial}}\n"
+         "scenarios:", "tiny.yaml:7 W no scenario uses the map said for all, each has another"),
+        ("tiny.yaml", "scenarios:", "defaults: {mission: courier, limit: 2 min}\nscenarios:",
+         "tiny.yaml:7 W no scenario uses the mission said for all, each has another"),
+        ("tiny.yaml", "scenarios:",
+         "defaults: {floorplan: flat, vary: {floorplan: flat, samples: 1}}\nscenarios:",
+         "tiny.yaml:7 W not used: the plans are variants of flat"),
+        ("tiny.yaml", "scenarios:", "defaults: {limit: 10 s}\nscenarios:",
+         "tiny.yaml:7 W 10 s are too short for mission courier: it takes pilot at least "),
         ("tiny.yaml", "like: calm", "like: calm\n    limit: 10 s",
          "tiny.yaml:16 W 10 s are too short for mission courier: it takes pilot at least "),
     ],
@@ -182,6 +193,27 @@ def test_what_has_no_effect_is_told(
     change(folder, layer, (old, new))
     found = said(folder)
     assert any(text.startswith(expected) for text in found), found
+
+
+@pytest.mark.parametrize("wrong", ["defaults: {objects: 5}", "objects: doors", "default: {a: 1}"])
+def test_what_could_not_be_read_for_all_scenarios_is_missed_in_none(
+    folder: Path, wrong: str
+) -> None:
+    change(folder, "tiny.yaml", ("scenarios:", f"{wrong}\nscenarios:"))
+    change(folder, "tiny.yaml", ("    objects: [doors, more]\n", ""))
+    change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
+    found = [text.split(" ")[0] for text in said(folder)]
+    assert found == ["tiny.yaml:7", "courier.mission.yaml:6"]
+
+
+def test_a_scenario_that_could_not_be_read_is_not_missed(folder: Path) -> None:
+    change(folder, "tiny.yaml", ("  second:", "  odd: 5\n  third: {like: odd}\n  second:"))
+    assert [text.split(" ")[0] for text in said(folder)] == ["tiny.yaml:14"]
+
+
+def test_what_all_scenarios_lack_is_said_once(folder: Path) -> None:
+    change(folder, "tiny.yaml", ("    mission: courier\n", ""))
+    assert said(folder) == ["tiny.yaml:7 E no scenario names a mission"]
 
 
 def test_oracles_that_another_campaign_may_use_are_an_offer(folder: Path) -> None:

@@ -161,7 +161,7 @@ def test_a_graph_that_went_through_n_triples_is_the_same_scene() -> None:
 
 def test_the_structural_rules_are_those_of_the_shapes() -> None:
     """After a change of the shapes: ``python -m grammars.jsonld.rdf``."""
-    from grammars.jsonld._rules import REFERENCES_FILE
+    from grammars.jsonld._references import REFERENCES_FILE
     from grammars.jsonld.rdf import references_text
 
     assert REFERENCES_FILE.read_text(encoding="utf-8") == references_text()

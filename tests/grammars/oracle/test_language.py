@@ -354,4 +354,25 @@ def test_what_is_long_or_deep_but_no_more_than_allowed_is_read() -> None:
 
 def test_every_declared_signal_can_be_used() -> None:
     for name, kind in SIGNALS.items():
-        parse(f"never({name})" if kind.dimension is None else f"max({name})")
+        signal = f"{name}(robot, door-17)" if kind.relates else name
+        parse(f"never({signal})" if kind.dimension is None else f"max({signal})")
+
+
+@pytest.mark.parametrize(
+    ("text", "example"),
+    [
+        ("max(distance)", "distance(robot, kitchen_door)"),
+        ("max(distance(door-17))", "distance(robot, door-17)"),
+        ("max(distance(door-17, robot))", "distance(robot, door-17)"),
+        ("max(distance(robot, 1 m))", "distance(robot, kitchen_door)"),
+        ("max(distance(robot, door-17, 1 m))", "distance(robot, door-17)"),
+        ("max(distance(robot, robot))", "distance(robot, kitchen_door)"),
+        ("never(in(hall))", "in(robot, hall)"),
+    ],
+)
+def test_a_relation_names_the_robot_and_one_thing(text: str, example: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse(text)
+    (found,) = caught.value.diagnostics
+    assert "takes the robot and what it is related to" in found.message
+    assert found.hint == f"such as: {example}"

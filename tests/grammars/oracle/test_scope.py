@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
+from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from grammars.oracle import check_references, object_signals, parse_oracle, signals_of
 from grammars.text.diagnostics import Where
 
@@ -37,9 +39,9 @@ SCENE = Scene(
 SOMEWHERE = Mission("m", Pose2(), (Waypoint("a", 1.0, 0.0),))
 
 
-def findings(text: str, mission: Mission = SOMEWHERE) -> list[str]:
+def findings(text: str, mission: Mission = SOMEWHERE, scene: Scene = SCENE) -> list[str]:
     oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
-    return [str(d) for d in check_references(oracle, SCENE, mission)]
+    return [str(d) for d in check_references(oracle, scene, mission)]
 
 
 @pytest.mark.parametrize(
@@ -71,6 +73,34 @@ def test_a_joint_is_asked_for_what_it_has(name: str) -> None:
 @pytest.mark.parametrize("name", ["door-17", "door-17.leaf", "gate", "wall-3"])
 def test_clearance_and_contact_can_be_about_one_thing(name: str) -> None:
     assert findings(f"never(contact({name}) or clearance({name}) < 1 m)") == []
+
+
+PLACES = replace(
+    SCENE,
+    regions=(Region("kitchen", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))),),
+    doorways=(Doorway("way", Pose2(), ((0.0, 0.0), (1.0, 0.0), (1.0, 0.1)), 1.0, 0.0, 2.0),),
+)
+
+
+@pytest.mark.parametrize("name", ["door-17", "door-17.leaf", "gate", "wall-3", "kitchen", "way"])
+def test_the_robot_can_be_related_to_things_and_places(name: str) -> None:
+    assert findings(f"max(distance(robot, {name}))", scene=PLACES) == []
+    inside = findings(f"never(in(robot, {name}))", scene=PLACES)
+    assert bool(inside) is (name not in ("kitchen", "way"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "hint"),
+    [
+        ("max(distance(robot, kitchn))", 'no "kitchn" in scene "hall"', '"kitchen"?'),
+        ("never(in(robot, gate))", '"gate" is no space or doorway, which in(robot, …)', "way"),
+        ("never(contact(kitchen))", '"kitchen" is a part of the floor, not an object', "gate"),
+    ],
+)
+def test_what_is_no_such_thing_is_said(text: str, message: str, hint: str) -> None:
+    (found,) = findings(text, scene=PLACES)
+    assert message in found
+    assert hint in found
 
 
 def test_an_unknown_thing_is_found_before_any_run() -> None:

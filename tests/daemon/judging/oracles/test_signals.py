@@ -49,7 +49,11 @@ def full() -> Trace:
     )
 
 
-@pytest.mark.parametrize("name", [*SIGNALS, *object_signals(CORRIDOR)])
+ALONE = [name for name, declared in SIGNALS.items() if not declared.relates]
+"""Signals that need no arguments; the others are those of test_distance.py."""
+
+
+@pytest.mark.parametrize("name", [*ALONE, *object_signals(CORRIDOR)])
 def test_every_signal_of_the_registry_is_sampled(name: str) -> None:
     trace = full()
     found = SignalSampler(trace).sample(Signal(name))

@@ -223,6 +223,7 @@ MESSAGES = {
     "every dor stays open": 'there is no group or object model "dor"',
     "a stays opn": 'a: hinged_door has no state "opn"\n    did you mean "open"?',
     "a stays at 2.5 rad": "2.5 rad is outside the limits of a.hinge",
+    "a stays at 200 deg": "200 deg is outside the limits of a.hinge\n    between 0 deg and",
     "a stays at 1 m": "an angle is needed here, 1 m is a length",
     "c stays at 1 rad": "a length is needed here, 1 rad is an angle",
     "a goes from open to closed when the robot is within near of its leaf": (

@@ -1,0 +1,74 @@
+"""How a campaign file names layers: one, several, some with values for what they leave open.
+
+Whatever else is written there is answered with one finding in plain words.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import BeforeValidator, Field, PlainValidator
+
+from grammars.text.documents import wrong_form
+
+Overrides: TypeAlias = dict[str, Any]
+_OneLayer: TypeAlias = Annotated[
+    dict[str, Overrides], Field(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+]
+
+
+def _layer(value: Any) -> Any:
+    """Take the name of a layer, alone or with overrides; raises ``ValueError`` in plain words."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list):
+        raise ValueError("takes one layer here, not a list: write its name without brackets")
+    if not isinstance(value, dict) or not value:
+        kind = "nothing" if not value else "true or false" if value is True else "a number"
+        raise ValueError(f"must be NAME or NAME: {{parameter: value}}, not {kind}")
+    for name, overrides in value.items():
+        if overrides is None:
+            raise ValueError(f'"{name}:" has no values behind it: without any, write {name}')
+        if not isinstance(overrides, dict):
+            given = " ".join(str(overrides).split())[:40]
+            raise ValueError(f"write {name}: {{parameter: value}}, not {name}: {given}")
+    return value
+
+
+LayerName: TypeAlias = Annotated[
+    str | dict[str, Overrides],
+    # Plain: a union would report each of its members, in words about Python.
+    PlainValidator(_layer, json_schema_input_type=str | _OneLayer),
+]
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+def _name_alone(value: Any) -> Any:
+    """Refuse what is no name but may hold one."""
+    if isinstance(value, list):
+        raise wrong_form("takes one name, not a list: write it without brackets")
+    if isinstance(value, dict):
+        raise wrong_form("takes a name, not keys: what is named has a file of its own")
+    if value is None:
+        raise wrong_form("names nothing")
+    return value
+
+
+def _no_mapping(value: Any) -> Any:
+    if isinstance(value, dict):
+        raise wrong_form("takes names, not keys: what is named has a file of its own")
+    return value
+
+
+OneName: TypeAlias = Annotated[str, BeforeValidator(_name_alone, json_schema_input_type=str)]
+Names: TypeAlias = Annotated[
+    list[OneName],
+    BeforeValidator(_as_list, json_schema_input_type=str | list[str]),
+    BeforeValidator(_no_mapping, json_schema_input_type=str | list[str]),
+]
+References: TypeAlias = Annotated[
+    list[LayerName], BeforeValidator(_as_list, json_schema_input_type=LayerName | list[LayerName])
+]

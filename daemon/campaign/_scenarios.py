@@ -1,0 +1,299 @@
+"""The scenarios of a campaign file: what each inherits, which layers it names.
+
+Every value names a layer file. Keys at the top of the file hold for all scenarios, those below
+``defaults`` over them; a scenario that is ``like`` another is that scenario except for the slots
+written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracles+`` and
+``behaviours+`` add to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Literal
+
+from daemon.campaign._file import (
+    CampaignFile,
+    Chance,
+    MapText,
+    SlotsText,
+    VaryText,
+)
+from daemon.campaign._names import LayerName, Overrides
+from daemon.model.spec import MapSettings
+from grammars.oracle import Oracle
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
+from grammars.text.documents import YamlDocument
+
+
+@dataclass(frozen=True, slots=True)
+class LayerReference:
+    """A layer by name, with the overrides written beside it and where it stands."""
+
+    name: str
+    overrides: Overrides
+    where: Where
+
+
+@dataclass(frozen=True, slots=True)
+class PlanVariation:
+    """Run the scenario in variants of its floor plan: ``floorplan`` names a variation layer."""
+
+    floorplan: LayerReference
+    samples: int | None
+    cover: Literal["random", "grid", "halton", "lhs", "pairwise"]
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class ResolvedScenario:
+    """A scenario after inheritance: every slot filled, nothing loaded yet.
+
+    ``chance`` says whether random behaviours are drawn anew for each repeat or once. With a
+    ``map_file`` the map is that file's, else it is drawn as ``map`` says.
+    """
+
+    name: str
+    where: Where
+    about: str = ""
+    floorplan: LayerReference | None = None
+    objects: tuple[LayerReference, ...] = ()
+    behaviours: tuple[LayerReference, ...] = ()
+    mission: LayerReference | None = None
+    robot: LayerReference | None = None
+    suts: tuple[LayerReference, ...] = ()
+    oracles: tuple[LayerReference, ...] = ()
+    map: MapSettings = field(default_factory=MapSettings)
+    map_file: LayerReference | None = None
+    vary: PlanVariation | None = None
+    chance: Chance = "per repeat"
+    limit: float = 0.0
+
+
+def resolve_scenario(
+    name: str, text: CampaignFile, document: YamlDocument, seen: tuple[str, ...] = ()
+) -> ResolvedScenario:
+    """Return a scenario with what it inherits; raises :class:`InputError`.
+
+    ``seen`` are the scenarios that are like this one.
+    """
+    scenario, path = text.scenarios[name], ("scenarios", name)
+    where = document.where(path)
+    if scenario.like is None:
+        base = _overlay(
+            _from_the_top(name, where, text, document), text.defaults, document, ("defaults",)
+        )
+        varied = _vary(text.defaults.vary, ("defaults", "vary"), text, document)
+        base = replace(base, vary=varied or base.vary)
+    else:
+        like_at = document.where((*path, "like"))
+        # In the order in which people would follow it, to be read as a chain.
+        if scenario.like in (*seen, name):
+            chain = " -> ".join((*seen, name, scenario.like))
+            raise InputError(Diagnostic(like_at, f"scenarios are like each other: {chain}"))
+        if scenario.like not in text.scenarios:
+            hint = did_you_mean(scenario.like, text.scenarios)
+            raise InputError(Diagnostic(like_at, f'no scenario "{scenario.like}" here', hint))
+        base = resolve_scenario(scenario.like, text, document, (*seen, name))
+    # The seed of variants that names none is the campaign's, also where the slot is inherited.
+    varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
+    renamed = replace(base, name=name, where=where, vary=varied)
+    return _overlay(renamed, scenario, document, path)
+
+
+def bases_of(name: str, text: CampaignFile) -> Iterator[str]:
+    """Yield the scenarios of the file that one is like, directly or through others."""
+    seen = {name}
+    base = text.scenarios[name].like
+    while base in text.scenarios and base not in seen:
+        yield base
+        seen.add(base)
+        base = text.scenarios[base].like
+
+
+def limit_place(name: str, text: CampaignFile, document: YamlDocument) -> Where:
+    """Return where the limit of a scenario is written: in it, in one it is like, or for all."""
+    for scenario in (name, *bases_of(name, text)):
+        if text.scenarios[scenario].limit is not None:
+            return document.where(("scenarios", scenario, "limit"))
+    return document.where(("limit",) if text.defaults.limit is None else ("defaults", "limit"))
+
+
+def _from_the_top(
+    name: str, where: Where, text: CampaignFile, document: YamlDocument
+) -> ResolvedScenario:
+    robot = LayerReference(text.robot, {}, document.where(("robot",))) if text.robot else None
+    suts = _references(text.matrix.sut if text.matrix else [], ("matrix", "sut"), document)
+    return ResolvedScenario(
+        name,
+        where,
+        robot=robot,
+        suts=suts,
+        map=text.map.settings(),
+        map_file=_map_file(text.map, ("map", "file"), document),
+        vary=_vary(text.vary, ("vary",), text, document),
+        chance=text.chance,
+        limit=text.limit,
+    )
+
+
+def _vary(
+    written: VaryText | None, path: tuple[str, ...], text: CampaignFile, document: YamlDocument
+) -> PlanVariation | None:
+    if written is None:
+        return None
+    where = document.where((*path, "floorplan"))
+    seed = text.seed % 2**32 if written.seed is None else written.seed
+    return PlanVariation(
+        LayerReference(written.floorplan, {}, where), written.samples, written.cover, seed
+    )
+
+
+_LISTS: Final = {"sut": "suts"} | {key: key for key in ("objects", "behaviours", "oracles")}
+"""Slots that hold several layers, by the key people write."""
+
+
+def _overlay(
+    base: ResolvedScenario, scenario: SlotsText, document: YamlDocument, path: tuple[str, ...]
+) -> ResolvedScenario:
+    """Return ``base`` with the slots of ``scenario`` over it, but for the variants of its plan."""
+    changes: dict[str, Any] = {}
+    if scenario.floorplan is not None:
+        where = document.where((*path, "floorplan"))
+        changes["floorplan"] = _reference(scenario.floorplan, where)
+    for slot in ("mission", "robot"):
+        value = getattr(scenario, slot)
+        if value is not None:
+            changes[slot] = LayerReference(value, {}, document.where((*path, slot)))
+    # A list takes the place of the inherited one, the key with a plus adds to whichever holds:
+    # merging lists in silence is what surprises people elsewhere.
+    for key, slot in _LISTS.items():
+        value = getattr(scenario, key)
+        if value is not None:
+            changes[slot] = _references(value, (*path, key), document)
+    for slot in ("behaviours", "oracles"):
+        more = getattr(scenario, f"more_{slot}", None) or []
+        inherited = changes.get(slot, getattr(base, slot))
+        changes[slot] = inherited + _references(more, (*path, f"{slot}+"), document)
+    if scenario.map is not None:
+        changes["map"] = scenario.map.settings()
+        changes["map_file"] = _map_file(scenario.map, (*path, "map", "file"), document)
+    for slot in ("limit", "chance", "about"):
+        if getattr(scenario, slot, None):
+            changes[slot] = getattr(scenario, slot)
+    return replace(base, **changes)
+
+
+def _map_file(
+    written: MapText, path: tuple[str, ...], document: YamlDocument
+) -> LayerReference | None:
+    return LayerReference(written.file, {}, document.where(path)) if written.file else None
+
+
+def _references(
+    values: list[str] | list[LayerName], path: tuple[str, ...], document: YamlDocument
+) -> tuple[LayerReference, ...]:
+    return tuple(
+        _reference(value, document.where((*path, index))) for index, value in enumerate(values)
+    )
+
+
+def _reference(value: LayerName, where: Where) -> LayerReference:
+    if isinstance(value, str):
+        return LayerReference(value, {}, where)
+    if len(value) != 1:
+        hint = "write one list item per layer"
+        raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
+    ((name, overrides),) = value.items()
+    return LayerReference(name, overrides, where)
+
+
+_REQUIRED: Final = {
+    "floorplan": ("floorplan", 'write in the scenario, or under "defaults:" for all of them'),
+    "mission": ("mission", 'write in the scenario, or under "defaults:" for all of them'),
+    "robot": ("robot", "write at the top of the file, or in the scenario for that one alone"),
+    "suts": ("sut", "write at the top of the file"),
+    "oracles": ("oracles", 'write in the scenario, or under "defaults:" for all of them'),
+}
+"""Slots a scenario needs, each with the key people write and where."""
+_EXAMPLES: Final = {
+    "floorplan": "floorplan: flat (the file flat.fpm)",
+    "mission": "mission: courier (the file courier.mission.yaml)",
+    "robot": "robot: courier (`scenario layers` names those that ship)",
+    "suts": "matrix: {sut: [pilot]} (`scenario layers` names those that ship)",
+    "oracles": "oracles: [reached, no-contact]",
+}
+
+
+def missing_slots(
+    scenarios: Sequence[ResolvedScenario],
+    text: CampaignFile,
+    document: YamlDocument,
+    incomplete: Collection[str] = (),
+) -> list[Diagnostic]:
+    """Return an error for every slot that a scenario needs and nobody fills.
+
+    Those named in ``incomplete`` may have it where the file could not be read: it is not missed.
+    """
+    found = []
+    for slot, (key, place) in _REQUIRED.items():
+        missing = [
+            scenario
+            for scenario in scenarios
+            if scenario.name not in incomplete
+            and not getattr(scenario, slot)
+            and not (slot == "floorplan" and scenario.vary)
+        ]
+        hint = f"{place}: {_EXAMPLES[slot]}"
+        if slot == "oracles":
+            hint = f"{_oracle_files(text)}; which of their lines judge a scenario, {hint}"
+        if len(missing) == len(scenarios) > 1:
+            # What all of them lack is one mistake.
+            where = document.where(("scenarios",))
+            found.append(Diagnostic(where, f"no scenario names {_with_any(key)}", hint))
+            continue
+        found += [Diagnostic(s.where, f'scenario "{s.name}" names no {key}', hint) for s in missing]
+    return found
+
+
+def _with_any(key: str) -> str:
+    return key if key == "oracles" else with_article(key)
+
+
+def _oracle_files(text: CampaignFile) -> str:
+    if text.oracles:
+        named = ", ".join(text.oracles)
+        return f'"oracles: {named}" at the top names files that hold oracles'
+    return (
+        '"oracles: navigation" at the top of the file names navigation.oracles.yaml, '
+        "a file of lines such as: no-contact: never(contact)"
+    )
+
+
+def pick_oracles(
+    scenario: ResolvedScenario, pool: dict[str, Oracle], text: CampaignFile
+) -> tuple[Oracle, ...]:
+    """Return the oracles a scenario names, out of the ``pool`` of all the campaign has.
+
+    Raises :class:`InputError` for each it does not have.
+    """
+    unknown = [
+        Diagnostic(r.where, f'no oracle "{r.name}"', _oracle_hint(r.name, pool, text.oracles or []))
+        for r in scenario.oracles
+        if r.name not in pool
+    ]
+    if unknown:
+        raise InputError(unknown)
+    return tuple(pool[r.name] for r in scenario.oracles)
+
+
+def _oracle_hint(name: str, pool: dict[str, Oracle], files: Sequence[str]) -> str:
+    if not files:
+        return (
+            'write at the top of the campaign file in which file it stands, such as "oracles: '
+            'navigation" for navigation.oracles.yaml'
+        )
+    if name in files:
+        some = ", ".join(list(pool)[:3])
+        return f"that is a file: name lines of it here, such as: oracles: [{some}]"
+    return did_you_mean(name, pool)

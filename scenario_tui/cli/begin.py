@@ -1,0 +1,190 @@
+"""Commands to begin with: a new campaign, and what campaigns can name."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.completion import plan_files
+from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import Output, OutputPart, plain_table, report_diagnostics, say
+
+if TYPE_CHECKING:
+    from daemon.campaign import LayerKind
+    from templates.new_campaign import Errand
+
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
+
+
+class NewOutput(Output, schema="new"):
+    """A new campaign: its file, and all that was written for it."""
+
+    campaign: str
+    files: list[str]
+
+    def print(self) -> None:
+        """Print what to type next."""
+        from scenario_tui.cli.results import print_commands
+
+        print_commands(
+            (f"scenario check {self.campaign}", "find every problem before anything runs"),
+            (f"scenario run {self.campaign}", "run it here and now"),
+            ("scenario layers", "robots and systems under test it can name"),
+        )
+
+
+def new(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="NAME", help="Name of the campaign, and of the folder that is made for it."
+        ),
+    ],
+    floorplan: Annotated[
+        Path | None,
+        typer.Option(
+            "--floorplan",
+            metavar="FILE",
+            help="Begin with this building instead of a flat of its own.",
+            autocompletion=completion.files(plan_files),
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a small campaign that runs, to change into yours.
+
+    A flat with a door, a robot, a mission and oracles, every line explained; nothing is
+    overwritten.
+    """
+    from templates.new_campaign import new_campaign
+
+    name = folder.resolve().name
+    if not _NAME.fullmatch(name):
+        raise typer.BadParameter(
+            f'"{name}" cannot name a campaign: letters (a to z), digits, "_" and "-", beginning '
+            "with a letter or digit",
+            param_hint="NAME",
+        )
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise typer.BadParameter(
+            f"{folder} is there already, and nothing is overwritten: choose another name",
+            param_hint="NAME",
+        )
+    plan, errand = "", None
+    if floorplan is not None:
+        errand = _errand_in(floorplan)
+        plan = Path(os.path.relpath(floorplan, folder)).as_posix()
+    files = new_campaign(name, plan=plan, errand=errand)
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, text in files.items():
+        # Exclusively: whoever wrote there meanwhile keeps what they wrote.
+        with (folder / file).open("x", encoding="utf-8") as target:
+            target.write(text)
+    written = [shlex.quote(str(folder / file)) for file in files]
+    if not as_json:
+        say(f"wrote {len(files)} files to {folder}/: {', '.join(files)}")
+    NewOutput(written[0], written).show(as_json)
+
+
+def _errand_in(path: Path) -> Errand:
+    """Return start and waypoints in a building; raises ``InputError`` for what is none."""
+    from daemon.campaign import LayerLibrary, LayerReference
+    from grammars.scenery.composition import compile_scene
+    from grammars.text.diagnostics import InputError, Where
+    from templates.new_campaign import propose_errand
+
+    where = Where(str(path))
+    if not path.is_file():
+        raise InputError.at(where, "no such file", "--floorplan takes the file of a building")
+    library = LayerLibrary(path.parent)
+    plan = library.floorplan(LayerReference(path.name, {}, where))
+    report_diagnostics(library.warnings)
+    try:
+        return propose_errand(compile_scene(plan, ()))
+    except ValueError as error:
+        raise InputError.at(where, str(error)) from error
+
+
+class NamedLayer(OutputPart):
+    """A layer that a campaign can name; ``file`` is empty for one that ships."""
+
+    kind: str
+    name: str
+    about: str
+    file: str
+    ships: bool
+
+
+class LayersOutput(Output, schema="layers"):
+    """The layers that a campaign in a folder can name."""
+
+    folder: str
+    layers: list[NamedLayer]
+
+    def print(self) -> None:
+        """Print a table of them."""
+        from rich.text import Text
+
+        from scenario_tui.cli.output import stdout_console
+
+        table = plain_table("kind", "name", "about", "where")
+        before = ""
+        for layer in self.layers:
+            kind = "" if layer.kind == before else layer.kind
+            where = "ships" if layer.ships else layer.file
+            table.add_row(*map(Text, (kind, layer.name, layer.about, where)))
+            before = layer.kind
+        stdout_console().print(table)
+
+
+def layers(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", help="Where the campaign is.", file_okay=False, exists=True
+        ),
+    ] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """List what a campaign of a folder can name: robots, systems under test, plans, …
+
+    Those in the folder come first, then those in the folders that campaigns share, then those that
+    ship. Of several with one name the first counts.
+    """
+    from daemon.campaign import LAYER_KINDS
+
+    found = [layer for kind in LAYER_KINDS for layer in _layers_of(folder, kind)]
+    LayersOutput(str(folder), found).show(as_json)
+
+
+def _layers_of(folder: Path, kind: LayerKind) -> list[NamedLayer]:
+    from daemon.campaign import layer_names, layer_places
+    from grammars.text.shipped import shipped_folder
+
+    found: dict[str, NamedLayer] = {}
+    for place in layer_places(folder, kind):
+        ships = place.resolve().is_relative_to(shipped_folder()) and kind.ships
+        for name in sorted(layer_names(place, kind)):
+            path = place / f"{name}{kind.endings[0]}"
+            about = _about(path) if kind.key else ""
+            file = "" if ships else os.path.normpath(path)
+            found.setdefault(name, NamedLayer(kind.title, name, about, file, ships))
+    return list(found.values())
+
+
+def _about(path: Path) -> str:
+    """Return what a file says it is about."""
+    from grammars.text.diagnostics import InputError
+    from grammars.text.documents import load_yaml
+
+    try:
+        said = load_yaml(path).data.get("about", "")
+    except InputError as error:
+        return f"cannot be read: {error.diagnostics[0].message}"
+    return said if isinstance(said, str) else ""

@@ -1,0 +1,157 @@
+"""The files of a campaign to begin with: a flat of its own, or a building that is there already.
+
+What each line does stands beside it as a comment. In a building that is there, start and waypoints
+are put where a robot of usual size stands free.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import shapely
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from grammars.model.free_space import FreeSpace, valid_polygon
+from grammars.model.geometry import Point2, Pose2
+from grammars.model.mission import Waypoint
+from grammars.model.scene import Scene
+from templates.naming import file_name
+from templates.rendering import Templates
+
+_HEIGHT: Final = 0.35
+"""Of the robot that comes with a new campaign [m], as in robot.yaml.j2."""
+_CLEAR: Final = (0.6, 0.45, 0.35)
+"""How far from everything the robot is to stand [m], the best that leaves room: its footprint lies
+within 0.32 m of its base."""
+_PASSING: Final = 0.3
+"""Of the disc that must find a way between two places [m]; half the width of a narrow door."""
+_MOST_WAYPOINTS: Final = 4
+_PRECISION: Final = 0.05
+"""Of the place farthest from all walls [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """Where the robot starts, where it goes, and how long the straight way is [m]."""
+
+    start: Pose2
+    stops: tuple[Waypoint, ...]
+
+    @property
+    def length(self) -> float:
+        """Length of the straight way from stop to stop [m]."""
+        points = [(self.start.x, self.start.y), *((stop.x, stop.y) for stop in self.stops)]
+        return sum(math.dist(a, b) for a, b in itertools.pairwise(points))
+
+
+_OWN_ERRAND: Final = Errand(
+    Pose2(), (Waypoint("kitchen", 4.6, 0.8), Waypoint("window", -1.0, 1.8), Waypoint("home", 0, 0))
+)
+
+
+def propose_errand(scene: Scene) -> Errand:
+    """Return a start in the middle of the largest space, and waypoints in others it can reach.
+
+    In a building of one space the waypoints are far from the start and from each other. Raises
+    ``ValueError`` when there is no room for the robot anywhere.
+    """
+    free = FreeSpace(scene, _HEIGHT)
+    ways = free.for_radius(_PASSING)
+    if not ways.parts:
+        raise ValueError(f"nowhere in {scene.name} is room for a robot of {2 * _PASSING:g} m")
+    # All places lie in one part, so that there is a way from each to the next.
+    part = max(ways.parts, key=lambda area: float(area.area))
+    for clear in _CLEAR:
+        standing = free.area.buffer(-clear).intersection(part)
+        rooms = [
+            (region.name, standing.intersection(valid_polygon(region.outline)))
+            for region in scene.regions
+        ]
+        found = [(name, _middle(area)) for name, area in rooms if area.area > _PRECISION]
+        if found:
+            break
+    else:
+        raise ValueError(
+            f"nowhere in {scene.name} can a robot stand {_CLEAR[-1]:g} m off the walls"
+        )
+    areas = {name: area.area for name, area in rooms}
+    home, start = max(found, key=lambda named: areas[named[0]])
+    others = [named for named in found if named[0] != home][:_MOST_WAYPOINTS]
+    if not others:
+        others = [(f"stop_{i}", point) for i, point in enumerate(_far(standing, start), start=1)]
+    stops = [Waypoint(file_name(name), *_rounded(point)) for name, point in others]
+    x, y = _rounded(start)
+    return Errand(Pose2(x, y), (*stops, Waypoint("home", x, y)))
+
+
+def _rounded(point: Point2) -> Point2:
+    return round(point[0], 2), round(point[1], 2)
+
+
+def _middle(area: BaseGeometry) -> Point2:
+    """Return the place in the largest part of an area that is farthest from its edge."""
+    largest = max(shapely.get_parts(area).tolist(), key=lambda piece: float(piece.area))
+    inside = shapely.maximum_inscribed_circle(largest, tolerance=_PRECISION).coords[0]
+    return float(inside[0]), float(inside[1])
+
+
+def _far(area: BaseGeometry, start: Point2) -> list[Point2]:
+    """Return two corners of an area: the farthest from ``start``, and from that and ``start``."""
+    corners = [(float(x), float(y)) for x, y in shapely.get_coordinates(area)]
+    chosen = [start]
+    for _ in range(2):
+        chosen.append(max(corners, key=lambda c: min(math.dist(c, other) for other in chosen)))
+    return [point for point in chosen[1:] if Point(point).distance(Point(start)) > _PRECISION]
+
+
+def new_campaign(name: str, *, plan: str = "", errand: Errand | None = None) -> Mapping[str, str]:
+    """Return the files of a new campaign by their names, ``campaign.yaml`` first.
+
+    With a ``plan`` (as its folder names it) and an ``errand`` there, the building is that; without,
+    it is a flat of two rooms and a door.
+    """
+    own = not plan
+    ways = errand or _OWN_ERRAND
+    templates = Templates()
+
+    def fill(template: str, **values: object) -> str:
+        return templates.render(f"new/{template}.j2", doors=own, **values)
+
+    files = {
+        "campaign.yaml": fill(
+            "campaign.yaml",
+            name=name,
+            about="A robot runs an errand in a flat." if own else "A robot runs an errand.",
+            repeats=3,
+            limit=_limit(ways.length),
+            plan="flat" if own else _yaml_text(plan),
+        ),
+        "errand.mission.yaml": fill(
+            "mission.yaml",
+            frame="floor plan" if own else "building",
+            start=ways.start,
+            stops=ways.stops,
+        ),
+        "my_robot.yaml": fill("robot.yaml"),
+        "navigation.oracles.yaml": fill("oracles.yaml"),
+    }
+    if own:
+        layers = ("flat.fpm", "doors.scenery", "door_open.scenery", "door_opens_late.scenery")
+        files |= {layer: fill(layer) for layer in layers}
+    return files
+
+
+def _limit(length: float) -> str:
+    """Return a limit that leaves time for detours at a walking pace of 0.2 m/s."""
+    return f"{max(2, math.ceil(length / 0.2 / 60.0))} min"
+
+
+def _yaml_text(text: str) -> str:
+    return text if re.fullmatch(r"[A-Za-z0-9_.][A-Za-z0-9_./-]*", text) else json.dumps(text)

@@ -1,0 +1,159 @@
+"""What published tools do with JSON-LD: PyLD by its defaults, rdflib, poses walked by name."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from rdflib import RDF, Graph, URIRef
+
+from grammars.jsonld import vocabulary as contexts
+from grammars.jsonld.rdf import nodes_of
+from grammars.jsonld.vocabulary import COORD, REL
+
+LIMIT = 10
+"""Remote contexts that PyLD reads of one document."""
+
+
+ROB2B_GEOMETRY = ("coordinates", "structural-entities", "spatial-relations")
+
+
+def local_context(address: str, options: Any = None) -> dict[str, Any]:
+    """Serve our context for a published address, as a document loader of PyLD."""
+    context = contexts.context_for(address, set())
+    return {
+        "contentType": "application/ld+json",
+        "contextUrl": None,
+        "documentUrl": address,
+        "document": {"@context": context},
+    }
+
+
+def by_pyld(data: Any) -> Graph:
+    """Return what PyLD reads by its default limits, contexts from here instead of the network."""
+    jsonld = pytest.importorskip("pyld").jsonld
+    options = {"format": "application/n-quads", "documentLoader": local_context}
+    return Graph().parse(data=jsonld.to_rdf(data, options), format="nt")
+
+
+def inlined(data: Any) -> Any:
+    """Return a document with our contexts in the place of the published ones."""
+    parts = [
+        contexts.context_for(part, set()) if isinstance(part, str) else part
+        for part in data["@context"]
+    ]
+    return data | {"@context": parts}
+
+
+def by_rdflib(data: Any) -> Graph:
+    """Return what rdflib reads: of terms scoped to types, those of the first type of a node."""
+    with warnings.catch_warnings():
+        # Its own parser makes graphs of a class it calls deprecated.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return Graph().parse(data=json.dumps(inlined(data)), format="json-ld")
+
+
+def compact(graph: Graph, plan: str) -> Any:
+    """Return the graph of a plan as one document, in the way ``transform`` writes it."""
+    jsonld = pytest.importorskip("pyld").jsonld
+    contexts_of_plans = [
+        {plan: f"{contexts.PLANS}{plan}/"},
+        contexts.rob2b("qudt.json").replace("https:", "http:"),
+        *(contexts.rob2b(f"geometry/{name}.json") for name in ROB2B_GEOMETRY),
+        contexts.secoro("geometry/coordinates.json"),
+        contexts.secoro("geometry/polytope.json"),
+        contexts.secoro("floorplan/floorplan.json"),
+    ]
+    expanded = jsonld.from_rdf(graph.serialize(format="nt"), {"format": "application/n-quads"})
+    options = {"documentLoader": local_context}
+    return jsonld.compact(expanded, {"@context": contexts_of_plans}, options)
+
+
+def said(graph: Graph) -> dict[str, Any]:
+    """Return what a graph says of each node that has a name.
+
+    Numbers are as JSON-LD's 16 digits have them; nodes without a name stand where they are used.
+    """
+    nodes = nodes_of(graph).by_id
+
+    def settled(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(settled(item) for item in value)
+        if isinstance(value, str) and value.startswith("_:"):
+            return of_node(value)
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return f"{value:.12g}" if is_number else value
+
+    def of_node(id: str) -> Any:
+        node = nodes[id]
+        verbs = sorted(node.values)
+        return (
+            sorted(node.types),
+            {verb: sorted(repr(settled(value)) for value in node.values[verb]) for verb in verbs},
+        )
+
+    return {id: of_node(id) for id in nodes if not id.startswith("_:")}
+
+
+def walked_by_name(graph: Graph) -> dict[str, tuple[float, float, float]]:
+    """Return points in the world as scenery_builder finds them.
+
+    It goes from frame to frame along poses whichever way they point, and turns a pose round when
+    the identifier of the next one has "wall" in it more than once, unless it is of an opening.
+    """
+    around: dict[Any, list[tuple[Any, Any]]] = {}
+    for pose, _, frame in graph.triples((None, URIRef(REL["of"]), None)):
+        other = graph.value(pose, URIRef(REL["with-respect-to"]))
+        around.setdefault(frame, []).append((pose, other))
+        around.setdefault(other, []).append((pose, frame))
+    numbers = {graph.value(c, URIRef(COORD["of-pose"])): c for c in _coordinates(graph, "Pose")}
+    world = next(frame for frame in around if str(frame).endswith("/world-frame"))
+    found = {}
+    for each in _coordinates(graph, "Position"):
+        frame = graph.value(each, URIRef(COORD["as-seen-by"]))
+        position = graph.value(each, URIRef(COORD["of-position"]))
+        at: NDArray[Any] = np.array([*_numbers(graph, each, "x", "y", "z"), 1.0])
+        poses = _path(around, frame, world)
+        for pose, after in zip(poses, [*poses[1:], ""], strict=True):
+            matrix = _matrix(*_numbers(graph, numbers[pose], "x", "y", "z", "alpha"))
+            name = str(pose).rpartition("/")[2]
+            opening = "entryway" in name or "window" in name
+            if str(after).rpartition("/")[2].count("wall") > 1 and not opening:
+                matrix = np.linalg.inv(matrix)
+            at = matrix @ at
+        point = str(graph.value(position, URIRef(REL["of"]))).rpartition("/")[2]
+        found[point] = (float(at[0]), float(at[1]), float(at[2]))
+    return found
+
+
+def _coordinates(graph: Graph, kind: str) -> Any:
+    return graph.subjects(RDF.type, URIRef(COORD[f"{kind}Coordinate"]))
+
+
+def _numbers(graph: Graph, node: Any, *names: str) -> list[float]:
+    return [float(str(graph.value(node, URIRef(COORD[name])) or 0)) for name in names]
+
+
+def _matrix(x: float, y: float, z: float, alpha: float) -> NDArray[Any]:
+    c, s = math.cos(alpha), math.sin(alpha)
+    return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
+
+
+def _path(around: dict[Any, list[tuple[Any, Any]]], start: Any, goal: Any) -> list[Any]:
+    came: dict[Any, tuple[Any, Any]] = {start: (None, None)}
+    queue = [start]
+    for node in queue:
+        for pose, other in around[node]:
+            if other not in came and other in around:
+                came[other] = (pose, node)
+                queue.append(other)
+    poses = []
+    while goal != start:
+        pose, goal = came[goal]
+        poses.append(pose)
+    return poses[::-1]

@@ -1,0 +1,42 @@
+"""Write the made parts of the documentation anew.
+
+``python -m tests.language_docs`` writes grammars and tables; with ``--messages`` also what is said
+of each example that is wrong. Look at the difference: it is what people will read.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from tests.language_docs import examples, regions
+from tests.language_docs.markdown import LANGUAGES
+
+
+def _write(page: Path, text: str) -> None:
+    if page.read_text("utf-8") != text:
+        page.write_text(text, "utf-8")
+        print(page)
+
+
+def _with_messages(page: Path) -> str:
+    lines = page.read_text("utf-8").splitlines()
+    with tempfile.TemporaryDirectory() as parent:
+        folder = examples.make_folder(Path(parent))
+        tried = [
+            (example, examples.said_of(folder, example)) for example in examples.examples(page)
+        ]
+    # From the end, since lines before a change keep their numbers.
+    for example, said in reversed(tried):
+        if example.shown is not None and said:
+            start = example.shown.line - 1
+            lines[start : start + example.shown.text.count("\n")] = said.splitlines()
+    return "\n".join((*lines, ""))
+
+
+for made, text in regions.made_pages():
+    _write(made, text)
+if "--messages" in sys.argv:
+    for written in sorted(LANGUAGES.glob("*.md")):
+        _write(written, _with_messages(written))

@@ -1,0 +1,119 @@
+"""Pages of the documentation as text: headings and their anchors, links, blocks of code."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+LANGUAGES = DOCS / "languages"
+TUTORIALS = DOCS / "tutorials"
+
+_FENCE = re.compile(r"^(?P<indent> *)(?P<fence>`{3,})(?P<info>[^\n`]*)$")
+_HEADING = re.compile(r"^#{1,6} +(?P<title>.*?)\s*#*$")
+_LINK = re.compile(r"(?<!\\)\]\((?P<target>[^()\s]*(?:\([^()]*\)[^()\s]*)*)\)")
+_CODE = re.compile(r"(`+)(?:(?!\1).)*\1")
+_ID = re.compile(r'<a (?:id|name)="(?P<id>[^"]+)">')
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A block of code: the words after its fence, its text, the line of its first line."""
+
+    page: Path
+    line: int
+    words: tuple[str, ...]
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A link of a page: the line it stands in, and what it leads to as written."""
+
+    page: Path
+    line: int
+    target: str
+
+    def __str__(self) -> str:
+        return f"{self.page.relative_to(ROOT)}:{self.line}: {self.target}"
+
+
+def pages() -> Sequence[Path]:
+    """Return every Markdown file people read, those of the root first."""
+    return (*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md")))
+
+
+def blocks(page: Path) -> Sequence[Block]:
+    """Return the blocks of code of a page, in order."""
+    return tuple(_blocks(page, page.read_text("utf-8").splitlines()))
+
+
+def _blocks(page: Path, lines: Sequence[str]) -> Iterator[Block]:
+    start, fence, indent, words = 0, "", "", ()
+    for number, line in enumerate(lines, start=1):
+        found = _FENCE.match(line)
+        if not fence and found:
+            start, fence, indent = number + 1, found["fence"], found["indent"]
+            words = tuple(found["info"].split())
+        elif fence and line.strip() == fence:
+            body = lines[start - 1 : number - 1]
+            text = "".join(f"{one.removeprefix(indent)}\n" for one in body)
+            yield Block(page, start, words, text)
+            fence = ""
+
+
+def _prose(page: Path) -> Iterator[tuple[int, str]]:
+    """Yield the numbered lines of a page that are no code."""
+    inside = ""
+    for number, line in enumerate(page.read_text("utf-8").splitlines(), start=1):
+        found = _FENCE.match(line)
+        if inside:
+            inside = "" if line.strip() == inside else inside
+        elif found:
+            inside = found["fence"]
+        else:
+            yield number, line
+
+
+def anchors(page: Path) -> frozenset[str]:
+    """Return what a link to a place in a page may name: its headings as GitHub spells them."""
+    seen: dict[str, int] = {}
+    found = set()
+    for _, line in _prose(page):
+        found |= {match["id"] for match in _ID.finditer(line)}
+        heading = _HEADING.match(line)
+        if heading is None:
+            continue
+        title = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading["title"]).replace("`", "")
+        # What is neither a word character, a blank nor a hyphen is dropped; blanks are hyphens.
+        slug = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+        count = seen.get(slug, 0)
+        seen[slug] = count + 1
+        found.add(f"{slug}-{count}" if count else slug)
+    return frozenset(found)
+
+
+def links(page: Path) -> Iterator[Link]:
+    """Yield the links and pictures of a page."""
+    for number, line in _prose(page):
+        for match in _LINK.finditer(_CODE.sub("``", line)):
+            yield Link(page, number, match["target"])
+
+
+def broken(link: Link) -> str:
+    """Return what is wrong with a link within the project, nothing if it is in order."""
+    target, _, anchor = link.target.partition("#")
+    if re.match(r"[a-z]+:", link.target):
+        return ""
+    path = (link.page.parent / target).resolve() if target else link.page
+    if not path.exists():
+        return f"{link}: no such file"
+    if anchor and path.suffix == ".md" and anchor not in anchors(path):
+        return f"{link}: no such heading; there are {', '.join(sorted(anchors(path)))}"
+    return ""

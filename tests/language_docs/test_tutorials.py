@@ -1,0 +1,43 @@
+"""Each tutorial is followed word by word, in a folder of its own."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from scenario_tui.cli import invoke
+from tests.language_docs import examples, tutorials
+from tests.language_docs.markdown import TUTORIALS
+
+
+@pytest.mark.parametrize("page", sorted(TUTORIALS.glob("*.md")), ids=lambda page: page.stem)
+def test_a_tutorial_does_what_it_says(
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    folder = examples.make_folder(tmp_path).folder
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    # What wraps lines depends on the width alone.
+    monkeypatch.setenv("COLUMNS", "160")
+    monkeypatch.delitem(sys.modules, "my_stack", raising=False)
+
+    def run(command: str) -> str:
+        program, *arguments = tutorials.words_of(command)
+        if program == "pip":
+            tutorials.install(folder)
+        else:
+            assert program == "scenario"
+            invoke(arguments)
+        said = capfd.readouterr()
+        return said.out + said.err
+
+    assert list(tutorials.follow(page, folder, run)) == []

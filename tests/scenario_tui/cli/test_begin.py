@@ -1,0 +1,119 @@
+"""``scenario new`` and ``scenario layers``: a campaign that runs, and what campaigns can name."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from daemon.campaign import load_campaign
+
+PLAN = """Floor plan: barn
+Defaults: walls: thickness: 0.1 m height: 2 m
+Space hall: shape: Rectangle width=12 m, length=3 m location: wrt: world of: this
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_new_campaign_passes_its_check_and_its_runs_are_as_expected(scenario, here: Path) -> None:
+    said = scenario("new", "my-tests")
+    assert said.code == 0
+    assert "scenario check my-tests/campaign.yaml" in said.out
+    assert "scenario run my-tests/campaign.yaml" in said.out
+    checked = scenario("check", *map(str, sorted((here / "my-tests").iterdir())))
+    assert checked.code == 0
+    assert checked.err.count("no problems") == len(list((here / "my-tests").iterdir()))
+    # One repeat is enough to see that it runs.
+    file = here / "my-tests" / "campaign.yaml"
+    file.write_text(file.read_text().replace("repeats: 3", "repeats: 1"))
+    ran = scenario("run", "my-tests/campaign.yaml", "--json", "--slots", "1")
+    assert ran.code == 0
+    verdicts = {run["outcome"] for run in json.loads(ran.out)["runs"]}
+    assert verdicts == {"pass"}
+
+
+def test_every_line_of_a_new_campaign_may_be_broken_and_is_said(scenario, here: Path) -> None:
+    scenario("new", "mine")
+    oracles = here / "mine" / "navigation.oracles.yaml"
+    oracles.write_text(oracles.read_text().replace("robot, kitchen_door", "robot, kitchn_door"))
+    said = scenario("check", "mine/campaign.yaml")
+    assert said.code == 2
+    assert 'did you mean "kitchen_door"?' in said.err
+
+
+def test_nothing_is_overwritten(scenario, here: Path) -> None:
+    (here / "mine").mkdir()
+    (here / "mine" / "notes.txt").write_text("mine")
+    said = scenario("new", "mine")
+    assert said.code == 2
+    assert "is there already, and nothing is overwritten" in said.err
+    assert [path.name for path in (here / "mine").iterdir()] == ["notes.txt"]
+
+
+def test_a_name_is_that_of_a_campaign(scenario, here: Path) -> None:
+    said = scenario("new", "my tests")
+    assert said.code == 2
+    assert '"my tests" cannot name a campaign' in said.err
+    assert list(here.iterdir()) == []
+
+
+def test_it_begins_with_a_building_that_is_there(scenario, here: Path, campaigns: Path) -> None:
+    (here / "barn.fpm").write_text(PLAN)
+    shutil.copy(campaigns / "demo" / "flat.fpm", here / "flat.fpm")
+    for plan in ("barn", "flat"):
+        said = scenario("new", f"tests/{plan}", "--floorplan", f"{plan}.fpm", "--json")
+        assert json.loads(said.out)["campaign"] == f"tests/{plan}/campaign.yaml"
+        assert scenario("check", f"tests/{plan}/campaign.yaml").err.endswith("no problems\n")
+    (cell,) = load_campaign("tests/barn/campaign.yaml").cells
+    assert [w.id for w in cell.mission.waypoints] == ["stop_1", "stop_2", "home"]
+    (cell,) = load_campaign("tests/flat/campaign.yaml").cells
+    assert [w.id for w in cell.mission.waypoints] == ["living_room", "bedroom", "kitchen", "home"]
+
+
+def test_a_building_without_room_is_said(scenario, here: Path) -> None:
+    (here / "slit.fpm").write_text(PLAN.replace("length=3 m", "length=0.5 m"))
+    said = scenario("new", "mine", "--floorplan", "slit.fpm")
+    assert said.code == 2
+    assert "slit.fpm: error: nowhere in barn is room for a robot" in said.err
+    assert scenario("new", "mine", "--floorplan", "sliit.fpm").code == 2
+    assert not (here / "mine").exists()
+
+
+def test_layers_lists_what_ships_and_what_is_here(scenario, here: Path) -> None:
+    scenario("new", "mine")
+    body = json.loads(scenario("layers", "mine", "--json").out)
+    found = {(layer["kind"], layer["name"]): layer for layer in body["layers"]}
+    assert found["robot", "courier"]["ships"]
+    assert found["robot", "my_robot"]["file"] == "mine/my_robot.yaml"
+    assert found["system under test", "fro-omni"]["about"].startswith("ROS navigation")
+    assert ("robot", "campaign") not in found
+    names = {name for kind, name in found if kind == "scenery"}
+    assert names == {"doors", "door_open", "door_opens_late"}
+    table = scenario("layers", "mine").out
+    assert "my_robot" in table
+    assert "ships" in table
+
+
+def test_where_a_robot_that_ships_is_installed_stays_unsaid(scenario, here: Path) -> None:
+    scenario("new", "mine")
+    file = here / "mine" / "campaign.yaml"
+    file.write_text(file.read_text().replace("robot: my_robot", "robot: courier"))
+    assert scenario("export", str(file), "prov", "-o", "out").code == 0
+    said = "".join(path.read_text() for path in (here / "out").rglob("*.json*"))
+    assert "shipped/robots/courier.yaml" in said
+    assert str(here) not in said
+
+
+def test_a_system_that_ships_is_shown_by_its_name(scenario, here: Path) -> None:
+    said = scenario("sut", "fro-omni", "--json")
+    assert json.loads(said.out)["name"] == "fro-omni"
+    said = scenario("sut", "fro-onmi")
+    assert said.code == 2
+    assert 'did you mean "fro-omni"?' in said.err

@@ -1,0 +1,367 @@
+"""Every artefact of a campaign beside the runs it has: what is exported is what is run."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rdflib import Graph, Namespace
+from rdflib.namespace import RDF
+from ruamel.yaml import YAML
+
+from daemon.campaign import expand, load_campaign
+from daemon.model import ros_messages as ros
+from daemon.model.spec import RunSpec, SutReference
+from daemon.run import execute
+from daemon.trace import read_trace
+from grammars.model.behaviour import Hold, KeyFrames, Trigger
+from grammars.model.geometry import Pose2
+from grammars.model.grid import OCCUPIED
+from grammars.model.kinematics import link_poses
+from grammars.model.map_files import read_map, write_map
+from grammars.model.scene import Scene, SceneObject
+from scenario_tui.cli import invoke
+from templates.occupancy import occupancy_grid
+from templates.world import driven_joints
+
+SPDX = Namespace("http://spdx.org/rdf/terms#")
+KINDS = ("map", "sdf", "keyframes", "tasks", "launch", "foxglove", "prov")
+"""What says something about a run: the others are of the building."""
+BY_CHANCE = """\
+bedroom_door toggles between closed and open every 5 s from 0 s until 20 s,
+    with probability 0.5, by jump
+kitchen_door goes from ajar to closed when the robot is within 1.3 m of its foot,
+    starting at 0.2 rad, by spring of 0.5 N m/rad
+"""
+HALF_OPEN = "living_room_door starts at 0.4 m\n"
+PAPER = """\
+campaign: worlds
+seed: 2024
+repeats: 1
+limit: 1 min
+robot: robile-planar-move
+oracles: navigation
+matrix: {sut: [pilot]}
+scenarios:
+  shut: {floorplan: building_c, objects: doors_s1, mission: corridor, map: {doors: initial},
+         oracles: [arrived]}
+  timed: {like: shut, objects: doors_s2, behaviours: doors_timed_era,
+          map: {doors: initial, rule: centre, resolution: 20 cm}}
+  approached: {like: shut, objects: [doors, wall_stub], mission: task_2,
+               behaviours: [doors_open, close_on_approach_era], map: {doors: none, rule: touch}}
+"""
+
+
+@dataclass(frozen=True)
+class World:
+    """An exported folder, and the runs of the scenario it shows."""
+
+    folder: Path
+    runs: tuple[RunSpec, ...]
+    scene: Scene
+    traces: Path
+
+    @property
+    def name(self) -> str:
+        return self.runs[0].scenario
+
+    def draw(self, spec: RunSpec) -> str:
+        """Return what names of files say about the behaviours of a run."""
+        first: dict[object, int] = {}
+        for run in self.runs:
+            first.setdefault(run.behaviours, run.repeat)
+        return f"repeat-{first[spec.behaviours]}" if len(first) > 1 else ""
+
+
+@pytest.fixture(scope="module")
+def worlds(
+    campaigns: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[World, ...]]:
+    folder = tmp_path_factory.mktemp("worlds")
+    shutil.copytree(campaigns, folder / "campaigns")
+    demo, paper = (folder / "campaigns" / name for name in ("demo", "ortega2024"))
+    text = (demo / "campaign.yaml").read_text().replace("repeats: 5", "repeats: 3")
+    drawn = occupancy_grid(expand(load_campaign(demo / "campaign.yaml")).scenes[0], laser_height=1)
+    drawn.cells[:3] = OCCUPIED
+    write_map(drawn, demo / "lab", laser_height=1)
+    (demo / "by_chance.scenery").write_text(BY_CHANCE)
+    (demo / "half_open.scenery").write_text(HALF_OPEN)
+    moved = "objects: [doors, half_open]\n    behaviours: by_chance"
+    moody = text.replace("behaviours: doors_moving", moved)
+    ways = {
+        "plain": text,
+        "initial": moody.replace("{rule: touch}", "{doors: initial, resolution: 10 cm}"),
+        "own": text.replace("{rule: touch}", "{file: lab.yaml}"),
+    }
+    files = []
+    for name, written in ways.items():
+        assert name == "plain" or written != text
+        files.append(demo / f"{name}.yaml")
+        files[-1].write_text(written)
+    files.append(paper / "worlds.yaml")
+    files[-1].write_text(PAPER)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+        yield tuple(world for file in files for world in _exported(file, folder / file.stem))
+
+
+def _exported(file: Path, folder: Path) -> list[World]:
+    assert invoke(["export", str(file), *KINDS, "-o", str(folder)]) == 0
+    submission = expand(load_campaign(file))
+    scenes = {scene.digest: scene for scene in submission.scenes}
+    found = []
+    for path in sorted(folder.iterdir()):
+        runs = tuple(run for run in submission.runs if run.scenario == path.name)
+        found.append(World(path, runs, scenes[runs[0].scene], folder))
+    assert {w.name for w in found} == {run.scenario for run in submission.runs}
+    return found
+
+
+def launch_files(world: World) -> list[tuple[dict[str, str], ElementTree.Element]]:
+    """Return the arguments of both launch files, without the folder, and the whole of them."""
+    found = []
+    for ending in ("launch", "launch.xml"):
+        root = ElementTree.parse(world.folder / "launch" / f"{world.name}.{ending}").getroot()
+        values = {a.get("name", ""): a.get("default") or "" for a in root.findall("arg")}
+        short = {k: v.split("root)/")[-1] for k, v in values.items()}
+        found.append((short, root))
+    return found
+
+
+def executed(world: World, spec: RunSpec) -> Path:
+    """Return the trace of the first moments of a run."""
+    path = world.traces / f"{spec.scenario}-{spec.repeat}.mcap"
+    if not path.exists():
+        idle = replace(spec, sut=SutReference("idle", "idle", {}), limit=0.05)
+        execute(idle, world.scene, trace_path=path)
+    return path
+
+
+def test_launch_files_load_the_map_of_the_run(worlds: tuple[World, ...]) -> None:
+    shut = 0
+    for world in worlds:
+        spec = world.runs[0]
+        with executed(world, spec).open("rb") as stream:
+            _, _, message = next(iter(make_reader(stream).iter_messages(topics=["/map"])))
+        told = ros.deserialize(message.data, "nav_msgs/msg/OccupancyGrid")
+        for values, _ in launch_files(world):
+            grid = read_map(world.folder / values["map"])
+            origin = told.info.origin.position
+            assert (grid.x, grid.y) == (origin.x, origin.y), (world.name, values["map"])
+            assert grid.resolution == pytest.approx(told.info.resolution, rel=1e-7)
+            cells = np.array(told.data, np.int8).reshape(told.info.height, told.info.width)
+            assert np.array_equal(grid.cells, cells), (world.name, values["map"])
+            shut += values["map"].endswith("-start.yaml")
+            if not spec.map.file:
+                text = (world.folder / values["map"]).read_text()
+                assert f"laser at {spec.robot.laser.z:g} m" in text
+    assert shut == 2 * 5
+
+
+def test_every_draw_has_the_map_of_its_runs(worlds: tuple[World, ...]) -> None:
+    (world,) = (w for w in worlds if w.folder.parent.name == "initial" and w.name == "busy-house")
+    names = {p.stem for p in (world.folder / "maps").glob("flat-start*.yaml")}
+    assert names == {"flat-start", "flat-start-repeat-1"}
+    seen = set()
+    for spec in world.runs:
+        trace = read_trace(executed(world, spec))
+        start = dict(zip(trace.joints.names, trace.joints.position[0], strict=True))
+        expected = occupancy_grid(
+            world.scene, laser_height=spec.robot.laser.z, resolution=0.1, joints=start
+        )
+        found = [
+            name
+            for name in names
+            if np.array_equal(
+                read_map(world.folder / "maps" / f"{name}.yaml").cells, expected.cells
+            )
+        ]
+        assert len(found) == 1, spec.label
+        seen |= set(found)
+    assert seen == names
+
+
+def test_launch_files_start_the_robot_where_the_run_does(worlds: tuple[World, ...]) -> None:
+    for world in worlds:
+        spec = world.runs[0]
+        start = spec.mission.start
+        truth = read_trace(executed(world, spec)).ground_truth
+        for values, root in launch_files(world):
+            pose = tuple(float(values[name]) for name in ("x", "y", "yaw"))
+            assert pose == pytest.approx((start.x, start.y, start.yaw), abs=1e-9)
+            assert pose == pytest.approx((truth.x[0], truth.y[0], truth.yaw[0]), abs=1e-9)
+            assert values["robot_name"] == spec.robot.name
+            assert (world.folder / values["world"]).is_file()
+            for item in root.findall("rosparam"):
+                task = (item.get("file") or "").split("root)/")[-1]
+                assert task == f"tasks/era/mission/{spec.mission.name}_task.yaml"
+
+
+def test_tasks_are_the_missions_of_the_runs(worlds: tuple[World, ...]) -> None:
+    for world in worlds:
+        mission = world.runs[0].mission
+        file = f"mission/{mission.name}"
+        reader = YAML(typ="safe")
+        now = reader.load((world.folder / "tasks" / f"{file}_route.yaml").read_text())
+        era = reader.load((world.folder / "tasks/era" / f"{file}_task.yaml").read_text())
+        for found, digits in ((now["task"][0]["waypoints"], 6), (era["waypoints"], 2)):
+            assert [stop["id"] for stop in found] == [w.id for w in mission.waypoints]
+            for stop, waypoint in zip(found, mission.waypoints, strict=True):
+                place = (stop["x"], stop["y"])
+                assert place == pytest.approx((waypoint.x, waypoint.y), abs=0.51 * 10**-digits)
+                if waypoint.yaw is not None:
+                    assert stop["yaw"] == pytest.approx(waypoint.yaw, abs=1e-4)
+
+
+def test_worlds_of_gazebo_hold_what_the_run_holds(worlds: tuple[World, ...]) -> None:
+    for world in worlds:
+        spec = world.runs[0]
+        trace = read_trace(executed(world, spec))
+        start = dict(zip(trace.joints.names, trace.joints.position[0], strict=True))
+        for classic in (False, True):
+            compare_with_gazebo(world, spec, start, classic=classic)
+
+
+def compare_with_gazebo(
+    world: World, spec: RunSpec, start: Mapping[str, float], *, classic: bool
+) -> None:
+    """Compare an exported world with the scene of a run whose joints start at ``start``."""
+    name = "-".join(filter(None, (world.name, world.draw(spec))))
+    folder = world.folder / "gazebo"
+    root = ElementTree.parse(folder / "worlds" / f"{name}.{'world' if classic else 'sdf'}")
+    included = {item.findtext("name"): item for item in root.iter("include")}
+    assert len(included) == len(world.scene.objects) + 1
+    for thing in world.scene.objects:
+        item = included[thing.name]
+        pose = [float(v) for v in (item.findtext("pose") or "").split()]
+        expected = [thing.pose.x, thing.pose.y, 0, 0, 0, thing.pose.yaw]
+        assert pose == pytest.approx(expected, abs=1e-8)
+        model = (item.findtext("uri") or "").removeprefix("model://")
+        body = ElementTree.parse(folder / "models" / model / "model.sdf").getroot()
+        compare_links(thing, body, start)
+        for joint in () if thing.frozen else driven_joints(thing):
+            at = f"{thing.name}.{joint.name}"
+            assert begins(world, item, joint.name, classic=classic) == pytest.approx(start[at]), at
+            compare_trigger(spec, item, at, classic=classic)
+
+
+def begins(world: World, item: ElementTree.Element, joint: str, *, classic: bool) -> float:
+    """Return where a joint is after the first update of Gazebo, which begins with all at zero."""
+    for plugin in item.iter("plugin"):
+        library = plugin.get("filename")
+        if plugin.findtext("joint") != joint:
+            continue
+        if classic and library == "libinitial_plugin.so":
+            return float(plugin.findtext("position") or 0)
+        if library in ("libdynamic_joint_plugin.so", "libtimed_joint_state_change_plugin.so"):
+            file = (plugin.findtext("uri") or "").removeprefix("file://")
+            frame = json.loads((world.folder / file).read_text())["keyframes"][0]
+            if frame["time"] <= 0.0:
+                return float(frame["pose" if classic else "position"])
+    return 0.0
+
+
+def compare_links(
+    thing: SceneObject, body: ElementTree.Element, start: Mapping[str, float]
+) -> None:
+    """Compare where the links of a model stand with all its joints at zero."""
+    moving = set() if thing.frozen else {joint.name for joint in driven_joints(thing)}
+    positions = [0.0 if j.name in moving else start[f"{thing.name}.{j.name}"] for j in thing.joints]
+    poses = link_poses(replace(thing, pose=Pose2()), positions)
+    found = {link.get("name"): link for link in body.iter("link")}
+    for link in thing.links:
+        if not link.polygons or len(link.polygons) > 1:
+            continue
+        ring = [poses[link.name].apply(corner) for corner in link.polygons[0]]
+        if len(ring) != 4:
+            continue
+        pose = [float(v) for v in (found[link.name].findtext("pose") or "").split()]
+        middle = (sum(x for x, _ in ring) / 4, sum(y for _, y in ring) / 4)
+        expected = (*middle, (link.z_min + link.z_max) / 2)
+        assert pose[:3] == pytest.approx(expected, abs=1e-8), (thing.name, link.name)
+        assert float(found[link.name].findtext("inertial/mass") or 0) == link.mass
+
+
+def compare_trigger(spec: RunSpec, item: ElementTree.Element, joint: str, *, classic: bool) -> None:
+    """Compare what sets a joint going when the robot comes near with the behaviour of a run."""
+    tags = (
+        ("x", "near", "y") if classic else ("start_joint_angle", "trigger_dist", "end_joint_angle")
+    )
+    found = [
+        tuple(float(plugin.findtext(tag) or "nan") for tag in tags)
+        for plugin in item.iter("plugin")
+        if plugin.find(tags[1]) is not None and plugin.findtext("joint") == joint.split(".")[1]
+    ]
+    acts = [b for b in spec.behaviours if isinstance(b, Trigger) and b.joint == joint]
+    assert len(found) == len(acts)
+    for values, act in zip(found, acts, strict=True):
+        assert values == pytest.approx((act.start, act.distance, act.end), abs=1e-8)
+    assert all(p.text == spec.robot.name for p in item.iter("target"))
+
+
+def test_key_frames_are_those_of_the_draw(worlds: tuple[World, ...]) -> None:
+    compared = 0
+    for world in worlds:
+        things = {thing.name: thing for thing in world.scene.objects}
+        for spec in world.runs:
+            for act in spec.behaviours:
+                if not isinstance(act, KeyFrames):
+                    continue
+                thing, joint = act.joint.split(".")
+                name = thing if len(things[thing].joints) == 1 else f"{thing}.{joint}"
+                told = [(f.time, f.position) for f in act.frames]
+                for key, form in (("position", ""), ("pose", "era")):
+                    file = world.folder.joinpath(
+                        "keyframes", form, world.draw(spec), f"{name}.json"
+                    )
+                    frames = json.loads(file.read_text())["keyframes"]
+                    found = [(frame["time"], frame[key]) for frame in frames]
+                    # Where a joint starts is said first, unless its first frame does so.
+                    assert found[len(found) - len(told) :] == told, (file, spec.label)
+                    assert len(found) == len(told) + (not told or told[0][0] > 0.0)
+                    compared += 1
+    assert compared > 20
+
+
+def test_what_is_held_is_held_there(worlds: tuple[World, ...]) -> None:
+    (world,) = (w for w in worlds if w.folder.parent.name == "plain" and w.name == "open-house")
+    held = {b.joint: b.position for b in world.runs[0].behaviours if isinstance(b, Hold)}
+    assert len(held) == 3
+    root = ElementTree.parse(world.folder / "gazebo" / "worlds" / "open-house.sdf")
+    for item in root.iter("include"):
+        for plugin in item.iter("plugin"):
+            if plugin.get("name") == "gz::sim::systems::JointPositionController":
+                joint = f"{item.findtext('name')}.{plugin.findtext('joint_name')}"
+                target = float(plugin.findtext("initial_position") or "nan")
+                assert target == pytest.approx(held.pop(joint))
+    assert held == {}
+
+
+@pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")
+def test_provenance_is_about_the_scene_of_the_run(worlds: tuple[World, ...]) -> None:
+    for world in worlds:
+        graph = Graph().parse(world.folder / f"{world.name}.prov.jsonld", format="json-ld")
+        hashes: set[Any] = {str(h) for h in graph.objects(None, SPDX.checksumValue)}
+        assert world.runs[0].scene in hashes
+        assert len(list(graph.subjects(RDF.type, None))) > len(hashes)
+
+
+def test_the_layout_shows_the_lasers_and_joints_of_the_run(worlds: tuple[World, ...]) -> None:
+    for world in worlds:
+        layout = json.loads((world.folder / f"{world.name}.foxglove.json").read_text())
+        shown = layout["configById"]["3D!top"]["topics"]
+        assert all(f"/{laser.topic}" in shown for laser in world.runs[0].robot.lasers)
+        plotted = json.dumps(layout)
+        assert all(name in plotted for name in world.scene.joint_names)
+        assert all(
+            math.isfinite(v) for v in layout["configById"]["3D!top"]["cameraState"]["targetOffset"]
+        )
