@@ -9,7 +9,7 @@ WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
 # long. Some containers switch it off.
 KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
 
-.PHONY: demo test test-ros2 test-ros2-short bench chaos docs lint format lock clean
+.PHONY: demo test test-ros2 test-ros2-short bench fuzz chaos docs lint format lock clean
 
 demo: $(VENV)/.installed          ## run the main job: a campaign with moving doors, judged
 	@$(BIN)/scenario demo
@@ -32,6 +32,9 @@ test-ros2-short: $(VENV)/.installed-test ## the most important of these, with on
 
 bench: $(VENV)/.installed-test    ## measure, side by side in one process
 	$(BIN)/python -m tests.benchmarks
+
+fuzz: $(VENV)/.installed-test     ## 10 000 mutated files of every language; some hours
+	$(BIN)/python -m tests.fuzz
 
 chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; about nine minutes
 	$(BIN)/python -m tests.chaos

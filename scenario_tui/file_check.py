@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.sources import is_folder, refuse_unreadable
 from scenario_tui.text.formatting import pluralise
+
+if TYPE_CHECKING:
+    from grammars.floorplan import FloorPlan
 
 Checker = Callable[[Path], tuple[str, tuple[Diagnostic, ...]]]
 
@@ -21,12 +25,11 @@ def check_file(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _checker(path: Path) -> Checker:
-    if not path.exists():
-        raise InputError(Diagnostic(Where(str(path)), "no such file"))
-    if path.is_dir():
+    if is_folder(path):
         if any(file.suffix in (".json", ".jsonld") for file in path.iterdir()):
             return _jsonld
         raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))
+    refuse_unreadable(path)
     for ending, checker in _BY_ENDING.items():
         if path.name.endswith(ending):
             return checker
@@ -41,17 +44,33 @@ def _checker(path: Path) -> Checker:
 # Each imports its language itself: one file needs one of them, and all take a while to load.
 def _floorplan(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     from grammars.floorplan import load_floorplan
-    from grammars.preflight import check_scene
-    from grammars.scenery.composition import compile_scene
 
     plan = load_floorplan(path)
-    found = tuple(dict.fromkeys((*plan.warnings, *check_scene(compile_scene(plan, ())))))
     parts = (
         pluralise(len(plan.spaces), "space"),
         pluralise(len(plan.walls), "wall"),
         pluralise(len(plan.openings), "opening"),
     )
-    return f"floor plan with {', '.join(parts)}", found
+    return f"floor plan with {', '.join(parts)}", _building_findings(plan)
+
+
+def _walls(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    from grammars.maps import load_walls
+
+    plan = load_walls(path)
+    parts = (
+        pluralise(len(plan.spaces), "space"),
+        pluralise(len(plan.features), "wall"),
+        pluralise(len(plan.openings), "entryway"),
+    )
+    return f"walls layer with {', '.join(parts)}", _building_findings(plan)
+
+
+def _building_findings(plan: FloorPlan) -> tuple[Diagnostic, ...]:
+    from grammars.preflight import check_scene
+    from grammars.scenery.composition import compile_scene
+
+    return tuple(dict.fromkeys((*plan.warnings, *check_scene(compile_scene(plan, ())))))
 
 
 def _scenery(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
@@ -131,4 +150,5 @@ _BY_ENDING: Final[dict[str, Checker]] = {
     ".json": _jsonld,
     ".mission.yaml": _mission,
     ".oracles.yaml": _oracles,
+    ".walls.yaml": _walls,
 }

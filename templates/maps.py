@@ -1,12 +1,14 @@
 """Maps as files: occupancy grids of the building and of its doors in each state, and GeoJSON.
 
 GeoJSON (RFC 7946) is in metres of the plan's world frame, not in degrees: load it with a local
-(engineering) reference system. Exterior rings run counter-clockwise and are closed.
+(engineering) reference system. Exterior rings run counter-clockwise, interior ones clockwise, and
+all are closed.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -85,18 +87,21 @@ def write_maps(job: ExportJob) -> tuple[Path, ...]:
 def feature_collection(plan: FloorPlan) -> dict[str, Any]:
     """Return the plan as a FeatureCollection, one polygon per space, wall, feature and opening.
 
-    A wall is its footprint before cutting, an opening its footprint through the wall(s). All
+    A wall is its footprint before cutting, an opening its footprint through the wall(s); the holes
+    of spaces and walls of a walls layer are interior rings. All
     features have the properties ``kind``, ``name``, ``space``, ``index``, ``height``,
     ``thickness``, ``z_min`` and ``z_max`` (metres; ``None`` where one does not apply); their
     ``id`` is the published identifier.
     """
     spaces = [
-        _feature(s.name, s.outline, kind="space", name=s.name, space=s.name) for s in plan.spaces
+        _feature(s.name, s.outline, s.holes, kind="space", name=s.name, space=s.name)
+        for s in plan.spaces
     ]
     walls = [
         _feature(
             wall.id,
             wall.footprint,
+            (),
             kind="wall",
             name=wall.id,
             space=wall.space,
@@ -110,6 +115,7 @@ def feature_collection(plan: FloorPlan) -> dict[str, Any]:
         _feature(
             item.id,
             item.footprint,
+            item.holes,
             kind=item.kind,
             name=item.name,
             space=item.space or None,
@@ -121,6 +127,7 @@ def feature_collection(plan: FloorPlan) -> dict[str, Any]:
         _feature(
             opening.id,
             opening.footprint,
+            (),
             kind=opening.kind,
             name=opening.name,
             thickness=opening.depth,
@@ -155,16 +162,20 @@ def _extent(low: float, high: float) -> dict[str, float]:
     return {"height": high - low, "z_min": low, "z_max": high}
 
 
-def _feature(id: str, ring: Ring, **known: Any) -> dict[str, Any]:
+def _feature(id: str, ring: Ring, holes: Sequence[Ring], **known: Any) -> dict[str, Any]:
     names = ("kind", "name", "space", "index", "height", "thickness", "z_min", "z_max")
     return {
         "type": "Feature",
         "id": id,
         "properties": {name: known.get(name) for name in names},
-        "geometry": {"type": "Polygon", "coordinates": [_exterior(ring)]},
+        "geometry": {
+            "type": "Polygon",
+            "coordinates": [_closed(ring, 1.0), *(_closed(hole, -1.0) for hole in holes)],
+        },
     }
 
 
-def _exterior(ring: Ring) -> list[list[float]]:
-    corners = ring if signed_area(ring) >= 0.0 else tuple(reversed(ring))
+def _closed(ring: Ring, way: float) -> list[list[float]]:
+    """Return a closed ring, counter-clockwise for a ``way`` of 1, clockwise for -1."""
+    corners = ring if way * signed_area(ring) >= 0.0 else tuple(reversed(ring))
     return [[x, y] for x, y in (*corners, corners[0])]

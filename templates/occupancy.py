@@ -13,7 +13,8 @@ which keeps areas, but what is thinner than a cell may have holes.
 Objects, if they are drawn, are occupied by any rule. A door that is shut closes its doorway without
 a gap under ``touch`` and under ``outline``, which draws it, and the walls beside it, by ``touch``.
 
-What nobody painted is *unknown*: outside, inside nothing, and in windows the laser looks through
+What nobody painted is *unknown*: outside, inside nothing, where the centre of a cell lies in a hole
+of a space (by any rule, unless a solid stands there), and in windows the laser looks through
 (it meets no wall there, yet no robot can stand there).
 """
 
@@ -90,7 +91,6 @@ def building_grid(
     """Return the map of ``scene`` without its objects; see :func:`occupancy_grid`."""
     if not (resolution > 0.0 and math.isfinite(resolution) and margin >= 0.0):
         raise ValueError(f"resolution {resolution} must be positive, margin {margin} not negative")
-    spaces = [r.outline for r in scene.regions]
     solids = _solid_polygons(scene, laser_height)
     doorways = [d for d in scene.doorways if d.z_min <= laser_height <= d.z_max]
     origin, shape = _extent(scene, resolution, margin)
@@ -98,15 +98,24 @@ def building_grid(
     def taken(cells_of: CellsOf, rings: Sequence[Ring]) -> npt.NDArray[np.bool_]:
         return painted((cells_of((np.array(ring) - origin) / resolution) for ring in rings), shape)
 
+    def floor(cells_of: CellsOf) -> npt.NDArray[np.bool_]:
+        found = taken(cells_of, [r.outline for r in scene.regions if not r.holes])
+        # One by one: what is a hole in one space may be the floor of another.
+        for region in scene.regions:
+            if region.holes:
+                found |= taken(cells_of, [region.outline]) & ~taken(centres_inside, region.holes)
+        return found
+
     cells: npt.NDArray[np.int8] = np.full(shape, UNKNOWN, dtype=np.int8)
     if rule == "outline":
-        cells[taken(outline_filled, spaces)] = FREE
+        cells[floor(outline_filled)] = FREE
         whole = whole_solids(scene.solids, doorways, laser_height)
         cells[taken(outline_of_convex, whole)] = OCCUPIED
         cells[taken(outline_of_convex, [widened(d, resolution) for d in doorways])] = FREE
         cells[taken(outline_of_convex, standing_in(doorways, solids))] = OCCUPIED
     else:
-        cells[taken(centres_inside, spaces + [d.footprint for d in doorways])] = FREE
+        passages = [d.footprint for d in doorways]
+        cells[floor(centres_inside) | taken(centres_inside, passages)] = FREE
         cells[taken(cells_overlapped if rule == "touch" else centres_inside, solids)] = OCCUPIED
     return OccupancyGrid(resolution, float(origin[0]), float(origin[1]), cells)
 

@@ -68,7 +68,7 @@ def inset_contour(region: Region, distance: float) -> Contour:
     """
     if not (distance > 0.0 and math.isfinite(distance)):
         raise ValueError(f"a contour lies inside of a space, not {distance} m from its edge")
-    floor = Polygon(region.outline)
+    floor = Polygon(region.outline, region.holes)
     # The published tool insets edge by edge, which is wrong for rooms that are not convex or
     # narrow.
     inner = floor.buffer(-distance, join_style="mitre", mitre_limit=_SHARPEST)
@@ -206,10 +206,16 @@ def write_tasks(job: ExportJob) -> tuple[Path, ...]:
     written: list[Path] = []
     settings, scene = job.settings, job.world.scene
     height = job.world.robot.height if job.world.robot else job.laser_height
-    for region in scene.regions:
-        contour = inset_contour(region, settings.distance)
+    distance = settings.distance
+
+    def contours() -> list[tuple[Region, Contour, tuple[tuple[str, str, float], ...]]]:
+        found = [(region, inset_contour(region, distance)) for region in scene.regions]
+        return [(r, c, too_close(scene, c, distance, height=height)) for r, c in found]
+
+    key = ("contours", scene.regions, scene.solids, distance, height)
+    for region, contour, close in job.cached(key, contours):
         job.notes.extend(contour.findings)
-        for number, owner, away in too_close(scene, contour, settings.distance, height=height):
+        for number, owner, away in close:
             job.notes.append(f"{region.name}: waypoint {number} is only {away:.2f} m from {owner}")
         stops = contour_route(
             contour,

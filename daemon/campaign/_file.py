@@ -216,8 +216,8 @@ class SlotsText(StrictModel):
     """What a scenario is made of."""
 
     floorplan: LayerName | None = Field(default=None, examples=["flat"])
-    """A floor plan: NAME.fpm beside this file or in floorplans/. NAME: {variable: value} gives
-    variables of the plan other values."""
+    """A floor plan: NAME.fpm, or a walls layer NAME.walls.yaml, beside this file or in floorplans/.
+    NAME: {variable: value} gives variables of a plan other values."""
     objects: Names | None = Field(default=None, examples=["doors"])
     """Scenery layers with object models and their places: NAME.scenery here or in scenery/."""
     behaviours: References | None = Field(default=None, examples=["doors_open"])

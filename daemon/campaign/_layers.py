@@ -17,6 +17,7 @@ from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
 from grammars.floorplan import FloorPlan, load_floorplan
 from grammars.jsonld import is_jsonld, load_floorplan_jsonld, load_scenery_jsonld
+from grammars.maps import WALLS_ENDING, load_walls
 from grammars.model.files import load_mission, load_robot
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
@@ -27,6 +28,7 @@ from grammars.scenery import SceneryLayer, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
 from grammars.text.shipped import shipped_folder
+from grammars.text.sources import is_file, is_folder, names_in
 from grammars.variation import floorplan_variants
 
 T = TypeVar("T")
@@ -47,7 +49,7 @@ class LayerKind:
     ships: bool = False
 
 
-FLOORPLAN: Final = LayerKind("floor plan", (".fpm", ".jsonld", ".json"), "floorplans")
+FLOORPLAN: Final = LayerKind("floor plan", (".fpm", WALLS_ENDING, ".jsonld", ".json"), "floorplans")
 VARIATION: Final = LayerKind("variation", (".variation",), "floorplans")
 SCENERY: Final = LayerKind("scenery", (".scenery", ".jsonld", ".json"), "scenery")
 MISSION: Final = LayerKind("mission", (".mission.yaml", ".yaml"), "missions")
@@ -72,7 +74,7 @@ def find_layer(
     name = reference.name
     if "/" in name or name.endswith(kind.endings):
         path = folder / name
-        if path.is_file():
+        if is_file(path):
             return _shortened(path)
         if _is_folder_of(path, kind):
             return path
@@ -80,7 +82,7 @@ def find_layer(
     places = layer_places(folder, kind, shipped=shipped)
     for place in places:
         for ending in kind.endings:
-            if (place / f"{name}{ending}").is_file():
+            if is_file(place / f"{name}{ending}"):
                 return place / f"{name}{ending}"
         if _is_folder_of(place / name, kind):
             return place / name
@@ -98,14 +100,14 @@ def find_layer(
 
 def _is_folder_of(path: Path, kind: LayerKind) -> bool:
     """Return whether a path is a folder of JSON-LD files, as published models are."""
-    return ".jsonld" in kind.endings and path.is_dir() and is_jsonld(path)
+    return ".jsonld" in kind.endings and is_folder(path) and is_jsonld(path)
 
 
 def _shortened(path: Path) -> Path:
     """Return a path without ``..`` in its middle, which nobody reads, where that is the same."""
     short = Path(os.path.normpath(path))
     # Behind a link to a folder, ".." leads somewhere else than the text of the path says.
-    return short if short.is_file() and short.samefile(path) else path
+    return short if is_file(short) and short.samefile(path) else path
 
 
 def layer_places(folder: Path, kind: LayerKind, *, shipped: bool = True) -> tuple[Path, ...]:
@@ -117,11 +119,10 @@ def layer_places(folder: Path, kind: LayerKind, *, shipped: bool = True) -> tupl
 
 def layer_names(place: Path, kind: LayerKind) -> list[str]:
     """Return the names of the layers in a folder that have the usual ending of their kind."""
-    if not place.is_dir():
-        return []
-    ending = kind.endings[0]
-    files = [p for p in place.iterdir() if p.name.endswith(ending) and _may_be(p, kind)]
-    names = [p.name.removesuffix(ending) for p in files]
+    # Any .jsonld file may be something else; these two endings tell a floor plan.
+    endings = (kind.endings[0], *(ending for ending in kind.endings if ending == WALLS_ENDING))
+    found = names_in(place, lambda path: path.name.endswith(endings) and _may_be(path, kind))
+    names = [name.removesuffix(next(filter(name.endswith, endings))) for name in found]
     # "tiny.mission" is what another ending leaves of a name, not one that could be written.
     return [name for name in names if "." not in name]
 
@@ -208,7 +209,7 @@ class LayerLibrary:
     def map(self, reference: LayerReference) -> GivenMap:
         """Load a map of one's own and keep it where runs find it by its digest."""
         path = self.folder / reference.name
-        if not path.is_file():
+        if not is_file(path):
             hint = "name the YAML file of a map, relative to the campaign file"
             raise InputError(Diagnostic(reference.where, f'no file "{reference.name}"', hint))
         return self._once("map", path, _load_map)
@@ -233,13 +234,14 @@ class LayerLibrary:
     def _load_floorplan(
         self, path: Path, values: Overrides | None = None, where: Where | None = None
     ) -> FloorPlan:
-        if not is_jsonld(path):
+        is_walls = path.name.endswith(WALLS_ENDING)
+        if not is_walls and not is_jsonld(path):
             plan = load_floorplan(path, values, where)
         elif values:
             message = f"{path.name} has no variables, and so none to give another value"
             raise InputError(Diagnostic(where or Where(str(path)), message, "use a plan in .fpm"))
         else:
-            plan = load_floorplan_jsonld(path)
+            plan = load_walls(path) if is_walls else load_floorplan_jsonld(path)
         self.warnings.extend(plan.warnings)
         return plan
 

@@ -21,6 +21,7 @@ from daemon.campaign._parameters import (
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
 from grammars.text.ros_yaml import load_ros_yaml
+from grammars.text.sources import is_file, is_folder, names_in
 
 COMMON: Final = "costmap_common"
 """What launch files load into both costmaps, before what each has of its own."""
@@ -68,10 +69,10 @@ def load_package_folder(
     ``where`` is the place that names the folder; with ``whole`` a usual file that is not there is
     worth a warning. Raises :class:`InputError` with everything wrong in the files.
     """
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise InputError(Diagnostic(where, f"no folder {folder}", _folders_near(folder)))
     # Of two names for the same file the usual one wins: it is the last in reversed order.
-    present = {path.name for path in folder.iterdir() if path.is_file()}
+    present = set(names_in(folder))
     named = {kind: name for kind in _PACKAGE_FILES for name in kind.names[::-1] if name in present}
     if not named:
         raise InputError(
@@ -148,7 +149,7 @@ def load_parameter_files(
     problems: list[Diagnostic] = []
     for namespace, paths in files.items():
         for path, where in paths:
-            if not path.is_file():
+            if not is_file(path):
                 problems.append(Diagnostic(where, f"no file {path}", _files_near(path)))
                 continue
             try:
@@ -207,12 +208,12 @@ def _first_name(name: str) -> str:
 
 
 def _files_near(path: Path) -> str:
-    if not path.parent.is_dir():
+    if not is_folder(path.parent):
         return f"there is no folder {path.parent}"
-    return did_you_mean(path.name, (p.name for p in path.parent.iterdir() if p.is_file()))
+    return did_you_mean(path.name, names_in(path.parent))
 
 
 def _folders_near(folder: Path) -> str:
-    if not folder.parent.is_dir():
+    if not is_folder(folder.parent):
         return f"there is no folder {folder.parent}"
-    return did_you_mean(folder.name, (p.name for p in folder.parent.iterdir() if p.is_dir()))
+    return did_you_mean(folder.name, names_in(folder.parent, is_folder))

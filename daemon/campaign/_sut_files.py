@@ -49,6 +49,7 @@ from daemon.stacks.ros2.settings import REPEATABLE
 from grammars.model.files import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument, load_yaml, read_model
+from grammars.text.sources import is_file
 
 ROS: Final = "ros"
 ROS2: Final = "ros2"
@@ -256,7 +257,7 @@ def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Pa
     """Return the files that travel, by name."""
     found: dict[str, Path] = {}
     for name, places in _named_files(path, document, text).items():
-        if len(places) != 1 or not places[0][0].is_file():
+        if len(places) != 1 or not is_file(places[0][0]):
             where = document.where(("files", name))
             what = (
                 "no file " + str(places[0][0]) if len(places) == 1 else "is one file, not several"

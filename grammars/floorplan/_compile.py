@@ -45,6 +45,7 @@ from grammars.text.diagnostics import (
     with_article,
 )
 from grammars.text.quantity import PLAN_UNITS, parse_quantity
+from grammars.text.sources import read_text
 
 _TOUCHING: Final = 1e-3
 """How far walls may be apart and still touch, or openings stick out [m]."""
@@ -151,7 +152,7 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
     import shapely
 
     # A tree, because all pairs of rooms of a large plan are too many.
-    outlines = [shapely.Polygon(space.outline) for space in plan.spaces]
+    outlines = [shapely.Polygon(space.outline, space.holes) for space in plan.spaces]
     tree = shapely.STRtree(outlines)
     first, second = tree.query(outlines, predicate="intersects")
     for a, b in sorted(zip(first.tolist(), second.tolist(), strict=True)):
@@ -337,16 +338,7 @@ def load_floorplan(
     ``where``. Raises :class:`InputError` with everything that is wrong with either; warnings are
     in the plan.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError.at(Where(str(path)), f"cannot read the plan: {reason}") from error
-    except UnicodeDecodeError as error:
-        raise InputError.at(
-            Where(str(path)), "the plan is not UTF-8 text", "save it as UTF-8"
-        ) from error
-    source = SourceText(text, str(path))
+    source = SourceText(read_text(path, "the plan"), str(path))
     tree = parse_syntax(source)
     given = _read_values(tree, values, where or Where(str(path))) if values else {}
     return compile_plan(tree, source, given)

@@ -1,4 +1,4 @@
-"""What a ``.fpm`` file means: world-frame geometry of spaces, walls, features and openings.
+"""What a floor plan means: world-frame geometry of spaces, walls, features and openings.
 
 Frames follow the FloorPlan language: a wall's frame sits on the middle of its inner edge, x along
 the edge, y through the thickness (outwards for clockwise rooms), z up. Every frame has a published
@@ -56,7 +56,11 @@ class Wall:
 
 @dataclass(frozen=True, slots=True)
 class Space:
-    """A room, corridor or hall with its walls; ``outline`` is the clear floor area."""
+    """A room, corridor or hall with its walls; ``outline`` is the clear floor area.
+
+    A space of a walls layer has no walls of its own, but may have ``holes``: rings inside of the
+    outline that are not its floor.
+    """
 
     name: str
     frame: Pose2
@@ -64,6 +68,7 @@ class Space:
     walls: tuple[Wall, ...]
     where: Where = field(default=NOWHERE, compare=False)
     placement: Placement | None = field(default=None, compare=False)
+    holes: tuple[Ring, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +76,11 @@ class Feature:
     """A column or divider standing on the floor; ``space`` is empty for a top-level feature.
 
     ``id`` is unique in the plan: the plain name where that is unique, else ``<space>-<name>``.
+    In a walls layer walls are features too (kind ``wall``, ``footprint`` as drawn), and what
+    stands may have ``holes``.
     """
 
-    kind: Literal["column", "divider"]
+    kind: Literal["column", "divider", "wall"]
     id: str
     name: str
     space: str
@@ -82,11 +89,14 @@ class Feature:
     height: float
     where: Where = field(default=NOWHERE, compare=False)
     placement: Placement | None = field(default=None, compare=False)
+    holes: tuple[Ring, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Opening:
     """An entryway or window: a prism cut through one or two walls.
+
+    In a walls layer an entryway is a gap that was left between walls: it lists none.
 
     ``frame`` is the opening's frame projected on the floor (x along the first wall, y through
     it); ``z`` its height above the floor and ``tilt`` its rotation about y. ``near`` and ``far``

@@ -169,7 +169,7 @@ def load_scenery_jsonld(
         return layers[0]
     hint = "an Object, an ObjectInstance or a layer of ours is needed"
     message = f"there are {len(layers)} layers in it" if layers else "there is no scenery in it"
-    raise InputError.at(Where(path_text(path)), message, "" if layers else hint)
+    raise InputError.at(Where(path_text(path), 1, 1), message, "" if layers else hint)
 
 
 def check_jsonld(path: ModelPath, base: str = "") -> tuple[Diagnostic, ...]:

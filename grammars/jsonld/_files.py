@@ -18,7 +18,7 @@ from grammars.jsonld._nodes import NodeGraph
 from grammars.jsonld._references import dangling
 from grammars.jsonld.vocabulary import FP, KC, OBJ, SCN, ST
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import read_text
+from grammars.text.sources import is_folder, read_text
 
 ModelPath: TypeAlias = str | Path | Sequence[str | Path]
 """A file, a folder, or several files that make one model."""
@@ -33,12 +33,12 @@ _OF_OBJECTS: Final = (
 
 def is_jsonld(path: Path) -> bool:
     """Return whether a path is a JSON-LD file by its ending, or a folder that holds some."""
-    return bool(_files_in(path)) if path.is_dir() else path.suffix in _ENDINGS
+    return bool(_files_in(path)) if is_folder(path) else path.suffix in _ENDINGS
 
 
 def model_files(path: Path) -> tuple[Path, ...]:
     """Return the files a path names: those of a folder in order, or the file itself."""
-    return _files_in(path) if path.is_dir() else (path,)
+    return _files_in(path) if is_folder(path) else (path,)
 
 
 def path_text(path: ModelPath) -> str:
@@ -94,7 +94,7 @@ def model_nodes(path: ModelPath, base: str = "") -> NodeGraph:
 
 
 def _is_folder(path: ModelPath) -> bool:
-    return isinstance(path, str | Path) and Path(path).is_dir()
+    return isinstance(path, str | Path) and is_folder(Path(path))
 
 
 def _may_lack_parts(path: ModelPath) -> bool:

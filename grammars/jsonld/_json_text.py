@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import re
+from collections import Counter
 from typing import Any, Final
 
 from grammars.text.diagnostics import InputError, SourceText, Where
@@ -39,8 +40,19 @@ class JsonText:
             raise InputError.at(where, f"is not JSON: {error.msg}") from error
         except (RecursionError, ValueError) as error:
             reason = str(error) if isinstance(error, ValueError) else "it is nested too deeply"
-            where = Where(self.file)
-            raise InputError.at(where, f"is not JSON: {reason}") from error
+            if "int_max_str_digits" in reason:
+                reason = "a number has thousands of digits"
+            raise InputError.at(self._fault(error), f"is not JSON: {reason}") from error
+
+    def _fault(self, error: Exception) -> Where:
+        """Return where something stands that the JSON reader refuses without saying where."""
+        words = re.search(r'the key ("[^"]*")|^(-?Infinity|NaN)', str(error))
+        pattern = r"-?\d{1000,}|[\[{](?:\s*[\[{]){20}"
+        if words is not None:
+            pattern = re.escape(words[1] or words[2])
+        places = [match.start() for match in re.finditer(pattern, self.text)]
+        last = words is not None and words[1] is not None
+        return self._source.where(places[-1 if last else 0] if places else 0)
 
     def where(self, id: str) -> Where:
         """Return where an ``@id``, as written, first stands."""
@@ -53,8 +65,7 @@ class JsonText:
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        twice, _ = Counter(key for key, _ in pairs).most_common(1)[0]
         raise ValueError(f'the key "{twice}" is written twice in one object')
     return found
 

@@ -132,11 +132,13 @@ class LayerWriter:
             pose = self._at(instance, model, node, wrt)
         else:
             opening = next(o for o in self._plan.openings if o.name == instance.place.entryway.text)
-            wall = next(w for w in self._plan.walls if w.id == opening.walls[0])
-            # Others know no entryways to fit doors into: they get a pose at the wall, and our own
-            # words say how it came about, for us to read back.
-            relative = wall.frame.inverse() @ placed.pose
-            wrt = f"fpm:{self._frames.frame(f'{wall.id}-frame')}"
+            # Others know no entryways to fit doors into: they get a pose at the wall (in the world,
+            # where it cuts none), and our own words say how it came about, for us to read back.
+            walls = (w for w in self._plan.walls if w.id in opening.walls[:1])
+            against = {f"{wall.id}-frame": wall.frame for wall in walls} or {WORLD_FRAME: Pose2()}
+            ((frame, base),) = against.items()
+            relative = base.inverse() @ placed.pose
+            wrt = f"fpm:{self._frames.frame(frame)}"
             pose = Pose2(trim_rounding(relative.x), trim_rounding(relative.y), relative.yaw)
             node["scn:stands-in"] = {"@id": f"fpm:{self._frames.ids[opening.kind, opening.id]}"}
             node["scn:placement"] = value_to_jsonld(instance.place)
@@ -339,7 +341,7 @@ class _LayerReader:
         return tuple(found)
 
     def _instance(self, node: Node) -> Instance:
-        where = self._nodes.where(node.id, Where(self._file))
+        where = self._nodes.where(node.id, Where(self._file, 1, 1))
         of = node.ref(OBJ["of-object"])
         if of is None:
             raise InputError.at(where, f"instance {local_name(node.id)} is of no object")

@@ -161,7 +161,7 @@ class ObjectReader:
             tuple(link for link in links.values() if link is not None),
             self._needed(joints),
             states,
-            self._nodes.where(node.id, Where(self._file)),
+            self._nodes.where(node.id, Where(self._file, 1, 1)),
         )
 
     def _bodies(self, node: Node, order: dict[str, int]) -> dict[str, Node]:
@@ -334,7 +334,7 @@ class ObjectReader:
             NamedState(
                 name_of(self._nodes.get(id), owner),
                 tuple(found[id].items()),
-                self._nodes.where(id, Where(self._file)),
+                self._nodes.where(id, Where(self._file, 1, 1)),
             )
             for id in ids
         )

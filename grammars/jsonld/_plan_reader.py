@@ -99,7 +99,7 @@ class _PlanReader:
             self.nodes.add_error(plans[1].id, f"there are several floor plans: {names}")
         else:
             hint = "one node has the type FloorPlan and lists the spaces"
-            where = Where(self.file or "<graph>")
+            where = Where(self.file or "<graph>", 1, 1)
             self.nodes.diagnostics.append(Diagnostic(where, "there is no floor plan in it", hint))
         raise InputError(self.nodes.errors)
 
@@ -180,7 +180,8 @@ class _PlanReader:
         known = [body for body in bodies if body is not None]
         if drawn is None or placed is None or len(known) < len(bodies):
             return None
-        if not known:
+        is_area = SCN["Area"] in node.types
+        if not known and not is_area:
             self.nodes.add_error(node.id, f"{local_name(node.id)} has no walls")
             return None
         ring: Ring = tuple((x, y) for x, y, _ in drawn[1])
@@ -188,10 +189,25 @@ class _PlanReader:
             self.nodes.add_error(node.id, f"the shape of {local_name(node.id)} has no area")
             return None
         space = self._made(node, name, placed, ring, known)
+        if is_area:
+            space = replace(space, holes=self._holes(node, placed))
         for wall, made in zip(walls, space.walls, strict=True):
             self.walls[wall.id] = made
         self.drawn[name] = drawn
         return space
+
+    def _holes(self, node: Node, placed: PlacedFrame) -> tuple[Ring, ...]:
+        """Return the holes of a space or wall of a walls layer, in the world."""
+        found = []
+        for id in node.refs(SCN["holes"]):
+            hole = self.nodes.by_id.get(id)
+            drawn = self.positions.outline(hole.refs(POLY["points"])) if hole else None
+            if drawn is None or len(drawn[1]) < 3:
+                message = f"hole {local_name(id)} of {local_name(node.id)} is no polygon"
+                self.nodes.add_error(node.id, message, "list its points and give every position")
+                continue
+            found.append(placed.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1])))
+        return tuple(found)
 
     def _wall(self, node: Node, space: str, index: int) -> Wall | None:
         drawn = self._outline(node, FP["shape"])
@@ -218,7 +234,7 @@ class _PlanReader:
         self, node: Node, name: str, placed: PlacedFrame, ring: Ring, walls: list[Wall]
     ) -> Space:
         """Return the space its outline implies where that is what is published, bit by bit."""
-        where = self.nodes.where(node.id, Where(self.file))
+        where = self.nodes.where(node.id, Where(self.file, 1, 1))
         published = Space(name, placed.pose, placed.pose.apply_ring(ring), tuple(walls), where)
         return implied_space(published, ring) or published
 
@@ -256,10 +272,12 @@ class _PlanReader:
 
     def _feature(self, id: Ref | str, owner: Node, space: str, found: dict[str, Feature]) -> None:
         node = self.nodes.by_id.get(id)
-        kind: Literal["column", "divider"] | None = None
+        kind: Literal["column", "divider", "wall"] | None = None
         if node is not None:
             kind = (
-                "column"
+                "wall"
+                if SCN["Wall"] in node.types
+                else "column"
                 if FP["Column"] in node.types
                 else "divider"
                 if FP["Divider"] in node.types
@@ -285,7 +303,7 @@ class _PlanReader:
         if drawn is None or height is None or placed is None:
             return
         name = node.text(SCN["name"]) or (local.removeprefix(f"{space}-") if space else local)
-        where = self.nodes.where(node.id, Where(self.file))
+        where = self.nodes.where(node.id, Where(self.file, 1, 1))
         ring = placed.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1]))
         found[node.id] = Feature(
             kind,
@@ -297,6 +315,7 @@ class _PlanReader:
             height,
             where,
             self._placement(drawn[0], drawn[1]),
+            self._holes(node, placed),
         )
 
     def _opening(self, node: Node) -> tuple[str, Opening] | None:
@@ -310,7 +329,7 @@ class _PlanReader:
                 message = f"{kind} {local_name(node.id)} voids {local_name(id)}, which is no wall"
                 hint = did_you_mean(local_name(id), map(local_name, self.walls))
                 self.nodes.add_error(node.id, message, hint)
-        if not 1 <= len(voids) <= 2:
+        if not 1 <= len(voids) <= 2 and (voids or SCN["Gap"] not in node.types):
             message = f"{kind} {local_name(node.id)} voids {len(voids)} walls, one or two are cut"
             self.nodes.add_error(node.id, message)
             return None
@@ -323,7 +342,7 @@ class _PlanReader:
         if depth is None:
             depth = max(point[1] for point in body[1])
         prism = OpeningPrism(near[1], depth, placed.z, placed.tilt)
-        where = self.nodes.where(node.id, Where(self.file))
+        where = self.nodes.where(node.id, Where(self.file, 1, 1))
         placement = self._placement(*near)
         return node.id, opening_at(kind, name, walls, placed.pose, prism, where, placement)
 

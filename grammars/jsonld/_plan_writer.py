@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -177,6 +177,7 @@ class PlanWriter:
         ring = _flat(placed.outline) if placed else space.frame.inverse().apply_ring(space.outline)
         solid = tuple((x, y, 0.0) for x, y in ring)
         self._element(_Element(id, id, solid, len(ring), False, space.where))
+        self._holes(id, id, [space.frame.inverse().apply_ring(r) for r in space.holes], space.where)
         self._pose(of, self.frame(placed.wrt if placed else f"{WORLD}-frame"), offset)
         for wall, (pose, footprint) in zip(space.walls, _walls(space, ring), strict=True):
             wall_id = self.ids["wall", wall.id]
@@ -191,6 +192,8 @@ class PlanWriter:
         ring = _flat(placed.outline) if placed else local
         corners = _prism(ring, feature.height)
         self._element(_Element(id, stem, corners, len(ring), True, feature.where))
+        holes = [feature.frame.inverse().apply_ring(ring) for ring in feature.holes]
+        self._holes(id, stem, holes, feature.where)
         wrt = self.frame(placed.wrt if placed else f"{WORLD}-frame")
         self._pose(f"{stem}-frame", wrt, placed.offset if placed else feature.frame)
 
@@ -204,10 +207,20 @@ class PlanWriter:
         offset = placed.offset if placed else opening.frame
         self._pose(f"{stem}-frame", self.frame(wrt), offset, opening.z, opening.tilt)
 
+    def _holes(self, id: str, stem: str, holes: Iterable[Ring], where: Where) -> None:
+        """Write the outlines of holes, in the frame of the element they are in."""
+        for number, ring in enumerate(holes):
+            corners = tuple((x, y, 0.0) for x, y in ring)
+            hole = _Element(f"{id}-hole-{number}", stem, corners, len(ring), False, where)
+            self._outline(hole)
+
     def _element(self, element: _Element) -> None:
         """Write frame, corners with their positions, outline and body of one element."""
-        frame, origin = f"{element.stem}-frame", f"{element.stem}-origin"
         self._skeleton_frame(element.stem, element.where)
+        self._outline(element)
+
+    def _outline(self, element: _Element) -> None:
+        frame, origin = f"{element.stem}-frame", f"{element.stem}-origin"
         points = [f"{element.id}-corner-{k}" for k in range(len(element.corners))]
         self._place(element.where, element.id, f"{element.id}-polygon", *points)
         count = element.outline
@@ -277,6 +290,9 @@ class PlanWriter:
             "features": inside,
             "shape": f"{id}-polygon",
         }
+        # The published vocabulary knows no space without walls, and no holes.
+        if not space.walls:
+            node |= {"@type": ["Space", SCN["Area"]], **_hole_list(id, space.holes)}
         return self._named(node, space.name)
 
     def _wall_node(self, wall: Wall) -> Json:
@@ -288,6 +304,9 @@ class PlanWriter:
         id = self.ids[feature.kind, feature.id]
         body = {"height": feature.height, "unit": "M"}
         node = {"@id": id, "@type": feature.kind.capitalize(), **_shapes(id), **body}
+        # To others a wall that belongs to no space is a divider: it stands in the building.
+        if feature.kind == "wall":
+            node |= {"@type": ["Divider", SCN["Wall"]], **_hole_list(id, feature.holes)}
         return self._named(node, feature.name)
 
     def _opening_node(self, opening: Opening) -> Json:
@@ -295,6 +314,8 @@ class PlanWriter:
         node = {"@id": id, "@type": opening.kind.capitalize(), **_shapes(id)}
         node |= {"thickness": opening.depth, "unit": "M"}
         node["voids"] = [self.ids["wall", wall] for wall in opening.walls]
+        if not opening.walls:
+            node["@type"] = [node["@type"], SCN["Gap"]]
         return self._named(node, opening.name)
 
     def _place(self, where: Where | None, *ids: str) -> None:
@@ -362,6 +383,11 @@ def _level(ring: Ring) -> Ring:
 
 def _shapes(id: str) -> Json:
     return {"shape": f"{id}-polygon", "3d-shape": f"{id}-polyhedron"}
+
+
+def _hole_list(id: str, holes: Sequence[Ring]) -> Json:
+    polygons = [{"@id": f"{id}-hole-{number}-polygon"} for number in range(len(holes))]
+    return {SCN["holes"]: {"@list": polygons}} if polygons else {}
 
 
 def _flat(points: Iterable[Point3]) -> Ring:

@@ -26,7 +26,7 @@ from grammars.text.diagnostics import InputError, Where, did_you_mean
 from grammars.text.quantity import unit_of
 
 _WALL: Final = re.compile(r"(?P<space>.+)-wall-(?P<index>\d{1,9})-frame")
-_FEATURE: Final = re.compile(r"(?:column|divider)-(?P<name>.+)-frame")
+_FEATURE: Final = re.compile(r"(?:column|divider|wall)-(?P<name>.+)-frame")
 _OPENING: Final = re.compile(r"(?:entryway|window)-(?P<name>.+)-frame")
 # As frames were called in 2023: frame-hall-wall-2, frame-center-hall.
 _EARLIER_WALL: Final = re.compile(r"frame-(?P<space>.+)-wall-(?P<index>\d{1,9})")
@@ -105,10 +105,10 @@ class SentenceReader:
 
     def read(self, id: str, *kinds: type) -> Any:
         """Return the value at ``id``; raises :class:`InputError` unless it is one of ``kinds``."""
-        value = self._value(Ref(id), self._nodes.where(id, Where(self._file)), 0)
+        value = self._value(Ref(id), self._nodes.where(id, Where(self._file, 1, 1)), 0)
         if not isinstance(value, kinds):
             names = " or ".join(kind.__name__ for kind in kinds)
-            where = self._nodes.where(id, Where(self._file))
+            where = self._nodes.where(id, Where(self._file, 1, 1))
             raise InputError.at(where, f"{local_name(id)} is no {names}")
         return value
 

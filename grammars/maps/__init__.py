@@ -1,5 +1,33 @@
-"""Buildings from occupancy maps and drawings, and the walls layers that hold them."""
+"""Buildings from occupancy maps and drawings, and the walls layers that hold them.
 
+- :func:`walls_text`, :func:`load_walls`: a walls layer, written and read;
+- :func:`vectorise`: a building from an occupancy map;
+- :func:`read_drawing`: a building from a DXF drawing.
+"""
+
+from grammars.maps._drawing import read_drawing
+from grammars.maps._drawing_settings import DrawingSettings
+from grammars.maps._from_map import vectorise
+from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
+from grammars.maps._walls_file import WALLS_ENDING, WallsText, load_walls
+from grammars.maps._walls_text import walls_text
 from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, DrawnWall
 
-__all__ = ["Area", "DrawnBuilding", "DrawnEntryway", "DrawnSpace", "DrawnWall"]
+__all__ = [
+    "WALLS_ENDING",
+    "Area",
+    "DrawingSettings",
+    "DrawnBuilding",
+    "DrawnEntryway",
+    "DrawnSpace",
+    "DrawnWall",
+    "EmptyMapError",
+    "ImportReport",
+    "ImportSettings",
+    "ImportedMap",
+    "WallsText",
+    "load_walls",
+    "read_drawing",
+    "vectorise",
+    "walls_text",
+]

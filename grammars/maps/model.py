@@ -5,9 +5,10 @@ Coordinates are metres in the frame of the map. Rings do not repeat their first 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from grammars.model.geometry import Point2, Ring
+from grammars.text.diagnostics import Diagnostic
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +53,14 @@ class DrawnEntryway:
 
 @dataclass(frozen=True, slots=True)
 class DrawnBuilding:
-    """A whole floor. ``source`` says in a line what it was made from."""
+    """A whole floor. ``source`` says in a line what it was made from.
+
+    ``warnings`` are what people should know about how it was made.
+    """
 
     name: str
     spaces: tuple[DrawnSpace, ...]
     walls: tuple[DrawnWall, ...]
     entryways: tuple[DrawnEntryway, ...] = ()
     source: str = ""
+    warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)

@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from grammars.model.geometry import Point2, Ring
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_fixed
-from grammars.model.scene import Joint, Link, Scene, SceneObject
+from grammars.model.scene import Joint, Link, Region, Scene, SceneObject
 
 # Between two placements of a leaf 1 m wide, 4 degrees apart, the arc bulges 0.6 mm over their hull.
 _TURN: Final = math.radians(4.0)
@@ -173,7 +173,7 @@ class FreeSpace:
             for link in still_links(body)
             if link.z_min < height
         ]
-        rooms = [valid_polygon(r.outline) for r in scene.regions]
+        rooms = [region_area(r) for r in scene.regions]
         # A little wider than they are: doorway and room share an edge only up to rounding, and a
         # slit between them would part the floor.
         passages = [
@@ -215,7 +215,12 @@ class ConnectedParts:
         return set(np.flatnonzero(distances <= reach).tolist())
 
 
-def valid_polygon(ring: Ring) -> BaseGeometry:
+def region_area(region: Region) -> BaseGeometry:
+    """Return the floor of a region, without its holes."""
+    return valid_polygon(region.outline, region.holes)
+
+
+def valid_polygon(ring: Ring, holes: Sequence[Ring] = ()) -> BaseGeometry:
     """Return the area of an outline, also of one that touches or crosses itself."""
-    polygon = Polygon(ring)
+    polygon = Polygon(ring, holes)
     return polygon if polygon.is_valid else polygon.buffer(0)

@@ -1,9 +1,11 @@
-"""Maps as files: the YAML and the PGM image that ``map_server`` and nav2 read, and in one piece.
+"""Maps as files: the YAML and the image that ``map_server`` and nav2 read, and in one piece.
 
 Pixels mean what they mean to ``map_server`` of Noetic (``image_loader.cpp``): an occupancy of
 (255 - grey) / 255, or grey / 255 with ``negate``, is occupied above ``occupied_thresh``, free below
 ``free_thresh`` and in between unknown (``mode: trinary``) or 1 to 99 (``scale``). With ``raw`` the
-grey is the value itself, and what is above 100 unknown, as nav2 has it.
+grey is the value itself, and what is above 100 unknown, as nav2 has it. Colours count as the mean
+of their channels, in which ``trinary`` has a share for alpha; with ``scale``, what is in between
+and quite transparent is unknown.
 
 Packed, a map is one piece of bytes that only its content decides, so that its digest can name it.
 """
@@ -11,7 +13,6 @@ Packed, a map is one piece of bytes that only its content decides, so that its d
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -21,8 +22,9 @@ import numpy.typing as npt
 from pydantic import Field
 
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.map_images import MOST_CELLS, WHITE, MapImage, read_image
 from grammars.text import codec
-from grammars.text.diagnostics import InputError, Where
+from grammars.text.diagnostics import Diagnostic, InputError, Severity
 from grammars.text.documents import (
     StrictModel,
     YamlDocument,
@@ -30,13 +32,9 @@ from grammars.text.documents import (
     read_model,
 )
 
-MOST_CELLS: Final = 64_000_000
-"""A map of 400 m by 400 m at 5 cm; more is refused before it is read."""
-_LONGEST_HEADER: Final = 4096
-_GREY: Final = 255
-# The words before the pixels: magic number, columns, rows, largest grey, with comments in between,
-# and exactly one white space after the last (netpbm).
-_HEADER: Final = re.compile(rb"(P[25])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s", re.DOTALL)
+_SAVED_UNKNOWN: Final = 205
+_SAVED_GREYS: Final = {0, _SAVED_UNKNOWN, 254, WHITE}
+"""The greys in which map_saver writes occupied, unknown and free cells."""
 
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -58,93 +56,98 @@ class _MapKeys(StrictModel):
 def read_map(path: str | Path) -> OccupancyGrid:
     """Read the map of a YAML file, its image from beside it.
 
-    Raises :class:`InputError` for files that cannot be read, an image that is no PGM (P5 or P2,
-    up to 8 bits), more than :data:`MOST_CELLS` cells, and a map that is turned.
+    Raises :class:`InputError` for files that cannot be read, an image that is neither PGM (P5 or
+    P2, up to 8 bits) nor PNG, more than :data:`MOST_CELLS` cells, and a map that is turned.
     """
-    document = load_yaml(path)
-    text = read_model(document, _MapKeys)
-    _refuse(document, text)
-    image = Path(path).parent / text.image
-    grey = _read_image(image, document.where(("image",)))
-    return OccupancyGrid(text.resolution, text.origin[0], text.origin[1], _values(grey, text))
-
-
-def _refuse(document: YamlDocument, text: _MapKeys) -> None:
+    document, text = _read_keys(path)
     if text.origin[2] != 0.0:
         raise InputError.at(
             document.where(("origin",)),
             f"the map is turned by {text.origin[2]:g} rad",
-            "costmap_2d and amcl take no notice of that: turn the image and write 0",
+            "costmap_2d and amcl take no notice of that: turn the image and write 0 "
+            "(scenario import makes a building of it as it is)",
         )
+    return _grid(_read_image(document, text, Path(path)), text)
+
+
+@dataclass(frozen=True, slots=True)
+class SavedMap:
+    """A map as a mapping tool saved it, which may be turned.
+
+    ``grid`` is the map as if it were not; ``yaw`` [rad] turns it about its origin.
+    """
+
+    grid: OccupancyGrid
+    yaw: float
+    warnings: tuple[Diagnostic, ...] = ()
+
+
+def read_saved_map(path: str | Path) -> SavedMap:
+    """Read a map that may be turned, with a warning if its YAML takes unknown cells for free.
+
+    Raises :class:`InputError` as :func:`read_map` does.
+    """
+    document, text = _read_keys(path)
+    image = _read_image(document, text, Path(path))
+    values = _value_of_shades(image.shades, text)
+    used = np.bincount(image.levels.ravel(), minlength=len(values))
+    warnings: list[Diagnostic] = []
+    # map_saver of nav2 writes free_thresh: 0.25 and, for unknown, 205: an occupancy of 0.196.
+    saved = len(values) == WHITE + 1 and set(np.flatnonzero(used).tolist()) <= _SAVED_GREYS
+    if saved and text.mode == "trinary" and not text.negate and values[_SAVED_UNKNOWN] == FREE:
+        share = used[_SAVED_UNKNOWN] / image.levels.size
+        if share:
+            message = (
+                f"{share:.0%} of the cells are grey {_SAVED_UNKNOWN}, as which map_saver writes "
+                f"unknown, but free by free_thresh {text.free_thresh:g}: they become floor"
+            )
+            hint = "write free_thresh: 0.196 to have them unknown, for your navigation stack too"
+            where = document.where(("free_thresh",))
+            warnings.append(Diagnostic(where, message, hint, Severity.WARNING))
+    return SavedMap(_grid(image, text), text.origin[2], tuple(warnings))
+
+
+def _read_keys(path: str | Path) -> tuple[YamlDocument, _MapKeys]:
+    document = load_yaml(path)
+    text = read_model(document, _MapKeys)
     if text.free_thresh > text.occupied_thresh:
         raise InputError.at(
             document.where(("free_thresh",)), "free_thresh is above occupied_thresh"
         )
+    return document, text
 
 
-def _values(grey: npt.NDArray[np.uint8], text: _MapKeys) -> npt.NDArray[np.int8]:
-    """Return the occupancy values of an image, lowest row first."""
-    shade = np.arange(_GREY + 1)
-    dark = shade if text.negate else _GREY - shade
-    occupancy = dark / float(_GREY)
+def _read_image(document: YamlDocument, text: _MapKeys, path: Path) -> MapImage:
+    # In trinary maps alpha is one more channel of the mean.
+    alpha_counts = text.mode == "trinary"
+    where = document.where(("image",))
+    return read_image(path.parent / text.image, where, alpha_counts=alpha_counts)
+
+
+def _grid(image: MapImage, text: _MapKeys) -> OccupancyGrid:
+    """Return the map that an image shows."""
+    cells: npt.NDArray[np.int8] = _value_of_shades(image.shades, text)[np.flipud(image.levels)]
+    if text.mode == "scale" and image.clear is not None:
+        cells[np.flipud(image.clear) & (cells > FREE) & (cells < OCCUPIED)] = UNKNOWN
+    return OccupancyGrid(text.resolution, text.origin[0], text.origin[1], cells)
+
+
+def _value_of_shades(shade: npt.NDArray[np.float64], text: _MapKeys) -> npt.NDArray[np.int8]:
+    """Return the occupancy values of shades of grey."""
+    dark = shade if text.negate else WHITE - shade
+    occupancy = dark / float(WHITE)
     if text.mode == "raw":
         # Here, negate turns the grey and not its meaning: what is kept is the number.
-        number = _GREY - shade if text.negate else shade
+        number = WHITE - shade if text.negate else shade
         value = np.where(number <= OCCUPIED, number, UNKNOWN)
     else:
-        between: npt.NDArray[Any] = np.full(_GREY + 1, UNKNOWN)
+        between: npt.NDArray[Any] = np.full(shade.shape, UNKNOWN)
         if text.mode == "scale" and text.occupied_thresh > text.free_thresh:
             span = text.occupied_thresh - text.free_thresh
             between = np.trunc(1.0 + 98.0 * (occupancy - text.free_thresh) / span)
         value = np.where(occupancy < text.free_thresh, FREE, between)
         value = np.where(occupancy > text.occupied_thresh, OCCUPIED, value)
-    cells: npt.NDArray[np.int8] = value.astype(np.int8)[np.flipud(grey)]
-    return cells
-
-
-def _read_image(path: Path, named: Where) -> npt.NDArray[np.uint8]:
-    """Return the grey of an image, top row first; ``named`` is where its name stands."""
-    try:
-        size = path.stat().st_size
-        if size > _LONGEST_HEADER + 4 * MOST_CELLS:
-            raise InputError.at(named, f"the image {path.name} has {size} bytes, that is too large")
-        data = path.read_bytes()
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError.at(named, f"the image {path} cannot be read: {reason}") from error
-    found = _HEADER.match(data[:_LONGEST_HEADER])
-    if found is None:
-        raise InputError.at(
-            named, f"the image {path.name} is no PGM file", f"convert {path.name} map.pgm makes one"
-        )
-    columns, rows, largest = (int(number) for number in found.groups()[1:])
-    if not (columns and rows):
-        raise InputError.at(named, f"the image {path.name} has no pixels")
-    if columns * rows > MOST_CELLS:
-        message = f"the image {path.name} has {columns * rows} pixels"
-        raise InputError.at(named, message, f"at most {MOST_CELLS} can be read")
-    if not 1 <= largest <= _GREY:
-        message = f"the image {path.name} counts to {largest}"
-        raise InputError.at(named, message, "only images of 8 bits can be read")
-    pixels = _pixels(data[found.end() :], found[1] == b"P5", named, path.name)
-    if len(pixels) != columns * rows:
-        message = f"the image {path.name} has {len(pixels)} pixels, its header says"
-        raise InputError.at(named, f"{message} {columns} x {rows} = {columns * rows}")
-    if pixels.max() > largest:
-        raise InputError.at(named, f"the image {path.name} has pixels above {largest}")
-    if largest < _GREY:
-        # As SDL_image does, with which map_server reads.
-        pixels = pixels.astype(np.uint16) * _GREY // largest
-    return pixels.astype(np.uint8).reshape(rows, columns)
-
-
-def _pixels(data: bytes, binary: bool, named: Where, image: str) -> npt.NDArray[Any]:
-    if binary:
-        return np.frombuffer(data, dtype=np.uint8)
-    words = data.split()
-    if not all(word.isdigit() and len(word) <= 3 for word in words):
-        raise InputError.at(named, f"the image {image} has pixels that are no numbers")
-    return np.array(words, dtype=np.uint16)
+    return value.astype(np.int8)
 
 
 def write_map(grid: OccupancyGrid, stem: Path, *, laser_height: float) -> tuple[Path, Path]:

@@ -6,8 +6,11 @@ scenes have equal digests, whatever machine compiled them.
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.text import codec
@@ -15,10 +18,15 @@ from grammars.text import codec
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A named free area: the clear floor of a space (``outline``), before furniture."""
+    """A named free area: the clear floor of a space (``outline``), before furniture.
+
+    ``holes`` are rings inside of it that are not floor: what stands there, or is not known.
+    """
 
     name: str
     outline: Ring
+    # Left out where there are none: most regions have none, and digests are taken of the rest.
+    holes: Annotated[tuple[Ring, ...], Field(exclude_if=operator.not_)] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -219,8 +219,11 @@ class Oracle:
 
 
 def shift_place(where: Where, text: str, column: int) -> Where:
-    """Return the place of ``text[column]`` when ``text`` starts at ``where``."""
-    if "\n" in text:
+    """Return the place of ``text[column]`` when ``text`` starts at ``where``.
+
+    A line without a column is all that is known of a text that is laid out otherwise in its file.
+    """
+    if "\n" in text or (where.line and not where.column):
         return where
     return Where(where.file, where.line, (where.column or 1) + column)
 

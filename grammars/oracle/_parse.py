@@ -249,4 +249,5 @@ def _value_place(document: YamlDocument, key: Where, text: str) -> Where:
     lines = document.text.splitlines()
     line = lines[key.line - 1] if 0 < key.line <= len(lines) else ""
     column = line.find(text, key.column)
-    return Where(key.file, key.line, column + 1) if column >= 0 else key
+    # Over several lines, or with escapes, the text is laid out otherwise than it reads.
+    return Where(key.file, key.line, column + 1) if column >= 0 else Where(key.file, key.line)

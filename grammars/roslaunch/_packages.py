@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
-from grammars.text.documents import read_text
+from grammars.text.sources import is_folder, names_in, read_text
 
 _FIND: Final = re.compile(r"\$\(\s*find\s+([^\s()$]+)\s*\)[/\\]?")
 _MANIFESTS: Final = ("package.xml", "manifest.xml")
@@ -144,9 +144,9 @@ def _package_name(folder: Path) -> str:
 
 
 def _folders_near(folder: Path) -> str:
-    if not folder.parent.is_dir():
+    if not is_folder(folder.parent):
         return f"there is no folder {folder.parent}"
-    return did_you_mean(folder.name, (p.name for p in folder.parent.iterdir() if p.is_dir()))
+    return did_you_mean(folder.name, names_in(folder.parent, is_folder))
 
 
 def follow_links(path: Path, warnings: list[Diagnostic]) -> Path:
@@ -184,6 +184,6 @@ def is_file(path: Path, where: Where) -> bool:
 
 def files_near(path: Path) -> str:
     """Return a hint on what the name of a file that is not there was meant to be."""
-    if not path.parent.is_dir():
+    if not is_folder(path.parent):
         return f"there is no folder {path.parent}"
-    return did_you_mean(path.name, (p.name for p in path.parent.iterdir() if p.is_file()))
+    return did_you_mean(path.name, names_in(path.parent))

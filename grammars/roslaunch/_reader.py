@@ -23,8 +23,8 @@ from grammars.roslaunch._scope import Scope, WrittenRemap
 from grammars.roslaunch._substitution import Substituted, Substitution
 from grammars.roslaunch._xml import XmlElement, parse_xml
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
-from grammars.text.documents import read_text
 from grammars.text.ros_yaml import parse_ros_yaml
+from grammars.text.sources import read_text
 
 _DEEPEST: Final = 30
 _MOST_INCLUDES: Final = 1_000
@@ -358,10 +358,13 @@ class LaunchReader:
                 return
             path = self._parameter_file(file, scope, element.place("file"))
             source, name, lines = read_text(path), str(path), ()
+        source_lines = source.split("\n")
 
         def locate(line: int, column: int) -> Where:
             if file is not None:
-                return Where(name, line, column)
+                # Texts that are filled in may be longer than the line they stand in.
+                written = source_lines[line - 1] if line <= len(source_lines) else ""
+                return Where(name, line, min(column, len(written) + 1))
             if line > len(lines):  # The end of the text, where a line begins that has nothing.
                 last = lines[-1] if lines else element.where
                 return Where(name, last.line + line - len(lines), column)

@@ -24,7 +24,7 @@ from grammars.scenery.model import (
     require_dimension,
 )
 from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where, did_you_mean
-from grammars.text.documents import read_text
+from grammars.text.sources import read_text
 
 _Statement: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
 _OBJECT: Final = re.compile(r"([^\d\W]\w*)(?:\.([^\d\W]\w*))?")

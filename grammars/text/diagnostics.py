@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 
 class Severity(StrEnum):
@@ -35,19 +35,47 @@ class Where:
         return ":".join(parts)
 
 
+# What is shown of a file must not steer the terminal it is shown on, nor turn text around in it.
+_STEERING: Final = re.compile(
+    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+
+
+def printable(text: str) -> str:
+    """Return ``text`` with signs that steer a terminal spelt out: ``\\x1b``; line ends stay."""
+    if text.isprintable():
+        return text
+    return _STEERING.sub(lambda sign: ascii(sign[0])[1:-1], text)
+
+
+_LONGEST_SHOWN: Final = 4_000
+
+
+def _shortened(text: str) -> str:
+    half = _LONGEST_SHOWN // 2
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:half]} … {text[-half:]}"
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One finding: ``where: message``, with an optional hint on what to do about it."""
+    """One finding: ``where: message``, with an optional hint on what to do about it.
+
+    Message and hint are fit for a terminal, whatever the text they quote, however long.
+    """
 
     where: Where
     message: str
     hint: str = ""
     severity: Severity = Severity.ERROR
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", _shortened(printable(self.message)))
+        object.__setattr__(self, "hint", _shortened(printable(self.hint)))
+
     def __str__(self) -> str:
         label = "warning: " if self.severity is Severity.WARNING else ""
         hint = f"\n    {self.hint}" if self.hint else ""
-        return f"{self.where}: {label}{self.message}{hint}"
+        return f"{printable(str(self.where))}: {label}{self.message}{hint}"
 
 
 class InputError(Exception):
@@ -64,6 +92,11 @@ class InputError(Exception):
         return cls(Diagnostic(where, message, hint))
 
 
+_LONGEST_WORD: Final = 80
+"""Comparing takes the square of the length, and no name people write is longer."""
+_MOST_WORDS: Final = 2_000
+
+
 def with_article(noun: str) -> str:
     """Return ``a space``, ``an entryway``."""
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
@@ -71,7 +104,9 @@ def with_article(noun: str) -> str:
 
 def closest(word: str, known: Iterable[str]) -> str:
     """Return the known word that ``word`` was probably meant to be, or nothing."""
-    close = difflib.get_close_matches(word, sorted(set(known)), n=1, cutoff=0.6)
+    if len(word) > _LONGEST_WORD:
+        return ""
+    close = difflib.get_close_matches(word, sorted(set(known))[:_MOST_WORDS], n=1, cutoff=0.6)
     return close[0] if close else ""
 
 
@@ -125,7 +160,8 @@ class SourceText:
         start = self._within
         if start is not None:
             column = (start.column or 1) + offset
-            return start if len(self._starts) > 1 else Where(start.file, start.line, column)
+            unknown = len(self._starts) > 1 or (start.line and not start.column)
+            return start if unknown else Where(start.file, start.line, column)
         line = bisect_right(self._starts, offset)
         return Where(self.file, line, offset - self._starts[line - 1] + 1)
 

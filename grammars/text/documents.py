@@ -1,8 +1,8 @@
 """YAML files that people write: strict YAML 1.2, every value with its place in the file.
 
-Duplicate keys, tags, anchors that expand without end and unreadable files are reported with line
-and column. :func:`read_model` checks a document against a pydantic model and turns each finding
-into a diagnostic where the offending value stands.
+Duplicate keys, tags, aliases and unreadable files are reported with line and column.
+:func:`read_model` checks a document against a pydantic model and turns each finding into a
+diagnostic where the offending value stands.
 """
 
 from __future__ import annotations
@@ -26,17 +26,14 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, closest, did_you_mean
 from grammars.text.quantity import read_as
+from grammars.text.sources import read_text as read_text
+from grammars.text.yaml_composer import KeyPath as KeyPath
+from grammars.text.yaml_composer import compose, kind_of, source_at
 
-Key: TypeAlias = str | int
-KeyPath: TypeAlias = tuple[Key, ...]
 M = TypeVar("M", bound="StrictModel")
 
-MAX_BYTES: Final = 8 * 1024 * 1024
-"""A file written by a person is never larger than this; a larger one is refused."""
-_DEEPEST: Final = 50
-"""Levels of nesting: reading recurses, and nobody follows a file that deep."""
-_LARGEST: Final = 2**64
-"""Whole numbers from here on fit no 64 bits, neither in a ledger nor in what reads our JSON."""
+_MOST_FINDINGS: Final = 50
+"""So many are told of a file; whoever has more will not read them."""
 
 
 class StrictModel(BaseModel):
@@ -117,180 +114,37 @@ def paths_inside(value: Any) -> Iterator[KeyPath]:
             yield (key, *path)
 
 
-def read_text(path: str | Path) -> str:
-    """Read a text file written by a person; raises :class:`InputError` when that cannot be."""
-    file = Path(path)
-    try:
-        if file.is_dir():
-            raise InputError.at(Where(str(path)), "is a folder, expected a file")
-        if file.stat().st_size > MAX_BYTES:
-            raise InputError.at(Where(str(path)), "is larger than 8 MiB")
-        # Editors on Windows begin a file with a byte order mark.
-        return file.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError.at(Where(str(path)), "no such file", _neighbours(file)) from error
-    except UnicodeDecodeError as error:
-        raise InputError.at(Where(str(path)), f"is not UTF-8 text (byte {error.start})") from error
-    except OSError as error:
-        raise InputError.at(Where(str(path)), f"cannot be read: {error.strerror}") from error
-
-
-def _neighbours(file: Path) -> str:
-    folder = file.parent
-    if not folder.is_dir():
-        return f"there is no folder {folder}"
-    return did_you_mean(file.name, (p.name for p in folder.iterdir() if p.is_file()))
-
-
 def load_yaml(path: str | Path) -> YamlDocument:
     """Read a YAML 1.2 file; raises :class:`InputError` with line and column."""
     return parse_yaml(read_text(path), str(path))
 
 
 def parse_yaml(text: str, file: str) -> YamlDocument:
-    """Parse YAML 1.2 text; ``file`` is the name used in messages."""
-    from ruamel.yaml import YAML
-    from ruamel.yaml.composer import ComposerError
-    from ruamel.yaml.constructor import DuplicateKeyError
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+    """Parse YAML 1.2 text; ``file`` is the name used in messages.
 
-    yaml = YAML(typ="rt")
-    yaml.version = (1, 2)
-    try:
-        # First, by its events alone: aliases of aliases grow without bound once the tree is built.
-        _refuse_indirection(text, file)
-        tree = yaml.load(text)
-    except DuplicateKeyError as error:
-        raise InputError(_marked(file, error, "the same key is written twice")) from error
-    except (ComposerError, MarkedYAMLError) as error:
-        raise InputError(_marked(file, error, "")) from error
-    except (YAMLError, ValueError, TypeError, RecursionError) as error:
-        first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError.at(Where(file), f"is not valid YAML: {first_line}") from error
-    places: dict[KeyPath, Where] = {(): Where(file, 1, 1)}
-    data = _plain(tree, (), Where(file), places, text)
+    Raises :class:`InputError` with line and column.
+    """
+    data, places = compose(text, file)
     return YamlDocument(file, data, places, text)
 
 
-def mark_place(file: str, mark: Any) -> Where:
-    """Return the place of one of ruamel's marks, which count from 0."""
-    return Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
-
-
-def _refuse_indirection(text: str, file: str) -> None:
-    """Refuse what nobody writes for a person to read: aliases, merges, tags, endless nesting."""
-    from ruamel.yaml import YAML
-    from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
-
-    depth = 0
-    for event in YAML(typ="safe", pure=True).parse(text):
-        depth += isinstance(event, CollectionStartEvent)
-        depth -= isinstance(event, CollectionEndEvent)
-        where = mark_place(file, event.start_mark)
-        if isinstance(event, AliasEvent):
-            raise InputError.at(
-                where,
-                "YAML aliases (*name) are not used here",
-                'write it out again; a scenario shares what another says with "like: <scenario>"',
-            )
-        if getattr(event, "value", None) == "<<" and getattr(event, "style", None) is None:
-            raise InputError.at(where, "YAML merge keys (<<) are not used here")
-        if getattr(event, "tag", None) is not None:
-            raise InputError.at(where, f"YAML tags ({event.tag}) are not used here")
-        if depth > _DEEPEST:
-            raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
-
-
-# ruamel.yaml tells its errors apart by nothing but their text.
-_YAML_REMEDIES: Final = (
-    ("'\\t'", "indents with a tab", "indent with spaces"),
-    ("found character", "", "put quotes around a value that starts with @ ` % & or *"),
-    ("chomping", "a value starts with > or |", "put the value in quotes"),
-    (
-        "mapping values",
-        "has a second colon or is indented too far",
-        "put text with a colon in quotes",
-    ),
-    ("stream end", "ends in the middle of a list or mapping", "a bracket or value is missing"),
-)
-"""What YAML's own messages mean to a person: part of the message, our words, what to do."""
-
-
-def _marked(file: str, error: Any, message: str) -> Diagnostic:
-    where = mark_place(file, error.problem_mark or error.context_mark)
-    problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
-    for part, ours, hint in _YAML_REMEDIES:
-        if part in problem and not message:
-            return Diagnostic(where, f"is not valid YAML: {ours or problem}", hint)
-    return Diagnostic(where, message or f"is not valid YAML: {problem}")
-
-
-def _plain(node: Any, path: KeyPath, root: Where, places: dict[KeyPath, Where], text: str) -> Any:
-    """Convert ruamel's commented tree to plain data, noting where each value stands."""
-    file = root.file
-    commented: Any = node
-    if isinstance(node, dict):
-        result: dict[str, Any] = {}
-        for key, value in node.items():
-            line, column = commented.lc.key(key)
-            where = Where(file, line + 1, column + 1)
-            if not isinstance(key, str):
-                written, kind = _source(text, where, _KEY) or str(key), _kind(key)
-                raise InputError.at(
-                    where, f"key {written} is {kind}, not text", f'write it as "{written}"'
-                )
-            child = (*path, str(key))
-            places[child] = where
-            result[str(key)] = _plain(value, child, root, places, text)
-        return result
-    if isinstance(node, list):
-        for index in range(len(node)):
-            line, column = commented.lc.item(index)
-            places[(*path, index)] = Where(file, line + 1, column + 1)
-        return [_plain(value, (*path, i), root, places, text) for i, value in enumerate(node)]
-    value = _scalar(node)
-    if isinstance(value, int) and abs(value) >= _LARGEST:
-        raise InputError.at(places.get(path, root), "is a number too large to be meant")
-    return value
-
-
-_KEY: Final = re.compile(r"[^\s:]+")
 _VALUE: Final = re.compile(r"(?:[^\s:]+\s*:\s+)?([^\s,\]}#]+)")
-
-
-def _source(text: str, where: Where, pattern: re.Pattern[str]) -> str:
-    """Return what the file says at a place, empty when it is not what the pattern expects."""
-    lines = text.splitlines()
-    line = lines[where.line - 1] if 0 < where.line <= len(lines) else ""
-    found = pattern.match(line, max(0, where.column - 1))
-    return "" if found is None else found[found.lastindex or 0]
-
-
-def _kind(value: Any) -> str:
-    """Return what YAML took something for that a person may have meant as text."""
-    if isinstance(value, bool):
-        return "true or false"
-    return "a number" if isinstance(value, int | float) else "empty" if value is None else "a list"
-
-
-def _scalar(value: Any) -> Any:
-    for kind in (bool, int, float, str):
-        if isinstance(value, kind):
-            return kind(value)
-    return value if value is None else str(value)
 
 
 def read_model(document: YamlDocument, model: type[M]) -> M:
     """Check ``document`` against ``model``; raises :class:`InputError` with every finding."""
     if not isinstance(document.data, dict):
         keys = ", ".join(_names(model))
-        raise InputError.at(Where(document.file), f"expected keys such as {keys}")
+        raise InputError.at(document.where(), f"expected keys such as {keys}")
     try:
         return model.model_validate(document.data)
     except ValidationError as error:
-        raise InputError(
-            [_explain(document, model, finding) for finding in error.errors()]
-        ) from error
+        findings = error.errors(include_url=False)
+        told = [_explain(document, model, finding) for finding in findings[:_MOST_FINDINGS]]
+        if len(findings) > len(told):
+            more = f"and {len(findings) - len(told)} more of the kind"
+            told.append(Diagnostic(Where(document.file), more))
+        raise InputError(told) from error
 
 
 def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Diagnostic:
@@ -299,7 +153,7 @@ def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Di
     if finding["type"] == "string_type" and hint:
         # 3.10 has become 3.1 and yes may be true elsewhere: show what was written.
         given = finding["input"]
-        written = _source(document.text, where, _VALUE) or str(given)
+        written = source_at(document.text, where, _VALUE) or str(given)
         hint = _text_hint(written, given)
     return Diagnostic(where, message, hint)
 
@@ -365,7 +219,7 @@ def _flow(value: Any) -> str:
 
 
 def _text_hint(written: str, given: Any) -> str:
-    return f'{written} is {_kind(given)}: write it as "{written}"'
+    return f'{written} is {kind_of(given)}: write it as "{written}"'
 
 
 _PLAIN_MESSAGES: Final = {
@@ -397,6 +251,8 @@ def _plain_message(finding: Any) -> str:
 
 def _pattern_in_words(pattern: str) -> str:
     """Describe a pattern of names, such as ``^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$``."""
+    if pattern == "^[A-Za-z_][A-Za-z0-9_]*$":
+        return 'must be letters (a to z), digits and "_", and not begin with a digit'
     found = re.fullmatch(r"\^\[A-Za-z0-9\]\[A-Za-z0-9(\.?)_-\](?:\*|\{0,(\d+)\})\$", pattern)
     if found is None:
         return f"must match {pattern}"

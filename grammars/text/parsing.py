@@ -19,6 +19,7 @@ from grammars.text.diagnostics import (
     InputError,
     SourceText,
     SyntaxNode,
+    Where,
     in_source_order,
 )
 
@@ -26,6 +27,8 @@ _MOST_ERRORS: Final = 20
 _LONGEST: Final = 40
 """Characters shown of a word that is wrong."""
 _COMMENT: Final = re.compile(r"(\"[^\"\n]*\"|'[^'\n]*')|//[^\n]*")
+
+_BRACKET: Final = re.compile(r"[()\[\]{}]")
 
 # textX reads every grammar with one parser of the textX language, memoised for the whole process:
 # two threads that load a language at once disturb each other's parse tree.
@@ -121,7 +124,7 @@ class Language:
                 tree = self._tree(text)
             except RecursionError as error:
                 hint = self.hint(SyntaxFault(text, len(text), "", "", ()))
-                raise InputError.at(source.whole, "is nested too deeply", hint) from error
+                raise InputError.at(_deepest(source), "is nested too deeply", hint) from error
             except TextXSyntaxError as error:
                 fault = self._fault(text, error)
                 errors.append(self.explain(source, fault))
@@ -195,6 +198,16 @@ class Language:
     def hint(self, fault: SyntaxFault) -> str:
         """Return advice on ``fault``, or nothing."""
         return ""
+
+
+def _deepest(source: SourceText) -> Where:
+    """Return where the innermost brackets of a text open; its start when there are none."""
+    depth, deepest, place = 0, 0, 0
+    for match in _BRACKET.finditer(without_comments(source.text)):
+        depth += 1 if match[0] in "([{" else -1
+        if depth > deepest:
+            deepest, place = depth, match.start()
+    return source.where(place)
 
 
 def offset_of(text: str, line: int, column: int) -> int:

@@ -12,13 +12,15 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import KeyPath, YamlDocument, mark_place, read_text
+from grammars.text.documents import KeyPath, YamlDocument, read_text
+from grammars.text.yaml_composer import mark_place
 
 _DEEPEST: Final = 20
 _MOST_VALUES: Final = 20_000
@@ -74,14 +76,19 @@ def parse_ros_yaml(
     yaml.version = (1, 1)
     begin = Where(file, 1, 1) if locate is None else locate(1, 1)
     try:
-        root = yaml.compose(text)
+        if len(text) > 2 * _MOST_VALUES:
+            _refuse_monstrous(yaml.parse(text), place)
+        with warnings.catch_warnings():
+            # An anchor of one name written twice: the later one counts, as in rosparam.
+            warnings.simplefilter("ignore")
+            root = yaml.compose(text)
     except MarkedYAMLError as error:
         where = place(error.problem_mark or error.context_mark)
         message = str(error.problem or error.context or "").splitlines()[0]
         raise InputError.at(where, f"is not valid YAML: {message}") from error
     except RecursionError as error:
         raise InputError.at(begin, "is nested too deeply") from error
-    except (YAMLError, ValueError) as error:
+    except (YAMLError, ValueError, ArithmeticError, TypeError, AttributeError) as error:
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError.at(begin, f"is not valid YAML: {first}") from error
     reader = _RosYamlReader(place, yaml.constructor)
@@ -91,6 +98,13 @@ def parse_ros_yaml(
     if not isinstance(data, dict) and not any_value:
         raise InputError.at(begin, "expected parameters, NAME: VALUE")
     return YamlDocument(file, data, reader.places, text), tuple(reader.warnings)
+
+
+def _refuse_monstrous(events: Iterable[Any], place: Callable[[Any], Where]) -> None:
+    """Refuse what could not be read to its end in good time, before it is read as a whole."""
+    for count, event in enumerate(events):
+        if count > 2 * _MOST_VALUES:
+            raise InputError.at(place(event.start_mark), f"holds more than {_MOST_VALUES} values")
 
 
 @dataclass(slots=True)

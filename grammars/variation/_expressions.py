@@ -116,24 +116,33 @@ class Requirement:
 
 
 def parts(expression: Expression) -> list[Expression]:
-    """Return the expression and everything in it."""
-    inner = expression.operands if isinstance(expression, Operation) else ()
-    return [expression, *(node for operand in inner for node in parts(operand))]
+    """Return the expression and everything in it, what is put together before its operands."""
+    # Not by recursion: a sum of a thousand terms is nested a thousand deep.
+    found: list[Expression] = []
+    waiting = [expression]
+    while waiting:
+        found.append(waiting.pop())
+        if isinstance(found[-1], Operation):
+            waiting += reversed(found[-1].operands)
+    return found
 
 
 def evaluate(expression: Expression, drawn: EvaluationContext) -> float:
     """Return the value of an expression; dividing by zero gives nan, which fulfils nothing."""
-    match expression:
-        case Constant(value):
-            return value
-        case NamedDraw(name):
-            return drawn.shared(name)
-        case PlanAttribute(slot):
-            return drawn.attribute(slot)
-        case PlanMeasure(_, take):
-            return take(drawn.plan)
-        case Operation(operator, operands):
-            return _combine(operator, [evaluate(operand, drawn) for operand in operands])
+    values: list[float] = []
+    for part in reversed(parts(expression)):
+        match part:
+            case Constant(value):
+                values.append(value)
+            case NamedDraw(name):
+                values.append(drawn.shared(name))
+            case PlanAttribute(slot):
+                values.append(drawn.attribute(slot))
+            case PlanMeasure(_, take):
+                values.append(take(drawn.plan))
+            case Operation(operator, operands):
+                values.append(_combine(operator, [values.pop() for _ in operands]))
+    return values.pop()
 
 
 def _combine(operator: str, values: list[float]) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from grammars.floorplan import FloorPlan, parse_floorplan
+from grammars.text import sources
 from grammars.text.diagnostics import (
     Diagnostic,
     DiagnosticCollector,
@@ -162,14 +163,7 @@ def parse_variation(
 
 def read_text(path: Path, what: str) -> str:
     """Return a text as it is, line ends included; raises :class:`InputError`."""
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError.at(Where(str(path)), f"cannot read the {what}: {reason}") from error
-    except ValueError as error:
-        message = f"the {what} is not UTF-8 text"
-        raise InputError.at(Where(str(path)), message, "save it as UTF-8") from error
+    text = sources.read_text(path, f"the {what}", keep_line_ends=True)
     # Line ends stay: a variant differs from its plan in nothing but what is varied. A lone \r ends
     # no line for the parser, so these are made into ends it knows.
     lone = "\r" in text.replace("\r\n", "")
@@ -190,14 +184,9 @@ def _imported(
         findings.error(node, "a variation varies one plan", "write one file per plan")
     name: str = imports[0].file[1:-1]
     path = folder / name
-    try:
-        exists = path.is_file()
-        beside = sorted(p.name for p in folder.glob("*.fpm"))
-    except (OSError, ValueError):
-        exists, beside = False, []
-    if not exists:
+    if not sources.is_file(path):
+        beside = sources.names_in(folder, lambda beside: beside.suffix == ".fpm")
         findings.error(imports[0], f'there is no plan "{name}"', did_you_mean(name, beside))
-    if not exists or "\0" in name:
         raise InputError(findings.errors)
     return path
 

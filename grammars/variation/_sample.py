@@ -119,23 +119,26 @@ def _random_variant(trials: VariantBuilder, seed: int, tries: int) -> Variant:
         if variant is not None:
             return variant
     message = f"seed {seed}: none of {tries} draws fulfils everything required"
-    raise rejected.error(Where(trials.variation.file), message)
+    raise rejected.error(Where(trials.variation.file, 1, 1), message)
 
 
 def _design_variants(
     trials: VariantBuilder, method: Method, n: int | None, levels: int, tries: int
 ) -> tuple[Variant, ...]:
     """Return the variants of a design; point ``k`` has the seed ``seed + k``, rejected or not."""
-    where = Where(trials.variation.file)
+    where = Where(trials.variation.file, 1, 1)
     rejected = Rejections()
     wanted = n if method == "halton" else None
     found: list[Variant] = []
-    seen = 0
+    seen, missed = 0, 0
     for k, point in enumerate(_points(trials, method, n, levels, tries, rejected)):
         seen = k + 1
         # Rejected points keep their number: a requirement more leaves the others their names.
         variant = trials.variant(point, trials.seed + k, rejected)
         found.extend([] if variant is None else [variant])
+        missed = 0 if variant is not None else missed + 1
+        if wanted is not None and missed > _MISSES_PER_TRY * tries:
+            break
         if wanted is not None and len(found) == wanted:
             return tuple(found)
         if n is not None and len(found) > n:
@@ -156,7 +159,7 @@ def _points(
     tries: int,
     rejected: Rejections,
 ) -> Iterator[Point]:
-    where = Where(trials.variation.file)
+    where = Where(trials.variation.file, 1, 1)
     distributions = [draw.distribution for draw in trials.variation.draws]
     if method == "grid":
         return grid(distributions, levels, where)
@@ -184,7 +187,7 @@ def _bounded_acceptance(
             known[point] = trials.variant(point, trials.seed, rejected) is not None
             if not known[point] and next(left) == 0:
                 message = f"pairwise design: given up after {misses} points were rejected"
-                raise rejected.error(Where(trials.variation.file), message)
+                raise rejected.error(Where(trials.variation.file, 1, 1), message)
         return known[point]
 
     return accepted

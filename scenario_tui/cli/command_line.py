@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -18,6 +19,7 @@ from scenario_tui.cli import (
     coverage,
     editors,
     export,
+    import_building,
     judge,
     keys,
     logs,
@@ -76,7 +78,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
     ),
     "Machines": (machines.daemon, machines.worker),
     "Operate": (operate.doctor, operate.metrics, operate.gc),
-    "Artefacts": (export.export, vary.vary),
+    "Artefacts": (import_building.import_building, export.export, vary.vary),
     "Editors": (editors.schema, editors.vscode),
 }
 
@@ -93,7 +95,10 @@ app = typer.Typer(
 # Help shows commands in the order they are added, panels in the order of their first command.
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
-        app.command(rich_help_panel=_panel, cls=PlainFlagsCommand)(with_keys_option(_command))
+        # "import" is a word of Python, which no function can have for its name.
+        _name = "import" if _command is import_building.import_building else None
+        _add = app.command(_name, rich_help_panel=_panel, cls=PlainFlagsCommand)
+        _add(with_keys_option(_command))
 app.add_typer(sut.sut_app, rich_help_panel="Run campaigns")
 app.add_typer(keys.keys_app, rich_help_panel="Machines")
 
@@ -194,7 +199,9 @@ def _report_unhandled(error: Exception) -> int:
     if isinstance(error, OSError):
         where = f": {error.filename}" if error.filename else ""
         say(f"scenario: {error.strerror or error}{where}")
-        return ExitCode.INFRASTRUCTURE
+        # Such names are typed or written by people; no disk is at fault.
+        named = error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
+        return ExitCode.BAD_INPUT if named else ExitCode.INFRASTRUCTURE
     say("".join(traceback.format_exception(error)).rstrip())
     say(f"scenario: {type(error).__name__}: {error}\nThis is a bug in scenario; please report it.")
     return ExitCode.BUG

@@ -47,8 +47,8 @@ def sut_files(incomplete: str) -> Offer:
 
 def plan_or_campaign_files(incomplete: str) -> Offer:
     """Offer floor plans and campaigns."""
-    plans = (".fpm", ".jsonld", ".json")
-    return _find_fitting(incomplete, lambda path: path.suffix in plans or is_campaign(path))
+    plans = (".fpm", ".jsonld", ".json", ".walls.yaml")
+    return _find_fitting(incomplete, lambda path: path.name.endswith(plans) or is_campaign(path))
 
 
 def plan_files(incomplete: str) -> Offer:

@@ -23,6 +23,7 @@ class FileKind(StrEnum):
     ROBOT = "robot"
     SUT = "sut"
     ORACLES = "oracles"
+    WALLS = "walls"
 
     @property
     def file(self) -> str:
@@ -36,6 +37,7 @@ _TITLES: Final = {
     FileKind.ROBOT: "Robot of scenario-tui",
     FileKind.SUT: "System under test of scenario-tui",
     FileKind.ORACLES: "Oracles of scenario-tui",
+    FileKind.WALLS: "Walls layer of scenario-tui",
 }
 
 
@@ -43,12 +45,14 @@ def schema_of(kind: FileKind) -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of one kind of file."""
     from daemon.campaign import CampaignFile
     from grammars.editor import editor_schema, oracle_schema
+    from grammars.maps import WallsText
     from grammars.model.files import MissionText, RobotText
 
     models: dict[FileKind, type[Any]] = {
         FileKind.CAMPAIGN: CampaignFile,
         FileKind.MISSION: MissionText,
         FileKind.ROBOT: RobotText,
+        FileKind.WALLS: WallsText,
     }
     if kind is FileKind.ORACLES:
         return oracle_schema(_TITLES[kind])

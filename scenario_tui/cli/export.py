@@ -23,15 +23,21 @@ if TYPE_CHECKING:
 
 
 def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
-    """Return the world of a floor plan (`.fpm` or JSON-LD), and the warnings about it."""
+    """Return the world of a plan (`.fpm`, `.walls.yaml` or JSON-LD), and the warnings about it."""
     from grammars.floorplan import load_floorplan
     from grammars.jsonld import is_jsonld, load_floorplan_jsonld, model_files
+    from grammars.maps import WALLS_ENDING, load_walls
     from grammars.scenery.composition import compile_scene
     from templates.world import ArtefactWorld
 
-    plan = load_floorplan_jsonld(path) if is_jsonld(path) else load_floorplan(path)
-    # One of several files is called after what it holds of the plan: the plan itself has a name.
-    name = path.stem if path.suffix != ".json" and path.is_file() else plan.name
+    if path.name.endswith(WALLS_ENDING):
+        plan = load_walls(path)
+        name = path.name.removesuffix(WALLS_ENDING)
+    else:
+        plan = load_floorplan_jsonld(path) if is_jsonld(path) else load_floorplan(path)
+        # One of several files is called after what it holds of the plan: the plan itself has a
+        # name.
+        name = path.stem if path.suffix != ".json" and path.is_file() else plan.name
     world = ArtefactWorld(name, compile_scene(plan), plan, sources=model_files(path))
     return world, plan.warnings
 
@@ -147,7 +153,8 @@ def export(
         Path,
         typer.Argument(
             metavar="PLAN.fpm|CAMPAIGN.yaml",
-            help="A floor plan (.fpm, .jsonld or a folder of .json) or a campaign.",
+            help="A floor plan (.fpm, .jsonld or a folder of .json), a walls layer "
+            "(.walls.yaml) or a campaign.",
             autocompletion=completion.files(plan_or_campaign_files),
         ),
     ],
@@ -208,6 +215,7 @@ def export(
 
     A campaign gets one folder per scenario; scenarios with equal worlds share one.
     """
+    from grammars.maps import WALLS_ENDING
     from grammars.text.diagnostics import Diagnostic, Severity, Where
     from templates.artefacts import export_worlds
     from templates.naming import file_name
@@ -215,7 +223,8 @@ def export(
     from templates.world import ExportSettings
 
     worlds: Iterable[ArtefactWorld]
-    if is_campaign := source.suffix in (".yaml", ".yml"):
+    is_walls = source.name.endswith(WALLS_ENDING)
+    if is_campaign := source.suffix in (".yaml", ".yml") and not is_walls:
         worlds, warnings = worlds_of_campaign(source, repeats)
     else:
         world, warnings = world_of_plan(source)

@@ -20,6 +20,7 @@ from scenario_tui.cli import (
     compare,
     coverage,
     export,
+    import_building,
     judge,
     keys,
     logs,
@@ -77,6 +78,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     keys.KeysOutput,
     sut.SutOutput,
     sut_check.InspectionOutput,
+    import_building.ImportOutput,
     vary.VaryOutput,
     export.ExportOutput,
 )

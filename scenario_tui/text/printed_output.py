@@ -21,7 +21,7 @@ def printed_lines(text: str) -> list[str]:
     lines = [line.rstrip("\r").rpartition("\r")[2] for line in plain.split("\n")]
     while lines and not lines[-1].strip():
         lines.pop()
-    return [_printable(line.expandtabs()) for line in lines]
+    return [printable_line(line.expandtabs()) for line in lines]
 
 
 def last_lines(text: str, most: int | None = SHOWN_LINES) -> tuple[list[str], int]:
@@ -31,6 +31,7 @@ def last_lines(text: str, most: int | None = SHOWN_LINES) -> tuple[list[str], in
     return lines[hidden:], hidden
 
 
-def _printable(line: str) -> str:
+def printable_line(line: str) -> str:
+    """Return a line with a replacement character for each sign that is not printed."""
     # What is left of control characters would move the cursor or ring; some turn text around.
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in line)

@@ -40,7 +40,7 @@ _ACROSS: Final = (0.0, -0.2, 0.2, -0.35, 0.35)
 
 def floors(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return the free floor: spaces and the passages between them."""
-    areas = [Polygon(r.outline) for r in scene.regions]
+    areas = [Polygon(r.outline, r.holes) for r in scene.regions]
     areas += [Polygon(d.footprint) for d in scene.doorways]
     return [Shape(_rings(_union(tuple(areas)), page), fill=FLOOR)] if areas else []
 
@@ -69,7 +69,7 @@ def space_names(scene: Scene, page: Page, labels: Labels) -> list[DrawingItem]:
 
 
 def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
-    floor = Polygon(region.outline)
+    floor = Polygon(region.outline, region.holes)
     corners = shapely.get_coordinates(shapely.oriented_envelope(floor))
     if floor.area <= 0.0 or len(corners) < 4:
         return None

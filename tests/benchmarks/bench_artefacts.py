@@ -72,7 +72,12 @@ def main() -> None:
         _row(kind, kind)
     loading = _row("all")
     print(f"{'loading':10} {loading * 1000:9.0f} ms  plan and campaign, scene, behaviours")
-    for source, worlds in (("building_c.fpm", "the plan"), ("first.yaml", "two worlds")):
+    sources = {
+        "building_c.fpm": "the plan",
+        "first.yaml": "two worlds",
+        "campaign.yaml": "eight worlds",
+    }
+    for source, worlds in sources.items():
         seconds = _command(source)
         print(
             f"scenario export {source} all: {seconds:.2f} s ({worlds}); published tools "

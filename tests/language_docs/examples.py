@@ -7,8 +7,8 @@ The words behind a fence say what a block is::
     ```scenery doors.scenery    a layer, composed with the plan above and the objects above it
     ```scenery                  one more layer, for this block alone
     ```variation                a family of the plan above
-    ```yaml campaign demo.yaml  also robot, mission, oracles, sut; without a name, top-level keys
-                                (or scenarios, indented) that take the place of those above
+    ```yaml campaign demo.yaml  also robot, mission, oracles, sut, walls; without a name, top-level
+                                keys (or scenarios, indented) that take the place of those above
 
 An ``error`` or ``warning`` at the end says that it is wrong: the next block, ```text, is what must
 be said of it, exactly; with the file's name only where it begins with that. Blocks of other
@@ -29,7 +29,7 @@ from scenario_tui.file_check import check_file
 from tests.language_docs import ebnf, tables
 from tests.language_docs.markdown import ROOT, Block, blocks
 
-KINDS = ("fpm", "scenery", "variation", "campaign", "robot", "mission", "oracles", "sut")
+KINDS = ("fpm", "scenery", "variation", "campaign", "robot", "mission", "oracles", "sut", "walls")
 _ENDINGS = {
     "fpm": ".fpm",
     "scenery": ".scenery",
@@ -39,9 +39,10 @@ _ENDINGS = {
     "mission": ".mission.yaml",
     "oracles": ".oracles.yaml",
     "sut": ".yaml",
+    "walls": ".walls.yaml",
 }
 _LANGUAGES = {"fpm": "floorplan", "scenery": "scenery", "variation": "variation"}
-_WHOLE = ("scenery", "variation", "mission", "oracles")
+_WHOLE = ("scenery", "variation", "mission", "oracles", "walls")
 """Kinds of which a block is never a part of an earlier one."""
 _UNNAMED = "example"
 

@@ -30,7 +30,7 @@ _LIMITS = {
 
 @cache
 def schema(name: str) -> Schema:
-    """Return a published schema: campaign, mission, oracles, robot or sut."""
+    """Return a published schema: campaign, mission, oracles, robot, sut or walls."""
     found: Schema = json.loads((SCHEMAS / f"{name}.schema.json").read_text("utf-8"))
     return found
 

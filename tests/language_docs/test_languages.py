@@ -41,7 +41,7 @@ def test_every_rule_of_a_grammar_is_shown_and_used_by_an_example(language: str) 
     assert (rules | words) - _WITHOUT_EXAMPLE - _exercised() == set()
 
 
-@pytest.mark.parametrize("name", ["campaign", "mission", "robot", "sut"])
+@pytest.mark.parametrize("name", ["campaign", "mission", "robot", "sut", "walls"])
 def test_every_key_of_a_schema_is_in_a_table(name: str) -> None:
     parts = {key.partition(".")[0] for key in tables.keys_of(name)}
     parts -= {part for part in parts if part.startswith("ros2")}  # docs/campaigns.md has these
@@ -49,7 +49,7 @@ def test_every_key_of_a_schema_is_in_a_table(name: str) -> None:
     assert {f"{name} {part}" for part in parts} - regions.shown("keys") == set()
 
 
-@pytest.mark.parametrize("name", ["campaign", "mission", "robot", "sut"])
+@pytest.mark.parametrize("name", ["campaign", "mission", "robot", "sut", "walls"])
 def test_every_key_of_a_schema_is_in_an_example(name: str) -> None:
     keys = tables.keys_of(name)
     if name == "sut":  # The parameters of ROS 1 are a table alone, there are hundreds.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import runpy
 import sys
 from pathlib import Path
 
@@ -34,6 +35,8 @@ def test_a_tutorial_does_what_it_says(
         program, *arguments = tutorials.words_of(command)
         if program == "pip":
             tutorials.install(folder)
+        elif program == "python":
+            runpy.run_path(str(folder / arguments[0]))
         else:
             assert program == "scenario"
             invoke(arguments)

@@ -21,6 +21,7 @@ from scenario_tui._own_packages import OWN_PACKAGES
 ROOT = Path(__file__).parents[2]
 EXTRAS = {
     "distributed": "dask",
+    "ezdxf": "import",
     "foxglove": "foxglove",
     "pyshacl": "rdf",
     "rdflib": "rdf",

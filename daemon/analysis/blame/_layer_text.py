@@ -29,7 +29,7 @@ from grammars.model.movers import own_joints
 from grammars.model.scene import Scene
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Where
-from grammars.text.documents import read_text
+from grammars.text.sources import read_text
 
 
 @dataclass(frozen=True, slots=True)

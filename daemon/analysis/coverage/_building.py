@@ -235,7 +235,10 @@ def room_cells(grid: OccupancyGrid, region: Region) -> _Cells:
     rows, columns = grid.cells.shape
     x: Floats = np.arange(0.5, columns) * grid.resolution + grid.x
     y: Floats = np.arange(0.5, rows) * grid.resolution + grid.y
-    return _cells_inside(region.outline, x, y)
+    inside = _cells_inside(region.outline, x, y)
+    for hole in region.holes:
+        inside &= ~_cells_inside(hole, x, y)
+    return inside
 
 
 def _cells_inside(ring: Ring, x: Floats, y: Floats) -> _Cells:

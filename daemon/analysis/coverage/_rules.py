@@ -18,7 +18,7 @@ from grammars.model.behaviour import Behaviour, JointEvent, KeyFrames, Reaction,
 from grammars.model.geometry import Point2, Ring
 from grammars.model.movers import is_mover, own_joints
 from grammars.model.robot import Robot
-from grammars.model.scene import Scene, SceneObject
+from grammars.model.scene import Region, Scene, SceneObject
 from grammars.oracle import Reached, parse_oracle, signals_of
 from grammars.text.diagnostics import InputError, Where
 
@@ -113,7 +113,12 @@ def _reads_signal(asked: OracleSignals, names: tuple[str, ...]) -> bool:
 
 def room_at(scene: Scene, point: Point2) -> str:
     """Return the region a point stands in, empty outside of all; the first one where they meet."""
-    return next((r.name for r in scene.regions if contains_point(r.outline, point)), "")
+    return next((r.name for r in scene.regions if _has_point(r, point)), "")
+
+
+def _has_point(region: Region, point: Point2) -> bool:
+    in_hole = any(contains_point(hole, point) for hole in region.holes)
+    return contains_point(region.outline, point) and not in_hole
 
 
 def contains_point(ring: Ring, point: Point2) -> bool:

@@ -7,8 +7,8 @@ const path = require("node:path");
 const vscode = require("vscode");
 
 const LANGUAGES = new Set(["fpm", "scenery", "variation"]);
-const FILE_NAMES = /(^|\.)(campaign|mission|oracles)\.ya?ml$/;
-const MODELINE = /^#\s*yaml-language-server:.*\b(campaign|mission|robot|sut|oracles)\.schema\.json/m;
+const FILE_NAMES = /(^|\.)(campaign|mission|oracles|walls)\.ya?ml$/;
+const MODELINE = /^#\s*yaml-language-server:.*\b(campaign|mission|robot|sut|oracles|walls)\.schema\.json/m;
 const TIME_LIMIT = 60_000; // milliseconds
 
 /** Tell whether a document is one that `scenario check` knows. */

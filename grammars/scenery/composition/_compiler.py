@@ -8,7 +8,7 @@ from typing import Final
 
 from shapely.geometry import Polygon
 
-from grammars.floorplan import FloorPlan
+from grammars.floorplan import FloorPlan, Space
 from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_mover
@@ -127,7 +127,7 @@ def compile_sound_part(
         findings.extend(error.diagnostics)
     scene = Scene(
         plan.name,
-        tuple(Region(s.name, tuple(map(rounded_point, s.outline))) for s in plan.spaces),
+        tuple(_region(space) for space in plan.spaces),
         doorways,
         solids_of(plan),
         tuple(placed.values()),
@@ -135,6 +135,11 @@ def compile_sound_part(
         _frames(plan) if any(is_mover(body.joints) for body in placed.values()) else (),
     )
     return scene, findings
+
+
+def _region(space: Space) -> Region:
+    outline, *holes = (tuple(map(rounded_point, ring)) for ring in (space.outline, *space.holes))
+    return Region(space.name, outline, tuple(holes))
 
 
 def _frames(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
@@ -146,13 +151,14 @@ def _doorways(plan: FloorPlan) -> tuple[Doorway, ...]:
         Doorway(
             o.name,
             rounded_pose(o.frame),
-            canonical_ring(o.footprint),
+            ring,
             rounded(o.width),
             rounded(o.z_min),
             rounded(o.z_max),
         )
         for o in plan.openings
-        if o.kind == "entryway"
+        # A wall of no thickness, which is warned about, has a line for a hole: no passage.
+        if o.kind == "entryway" and len(ring := canonical_ring(o.footprint)) > 2
     )
 
 

@@ -122,7 +122,7 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Name) -> str:
     """Return ``in`` or ``out``; a space is looked for on both sides of the wall."""
     if isinstance(side, str):
         return side
-    outlines = {s.name: Polygon(s.outline) for s in plan.spaces}
+    outlines = {s.name: Polygon(s.outline, s.holes) for s in plan.spaces}
     if side.text not in outlines:
         hint = did_you_mean(side.text, outlines)
         raise InputError.at(side.where, f'there is no space "{side}"', hint)
@@ -137,10 +137,15 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Name) -> str:
     walls = [owners.get(w, "") for w in opening.walls]
     # The walls an entryway lists say which spaces it joins. Looking at the floor on both sides is
     # for plans in which only one wall was listed.
-    by_wall = {walls[0]: "in"} | ({walls[1]: "out"} if len(walls) > 1 else {})
-    found = by_wall.get(side.text) or next(
-        (way for way, p in probes.items() if outlines[side.text].covers(p)), None
-    )
+    by_wall = dict(zip(walls, ("in", "out"), strict=False))
+    beside_it = [way for way, p in probes.items() if outlines[side.text].covers(p)]
+    if not walls and len(beside_it) > 1:
+        raise InputError.at(
+            side.where,
+            f"{side} lies on both sides of {opening.name}",
+            "write opening inwards (to the right, seen along the entryway) or outwards",
+        )
+    found = by_wall.get(side.text) or next(iter(beside_it), None)
     if found is None:
         beside = sorted(
             {n for n, o in outlines.items() if any(o.covers(p) for p in probes.values())}

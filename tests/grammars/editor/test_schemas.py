@@ -14,6 +14,7 @@ from jsonschema import Draft202012Validator
 
 import grammars.editor
 from daemon.campaign import LayerLibrary, LayerReference, read_campaign
+from grammars.maps import load_walls
 from grammars.model.files import load_mission, load_robot
 from grammars.oracle import load_oracles
 from grammars.text.diagnostics import InputError, Where
@@ -112,7 +113,28 @@ waypoints:
 """
 SUT = "sut: mine\nkind: pilot\nparameters: {max_speed: 0.4, localisation: noisy-ground-truth}\n"
 ORACLES = "near: min(clearance)\nin-time: always(elapsed <= 2 min) when speed > 0.1 m/s\n"
-GOOD = {"campaign": CAMPAIGN, "robot": ROBOT, "mission": MISSION, "sut": SUT, "oracles": ORACLES}
+WALLS = """\
+walls: hut
+height: 2.5 m
+spaces:
+  hall:
+    outline: [[0, 0], [4, 0], [4, 3], [0, 3]]
+    holes: [[[1, 1], [1.2, 1], ["1.2 m", 1.2]]]
+standing:
+  - {name: post, outline: [[1, 1], [1.2, 1], [1.2, 1.2]], height: 1 m}
+  - outline: [[4, 0], [4.1, 0], [4.1, 1]]
+entryways:
+  door: {from: [4.05, 1.1], to: [4.05, 2], depth: 10 cm, height: 2 m}
+"""
+
+GOOD = {
+    "campaign": CAMPAIGN,
+    "robot": ROBOT,
+    "mission": MISSION,
+    "sut": SUT,
+    "oracles": ORACLES,
+    "walls": WALLS,
+}
 
 
 ROS = """\
@@ -212,6 +234,11 @@ MISTAKES = [
     ("oracles", "min(clearance)", "0.3 m", "$.near"),
     ("oracles", "min(clearance)", "3", "$.near"),
     ("oracles", "in-time:", "in time:", "$"),
+    ("walls", "height: 2.5 m", "height: 2.5", "$.height"),
+    ("walls", "hall:", "grand hall:", "$.spaces"),
+    ("walls", "[[1, 1], [1.2, 1], [1.2, 1.2]]", "[[1, 1], [1.2, 1]]", "$.standing[0].outline"),
+    ("walls", "depth: 10 cm, ", "", "$.entryways.door"),
+    ("walls", "to: [4.05, 2]", "to: [4.05, 2, 0]", "$.entryways.door.to"),
 ]
 
 
@@ -245,7 +272,13 @@ def read(kind: str, text: str, folder: Path) -> None:
     elif kind == "sut":
         LayerLibrary(folder).sut(LayerReference(path.name, {}, Where("", 1, 1)))
     else:
-        {"robot": load_robot, "mission": load_mission, "oracles": load_oracles}[kind](path)
+        load = {
+            "robot": load_robot,
+            "mission": load_mission,
+            "oracles": load_oracles,
+            "walls": load_walls,
+        }
+        load[kind](path)
 
 
 def test_systems_that_plug_in_have_parameters_of_their_own() -> None:

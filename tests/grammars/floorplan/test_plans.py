@@ -238,8 +238,8 @@ def test_a_plan_is_loaded_from_its_file(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     (tmp_path / "latin.fpm").write_bytes("Floor plan: büro".encode("latin-1"))
     for name, message in [
-        ("none.fpm", "cannot read"),
-        (".", "cannot read"),
+        ("none.fpm", "no such file"),
+        (".", "is a folder"),
         ("latin.fpm", "UTF-8"),
     ]:
         with pytest.raises(InputError, match=message):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.model.map_files import pack_map, read_map, unpack_map, write_map
+from grammars.model.map_files import pack_map, read_map, read_saved_map, unpack_map, write_map
 from grammars.text.diagnostics import InputError
 
 META = {
@@ -114,13 +115,18 @@ def test_an_image_lies_beside_the_file_that_names_it(tmp_path: Path) -> None:
         (b"P5 0 1 255\n", {}, "has no pixels"),
         (b"P5 99999 99999 255\n", {}, "has 9999800001 pixels.*at most 64000000"),
         (b"P5 2 1 3\n\x00\x04", {}, "pixels above 3"),
-        (b"P6 2 1 255\n\x00\x00", {}, "is no PGM file.*convert"),
-        (b"\x89PNG\r\n\x1a\n", {}, "is no PGM file.*convert room.pgm map.pgm"),
+        (b"P6 2 1 255\n\x00\x00", {}, "is neither a PGM nor a PNG file.*convert room.pgm"),
+        (b"\x89PNG\r\n\x1a\n", {}, "damaged PNG file"),
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\1\0\0\0\1\0\0", {}, "4294967296 pixels.*at most 64"),
         (b"P2 2 1 255\n0 x", {}, "pixels that are no numbers"),
         (b"P2 2 1 255\n0 -1", {}, "pixels that are no numbers"),
         (b"", {"image": "gone.pgm"}, r"room.yaml:1:1: the image .*gone.pgm cannot be read: No"),
         (b"", {"image": "."}, "cannot be read"),
-        (b"", {"origin": "[0, 0, 1.57]"}, r"room.yaml:3:1: the map is turned by 1.57 rad.*amcl"),
+        (
+            b"",
+            {"origin": "[0, 0, 1.57]"},
+            "yaml:3:1: the map is turned by 1.57 rad.*amcl.*import",
+        ),
         (b"", {"origin": "[0, 0]"}, "origin"),
         (b"", {"origin": ""}, 'key "origin" is missing'),
         (b"", {"resolution": "0"}, "resolution"),
@@ -164,3 +170,53 @@ def test_published_maps_are_read(reference_data: Path) -> None:
         grey = np.flipud(np.asarray(Image.open(reference_data / "maps" / f"{name}.pgm")))
         expected = np.select([grey == 0, grey == 255], [OCCUPIED, FREE], UNKNOWN)
         assert np.array_equal(grid.cells, expected)
+
+
+def shades(mode: str, values: list[Any]) -> Image.Image:
+    image = Image.new(mode, (len(values), 1))
+    image.putdata(values)
+    return image
+
+
+# By hand from image_loader.cpp: a colour is the mean of its channels, alpha among them in trinary.
+@pytest.mark.parametrize(
+    ("image", "changes", "expected"),
+    [
+        (shades("L", [0, 89, 90, 205, 206, 254]), {}, [100, 100, -1, -1, 0, 0]),
+        (shades("1", [0, 255]), {}, [100, 0]),
+        (shades("I;16", [0, 0x5A00, 0xCDCD, 0xFFFF]), {}, [100, -1, -1, 0]),
+        (shades("I;16", [0, 0x2500, 0xFFFF]), {"mode": "raw"}, [0, 36, -1]),
+        (shades("RGB", [(0, 0, 0), (205, 205, 205), (255, 255, 255)]), {}, [100, -1, 0]),
+        (shades("RGB", [(255, 15, 0), (255, 12, 0)]), {}, [-1, 100]),
+        (shades("RGBA", [(0, 0, 0, 255), (255, 255, 255, 255)]), {}, [100, 0]),
+        (shades("RGBA", [(205, 205, 205, 255), (205, 205, 205, 0)]), {}, [0, -1]),
+        (shades("LA", [(0, 255), (254, 255), (205, 0)]), {}, [100, 0, -1]),
+        (shades("LA", [(150, 255), (150, 0), (254, 0)]), {"mode": "scale"}, [47, -1, 0]),
+        (shades("LA", [(37, 255), (37, 0)]), {"mode": "raw"}, [37, 37]),
+        (shades("L", [0, 254]).convert("P"), {"negate": "1"}, [0, 100]),
+    ],
+)
+def test_a_png_means_what_it_means_to_map_server(
+    tmp_path: Path, image: Image.Image, changes: dict[str, str], expected: list[int]
+) -> None:
+    path = room(tmp_path, image="room.png", **changes)
+    image.save(tmp_path / "room.png")
+    assert read_map(path).cells.tolist() == [expected]
+
+
+def test_a_turned_map_is_read_for_import(tmp_path: Path) -> None:
+    saved = read_saved_map(room(tmp_path, origin="[1, 2, 0.5]"))
+    assert (saved.grid.x, saved.grid.y, saved.yaw) == (1.0, 2.0, 0.5)
+    assert saved.grid.cells.tolist() == [[OCCUPIED, FREE]]
+    assert not saved.warnings
+
+
+def test_unknown_cells_that_nav2_would_load_as_free_are_told(tmp_path: Path) -> None:
+    image = b"P5 4 1 255\n\x00\xcd\xfe\xfe"
+    (warning,) = read_saved_map(room(tmp_path, image, free_thresh="0.25")).warnings
+    assert "room.yaml:6:1: warning: 25% of the cells are grey 205" in str(warning)
+    assert "write free_thresh: 0.196" in str(warning)
+    assert not read_saved_map(room(tmp_path, image)).warnings
+    # Shades of probability, of which 205 is one of many.
+    image = b"P5 4 1 255\n\x00\xcd\xfe\xf0"
+    assert not read_saved_map(room(tmp_path, image, free_thresh="0.25")).warnings

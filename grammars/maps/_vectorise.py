@@ -1,0 +1,281 @@
+"""From an occupancy map to a building: floor, walls and doorways, and how exact they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from grammars.maps._borders import (
+    FREE_CELL,
+    OCCUPIED_CELL,
+    Loop,
+    Patch,
+    Points,
+    loop_points,
+    patches,
+    trace_borders,
+)
+from grammars.maps._cells import tidied
+from grammars.maps._doorways import DoorwaySizes, MapGap, find_doorways
+from grammars.maps._main_directions import main_directions
+from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
+from grammars.maps._straight_lines import StraightArc
+from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, DrawnWall
+from grammars.model.geometry import Point2, Pose2, Ring
+
+if TYPE_CHECKING:
+    from grammars.model.grid import OccupancyGrid
+
+_DECIMALS: Final = 3
+"""Corners are whole millimetres, as a walls layer is written."""
+_DEEPEST: Final = 0.6
+"""Thickness of the thickest wall with a doorway [m]."""
+_WIDER: Final = 0.25
+"""How much wider the floor is before and behind a doorway [m]: a corridor is none."""
+_WALL: Final = 0.5
+"""How far a wall goes on beside a doorway at least [m]."""
+_CLEAR: Final = 0.3
+"""Free floor before and behind a doorway [m]."""
+_JAMB_CELLS: Final = 4.0
+"""How far beyond a gap's cells its jambs are looked for."""
+
+
+def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> ImportedMap:
+    """Return the building that a map shows; see :func:`grammars.maps.vectorise`."""
+    per_cell = grid.resolution
+    room = max(round(settings.least_room / per_cell**2), 1)
+    tidy = tidied(grid.cells, least_room=room, specks=settings.specks)
+    if not (tidy.labels == FREE_CELL).any():
+        raise EmptyMapError("the map shows no free floor")
+    arcs = trace_borders(tidy.labels)
+    straight = [StraightArc.of(arc, settings.tolerance) for arc in arcs]
+    regions = patches(arcs, [arc.track.points for arc in straight])
+    directions = main_directions([arc.chords() for arc in straight])
+    for arc in straight:
+        arc.straighten(directions)
+    frame = _Frame(Pose2(grid.x, grid.y, yaw), per_cell)
+    lines = _drawn(straight, regions, frame)
+    areas = [(region.label, _polygon(region, lines)) for region in regions]
+    floors = [area for label, area in areas if label == FREE_CELL]
+    walls = [area for label, area in areas if label == OCCUPIED_CELL]
+    gaps: tuple[MapGap, ...] = ()
+    if settings.doorways:
+        # A cell more or less: a wall may begin anywhere in its first cell.
+        sizes = DoorwaySizes(
+            settings.narrowest / per_cell - 1.0,
+            settings.widest / per_cell + 1.0,
+            _DEEPEST / per_cell,
+            _WALL / per_cell,
+            _CLEAR / per_cell,
+            _WIDER / per_cell,
+            room,
+        )
+        gaps = find_doorways(tidy.labels, directions, sizes)
+    gaps = tuple(_between_walls(gap, walls, frame) for gap in gaps)
+    rooms = _parted(floors, gaps, frame)
+    low, high = _extent([*rooms, *walls])
+    size = f"{high[0] - low[0]:.1f} m by {high[1] - low[1]:.1f} m"
+    building = DrawnBuilding(
+        settings.name,
+        tuple(
+            DrawnSpace(f"room_{number}", _area(polygon)) for number, polygon in enumerate(rooms, 1)
+        ),
+        tuple(DrawnWall(_area(polygon), settings.height) for polygon in _in_order(walls)),
+        tuple(_entryways(gaps, frame, min(settings.door_height, settings.height))),
+        source=f"Made by scenario import from a map of {per_cell:g} m per cell: {size}.",
+    )
+    report = ImportReport(
+        resolution=per_cell,
+        width=high[0] - low[0],
+        depth=high[1] - low[1],
+        spaces=len(rooms),
+        walls=len(walls),
+        corners=sum(len(line) - 1 for line in lines),
+        doorways=len(gaps),
+        floor=float(sum(polygon.area for polygon in rooms)),
+        largest_error=max(arc.error() for arc in straight),
+        directions=directions,
+        dropped_floor=tidy.dropped_free * per_cell**2,
+        dropped_walls=tidy.dropped_occupied,
+        filled_cells=tidy.filled,
+    )
+    return ImportedMap(building, report)
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """From cells to metres, and to whole millimetres."""
+
+    pose: Pose2
+    resolution: float
+    _turn: npt.NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        cos, sin = np.cos(self.pose.yaw), np.sin(self.pose.yaw)
+        object.__setattr__(self, "_turn", np.array([[cos, sin], [-sin, cos]]))
+
+    def metres(self, cells: Points) -> Points:
+        """Return points in the frame of the map [m]."""
+        placed = cells * self.resolution @ self._turn + (self.pose.x, self.pose.y)
+        # 0.0 is added against -0.0, which would be written another way.
+        return np.round(placed, _DECIMALS) + 0.0
+
+
+def _drawn(
+    straight: Sequence[StraightArc], regions: Sequence[Patch], frame: _Frame
+) -> list[Points]:
+    """Return the lines of all arcs [m], drawn so closely that none crosses another."""
+    drawn = [_line(arc, frame) for arc in straight]
+    while True:
+        crossing = _crossings(drawn) or _invalid(regions, drawn)
+        closer = [
+            index
+            for index in sorted({arc for arc, _ in crossing})
+            if straight[index].draw_closer(piece for arc, piece in crossing if arc == index)
+        ]
+        if not closer:
+            return [line for line, _ in drawn]
+        for index in closer:
+            drawn[index] = _line(straight[index], frame)
+
+
+def _line(arc: StraightArc, frame: _Frame) -> tuple[Points, list[int]]:
+    """Return the points of an arc [m], and the piece that each of its lines belongs to."""
+    points, owners = arc.line()
+    placed = frame.metres(points)
+    apart = (np.diff(placed, axis=0) != 0.0).any(axis=1)
+    kept = np.append(True, apart)
+    return placed[kept], [owner for owner, there in zip(owners, apart, strict=True) if there]
+
+
+def _crossings(drawn: Sequence[tuple[Points, list[int]]]) -> set[tuple[int, int]]:
+    """Return the pieces (arc, piece) whose lines meet another one elsewhere than at their ends."""
+    owner = [(index, piece) for index, (_, pieces) in enumerate(drawn) for piece in pieces]
+    segments = np.vstack([np.stack([line[:-1], line[1:]], axis=1) for line, _ in drawn])
+    straight = np.asarray(shapely.linestrings(segments))
+    one, other = shapely.STRtree(straight).query(straight, predicate="intersects")
+    once = one < other
+    one, other = one[once], other[once]
+    shared = np.zeros(len(one), dtype=np.bool_)
+    folded = np.zeros(len(one), dtype=np.bool_)
+    for k in (0, 1):
+        for m in (0, 1):
+            same = (segments[one, k] == segments[other, m]).all(axis=1)
+            way = segments[one, 1 - k] - segments[one, k]
+            back = segments[other, 1 - m] - segments[other, m]
+            cross = way[:, 0] * back[:, 1] - way[:, 1] * back[:, 0]
+            folded |= same & (np.abs(cross) < 1e-12) & ((way * back).sum(axis=1) > 0.0)
+            shared |= same
+    wrong = ~shared | folded
+    return {owner[k] for k in np.concatenate([one[wrong], other[wrong]]).tolist()}
+
+
+def _invalid(
+    regions: Sequence[Patch], drawn: Sequence[tuple[Points, list[int]]]
+) -> set[tuple[int, int]]:
+    """Return all pieces of the regions that are no polygons any more."""
+    lines = [line for line, _ in drawn]
+    found: set[tuple[int, int]] = set()
+    for region in regions:
+        if not _is_sound(region, lines):
+            arcs = {i for loop in (region.outline, *region.holes) for i, _ in loop.arcs}
+            found |= {(i, piece) for i in arcs for piece in drawn[i][1]}
+    return found
+
+
+def _is_sound(region: Patch, lines: Sequence[Points]) -> bool:
+    loops = (region.outline, *region.holes)
+    if any(len(loop_points(loop, lines)) < 3 for loop in loops):
+        return False
+    return bool(_polygon(region, lines).is_valid)
+
+
+def _polygon(region: Patch, lines: Sequence[Points]) -> shapely.Polygon:
+    def ring(loop: Loop) -> Points:
+        return loop_points(loop, lines)
+
+    return shapely.Polygon(ring(region.outline), [ring(hole) for hole in region.holes])
+
+
+def _between_walls(gap: MapGap, walls: Sequence[shapely.Polygon], frame: _Frame) -> MapGap:
+    """Return a gap with its jambs on the lines that were drawn for the walls beside it."""
+    along = gap.along()
+    across = np.array([-along[1], along[0]])
+    reach = gap.width / 2 + _JAMB_CELLS
+    ends = []
+    for side in (-1.0, 1.0):
+        found: list[float] = []
+        for share in (-0.25, 0.0, 0.25):
+            middle = np.array([gap.x, gap.y]) + share * gap.depth * across
+            way = frame.metres(np.array([middle, middle + side * reach * along]))
+            line = shapely.LineString(way)
+            hits = [line.intersection(wall) for wall in walls if line.intersects(wall)]
+            distances = [shapely.Point(way[0]).distance(hit) for hit in hits]
+            if distances and min(distances) > 0.0:
+                found.append(min(distances) / frame.resolution)
+        ends.append(side * (float(np.median(found)) if found else gap.width / 2))
+    shift = sum(ends) / 2
+    x, y = (np.array([gap.x, gap.y]) + shift * along).tolist()
+    return MapGap(x, y, gap.heading, ends[1] - ends[0], gap.depth, gap.walls)
+
+
+def _parted(
+    floors: Sequence[shapely.Polygon], gaps: Sequence[MapGap], frame: _Frame
+) -> list[shapely.Polygon]:
+    """Return the rooms: the floors without the doorways, in reading order."""
+    # As far beyond the jambs as the gap was shut, so that ragged ones leave no way past it.
+    taken = shapely.union_all(
+        [shapely.Polygon(frame.metres(gap.corners(beyond=2.0))) for gap in gaps]
+    )
+    rooms: list[shapely.Polygon] = []
+    for floor in floors:
+        left = shapely.set_precision(floor.difference(taken), 10.0**-_DECIMALS) if gaps else floor
+        parts = [part for part in getattr(left, "geoms", [left]) if part.area > 0.0]
+        largest = max(part.area for part in parts)
+        # What is left beside jambs is no room; cells of it lie next to a wall.
+        least = min(largest, (2 * _JAMB_CELLS * frame.resolution) ** 2)
+        rooms += [part for part in parts if part.area >= least]
+    return _in_order(rooms)
+
+
+def _in_order(polygons: Iterable[shapely.Polygon]) -> list[shapely.Polygon]:
+    """Return polygons in reading order: by their upper edge, to the metre, then from the left."""
+
+    def place(polygon: shapely.Polygon) -> tuple[float, float, float, float]:
+        left, low, _, top = polygon.bounds
+        return (-float(np.round(top)), left, -top, low)
+
+    return sorted(polygons, key=place)
+
+
+def _entryways(gaps: Sequence[MapGap], frame: _Frame, height: float) -> Iterable[DrawnEntryway]:
+    """Yield the entryways in reading order, each from its left or lower jamb on."""
+    placed: list[tuple[Point2, Point2, float]] = []
+    for gap in gaps:
+        half = gap.along() * gap.width / 2
+        middle = np.array([gap.x, gap.y])
+        a, b = (tuple(p) for p in frame.metres(np.array([middle - half, middle + half])).tolist())
+        start, end = sorted((a, b))
+        placed.append(((start[0], start[1]), (end[0], end[1]), gap.depth * frame.resolution))
+    placed.sort(key=lambda door: (-round((door[0][1] + door[1][1]) / 2), *door))
+    for number, (start, end, depth) in enumerate(placed, 1):
+        yield DrawnEntryway(f"doorway_{number}", start, end, round(depth, _DECIMALS), height)
+
+
+def _area(polygon: shapely.Polygon) -> Area:
+    return Area(_ring(polygon.exterior), tuple(_ring(hole) for hole in polygon.interiors))
+
+
+def _ring(ring: shapely.LinearRing) -> Ring:
+    return tuple((x, y) for x, y in ring.coords[:-1])
+
+
+def _extent(polygons: Sequence[shapely.Polygon]) -> tuple[Point2, Point2]:
+    bounds = np.array([polygon.bounds for polygon in polygons])
+    low, high = bounds[:, :2].min(axis=0).tolist(), bounds[:, 2:].max(axis=0).tolist()
+    return (low[0], low[1]), (high[0], high[1])

@@ -1,0 +1,105 @@
+"""Files that people name: whether they are there, and their text, within bounds.
+
+What a file names may be a folder, a pipe that never ends, a name too long for any file system or a
+circle of links: none of that is an error of the machine, and all of it is said to people.
+"""
+
+from __future__ import annotations
+
+import errno
+import stat
+from collections.abc import Callable
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+from grammars.text.diagnostics import InputError, Where, did_you_mean
+
+MAX_BYTES: Final = 8 * 1024 * 1024
+"""A file written by a person is never larger than this; a larger one is refused."""
+_MOST_NEIGHBOURS: Final = 2_000
+_REASONS: Final = {
+    errno.ENAMETOOLONG: "its name is too long",
+    errno.ELOOP: "its links lead in a circle",
+    errno.EACCES: "permission denied",
+}
+
+
+def is_file(path: Path) -> bool:
+    """Return whether there is an ordinary file of a name, however that name looks."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        # Longer than the file system takes, or with a zero byte: no file has such a name.
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether there is a folder of a name, however that name looks."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def names_in(folder: Path, wanted: Callable[[Path], bool] = is_file) -> list[str]:
+    """Return names in a folder, those of files; none when it cannot be read."""
+    try:
+        return [path.name for path in islice(folder.iterdir(), _MOST_NEIGHBOURS) if wanted(path)]
+    except (OSError, ValueError):
+        return []
+
+
+def refuse_unreadable(path: str | Path, what: str = "the file", most: int = MAX_BYTES) -> None:
+    """Raise :class:`InputError` for what is no ordinary file of at most ``most`` bytes.
+
+    A pipe or a device may have no end. ``what`` the file is, such as ``the plan``, is said.
+    """
+    file, where = Path(path), Where(str(path))
+    try:
+        status = file.stat()
+    except FileNotFoundError as error:
+        raise InputError.at(where, "no such file", _neighbours(file)) from error
+    except (OSError, ValueError) as error:
+        raise InputError.at(where, f"{what} cannot be read: {reason_of(error)}") from error
+    if stat.S_ISDIR(status.st_mode):
+        raise InputError.at(where, "is a folder, expected a file")
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError.at(where, "is no ordinary file", "copy what it holds into one")
+    if status.st_size > most:
+        size = f"{most >> 20} MiB" if most >= 1 << 20 else f"{most} bytes"
+        raise InputError.at(where, f"is larger than {size}")
+
+
+def read_text(path: str | Path, what: str = "the file", *, keep_line_ends: bool = False) -> str:
+    """Return the text (UTF-8) of a file that a person wrote, its lines ended by ``\\n``.
+
+    ``keep_line_ends`` leaves them as they are. Raises :class:`InputError` when it cannot be read.
+    """
+    refuse_unreadable(path, what)
+    try:
+        # Editors on Windows begin a file with a byte order mark.
+        newline = "" if keep_line_ends else None
+        with Path(path).open(encoding="utf-8-sig", newline=newline) as file:
+            return file.read()
+    except UnicodeDecodeError as error:
+        raise InputError.at(
+            Where(str(path)), f"{what} is not UTF-8 text (byte {error.start})", "save it as UTF-8"
+        ) from error
+    except OSError as error:
+        raise InputError.at(
+            Where(str(path)), f"{what} cannot be read: {reason_of(error)}"
+        ) from error
+
+
+def reason_of(error: OSError | ValueError) -> str:
+    """Return in a few words why a file cannot be reached."""
+    number = getattr(error, "errno", None)
+    return _REASONS.get(number or 0) or getattr(error, "strerror", None) or str(error)
+
+
+def _neighbours(file: Path) -> str:
+    folder = file.parent
+    if not is_folder(folder):
+        return f"there is no folder {folder}"
+    return did_you_mean(file.name, names_in(folder))

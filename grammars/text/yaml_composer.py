@@ -1,0 +1,312 @@
+"""From the text of a YAML 1.2 document to plain data, with the place of every key and list item.
+
+Events come from libyaml (PyYAML's) where it reads a text as YAML 1.2 has it, from ruamel.yaml where
+it may not: libyaml is forty times as fast and knows YAML 1.1. Both are read into the same data
+here. What a plain scalar means is said in this module alone: YAML 1.2, core schema, with the
+underscores and binary numbers that ruamel.yaml takes as well.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterator
+from typing import Any, Final, TypeAlias
+
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+
+Key: TypeAlias = str | int
+KeyPath: TypeAlias = tuple[Key, ...]
+Places: TypeAlias = dict[KeyPath, Where]
+
+_DEEPEST: Final = 50
+"""Levels of nesting: reading recurses, and nobody follows a file that deep."""
+_MOST_NODES: Final = 150_000
+"""Keys and values of a document; more are refused: no campaign of people comes near."""
+_MOST_SLOW_CHARACTERS: Final = 262_144
+"""Longer texts are read by libyaml or not at all: the other reader takes ten seconds a megabyte."""
+_LARGEST: Final = 2**64
+"""Whole numbers from here on fit no 64 bits, neither in a ledger nor in what reads our JSON."""
+_LONGEST_NUMBER: Final = 400
+_MOST_FINDINGS: Final = 20
+
+_CONTROL: Final = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What YAML 1.2 allows in no document, escaped in quotes aside."""
+_READ_OTHERWISE: Final = re.compile(
+    "[\t\r\x85\u2028\u2029\ufeff\\\\]|^%|(?:^|[-:,?\\[{])[ \n]*[?&*!|>]", re.MULTILINE
+)
+"""Where the two readers may differ: blanks and line ends of YAML 1.1, directives, escapes, and
+signs that begin a key, an anchor, an alias, a tag or a block of text."""
+
+
+def compose(text: str, file: str) -> tuple[Any, Places]:
+    """Return the data of a document and the places in it; ``file`` is its name in messages.
+
+    Data are dicts with text as keys, lists, text, numbers, truth values and ``None``. The place of
+    a value in a mapping is that of its key. Raises :class:`InputError` with line and column for
+    what is no YAML, is written twice, no text as a key, nested or larger than a person writes it,
+    and for aliases, merge keys and tags.
+    """
+    control = _CONTROL.search(text)
+    if control is not None:
+        sign = f"U+{ord(control[0]):04X}"
+        message = f"is not valid YAML: holds the control character {sign}"
+        raise InputError.at(_place_of(text, file, control.start()), message, "take it out")
+    fast = _fast_loader()
+    long = len(text) > _MOST_SLOW_CHARACTERS
+    if fast is not None and (long or not _READ_OTHERWISE.search(text)):
+        from yaml import YAMLError
+
+        try:
+            return _Composer(text, file).read(_fast_events(text, fast))
+        except YAMLError as error:
+            if long:
+                raise InputError(_explain(text, file, error)) from error
+            # What is wrong is said by one reader alone, in its words and at its places.
+    elif long:
+        message = f"is longer than {_MOST_SLOW_CHARACTERS} characters"
+        raise InputError.at(Where(file, 1, 1), message, "PyYAML with libyaml reads longer ones")
+    return _compose_slowly(text, file)
+
+
+def _compose_slowly(text: str, file: str) -> tuple[Any, Places]:
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    yaml = YAML(typ="safe", pure=True)
+    yaml.version = (1, 2)
+    composer = _Composer(text, file)
+    try:
+        return composer.read(iter(yaml.parse(text)))
+    except YAMLError as error:
+        raise InputError(_explain(text, file, error)) from error
+    except (ValueError, TypeError, ArithmeticError, RecursionError, AttributeError) as error:
+        # Its scanner has no words of its own for, say, the escape of a sign there is none of.
+        first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
+        message = f"is not valid YAML: {first_line}"
+        raise InputError.at(composer.last_place, message) from error
+
+
+@functools.cache
+def _fast_loader() -> Any:
+    """Return PyYAML's parser on libyaml, ``None`` where its wheel came without."""
+    import yaml
+
+    return getattr(yaml, "CSafeLoader", None)
+
+
+def _fast_events(text: str, loader: Any) -> Iterator[Any]:
+    import yaml
+
+    events: Iterator[Any] = yaml.parse(text, Loader=loader)
+    return events
+
+
+class _Composer:
+    """Reads the events of one document; what can be said of several places is said at once."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.places: Places = {(): Where(file, 1, 1)}
+        self.last_place = Where(file, 1, 1)
+        self._text = text
+        self._file = file
+        self._events: Iterator[Any] = iter(())
+        self._findings: list[Diagnostic] = []
+        self._nodes = 0
+
+    def read(self, events: Iterator[Any]) -> tuple[Any, Places]:
+        """Return data and places; raises :class:`InputError` and what reading events raises."""
+        self._events = events
+        data, documents = None, 0
+        for event in events:
+            name = type(event).__name__
+            if name == "DocumentStartEvent":
+                documents += 1
+                if documents > 1:
+                    message = "is not valid YAML: a second document begins here (---)"
+                    raise InputError.at(self._place(event), message, "write a file for each")
+                data = self._value(next(events), ())
+        if self._findings:
+            raise InputError(self._findings)
+        return data, self.places
+
+    def _place(self, event: Any) -> Where:
+        mark = event.start_mark
+        return Where(self._file, mark.line + 1, mark.column + 1)
+
+    def _value(self, event: Any, path: KeyPath) -> Any:
+        where = self._check(event, len(path))
+        match type(event).__name__:
+            case "ScalarEvent":
+                return self._scalar(event, where)
+            case "SequenceStartEvent":
+                return self._sequence(path)
+            case _:
+                return self._mapping(path)
+
+    def _check(self, event: Any, depth: int) -> Where:
+        """Refuse what nobody writes to be read: aliases, merges, tags, endless nesting."""
+        where = self.last_place = self._place(event)
+        self._nodes += 1
+        name = type(event).__name__
+        if name == "AliasEvent":
+            raise InputError.at(
+                where,
+                "YAML aliases (*name) are not used here",
+                'write it out again; a scenario shares what another says with "like: <scenario>"',
+            )
+        if event.tag is not None:
+            raise InputError.at(where, f"YAML tags ({event.tag}) are not used here")
+        if name == "ScalarEvent":
+            if event.value == "<<" and event.implicit[0]:
+                raise InputError.at(where, "YAML merge keys (<<) are not used here")
+        elif depth >= _DEEPEST:
+            raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
+        if self._nodes > _MOST_NODES:
+            raise InputError.at(where, f"holds more than {_MOST_NODES} keys and values")
+        return where
+
+    def _scalar(self, event: Any, where: Where) -> Any:
+        if not event.implicit[0]:
+            value: Any = event.value
+        elif len(event.value) > _LONGEST_NUMBER and _is_number(event.value):
+            value = _LARGEST
+        else:
+            value = read_plain(event.value)
+        if isinstance(value, int) and abs(value) >= _LARGEST:
+            self._note(where, "is a number too large to be meant")
+        return value
+
+    def _sequence(self, path: KeyPath) -> list[Any]:
+        items: list[Any] = []
+        while type(event := next(self._events)).__name__ != "SequenceEndEvent":
+            child = (*path, len(items))
+            self.places[child] = self._place(event)
+            items.append(self._value(event, child))
+        return items
+
+    def _mapping(self, path: KeyPath) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        while type(event := next(self._events)).__name__ != "MappingEndEvent":
+            where = self._place(event)
+            key = self._key(event, path, where)
+            if key in result:
+                self._note(where, "the same key is written twice")
+            child = (*path, key)
+            self.places[child] = where
+            result[key] = self._value(next(self._events), child)
+        return result
+
+    def _key(self, event: Any, path: KeyPath, where: Where) -> str:
+        """Return a key; one that is no text is noted, and the text it is written as returned."""
+        value = self._value(event, (*path, ""))
+        if isinstance(value, str):
+            return value
+        written = source_at(self._text, where, _KEY) or str(value)
+        message = f"key {written} is {kind_of(value)}, not text"
+        hint = "" if isinstance(value, list | dict) else f'write it as "{written}"'
+        self._note(where, message, hint)
+        return written
+
+    def _note(self, where: Where, message: str, hint: str = "") -> None:
+        if len(self._findings) < _MOST_FINDINGS:
+            self._findings.append(Diagnostic(where, message, hint))
+
+
+_TRUTH: Final = {
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_NOTHING: Final = frozenset({"", "~", "null", "Null", "NULL"})
+_FIRST: Final = frozenset("+-.0123456789")
+_FLOAT: Final = re.compile(
+    r"[-+]?[0-9][0-9_]*\.[0-9_]*(?:[eE][-+]?[0-9]+)?|[-+]?[0-9][0-9_]*[eE][-+]?[0-9]+"
+    r"|[-+]?\.[0-9_]+(?:[eE][-+][0-9]+)?"
+)
+_NOT_FINITE: Final = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
+_WHOLE: Final = re.compile(
+    r"(?P<sign>[-+]?)(?P<base>0b(?=[01_]+$)|0x(?=[0-9a-fA-F_]+$)|0o(?=[0-7_]+$)|(?=[0-9_]+$))"
+    r"(?P<digits>\w+)"
+)
+_BASES: Final = {"": 10, "0b": 2, "0o": 8, "0x": 16}
+
+
+def read_plain(text: str) -> str | int | float | bool | None:
+    """Return what a scalar without quotes means in YAML 1.2; dates are text."""
+    if not text or text[0] not in _FIRST:
+        return None if text in _NOTHING else _TRUTH.get(text, text)
+    if _FLOAT.fullmatch(text):
+        digits = text.replace("_", "")
+        return float(digits) if digits.strip("+-.") else text
+    if _NOT_FINITE.fullmatch(text):
+        return float(text.replace(".", ""))
+    whole = _WHOLE.fullmatch(text)
+    if whole is None:
+        return text
+    digits = whole["digits"].replace("_", "")
+    return int(whole["sign"] + digits, _BASES[whole["base"] or ""]) if digits else text
+
+
+def _is_number(text: str) -> bool:
+    return _WHOLE.fullmatch(text) is not None
+
+
+def kind_of(value: Any) -> str:
+    """Return what YAML took something for that a person may have meant as text."""
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, int | float):
+        return "a number"
+    return "empty" if value is None else "keys with values" if isinstance(value, dict) else "a list"
+
+
+_KEY: Final = re.compile(r"[^\s:]+")
+
+
+def source_at(text: str, where: Where, pattern: re.Pattern[str]) -> str:
+    """Return what the file says at a place, empty when it is not what the pattern expects."""
+    lines = text.splitlines()
+    line = lines[where.line - 1] if 0 < where.line <= len(lines) else ""
+    found = pattern.match(line, max(0, where.column - 1))
+    return "" if found is None else found[found.lastindex or 0]
+
+
+def mark_place(file: str, mark: Any) -> Where:
+    """Return the place of a mark of either reader, which count from 0."""
+    return Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
+
+
+# The readers tell their errors apart by nothing but their text.
+_REMEDIES: Final = (
+    ("'\\t'", "indents with a tab", "indent with spaces"),
+    ("found character", "", "put quotes around a value that starts with @ ` % & or *"),
+    ("chomping", "a value starts with > or |", "put the value in quotes"),
+    (
+        "mapping values",
+        "has a second colon or is indented too far",
+        "put text with a colon in quotes",
+    ),
+    ("stream end", "ends in the middle of a list or mapping", "a bracket or value is missing"),
+)
+"""What YAML's own messages mean to a person: part of the message, our words, what to do."""
+
+
+def _explain(text: str, file: str, error: Any) -> Diagnostic:
+    """Return what is wrong in the words of people; ``error`` is of either reader."""
+    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    if mark is None:
+        first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
+        position = getattr(error, "position", None)
+        where = Where(file, 1, 1) if position is None else _place_of(text, file, position)
+        return Diagnostic(where, f"is not valid YAML: {first_line}")
+    where = mark_place(file, mark)
+    problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
+    for part, ours, hint in _REMEDIES:
+        if part in problem:
+            return Diagnostic(where, f"is not valid YAML: {ours or problem}", hint)
+    return Diagnostic(where, f"is not valid YAML: {problem}")
+
+
+def _place_of(text: str, file: str, offset: int) -> Where:
+    line = text.count("\n", 0, offset) + 1
+    return Where(file, line, offset - text.rfind("\n", 0, offset))

@@ -1,0 +1,259 @@
+"""The command that makes a building, a walls layer, of a map or a drawing."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, NoReturn
+
+import typer
+
+from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import Output, OutputPart, report_diagnostics, say
+
+if TYPE_CHECKING:
+    from grammars.maps import DrawnBuilding, ImportReport, ImportSettings
+
+_OTHER_FILE: Final = "of a map, name the YAML file that map_server reads, not its image"
+
+
+class FoundDoorway(OutputPart):
+    """A gap in which a door may hang, its sizes in metres."""
+
+    name: str
+    width: float
+    depth: float
+
+
+class MapFigures(OutputPart):
+    """How a map became a building: the largest error in cells, areas in m²."""
+
+    cell: float
+    largest_error: float
+    directions_deg: list[float]
+    dropped_floor: float
+    dropped_wall_cells: int
+    filled_cells: int
+
+
+class ImportOutput(Output, schema="import"):
+    """The walls layer that was written, and what is in it, in metres."""
+
+    file: str
+    width: float
+    depth: float
+    spaces: list[str]
+    walls: int
+    corners: int
+    doorways: list[FoundDoorway]
+    map: MapFigures | None = None
+
+
+def import_building(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MAP.yaml|DRAWING.dxf",
+            help="A map (the YAML of map_server, its image beside it) or a drawing.",
+            exists=True,
+            dir_okay=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="NAME", help="NAME.walls.yaml is written. Default: as the file."
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            min=0.4, max=5.0, help="For maps: how far walls may lie off their cells, in cells."
+        ),
+    ] = 1.0,
+    specks: Annotated[
+        int, typer.Option(min=1, help="For maps: fewer unknown cells than this are noise.")
+    ] = 4,
+    least_room: Annotated[
+        float, typer.Option(min=0.0, help="For maps: smallest piece of floor that is kept, m².")
+    ] = 1.0,
+    doorways: Annotated[
+        bool,
+        typer.Option(
+            "--doorways/--no-doorways",
+            help="For maps: gaps of 0.7 to 1.3 m between walls become doorways between rooms.",
+        ),
+    ] = True,
+    height: Annotated[
+        str, typer.Option(metavar="LENGTH", help="Height of the walls, which no map shows.")
+    ] = "2.5 m",
+    layer: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATTERN", help="For drawings: layers that hold walls."),
+    ] = None,
+    doors: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATTERN", help="For drawings: blocks that are doors."),
+    ] = None,
+    unit: Annotated[
+        str, typer.Option(help="For drawings: mm, cm, dm, m, in or ft. Default: as the file says.")
+    ] = "",
+    thickness: Annotated[
+        str, typer.Option(metavar="LENGTH", help="For drawings: of walls drawn as one line.")
+    ] = "0.1 m",
+    force: Annotated[
+        bool, typer.Option("--force", help="Write over a walls layer that is there.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Make a building, NAME.walls.yaml, of the map of a robot or of a drawing (DXF).
+
+    Campaigns name it in place of a floor plan: floorplan: NAME.
+    """
+    from dataclasses import replace
+
+    from grammars.maps import DrawingSettings, ImportSettings, read_drawing, walls_text
+
+    target = _target(file, out)
+    if target.exists() and not force:
+        _refuse(
+            str(target), "is there already", "take another name (-o), or write over it: --force"
+        )
+    name, tall = _name_in(target), _length(height, "height")
+    figures: ImportReport | None = None
+    if file.suffix.lower() in (".dxf", ".dwg"):
+        drawing = DrawingSettings(
+            name=name, unit=unit, height=tall, thickness=_length(thickness, "thickness")
+        )
+        if layer:
+            drawing = replace(drawing, layers=tuple(layer))
+        if doors:
+            drawing = replace(drawing, doors=tuple(doors))
+        building = read_drawing(file, drawing)
+        report_diagnostics(building.warnings)
+    elif file.suffix.lower() in (".yaml", ".yml"):
+        settings = ImportSettings(name, tolerance, specks, least_room, tall, doorways)
+        building, figures = _from_map(file, settings)
+    else:
+        _refuse(str(file), "is neither the YAML file of a map nor a drawing", _OTHER_FILE)
+    try:
+        target.write_text(walls_text(building), encoding="utf-8")
+    except OSError as error:
+        _refuse(str(target), f"cannot be written: {error.strerror}", "")
+    found = _output(target, building, figures)
+    if as_json:
+        found.emit()
+        return
+    typer.echo(_described(found))
+    _say_what_is_next(target)
+
+
+def _target(file: Path, out: Path | None) -> Path:
+    """Return the file to write: NAME.walls.yaml, whether or not its ending was given."""
+    path = out if out is not None else Path(file.stem)
+    return path if path.name.endswith(".walls.yaml") else path.with_name(f"{path.name}.walls.yaml")
+
+
+def _name_in(target: Path) -> str:
+    """Return a name a walls layer may have, from the name of its file."""
+    name = re.sub(r"[^A-Za-z0-9._-]+", "_", target.name.removesuffix(".walls.yaml"))
+    return (name.lstrip("._-") or "building")[:100]
+
+
+def _length(text: str, option: str) -> float:
+    from grammars.text.quantity import read_as
+
+    try:
+        value = read_as(text, "length")
+    except ValueError as error:
+        raise typer.BadParameter(f"--{option}: {error}") from error
+    if not 0.0 < value <= 100.0:
+        raise typer.BadParameter(f"--{option}: {text} is no size for a building")
+    return value
+
+
+def _refuse(file: str, message: str, hint: str) -> NoReturn:
+    from grammars.text.diagnostics import InputError, Where
+
+    raise InputError.at(Where(file), message, hint)
+
+
+def _from_map(file: Path, settings: ImportSettings) -> tuple[DrawnBuilding, ImportReport]:
+    from grammars.maps import EmptyMapError, vectorise
+    from grammars.model.map_files import read_saved_map
+
+    saved = read_saved_map(file)
+    report_diagnostics(saved.warnings)
+    try:
+        made = vectorise(saved.grid, settings, yaw=saved.yaw)
+    except EmptyMapError as error:
+        _refuse(str(file), str(error), "look at its free_thresh and negate")
+    return made.building, made.report
+
+
+def _output(target: Path, building: DrawnBuilding, report: ImportReport | None) -> ImportOutput:
+    areas = [space.area for space in building.spaces] + [wall.area for wall in building.walls]
+    rings = [ring for area in areas for ring in (area.outline, *area.holes)]
+    xs = [x for ring in rings for x, _ in ring]
+    ys = [y for ring in rings for _, y in ring]
+    figures = _figures(report) if report else None
+    return ImportOutput(
+        str(target),
+        round(max(xs) - min(xs), 3),
+        round(max(ys) - min(ys), 3),
+        [space.name for space in building.spaces],
+        len(building.walls),
+        report.corners if report else sum(map(len, rings)),
+        [
+            FoundDoorway(door.name, round(math.dist(door.start, door.end), 3), door.depth)
+            for door in building.entryways
+        ],
+        figures,
+    )
+
+
+def _figures(report: ImportReport) -> MapFigures:
+    return MapFigures(
+        report.resolution,
+        round(report.largest_error, 3),
+        [round(math.degrees(direction), 2) for direction in report.directions],
+        round(report.dropped_floor, 3),
+        report.dropped_walls,
+        report.filled_cells,
+    )
+
+
+def _described(found: ImportOutput) -> str:
+    """Return what was found, for people."""
+    lines = [
+        f"{found.file}: {found.width:.2f} m by {found.depth:.2f} m",
+        f"  spaces    {len(found.spaces)}: {', '.join(found.spaces)}",
+        f"  walls     {found.walls}, {found.corners} corners",
+    ]
+    doors = ", ".join(f"{door.name} {door.width:.2f} m" for door in found.doorways)
+    lines.append(f"  doorways  {len(found.doorways)}{': ' if doors else ''}{doors}")
+    if found.map:
+        cells = found.map
+        lines.append(
+            f"  error     at most {cells.largest_error:.2f} cells of {cells.cell:g} m"
+            f" ({cells.largest_error * cells.cell:.3f} m)"
+        )
+        dropped = []
+        if cells.dropped_floor:
+            dropped.append(f"{cells.dropped_floor:.2f} m² of floor in small pockets")
+        if cells.dropped_wall_cells:
+            dropped.append(f"{cells.dropped_wall_cells} occupied cells outside")
+        if cells.filled_cells:
+            dropped.append(f"{cells.filled_cells} unknown cells as noise")
+        if dropped:
+            lines.append(f"  left out  {', '.join(dropped)}")
+    return "\n".join(lines)
+
+
+def _say_what_is_next(target: Path) -> None:
+    name = target.name.removesuffix(".walls.yaml")
+    say(
+        f"Look at it: scenario export {target} picture. "
+        f"Campaigns name it in place of a floor plan: floorplan: {name}"
+    )

@@ -1,0 +1,50 @@
+"""Reading YAML with the place of every value: libyaml's events beside those of ruamel.yaml.
+
+Run with ``python -m tests.benchmarks.bench_yaml``: one long file and every file of the campaigns.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from ruamel.yaml import YAML
+
+from grammars.text.documents import parse_yaml
+
+KEYS = 40_000
+CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
+
+
+def ours(text: str) -> None:
+    parse_yaml(text, "bench.yaml")
+
+
+def round_trip(text: str) -> None:
+    yaml = YAML(typ="rt")
+    yaml.version = (1, 2)
+    yaml.load(text)
+
+
+def main() -> None:
+    shipped = [path.read_text("utf-8") for path in sorted(CAMPAIGNS.rglob("*.yaml"))]
+    texts = {
+        f"{KEYS} keys": ["".join(f"key_{i}: {i}.5 m\n" for i in range(KEYS))],
+        f"{len(shipped)} files of the campaigns": shipped,
+    }
+    ours("a: 1")
+    for what, given in texts.items():
+        took = {}
+        for read in (round_trip, ours):
+            start = time.perf_counter()
+            for text in given:
+                read(text)
+            took[read] = time.perf_counter() - start
+        slow, fast = took[round_trip], took[ours]
+        print(
+            f"{what:28} {fast:6.2f} s, ruamel.yaml's round trip {slow:6.2f} s ({slow / fast:.0f}x)"
+        )
+
+
+if __name__ == "__main__":
+    main()

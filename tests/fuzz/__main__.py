@@ -1,0 +1,106 @@
+"""``python -m tests.fuzz [-n NUMBER] [--seed SEED] [LANGUAGE …]``: mutate, read, keep what fails.
+
+Each input is bounded in time and the whole process in memory. Exit code 1 when anything failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import random
+import resource
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+from tests.fuzz.mutation import mutated
+from tests.fuzz.targets import CORPUS, TARGETS, Target, answer, prepare
+
+_LIMIT: Final = 20.0
+"""Seconds an input may take: a slow machine needs a tenth of it for the slowest that is sound."""
+_MEMORY: Final = 4 << 30
+
+
+class _TooSlow(BaseException):
+    """Not an ``Exception``: nothing that is tested may take it for one of its own."""
+
+
+def _stop(_: int, frame: FrameType | None) -> None:
+    raise _TooSlow("".join(traceback.format_stack(frame, 12)))
+
+
+def fuzz(target: Target, number: int, seed: int) -> Counter[str]:
+    """Read ``number`` mutated files of a language; return how many failed in which way."""
+    failures: Counter[str] = Counter()
+    taken, slowest = 0, 0.0
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory() as name:
+        folder = prepare(Path(name))
+        kept = CORPUS / target.name
+        seeds = [(folder / target.file).read_bytes()] * 4
+        seeds += [file.read_bytes() for file in sorted(kept.glob("*"))]
+        for index in range(number):
+            rng = random.Random(f"{seed} {target.name} {index}")
+            data = mutated(rng, seeds, rng.choice((1, 1, 2, 3, 5)))
+            started = time.perf_counter()
+            signal.setitimer(signal.ITIMER_REAL, _LIMIT)
+            try:
+                taken += answer(target, folder, data)
+            except (Exception, _TooSlow) as error:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+                failures[_keep(target, data, error, kept)] += 1
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+            slowest = max(slowest, time.perf_counter() - started)
+    took = time.perf_counter() - begin
+    failed = sum(failures.values())
+    print(
+        f"{target.name:12} {number:6d} inputs {taken:6d} taken {failed:5d} failed"
+        f" {took:7.1f} s, the slowest {slowest:.2f} s",
+        flush=True,
+    )
+    return failures
+
+
+def _keep(target: Target, data: bytes, error: BaseException, folder: Path) -> str:
+    """Print a failure the first time it is seen, and keep its input."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames[-1:-4:-1])
+    key = f"{type(error).__name__} {place}"
+    name = hashlib.sha256(key.encode()).hexdigest()[:8] + Path(target.file).suffix
+    if key not in _SEEN:
+        _SEEN.add(key)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
+        print(f"-- {target.name}/{name}: {key}\n   {ascii(str(error))[:400]}", flush=True)
+        if isinstance(error, _TooSlow):
+            print(error)
+    return key
+
+
+_SEEN: Final[set[str]] = set()
+
+
+def main() -> None:
+    names = [target.name for target in TARGETS]
+    reader = argparse.ArgumentParser(prog="python -m tests.fuzz")
+    reader.add_argument("-n", type=int, default=10_000, help="inputs of every language")
+    reader.add_argument("--seed", type=int, default=0)
+    reader.add_argument("language", nargs="*", choices=[*names, []], default=[])
+    given = reader.parse_args()
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, most))
+    signal.signal(signal.SIGALRM, _stop)
+    wanted = [target for target in TARGETS if not given.language or target.name in given.language]
+    failures = [fuzz(target, given.n, given.seed) for target in wanted]
+    sys.exit(any(failures))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""``scenario import``: a walls layer from a map, and what becomes of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from grammars.maps import load_walls
+from grammars.model.grid import OccupancyGrid
+from grammars.model.map_files import write_map
+from tests.grammars.maps.imported import house
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path
+
+
+@pytest.fixture
+def map_file(folder: Path) -> Path:
+    return write_map(house(), folder / "office", laser_height=0.2)[1]
+
+
+def test_it_writes_a_layer_and_says_what_is_in_it(scenario, map_file: Path) -> None:
+    said = scenario("import", "office.yaml", "-o", "house", "--height", "3 m")
+    assert said.code == 0
+    plan = load_walls("house.walls.yaml")
+    assert {feature.height for feature in plan.features} == {3.0}
+    assert len(plan.spaces) == 4
+    assert "house.walls.yaml: 9.20 m by 6.20 m" in said.out
+    assert "doorways  3: doorway_1 0.90 m" in said.out
+    assert "at most 0.00 cells of 0.05 m" in said.out
+    assert "floorplan: house" in said.err
+    assert "from a map of 0.05 m per cell: 9.2 m by 6.2 m" in Path("house.walls.yaml").read_text()
+
+
+def test_it_never_writes_over_a_layer_unless_told(scenario, map_file: Path) -> None:
+    Path("office.walls.yaml").write_text("mine")
+    said = scenario("import", "office.yaml")
+    assert said.code == 2
+    assert "office.walls.yaml: error: is there already" in said.err
+    assert Path("office.walls.yaml").read_text() == "mine"
+    assert scenario("import", "office.yaml", "--force").code == 0
+    first = Path("office.walls.yaml").read_bytes()
+    assert scenario("import", "office.yaml", "--force").code == 0
+    assert Path("office.walls.yaml").read_bytes() == first
+
+
+def test_scripts_get_an_object(scenario, map_file: Path) -> None:
+    body = json.loads(scenario("import", "office.yaml", "--no-doorways", "--json").out)
+    assert body["schema"] == "scenario/import/1"
+    assert (body["file"], body["spaces"], body["doorways"]) == (
+        "office.walls.yaml",
+        ["room_1"],
+        [],
+    )
+    assert body["map"]["directions_deg"] == [0.0]
+
+
+def test_what_cannot_be_imported_is_told(scenario, map_file: Path) -> None:
+    assert "name the YAML file" in scenario("import", "office.pgm").err
+    assert "has no unit" in scenario("import", "office.yaml", "--height", "3").err
+    assert "no size" in scenario("import", "office.yaml", "--height", "0 m").err
+    grid = house()
+    walls = OccupancyGrid(grid.resolution, grid.x, grid.y, grid.cells * 0 + 100)
+    write_map(walls, Path("full"), laser_height=0.2)
+    assert "full.yaml: error: the map shows no free floor" in scenario("import", "full.yaml").err
+    # A map of nav2: what nobody saw is free by its thresholds.
+    text = map_file.read_text().replace("free_thresh: 0.196", "free_thresh: 0.25")
+    map_file.write_text(text)
+    assert "grey 205" in scenario("import", "office.yaml").err
