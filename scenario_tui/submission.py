@@ -31,13 +31,12 @@ def prepare_submission(
 
     Raises :class:`InputError` with everything found when there is an error.
     """
-    from daemon.campaign import check, expand, load_campaign
+    from daemon.campaign import examine, expand
 
-    campaign = load_campaign(path)
-    found = check(campaign)
+    campaign, found = examine(path)
     if any(d.severity is Severity.ERROR for d in found):
         raise InputError(found)
-    return expand(campaign, fresh=fresh), tuple(found)
+    return expand(campaign, fresh=fresh), found
 
 
 def receipt_text(receipt: SubmissionReceipt) -> str:

@@ -2,13 +2,13 @@
 
 from daemon.campaign._campaign import (
     Campaign,
-    CampaignCell,
     check,
     examine,
     expand,
     load_campaign,
     repeat_seed,
 )
+from daemon.campaign._cells import CampaignCell
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
     FLOORPLAN,
@@ -32,7 +32,8 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.campaign._scenarios import LayerReference, read_campaign
+from daemon.campaign._scenarios import LayerReference
+from daemon.campaign._survey import read_campaign
 from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
 
 __all__ = [

@@ -7,7 +7,7 @@ test: the doors and the sensor noise are paired across cells, so cells can be co
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import compress
@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from daemon.campaign._cells import CampaignCell, LoadedWorld
 from daemon.campaign._declarations import DeclarationScope, LegTimings, read_declarations
 from daemon.campaign._external import (
     announce_repeats,
@@ -23,62 +24,38 @@ from daemon.campaign._external import (
     says_repeats,
 )
 from daemon.campaign._file import CampaignFile, repeat_policy
+from daemon.campaign._findings import find_problems, say_once
 from daemon.campaign._layers import LayerLibrary
 from daemon.campaign._scenarios import (
     LayerReference,
     ResolvedScenario,
+    limit_place,
     pick_oracles,
-    read_campaign,
 )
-from daemon.campaign._sensors import check_sensors
+from daemon.campaign._survey import survey_campaign
+from daemon.campaign._unused import CampaignUse, find_unused
 from daemon.model.assessments import AssessmentRules
 from daemon.model.packed_submission import fingerprint
-from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.model.spec import OracleText, RunSpec, SutReference
 from daemon.model.status import Submission
 from grammars.floorplan import FloorPlan
-from grammars.jsonld import check_composition
-from grammars.model.behaviour import Behaviour
 from grammars.model.free_space import inscribed_radius
-from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.oracle import Oracle, check_references
-from grammars.preflight import check_map, check_run, check_scene, places_of
+from grammars.preflight import places_of
 from grammars.scenery import SceneryLayer, configure
-from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
+from grammars.scenery.composition import (
+    ResolvedBehaviours,
+    compile_scene,
+    compile_sound_part,
+    resolve_behaviours,
+)
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import YamlDocument, load_yaml
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class CampaignCell:
-    """One scenario in one world, with everything it names loaded.
-
-    ``name`` is the scenario's, with ``@<seed>`` for a variant of its plan. ``behaviours`` holds
-    those of each repeat, also of repeats that only come when a cell is not decided; ``places``
-    says where waypoints, objects and the sentences about joints were written. ``plan`` and
-    ``layers`` are what the scene was composed of, with the campaign's overrides, objects before
-    behaviours. ``given_map`` is a map of one's own, where the campaign names one.
-    """
-
-    name: str
-    scenario: ResolvedScenario
-    plan: FloorPlan
-    layers: tuple[SceneryLayer, ...]
-    scene: Scene
-    mission: Mission
-    mission_where: Where
-    places: Mapping[str, Where]
-    robot: Robot
-    suts: tuple[SutReference, ...]
-    oracles: tuple[Oracle, ...]
-    behaviours: tuple[tuple[Behaviour, ...], ...]
-    map: MapSettings
-    limit: float
-    given_map: OccupancyGrid | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,18 +86,6 @@ class Campaign:
         return sum(self.repeats_with(sut) for cell in self.cells for sut in cell.suts)
 
 
-@dataclass(frozen=True, slots=True)
-class _LoadedWorld:
-    """The part of a cell that needs neither robot nor mission."""
-
-    name: str
-    plan: FloorPlan
-    layers: tuple[SceneryLayer, ...]
-    scene: Scene
-    resolved: tuple[ResolvedBehaviours, ...]
-    places: Mapping[str, Where]
-
-
 @dataclass(slots=True)
 class _CampaignLoader:
     """A campaign while it is loaded; one bad layer does not hide what is wrong with another."""
@@ -129,8 +94,10 @@ class _CampaignLoader:
     text: CampaignFile
     library: LayerLibrary
     findings: list[Diagnostic] = field(default_factory=list)
-    worlds: list[_LoadedWorld] = field(default_factory=list)
+    worlds: list[LoadedWorld] = field(default_factory=list)
     cells: list[CampaignCell] = field(default_factory=list)
+    partial: list[CampaignCell] = field(default_factory=list)
+    """Cells that no run is made of, since part of what they name cannot be used."""
     scenes: dict[Any, Scene] = field(default_factory=dict)
 
     def collect_errors(self, make: Callable[[], T]) -> T | None:
@@ -161,64 +128,40 @@ def examine(path: str | Path) -> tuple[Campaign, tuple[Diagnostic, ...]]:
     the campaign file itself cannot be understood.
     """
     campaign, loader = _load_all(path)
-    found = (*loader.findings, *campaign.warnings, *_check(loader.worlds, campaign.cells))
-    return campaign, tuple(dict.fromkeys(found))
+    preflight = find_problems(loader.worlds, (*campaign.cells, *loader.partial))
+    found = (*loader.findings, *campaign.warnings, *preflight)
+    return campaign, say_once(found)
 
 
 def check(campaign: Campaign) -> tuple[Diagnostic, ...]:
     """Return warnings of the layers and what the pre-flight of every cell finds."""
-    found = (*campaign.warnings, *_check(campaign.cells, campaign.cells))
-    return tuple(dict.fromkeys(found))
-
-
-def _check(
-    worlds: Iterable[_LoadedWorld | CampaignCell], cells: Sequence[CampaignCell]
-) -> list[Diagnostic]:
-    found: list[Diagnostic] = []
-    # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
-    for world in {id(world.scene): world for world in worlds}.values():
-        found.extend(check_composition(world.plan, world.layers))
-        found.extend(check_scene(world.scene, places=world.places))
-    pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
-    found.extend(check_sensors(pairs))
-    for cell in cells:
-        if cell.given_map is not None and cell.scenario.map_file is not None:
-            found += check_map(
-                cell.given_map,
-                cell.scene,
-                cell.mission,
-                laser_height=cell.robot.laser.z,
-                where=cell.scenario.map_file.where,
-                places=cell.places,
-            )
-        for behaviours in dict.fromkeys(cell.behaviours):
-            found.extend(
-                check_run(
-                    cell.scene,
-                    cell.robot,
-                    cell.mission,
-                    behaviours,
-                    where=cell.mission_where,
-                    places=cell.places,
-                )
-            )
-    return found
+    found = (*campaign.warnings, *find_problems(campaign.cells, campaign.cells))
+    return say_once(found)
 
 
 def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     document = load_yaml(path)
-    missing: list[Diagnostic] = []
-    text, scenarios = read_campaign(document, missing)
-    loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent), missing)
+    survey = survey_campaign(document)
+    text, scenarios = survey.text, survey.scenarios
+    loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent))
+    loader.findings += survey.problems
     pool = loader.collect_errors(lambda: loader.library.oracles(_oracle_layers(text, document)))
+    # What was left out of the file is not to be missed a second time.
+    if survey.lost and text.oracles is None:
+        pool = None
     declared = AssessmentRules(repeat_policy(text.repeats))
-    if pool is not None:
+    if pool is not None and not survey.lost and not survey.incomplete:
         named = {scenario.name: scenario for scenario in scenarios}
         declared, problems = read_declarations(DeclarationScope(text, document, named, pool))
         loader.findings += problems
     for scenario in scenarios:
         timed = tuple(c for c in declared.comparisons if scenario.name in (c.left, c.right))
-        _load_cells(scenario, loader, pool, LegTimings(timed, document))
+        timings = LegTimings(timed, document)
+        _load_cells(scenario, loader, pool, timings, whole=scenario.name not in survey.incomplete)
+    use = CampaignUse(text, document, scenarios, loader.worlds, not loader.findings)
+    unused = find_unused(
+        use, lambda layer: loader.collect_errors(lambda: loader.library.oracles((layer,)))
+    )
     campaign = Campaign(
         name=text.campaign,
         about=text.about,
@@ -231,6 +174,7 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         warnings=(
             *dict.fromkeys(loader.library.warnings),
             *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
+            *dict.fromkeys(unused),
         ),
     )
     return campaign, loader
@@ -248,11 +192,16 @@ def _load_cells(
     loader: _CampaignLoader,
     pool: dict[str, Oracle] | None,
     timed: LegTimings,
+    *,
+    whole: bool,
 ) -> None:
-    """Add the cells of a scenario: one, or one for each variant of its floor plan."""
+    """Add the cells of a scenario: one, or one for each variant of its floor plan.
+
+    A scenario that is not ``whole`` lacks keys that could not be read.
+    """
     attempt, library = loader.collect_errors, loader.library
-    robot = attempt(lambda: library.robot(_required_reference(scenario.robot)))
-    loaded = attempt(lambda: library.mission(_required_reference(scenario.mission)))
+    robot = attempt(partial(library.robot, scenario.robot)) if scenario.robot else None
+    loaded = attempt(partial(library.mission, scenario.mission)) if scenario.mission else None
     suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
     named = scenario.map_file
     given = attempt(partial(library.map, named)) if named else None
@@ -263,30 +212,33 @@ def _load_cells(
     if loaded is not None:
         loader.findings += timed.problems(loaded[0])
     known = tuple(sut for sut in suts if sut is not None)
-    for world in _load_worlds(scenario, robot, known, loader):
-        if robot is None or loaded is None or (named and given is None):
+    for world in _load_worlds(scenario, robot, known, loader, whole=whole):
+        if robot is None or loaded is None:
             continue
         mission, document = loaded
-        loader.findings += [d for o in picked for d in check_references(o, world.scene, mission)]
-        loader.cells.append(
-            CampaignCell(
-                name=world.name,
-                scenario=scenario,
-                plan=world.plan,
-                layers=world.layers,
-                scene=world.scene,
-                mission=mission,
-                mission_where=document.where(),
-                places=dict(world.places) | _waypoint_places(mission, document),
-                robot=robot,
-                suts=known,
-                oracles=oracles,
-                behaviours=tuple(r.behaviours for r in world.resolved),
-                map=given.settings if given else scenario.map,
-                limit=scenario.limit,
-                given_map=given.grid if given else None,
-            )
+        if world.whole:
+            problems = [d for o in picked for d in check_references(o, world.scene, mission)]
+            loader.findings += problems
+        cell = CampaignCell(
+            name=world.name,
+            scenario=scenario,
+            plan=world.plan,
+            layers=world.layers,
+            scene=world.scene,
+            mission=mission,
+            mission_where=document.where(),
+            places=dict(world.places) | _waypoint_places(mission, document),
+            robot=robot,
+            suts=known,
+            oracles=oracles,
+            behaviours=tuple(r.behaviours for r in world.resolved) or ((),),
+            map=given.settings if given else scenario.map,
+            limit=scenario.limit,
+            limit_where=limit_place(scenario.name, loader.text, loader.document),
+            given_map=given.grid if given else None,
         )
+        unusable = not world.whole or (named is not None and given is None)
+        (loader.partial if unusable else loader.cells).append(cell)
 
 
 def _load_worlds(
@@ -294,43 +246,58 @@ def _load_worlds(
     robot: Robot | None,
     suts: tuple[SutReference, ...],
     loader: _CampaignLoader,
-) -> list[_LoadedWorld]:
-    """Return the worlds of a scenario; empty when a layer of it cannot be used."""
+    *,
+    whole: bool,
+) -> list[LoadedWorld]:
+    """Return the worlds of a scenario; empty when it has no floor plan that can be used.
+
+    Where another layer cannot be used a world is what can be said without it.
+    """
     attempt, library = loader.collect_errors, loader.library
-    plans = attempt(lambda: _plans(scenario, robot, library))
+    plans = attempt(lambda: _plans(scenario, robot, library)) or []
     references = (*scenario.objects, *scenario.behaviours)
     layers = [attempt(partial(_configured_layer, library, reference)) for reference in references]
     sound = tuple(layer for layer in layers if layer is not None)
-    if plans is None or len(sound) < len(layers):
-        return []
+    objects = layers[: len(scenario.objects)]
+    # Without one of its layers an object would be missed that is only written elsewhere.
+    usable = sound[: len(objects)] if whole and None not in objects else ()
+    whole = whole and len(sound) == len(layers)
     repeats = repeat_policy(loader.text.repeats).at_most
     if not says_repeats(loader.document):
         repeats = default_repeats(suts)
     # One variant that cannot be composed does not hide what is wrong with the next.
     worlds = []
     for name, plan in plans:
-        scene = attempt(partial(_scene, scenario, plan, sound, loader))
+        scene = attempt(partial(_scene, scenario, plan, sound, loader)) if whole else None
         if scene is None:
+            # The building, the mission and the objects that stand can still be looked at.
+            worlds.append(_sound_part(name, plan, usable))
             continue
+        places = places_of(sound, plan)
         resolved = attempt(partial(_resolve_all, scenario, loader.text.seed, repeats, sound, scene))
         if resolved is None:
+            worlds.append(LoadedWorld(name, plan, sound, scene, (), places, False))
             continue
         library.warnings.extend(resolved[0].overridden)
-        places = places_of(sound, plan) | dict(resolved[0].places)
-        worlds.append(_LoadedWorld(name, plan, sound, scene, resolved, places))
+        places |= dict(resolved[0].places)
+        worlds.append(LoadedWorld(name, plan, sound, scene, resolved, places))
     loader.worlds += worlds
     return worlds
+
+
+def _sound_part(name: str, plan: FloorPlan, objects: tuple[SceneryLayer, ...]) -> LoadedWorld:
+    """Return what can be said of a world without the layers and objects that cannot be used."""
+    try:
+        scene, _ = compile_sound_part(plan, objects)
+    except InputError:
+        # What is wrong has been reported; without known names there is the building alone.
+        scene = compile_scene(plan)
+    return LoadedWorld(name, plan, (), scene, (), places_of(objects, plan), whole=False)
 
 
 def _waypoint_places(mission: Mission, document: YamlDocument) -> dict[str, Where]:
     places = {w.id: document.where(("waypoints", i)) for i, w in enumerate(mission.waypoints)}
     return places | {"start": document.where(("start",))}
-
-
-def _required_reference(reference: LayerReference | None) -> LayerReference:
-    if reference is None:
-        raise InputError(())  # read_campaign has said so
-    return reference
 
 
 def _plans(
@@ -341,7 +308,8 @@ def _plans(
     A variant of the plan drawn with seed 1003 makes the cell ``<scenario>@1003``.
     """
     if scenario.vary is None:
-        return [(scenario.name, library.floorplan(_required_reference(scenario.floorplan)))]
+        named = scenario.floorplan
+        return [(scenario.name, library.floorplan(named))] if named else []
     if robot is None:
         return []
     variants = library.variants(scenario.vary, inscribed_radius(robot.footprint))

@@ -8,7 +8,7 @@ written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
@@ -23,7 +23,7 @@ from daemon.campaign._names import LayerName, Overrides
 from daemon.model.spec import MapSettings
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
-from grammars.text.documents import YamlDocument, read_model
+from grammars.text.documents import YamlDocument
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,41 +70,13 @@ class ResolvedScenario:
     limit: float = 0.0
 
 
-def read_campaign(
-    document: YamlDocument, missing: list[Diagnostic] | None = None
-) -> tuple[CampaignFile, tuple[ResolvedScenario, ...]]:
-    """Return the file's keys and its concrete scenarios; raises :class:`InputError`.
-
-    With a list, what scenarios lack is put there, so that it hides nothing else.
-    """
-    text = read_model(document, CampaignFile)
-    problems: list[Diagnostic] = []
-    scenarios = []
-    for name, scenario in text.scenarios.items():
-        try:
-            resolved = _resolve_scenario(name, text, document, ())
-        except InputError as error:
-            problems.extend(error.diagnostics)
-            continue
-        if not scenario.abstract:
-            scenarios.append(resolved)
-    lacking = _missing_slots(scenarios, document, text)
-    if missing is None:
-        problems += lacking
-    else:
-        missing += lacking
-    if problems:
-        raise InputError(dict.fromkeys([*problems, *(missing or ())]))
-    if not scenarios:
-        raise InputError(
-            Diagnostic(document.where(("scenarios",)), "every scenario is abstract, nothing to run")
-        )
-    return text, tuple(scenarios)
-
-
-def _resolve_scenario(
-    name: str, text: CampaignFile, document: YamlDocument, seen: tuple[str, ...]
+def resolve_scenario(
+    name: str, text: CampaignFile, document: YamlDocument, seen: tuple[str, ...] = ()
 ) -> ResolvedScenario:
+    """Return a scenario with what it inherits; raises :class:`InputError`.
+
+    ``seen`` are the scenarios that are like this one.
+    """
     scenario, path = text.scenarios[name], ("scenarios", name)
     where = document.where(path)
     if scenario.like is None:
@@ -122,11 +94,29 @@ def _resolve_scenario(
         if scenario.like not in text.scenarios:
             hint = did_you_mean(scenario.like, text.scenarios)
             raise InputError(Diagnostic(like_at, f'no scenario "{scenario.like}" here', hint))
-        base = _resolve_scenario(scenario.like, text, document, (*seen, name))
+        base = resolve_scenario(scenario.like, text, document, (*seen, name))
     # The seed of variants that names none is the campaign's, also where the slot is inherited.
     varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
     renamed = replace(base, name=name, where=where, vary=varied)
     return _overlay(renamed, scenario, document, path)
+
+
+def bases_of(name: str, text: CampaignFile) -> Iterator[str]:
+    """Yield the scenarios of the file that one is like, directly or through others."""
+    seen = {name}
+    base = text.scenarios[name].like
+    while base in text.scenarios and base not in seen:
+        yield base
+        seen.add(base)
+        base = text.scenarios[base].like
+
+
+def limit_place(name: str, text: CampaignFile, document: YamlDocument) -> Where:
+    """Return where the limit of a scenario is written: in it, in one it is like, or for all."""
+    for scenario in (name, *bases_of(name, text)):
+        if text.scenarios[scenario].limit is not None:
+            return document.where(("scenarios", scenario, "limit"))
+    return document.where(("limit",) if text.defaults.limit is None else ("defaults", "limit"))
 
 
 def _from_the_top(
@@ -235,15 +225,24 @@ _EXAMPLES: Final = {
 }
 
 
-def _missing_slots(
-    scenarios: list[ResolvedScenario], document: YamlDocument, text: CampaignFile
+def missing_slots(
+    scenarios: Sequence[ResolvedScenario],
+    text: CampaignFile,
+    document: YamlDocument,
+    incomplete: Collection[str] = (),
 ) -> list[Diagnostic]:
+    """Return an error for every slot that a scenario needs and nobody fills.
+
+    Those named in ``incomplete`` may have it where the file could not be read: it is not missed.
+    """
     found = []
     for slot, (key, place) in _REQUIRED.items():
         missing = [
             scenario
             for scenario in scenarios
-            if not getattr(scenario, slot) and not (slot == "floorplan" and scenario.vary)
+            if scenario.name not in incomplete
+            and not getattr(scenario, slot)
+            and not (slot == "floorplan" and scenario.vary)
         ]
         hint = f"{place}: {_EXAMPLES[slot]}"
         if slot == "oracles":

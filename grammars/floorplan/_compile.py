@@ -97,14 +97,15 @@ def _check_gaps(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> 
 
 def _check_opening(opening: Opening, walls: Sequence[Wall], findings: DiagnosticCollector) -> None:
     label = f'{opening.kind} "{opening.name}"'
-    corners = [(p[0], p[1]) for p in opening.near]
     for wall in walls:
-        along = [wall.frame.inverse().apply(corner)[0] for corner in corners]
-        if max(map(abs, along)) > wall.length / 2 + _TOUCHING:
+        along = [wall.frame.inverse().apply((x, y))[0] for x, y, _ in opening.near]
+        low, high = _ends(wall, min(along), max(along))
+        beyond = max(low - min(along), max(along) - high)
+        if beyond > _TOUCHING:
             findings.warn(
                 opening.where,
-                f"{label} reaches beyond the end of {wall.id}",
-                f"the wall reaches from x = {-wall.length / 2:g} m to {wall.length / 2:g} m",
+                f"{label} reaches {beyond:.3g} m beyond the end of {wall.id}",
+                f"the wall reaches from x = {low:.6g} m to {high:.6g} m",
             )
         if opening.z_max > wall.height + _TOUCHING:
             findings.warn(
@@ -118,6 +119,18 @@ def _check_opening(opening: Opening, walls: Sequence[Wall], findings: Diagnostic
         )
     if len(walls) == 2:
         _check_pair(opening, walls[0], walls[1], findings)
+
+
+def _ends(wall: Wall, first: float, last: float) -> tuple[float, float]:
+    """Return between which ends of a wall an opening from ``first`` to ``last`` must lie [m]."""
+    inner = wall.length / 2
+    if first > -inner or last < inner:
+        return -inner, inner
+    # An opening takes the whole wall away that joins two spaces. In a corner that points outwards
+    # the outer face is the longer one, and what is taken of it is of this wall as well.
+    to_wall = wall.frame.inverse()
+    ends = [to_wall.apply(corner)[0] for corner in wall.footprint]
+    return min(ends), max(ends)
 
 
 def _check_pair(opening: Opening, first: Wall, second: Wall, findings: DiagnosticCollector) -> None:

@@ -27,7 +27,7 @@ from grammars.model.robot import (
     OdometryNoise,
     Robot,
 )
-from grammars.text.diagnostics import InputError
+from grammars.text.diagnostics import Diagnostic, InputError
 from grammars.text.documents import (
     Acceleration,
     Angle,
@@ -139,8 +139,34 @@ def load_mission(path: str | Path) -> tuple[Mission, YamlDocument]:
         for i, w in enumerate(text.waypoints, start=1)
     )
     start = text.start.pose() if text.start else Pose2()
+    _refuse_ambiguous(waypoints, document)
     name = text.mission or Path(path).name.split(".")[0]
     return Mission(name, start, waypoints), document
+
+
+def _refuse_ambiguous(waypoints: Sequence[Waypoint], document: YamlDocument) -> None:
+    """Raise :class:`InputError` for waypoints of one id that are not at one place.
+
+    A mission may visit a place more than once.
+    """
+    first: dict[str, int] = {}
+    problems = []
+    for index, waypoint in enumerate(waypoints):
+        other = waypoints[first.setdefault(waypoint.id, index)]
+        if math.dist((waypoint.x, waypoint.y), (other.x, other.y)) > _SAME_PLACE:
+            message = (
+                f'two waypoints are called "{waypoint.id}": one at ({other.x:g}, {other.y:g}), '
+                f"one at ({waypoint.x:g}, {waypoint.y:g})"
+            )
+            place = document.where(("waypoints", first[waypoint.id]))
+            hint = f"the other one: {place}; verdicts could not tell them apart: rename one"
+            problems.append(Diagnostic(document.where(("waypoints", index)), message, hint))
+    if problems:
+        raise InputError(problems)
+
+
+_SAME_PLACE: Final = 0.01
+"""Waypoints of one id this near to each other [m] are one place that is visited again."""
 
 
 _ROUND: Final = 32

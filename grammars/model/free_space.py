@@ -68,23 +68,24 @@ def swept_area(
     Joints without a range stay where they are at the start. Between steps the convex hull of two
     neighbouring placements is taken, so nothing is missed but the bulge of a short arc.
     """
-    shapes = [link_shape(body, link, body.initial)]
+    shapes: list[Any] = [[link_shape(body, link, body.initial)]]
     for index, joint in enumerate(body.joints):
         if joint.name not in ranges:
             continue
         low, high = ranges[joint.name]
-        placements = [
-            link_shape(body, link, [*body.initial[:index], q, *body.initial[index + 1 :]])
+        poses = [
+            link_poses(body, [*body.initial[:index], q, *body.initial[index + 1 :]])[link.name]
             for q in _steps(joint, low, high)
         ]
-        shapes.extend(placements)
-        shapes.extend(
-            shapely.convex_hull(shapely.union(a, b))
-            for a, b in itertools.pairwise(placements)
+        rings = [np.array([pose.apply_ring(ring) for pose in poses]) for ring in link.polygons]
+        if len(rings) == 1:
+            # The hulls hold the placements as well.
+            both = np.concatenate([rings[0][:-1], rings[0][1:]], axis=1)
+            shapes.append(shapely.convex_hull(shapely.linestrings(both)))
+        else:
             # The hull of several polygons would fill what is free between them.
-            if len(link.polygons) == 1
-        )
-    return shapely.union_all(shapes)
+            shapes.extend(shapely.polygons(corners) for corners in rings)
+    return shapely.union_all(np.concatenate(shapes))
 
 
 def _steps(joint: Joint, low: float, high: float) -> list[float]:
@@ -205,6 +206,13 @@ class ConnectedParts:
         distances = shapely.distance(np.array(self.parts, dtype=object), Point(point))
         nearest = int(np.argmin(distances))
         return nearest if float(distances[nearest]) <= reach else None
+
+    def near(self, point: Point2, reach: float) -> set[int]:
+        """Return all parts within ``reach`` [m] of ``point``."""
+        if not self.parts:
+            return set()
+        distances = shapely.distance(np.array(self.parts, dtype=object), Point(point))
+        return set(np.flatnonzero(distances <= reach).tolist())
 
 
 def region_area(region: Region) -> BaseGeometry:

@@ -24,7 +24,6 @@ from grammars.model.behaviour import (
 )
 from grammars.model.free_space import (
     SNAP_DISTANCE,
-    FreeSpace,
     inscribed_radius,
     is_overlap,
     link_shape,
@@ -38,8 +37,10 @@ from grammars.model.mission import Mission
 from grammars.model.movers import Route, body_link, is_fixed, is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Link, Scene, SceneObject
+from grammars.preflight._checked import CheckedScene, free_space
 from grammars.preflight._reach import immobile_leaves
-from grammars.preflight._scene import CheckedScene, starts_in_wall
+from grammars.preflight._standing import check_inside
+from grammars.preflight._sweeps import starts_in_wall
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
 _ROUTE_STEP = 0.1
@@ -50,16 +51,15 @@ def check_walks(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> list[
 
     Errors: walks of what is no mover, points inside of a wall or outside of every room, ways that
     lead through a wall, movers that stand in one. Warnings: bodies that brush a wall, or walk
-    through what stands still.
+    through what stands still, or rest outside of the building.
     """
     bodies = {body.name: body for body in checked.scene.objects}
     walking = {walk.object for walk in behaviours if isinstance(walk, Walk)}
-    findings = [
-        problem
-        for body in checked.scene.objects
-        if is_mover(body.joints) and body.name not in walking
-        for problem in starts_in_wall(checked, body)
+    resting = [
+        body for body in checked.scene.objects if is_mover(body.joints) and body.name not in walking
     ]
+    findings = [problem for body in resting for problem in starts_in_wall(checked, body)]
+    findings += check_inside(checked, resting)
     for walk in behaviours:
         if not isinstance(walk, Walk):
             continue
@@ -253,7 +253,7 @@ def check_triggers(
         return []
     scene = checked.scene
     shut = [s for shapes in immobile_leaves(scene, robot, behaviours).values() for s in shapes]
-    parts = FreeSpace(scene, robot.height).for_radius(inscribed_radius(robot.footprint), shut)
+    parts = free_space(scene, robot.height).for_radius(inscribed_radius(robot.footprint), shut)
     home_part = parts.of((mission.start.x, mission.start.y))
     if home_part is None:
         return []

@@ -2,60 +2,149 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Final, TypeAlias
 
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from grammars.model.behaviour import Behaviour, Hold, Walk
 from grammars.model.free_space import (
+    SNAP_DISTANCE,
     ConnectedParts,
     FreeSpace,
     inscribed_radius,
     link_shape,
     moving_links,
     still_links,
+    valid_polygon,
 )
-from grammars.model.geometry import Point2
+from grammars.model.geometry import Point2, Pose2
 from grammars.model.movers import own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Doorway, Scene, SceneObject
+from grammars.preflight._checked import free_space
+from grammars.preflight._turning import TurningSpace, circumscribed_radius, smallest_width
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 
 _THIN: Final = 0.02
 """Half the width [m] of what is thought to pass any gap."""
+_EQUAL: Final = 1e-6
+"""Widths that differ by less [m] are the same."""
 Spot: TypeAlias = tuple[str, Point2, Where]
 
 
 def check_reach(
-    scene: Scene, robot: Robot, points: Sequence[Spot], behaviours: Sequence[Behaviour]
+    scene: Scene,
+    robot: Robot,
+    start: Pose2,
+    points: Sequence[Spot],
+    behaviours: Sequence[Behaviour],
 ) -> list[Diagnostic]:
-    """Return why waypoints cannot be reached; ``points[0]`` is the start.
+    """Return why waypoints cannot be reached; ``points[0]`` is the start, where ``start`` looks.
 
-    The robot is a disc of its inscribed radius. Doors count as open, unless they are frozen or
-    held; these only give warnings, since a door that stays shut may be the point of a test.
+    The robot is first a disc of its inscribed radius, then one as wide as it is on its way (see
+    :func:`passing_width`), then its footprint that has to turn. Doors count as open, unless they
+    are frozen or held; these only give warnings, since a door that stays shut may be the point of
+    a test.
     """
     radius = inscribed_radius(robot.footprint)
-    space = FreeSpace(scene, robot.height)
+    space = free_space(scene, robot.height)
     parts = space.for_radius(radius)
-    start, *waypoints = points
-    home = parts.of(start[1])
-    if home is None:
-        return [_no_room(robot, start)]
-    away = [p for p in waypoints if parts.of(p[1]) != home]
-    findings = [
+    home, *waypoints = points
+    part = parts.of(home[1])
+    if part is None:
+        return [_no_room(robot, home)]
+    away = [p for p in waypoints if parts.of(p[1]) != part]
+    reasons = [
         _no_room(robot, p)
         if parts.of(p[1]) is None
-        else _no_way(scene, robot, space, start, p, radius)
+        else _no_way(scene, robot, space, home, p, 2.0 * radius)
         for p in away
     ]
     reached = [p for p in waypoints if p not in away]
+    wide = _too_wide_for(robot, space, home, reached)
+    reasons += [_no_way(scene, robot, space, home, p, passing_width(robot)) for p in wide]
+    rest = [p for p in reached if p not in wide]
+    stuck = _cannot_turn(scene, robot, space, start, rest)
+    findings = _once_for_all([*zip((*away, *wide), reasons, strict=True), *stuck])
     shut = immobile_leaves(scene, robot, behaviours)
     if shut:
-        findings.extend(_behind_doors(space, shut, start, reached, radius))
+        findings.extend(_behind_doors(space, shut, home, reached, radius))
     return findings
+
+
+def _once_for_all(found: Iterable[tuple[Spot, Diagnostic]]) -> list[Diagnostic]:
+    """Return what is wrong with several waypoints for one reason as one finding."""
+    reasons: dict[tuple[str, str], list[tuple[Spot, Diagnostic]]] = {}
+    for spot, one in found:
+        reasons.setdefault((one.message.replace(spot[0], "…"), one.hint), []).append((spot, one))
+    return [
+        first
+        if len(same) == 1
+        else replace(
+            first, message=first.message.replace(label, f"{label} and {len(same) - 1} more")
+        )
+        for same in reasons.values()
+        for (label, _, _), first in same[:1]
+    ]
+
+
+def passing_width(robot: Robot) -> float:
+    """Return how wide a gap must at least be for a robot on its way through it [m].
+
+    One that drives ahead and back has its whole width across the way, one that drives any way can
+    take the way on which it is narrowest.
+    """
+    if robot.drive.kind == "omnidirectional":
+        return smallest_width(robot.footprint)
+    across = [corner[1] for corner in robot.footprint]
+    return max(across) - min(across)
+
+
+def _too_wide_for(
+    robot: Robot, space: FreeSpace, start: Spot, points: Sequence[Spot]
+) -> list[Spot]:
+    """Return the waypoints that a disc as wide as the robot on its way does not get to."""
+    radius = passing_width(robot) / 2.0
+    if radius <= inscribed_radius(robot.footprint) + _EQUAL:
+        return []
+    parts = space.for_radius(radius)
+    # The base frame need not be in the middle of the robot.
+    reach = circumscribed_radius(robot.footprint) + SNAP_DISTANCE
+    home = parts.near(start[1], reach)
+    return [point for point in points if home.isdisjoint(parts.near(point[1], reach))]
+
+
+def _cannot_turn(
+    scene: Scene, robot: Robot, space: FreeSpace, start: Pose2, points: Sequence[Spot]
+) -> list[tuple[Spot, Diagnostic]]:
+    turning = TurningSpace(space.area, robot.footprint)
+    stuck = turning.blocked(start, [point for _, point, _ in points])
+    (x_min, y_min), (x_max, y_max) = (
+        [pick(corner[axis] for corner in robot.footprint) for axis in (0, 1)] for pick in (min, max)
+    )
+    size = f"{x_max - x_min:.2f} m long and {y_max - y_min:.2f} m wide"
+    found = []
+    for number, at in stuck.items():
+        label, _, place = points[number]
+        message = (
+            f"{robot.name}, {size}, does not get round to {label}: it cannot turn "
+            f"near ({at[0]:.2f}, {at[1]:.2f}){_space_at(scene, at)}"
+        )
+        hint = "make room for it to turn there or take a shorter robot"
+        found.append((points[number], Diagnostic(place, message, hint)))
+    return found
+
+
+def _space_at(scene: Scene, point: Point2) -> str:
+    spot = Point(point)
+    floors = [(r.name, valid_polygon(r.outline)) for r in scene.regions]
+    floors += [(d.name, valid_polygon(d.footprint)) for d in scene.doorways]
+    names = [name for name, floor in floors if floor.distance(spot) <= SNAP_DISTANCE]
+    return f" in {names[0]}" if names else ""
 
 
 def _no_room(robot: Robot, spot: Spot) -> Diagnostic:
@@ -65,10 +154,12 @@ def _no_room(robot: Robot, spot: Spot) -> Diagnostic:
 
 
 def _no_way(
-    scene: Scene, robot: Robot, space: FreeSpace, start: Spot, spot: Spot, radius: float
+    scene: Scene, robot: Robot, space: FreeSpace, start: Spot, spot: Spot, needed: float
 ) -> Diagnostic:
     label, point, place = spot
-    width = f"{robot.name} is {2 * radius:.2f} m wide"
+    width = f"{robot.name} is {needed:.2f} m wide"
+    if needed > smallest_width(robot.footprint) + _EQUAL:
+        width += " across the way it drives"
     # If not even a thread passes, the building is closed there; else something is too narrow.
     if not _connected(space.for_radius(_THIN), start[1], point):
         hint = "an entryway may be missing in the floor plan, or not list both of its walls"
@@ -76,7 +167,7 @@ def _no_way(
     narrow = [
         f"{door.name} ({clear:.2f} m)"
         for door, clear in ((door, _clear_width(scene, door)) for door in scene.doorways)
-        if clear < 2 * radius and _only_way(space, door, start[1], point)
+        if clear < needed and _only_way(space, door, start[1], point)
     ]
     if narrow:
         message = f"the way to {label} leads through {' and '.join(narrow)}, {width}"

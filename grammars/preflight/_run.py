@@ -16,8 +16,9 @@ from grammars.model.movers import PLANAR_JOINTS, is_mover
 from grammars.model.robot import Robot
 from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.preflight._behaviours import check_events, check_triggers, check_walks
+from grammars.preflight._checked import CheckedScene
 from grammars.preflight._reach import Spot, check_reach
-from grammars.preflight._scene import CheckedScene, Sweeps, object_hits, wall_hits
+from grammars.preflight._sweeps import Sweeps, object_hits, wall_hits
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
 _TOLERANCE: Final = 1e-9
@@ -57,7 +58,7 @@ def check_run(
     # A way is looked for between spots that stand free: from others there is none anyway.
     if problems[0] is None:
         findings.extend(_start_overlaps(checked, robot, mission, spots[0][2]))
-        findings.extend(check_reach(scene, robot, sound, behaviours))
+        findings.extend(check_reach(scene, robot, start, sound, behaviours))
     findings.extend(check_events(checked, mission, behaviours))
     findings.extend(check_walks(checked, behaviours))
     unsound = check_behaviours(checked, behaviours)

@@ -1,67 +1,31 @@
-"""Checks of a scene by itself, and where the things it is made of were written."""
+"""Checks of a scene by itself."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Final
 
-import shapely
 from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
-from grammars.floorplan import FloorPlan
 from grammars.model.free_space import (
-    SolidIndex,
     is_overlap,
     link_shape,
     moving_links,
     swept_area,
-    without_jamb,
 )
 from grammars.model.movers import is_mover
-from grammars.model.scene import Doorway, Link, Scene, SceneObject
-from grammars.scenery import SceneryLayer
+from grammars.model.scene import Doorway, Scene, SceneObject
+from grammars.preflight._checked import CheckedScene
+from grammars.preflight._doors import check_doors
+from grammars.preflight._standing import check_inside, check_overlaps
+from grammars.preflight._sweeps import object_hits, starts_in_wall, wall_hits
 from grammars.text.diagnostics import Diagnostic, Severity, Where
-
-
-def places_of(layers: Iterable[SceneryLayer], plan: FloorPlan | None = None) -> dict[str, Where]:
-    """Return the place of every object by its name, and of the entryways of ``plan``."""
-    places = {o.name: o.where for o in plan.openings} if plan is not None else {}
-    places.update((i.name, i.where) for layer in layers for i in layer.instances)
-    return places
-
-
-@dataclass(frozen=True)
-class CheckedScene:
-    """A scene under check: its solids, searchable, and where its things were written.
-
-    ``places`` are those of objects, entryways and joints by name, ``home`` that of the rest.
-    """
-
-    scene: Scene
-    places: Mapping[str, Where]
-    home: Where
-
-    @functools.cached_property
-    def obstacles(self) -> SolidIndex:
-        """The walls, columns and dividers."""
-        return SolidIndex(self.scene)
-
-    def place(self, name: str) -> Where:
-        """Return the place of a joint, else of its object, else of everything."""
-        owner = name.partition(".")[0]
-        return self.places.get(name) or self.places.get(owner) or self.home
-
 
 _TOLERANCE: Final = 1e-9
 _BLOCKED: Final = 0.05
 """Share of a passage a wall may cover before the passage counts as walled up."""
 _THRESHOLD: Final = 0.06
 """How far beyond the faces of its walls a passage must be free [m]."""
-
-Sweeps = list[tuple[SceneObject, Link, BaseGeometry]]
 
 
 def check_scene(
@@ -70,8 +34,10 @@ def check_scene(
     """Return what is wrong with a scene, whatever runs in it.
 
     Errors: two objects of one name, joints that start outside of their limits, leaves that start
-    inside of a wall. Warnings: leaves that would sweep through a wall or another object somewhere
-    in the range of their joints, entryways that a wall not listed in them closes. ``places`` gives
+    inside of a wall or are higher than their doorway, objects that start inside of each other.
+    Warnings: leaves that would sweep through a wall or another object somewhere in the range of
+    their joints, doors much narrower than their doorway, two doors in one doorway, objects outside
+    of the building, entryways that a wall not listed in them closes. ``places`` gives
     the places of objects and entryways by name (see :func:`grammars.preflight.places_of`).
     """
     checked = CheckedScene(scene, places or {}, Where(scene.name))
@@ -80,21 +46,24 @@ def check_scene(
         *(d for body in scene.objects for d in _outside_limits(checked, body)),
         *_blocked_doorways(checked),
     ]
-    stuck = {
-        b.name: [] if is_mover(b.joints) else starts_in_wall(checked, b) for b in scene.objects
-    }
+    standing = [body for body in scene.objects if not is_mover(body.joints)]
+    doors, hung = check_doors(checked)
+    overlaps, met = check_overlaps(checked, standing, hung)
+    findings += [*doors, *overlaps, *check_inside(checked, standing)]
+    stuck = {b.name: starts_in_wall(checked, b) for b in standing if {b.name} not in hung}
     findings.extend(d for found in stuck.values() for d in found)
     findings.extend(_furniture_in_walls(checked))
     sweeps = [
         (body, link, swept_area(body, link, {j.name: (j.lower, j.upper) for j in body.joints}))
-        for body in scene.objects
-        if not body.frozen and not is_mover(body.joints)
+        for body in standing
+        if not body.frozen
         for link in moving_links(body)
     ]
-    # A leaf that starts in a wall sweeps through it as well: that is said once.
-    loose = [sweep for sweep in sweeps if not stuck[sweep[0].name]]
+    # A leaf that starts in a wall, or is too high for its doorway, sweeps through the wall as
+    # well: that is said once.
+    loose = [sweep for sweep in sweeps if not stuck.get(sweep[0].name, [True])]
     findings.extend(wall_hits(checked, loose, "somewhere in its range"))
-    findings.extend(object_hits(checked, sweeps, "somewhere in its range"))
+    findings.extend(object_hits(checked, sweeps, "somewhere in its range", hung | met))
     return tuple(findings)
 
 
@@ -149,23 +118,6 @@ def _passage(doorway: Doorway) -> Polygon:
     return Polygon(doorway.frame.apply_ring(corners))
 
 
-def starts_in_wall(checked: CheckedScene, body: SceneObject) -> list[Diagnostic]:
-    """Return an error for every moving link that starts inside of a solid."""
-    findings = []
-    for link in moving_links(body):
-        shape = link_shape(body, link, body.initial)
-        for owner, overlap in checked.obstacles.hit_by(shape, link.z_min, link.z_max).items():
-            if is_overlap(without_jamb(body, link, overlap)):
-                findings.append(
-                    Diagnostic(
-                        checked.place(body.name),
-                        f"the {link.name} of {body.name} starts inside of {owner}",
-                        "check its place, which side the hinge is on and where it opens to",
-                    )
-                )
-    return findings
-
-
 def _furniture_in_walls(checked: CheckedScene) -> list[Diagnostic]:
     """Return a warning for every object without moving parts that stands in a wall.
 
@@ -187,56 +139,4 @@ def _furniture_in_walls(checked: CheckedScene) -> list[Diagnostic]:
                     Severity.WARNING,
                 )
             )
-    return findings
-
-
-def wall_hits(checked: CheckedScene, sweeps: Sweeps, when: str) -> list[Diagnostic]:
-    """Return a warning for every leaf that sweeps through a wall, column or divider."""
-    findings = []
-    for body, link, area in sweeps:
-        hits = checked.obstacles.hit_by(area, link.z_min, link.z_max)
-        through = [o for o, part in hits.items() if is_overlap(without_jamb(body, link, part))]
-        if through:
-            findings.append(
-                Diagnostic(
-                    checked.place(body.name),
-                    f"the {link.name} of {body.name} sweeps through {' and '.join(through)} {when}",
-                    "limit the joint, or move or turn the object",
-                    Severity.WARNING,
-                )
-            )
-    return findings
-
-
-def object_hits(checked: CheckedScene, sweeps: Sweeps, when: str) -> list[Diagnostic]:
-    """Return a warning for every leaf whose sweep meets another object (its own or its place)."""
-    others: list[tuple[SceneObject, Link, BaseGeometry]] = list(sweeps)
-    seen = {(id(body), link.name) for body, link, _ in sweeps}
-    others.extend(
-        (body, link, link_shape(body, link, body.initial))
-        for body in checked.scene.objects
-        if body.frozen or not is_mover(body.joints)
-        for link in body.links
-        if (id(body), link.name) not in seen
-    )
-    # Each leaf meets few neighbours: by the tree not every pair is looked at.
-    tree = shapely.STRtree([area for _, _, area in others])
-    findings, reported = [], set[tuple[int, int]]()
-    for body, link, area in sweeps:
-        for index in sorted(tree.query(area, predicate="intersects").tolist()):
-            other, part, covered = others[index]
-            pair = (min(id(body), id(other)), max(id(body), id(other)))
-            apart = link.z_min >= part.z_max or part.z_min >= link.z_max
-            if other is body or apart or pair in reported:
-                continue
-            if is_overlap(area.intersection(covered)):
-                reported.add(pair)
-                findings.append(
-                    Diagnostic(
-                        checked.place(body.name),
-                        f"{body.name} and {other.name} can run into each other {when}",
-                        f"the other one: {checked.place(other.name)}",
-                        Severity.WARNING,
-                    )
-                )
     return findings

@@ -14,12 +14,20 @@ from daemon.model.sut import SystemUnderTest
 from daemon.stacks.pilot._parameters import PilotParameters, read_parameters
 from daemon.stacks.pilot._pilot import Idle, Pilot
 
-__all__ = ["PilotParameters", "make_idle", "make_pilot", "warm_up"]
+__all__ = ["PilotParameters", "make_idle", "make_pilot", "top_speed", "warm_up"]
 
 
 def make_pilot(parameters: Mapping[str, object]) -> SystemUnderTest:
     """Return a fresh pilot; raises ``ValueError`` for parameters it does not take."""
     return Pilot(read_parameters(parameters))
+
+
+def top_speed(parameters: Mapping[str, object]) -> float:
+    """Return how fast the pilot drives along an axis of a robot at most [m/s].
+
+    Raises ``ValueError`` for parameters it does not take.
+    """
+    return read_parameters(parameters).max_speed
 
 
 def make_idle(parameters: Mapping[str, object]) -> SystemUnderTest:

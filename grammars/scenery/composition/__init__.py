@@ -7,7 +7,7 @@ from grammars.scenery.composition._behaviours import ResolvedBehaviours, resolve
 from grammars.scenery.composition._building import static_segments
 from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._chance import RandomWaits, draw_waits
-from grammars.scenery.composition._compiler import compile_scene
+from grammars.scenery.composition._compiler import compile_scene, compile_sound_part
 from grammars.scenery.composition._placement import (
     ObjectPlacement,
     frame_named,
@@ -23,6 +23,7 @@ __all__ = [
     "RandomWaits",
     "ResolvedBehaviours",
     "compile_scene",
+    "compile_sound_part",
     "convex_rings",
     "draw_waits",
     "frame_named",

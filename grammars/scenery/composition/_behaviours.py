@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, d
 class ResolvedBehaviours:
     """One behaviour per joint at most, in scene order, and who gave way to whom.
 
-    ``overridden`` has one warning for each sentence that a later layer replaced for a joint.
+    ``overridden`` has one warning for each sentence that a later layer replaced for some joints.
     ``places`` gives for every joint the place of the sentence that won.
     """
 
@@ -66,7 +67,7 @@ def resolve_behaviours(
     bodies = {body.name: body for body in scene.objects}
     frames = dict(scene.frames)
     said: dict[str, _AppliedSentence] = {}
-    overridden: list[Diagnostic] = []
+    overridden: dict[tuple[Where, Where], list[str]] = {}
     findings: list[Diagnostic] = []
     for number, layer in enumerate(layers):
         context = SentenceContext(layer, seed, limit, frames)
@@ -74,7 +75,11 @@ def resolve_behaviours(
             try:
                 for behaviour in _behaviours(context, catalogue, bodies, sentence):
                     new = _AppliedSentence(number, sentence.where, behaviour)
-                    overridden.extend(_replaced(said.get(behaviour.joint), new))
+                    old = said.get(behaviour.joint)
+                    if old is not None:
+                        _refuse_second(old, new)
+                        places = (new.where, old.where)
+                        overridden.setdefault(places, []).append(_subject(behaviour))
                     # A walk moves all three joints of its mover: one place for all of them.
                     said.update(dict.fromkeys(_joints(behaviour), new))
             except InputError as error:
@@ -85,7 +90,7 @@ def resolve_behaviours(
     order = [joint for joint in scene.joint_names if joint in said]
     return ResolvedBehaviours(
         tuple(said[joint].behaviour for joint in order if said[joint].behaviour.joint == joint),
-        tuple(overridden),
+        tuple(_replaced(joints, *places) for places, joints in overridden.items()),
         tuple((joint, said[joint].where) for joint in order),
     )
 
@@ -105,19 +110,32 @@ def _configured(
     return [configure(layer, overrides.get(layer.name, {})) for layer in layers]
 
 
-def _replaced(old: _AppliedSentence | None, new: _AppliedSentence) -> list[Diagnostic]:
-    if old is None:
-        return []
-    behaviour = new.behaviour
-    joint = behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
+def _subject(behaviour: Behaviour) -> str:
+    return behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
+
+
+def _refuse_second(old: _AppliedSentence, new: _AppliedSentence) -> None:
+    """Raise :class:`InputError` when one layer says two things of one joint."""
     if old.layer == new.layer:
         raise InputError.at(
             new.where,
-            f"{joint} already has a behaviour in this layer",
+            f"{_subject(new.behaviour)} already has a behaviour in this layer",
             f"the other one: {old.where}; leave one out (every … except …)",
         )
-    message = f"{joint} follows this sentence, not the one at {old.where}"
-    return [Diagnostic(new.where, message, severity=Severity.WARNING)]
+
+
+_MOST_NAMED: Final = 3
+"""So many joints are named, of more how many they are."""
+
+
+def _replaced(joints: Sequence[str], new: Where, old: Where) -> Diagnostic:
+    named = list(joints[:_MOST_NAMED])
+    if len(joints) > _MOST_NAMED:
+        named[-1] = f"{len(joints) - _MOST_NAMED + 1} more"
+    listed = " and ".join(filter(None, (", ".join(named[:-1]), named[-1])))
+    follow = "follow" if len(joints) > 1 else "follows"
+    message = f"{listed} {follow} this sentence, not the one at {old}"
+    return Diagnostic(new, message, severity=Severity.WARNING)
 
 
 def _behaviours(

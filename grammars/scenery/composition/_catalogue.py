@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from typing import Final, TypeVar
 
 from grammars.scenery.model import Group, Instance, ObjectModel, Path, SceneryLayer, Subject
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 
 Named = TypeVar("Named", ObjectModel, Instance)
+_WARNING: Final = Severity.WARNING
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,20 @@ class Catalogue:
             t.object for path in subject.exceptions for t in self._one_or_many(layer, path, ())
         }
         return self._resolve(layer, subject, left_out, ())
+
+    def unknown_members(self) -> list[Diagnostic]:
+        """Return a warning for every group, used or not, with members that are not there."""
+        findings: list[Diagnostic] = []
+        for layer in self._layers:
+            for group in layer.groups:
+                try:
+                    self.targets(layer, group.members)
+                except InputError as error:
+                    findings += [
+                        replace(d, message=f"group {group.name}: {d.message}", severity=_WARNING)
+                        for d in error.diagnostics
+                    ]
+        return findings
 
     def _resolve(
         self,

@@ -40,8 +40,10 @@ def apply_settings(
         for setting in layer.settings:
             try:
                 for target in catalogue.targets(layer, setting.subject):
-                    body = objects[target.object]
-                    objects[body.name] = _with(catalogue, body, setting, target.joint)
+                    body = objects.get(target.object)
+                    # What could not be placed has been reported and is not there.
+                    if body is not None:
+                        objects[body.name] = _with(catalogue, body, setting, target.joint)
             except InputError as error:
                 findings.extend(error.diagnostics)
     if findings:
@@ -97,20 +99,33 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
     order. All coordinates are rounded to 1e-9 m, so that equal input gives equal digests.
     Raises :class:`InputError` with every unknown name and every object that cannot be placed.
     """
+    scene, problems = compile_sound_part(plan, layers)
+    if problems:
+        raise InputError(problems)
+    return scene
+
+
+def compile_sound_part(
+    plan: FloorPlan, layers: Sequence[SceneryLayer] = ()
+) -> tuple[Scene, list[Diagnostic]]:
+    """Return the world without the objects that cannot be placed, and why they cannot.
+
+    Raises :class:`InputError` where names of objects or models are unknown or taken twice.
+    """
     doorways = _doorways(plan)
     catalogue = Catalogue(layers)
-    objects: list[SceneObject] = []
+    placed: dict[str, SceneObject] = {}
     findings: list[Diagnostic] = []
     for instance in catalogue.instances.values():
         try:
-            objects.append(_object(plan, doorways, catalogue, instance))
+            placed[instance.name] = _object(plan, doorways, catalogue, instance)
         except InputError as error:
             findings.extend(error.diagnostics)
-    if findings:
-        raise InputError(findings)
-    placed = {o.name: o for o in objects}
-    placed.update(apply_settings(layers, catalogue, placed))
-    return Scene(
+    try:
+        placed.update(apply_settings(layers, catalogue, placed))
+    except InputError as error:
+        findings.extend(error.diagnostics)
+    scene = Scene(
         plan.name,
         tuple(_region(space) for space in plan.spaces),
         doorways,
@@ -119,6 +134,7 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
         # Only routes of movers need them, and whatever is in a scene counts in its digest.
         _frames(plan) if any(is_mover(body.joints) for body in placed.values()) else (),
     )
+    return scene, findings
 
 
 def _region(space: Space) -> Region:

@@ -100,6 +100,7 @@ def test_a_factory_is_checked_in_a_child(
     file = campaign(tmp_path, campaigns, kind)
     assert invoke(["check", str(file), "--json"]) == code
     body: dict[str, Any] = json.loads(capfd.readouterr().out)
-    (found,) = body["files"][str(file)]
+    # The 5 s that are enough for those that hang are not for the mission, which is said as well.
+    (found,) = [d for d in body["files"][str(file)] if "too short" not in d["message"]]
     assert words in found["message"]
     assert found["where"]["line"] == 7

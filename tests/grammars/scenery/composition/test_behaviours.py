@@ -156,6 +156,18 @@ def test_drawn_frames_are_in_order_and_within_the_run(
     assert times[-1] <= 300.0
 
 
+def test_a_sentence_that_replaces_another_for_several_joints_says_so_once() -> None:
+    layers = [
+        layer(DOORS, "doors"),
+        layer("every hinged_door stays open", "first", models=False),
+        layer("every hinged_door stays closed", "second", models=False),
+    ]
+    result = resolved(compile_scene(two_rooms(), layers[:1]), layers)
+    assert [d.message for d in result.overridden] == [
+        "a.hinge and b.hinge follow this sentence, not the one at first.scenery:1:1"
+    ]
+
+
 def test_later_layers_win_and_say_so() -> None:
     doors, first, second = (
         layer(DOORS, "doors"),

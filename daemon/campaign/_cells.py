@@ -1,0 +1,65 @@
+"""What a scenario comes to: worlds, and cells in which a robot is sent through them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from daemon.campaign._scenarios import ResolvedScenario
+from daemon.model.spec import MapSettings, SutReference
+from grammars.floorplan import FloorPlan
+from grammars.model.behaviour import Behaviour
+from grammars.model.grid import OccupancyGrid
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
+from grammars.oracle import Oracle
+from grammars.scenery import SceneryLayer
+from grammars.scenery.composition import ResolvedBehaviours
+from grammars.text.diagnostics import Where
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedWorld:
+    """The part of a cell that needs neither robot nor mission.
+
+    Where something of it cannot be used it is not ``whole``, and no run is made of it: there are no
+    ``layers`` where objects are missing, and no ``resolved`` behaviours.
+    """
+
+    name: str
+    plan: FloorPlan
+    layers: tuple[SceneryLayer, ...]
+    scene: Scene
+    resolved: tuple[ResolvedBehaviours, ...]
+    places: Mapping[str, Where]
+    whole: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignCell:
+    """One scenario in one world, with everything it names loaded.
+
+    ``name`` is the scenario's, with ``@<seed>`` for a variant of its plan. ``behaviours`` holds
+    those of each repeat, also of repeats that only come when a cell is not decided; ``places``
+    says where waypoints, objects and the sentences about joints were written. ``plan`` and
+    ``layers`` are what the scene was composed of, with the campaign's overrides, objects before
+    behaviours. ``given_map`` is a map of one's own, where the campaign names one.
+    """
+
+    name: str
+    scenario: ResolvedScenario
+    plan: FloorPlan
+    layers: tuple[SceneryLayer, ...]
+    scene: Scene
+    mission: Mission
+    mission_where: Where
+    places: Mapping[str, Where]
+    robot: Robot
+    suts: tuple[SutReference, ...]
+    oracles: tuple[Oracle, ...]
+    behaviours: tuple[tuple[Behaviour, ...], ...]
+    map: MapSettings
+    limit: float
+    limit_where: Where
+    given_map: OccupancyGrid | None = None

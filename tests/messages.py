@@ -1,0 +1,46 @@
+"""The messages that the source of a module can give, read from its text."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+_CALLS: Final = frozenset({"Diagnostic", "_warning"})
+_GAP: Final = "…"
+
+
+def message_templates(path: Path) -> set[str]:
+    """Return the texts of a module's findings, with ``…`` for what is only known later."""
+    tree = ast.parse(path.read_text("utf-8"))
+    found = {text for node in _messages(tree) for text in _texts(node)}
+    # What is nothing but names and punctuation is put together of parts found elsewhere.
+    return {text for text in found if len(text.replace(_GAP, "").split()) > 1}
+
+
+def _messages(tree: ast.AST) -> Iterator[ast.expr]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            if node.func.id in _CALLS and len(node.args) > 1:
+                yield node.args[1]
+        elif isinstance(node, ast.Assign) and any(map(_is_message, node.targets)):
+            yield node.value
+
+
+def _is_message(target: ast.expr) -> bool:
+    return isinstance(target, ast.Name) and target.id == "message"
+
+
+def _texts(node: ast.expr) -> Iterator[str]:
+    match node:
+        case ast.Constant(value=str(text)):
+            yield text
+        case ast.JoinedStr(values=values):
+            parts = [str(part.value) if isinstance(part, ast.Constant) else _GAP for part in values]
+            yield "".join(parts).replace(_GAP + _GAP, _GAP)
+        case ast.IfExp(body=body, orelse=other):
+            yield from _texts(body)
+            yield from _texts(other)
+        case _:
+            return
