@@ -9,15 +9,19 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+# A round of all tests looks at fewer examples than hypothesis would by itself, and each round on a
+# developer's machine at others; "--hypothesis-profile thorough" looks at many.
 # Loading compiled kernels for the first time takes longer than hypothesis allows one example, and
 # beside other load so does making examples. What lands is judged by the same examples each time;
 # new ones are sought on developers' machines.
 settings.register_profile(
     "project",
+    max_examples=35,
     deadline=None,
     derandomize="CI" in os.environ,
     suppress_health_check=[HealthCheck.too_slow],
 )
+settings.register_profile("thorough", settings.get_profile("project"), max_examples=300)
 settings.load_profile("project")
 
 # A test process holds some hundred megabytes of modules, compiled code and collected tests. With

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
+from textual._compositor import Compositor
 
 from scenario_tui.cli import invoke, target
 from tests.scenario_tui.cli.outputs import declared
@@ -24,6 +25,25 @@ class Said(NamedTuple):
 def _as_wide_as_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who starts the tests may have said how wide his terminal is."""
     monkeypatch.delenv("COLUMNS", raising=False)
+
+
+@pytest.fixture(autouse=True)
+def _unseen_is_not_painted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spare what an app without a terminal paints between two looks at its screen.
+
+    It shows that to nobody, and a third of the time of the dashboard's tests went into it.
+    Whoever reads the screen or takes a picture of it has all of it painted, and apps in terminals
+    run in processes of their own.
+    """
+    paint = Compositor.render_update
+
+    def render_update(compositor: Compositor, full: bool = False, **how: Any) -> Any:
+        if full:
+            return paint(compositor, full, **how)
+        compositor._dirty_regions.clear()
+        return None
+
+    monkeypatch.setattr(Compositor, "render_update", render_update)
 
 
 @pytest.fixture

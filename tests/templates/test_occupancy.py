@@ -131,7 +131,7 @@ def test_a_thin_leaf_is_an_unbroken_line(angle: float, thickness: float) -> None
         assert at(grid, point) == OCCUPIED
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=40)
 @given(
     st.sampled_from(["outline", "touch"]),
     st.floats(-math.pi, math.pi) | st.sampled_from([0.0, math.radians(35), -math.pi / 2]),

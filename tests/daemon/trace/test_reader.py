@@ -45,7 +45,7 @@ from tests.daemon.trace.recordings import (
 )
 
 RELAXED = settings(
-    max_examples=120,
+    max_examples=50,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 

@@ -227,7 +227,7 @@ def test_the_seed_of_the_mutations_is_a_plan() -> None:
     assert len(parse_floorplan(SEED).spaces) == 2
 
 
-@settings(max_examples=300)
+@settings(max_examples=20)
 @given(st.randoms(use_true_random=False), st.integers(1, 4))
 def test_a_damaged_plan_is_answered_never_crashed_on(rng: random.Random, damages: int) -> None:
     tokens = list(TOKENS)
@@ -247,14 +247,14 @@ def test_a_damaged_plan_is_answered_never_crashed_on(rng: random.Random, damages
     answers("".join(tokens))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.text(max_size=60), st.integers(0, len(SEED)))
 def test_any_text_in_a_plan_is_answered(text: str, at: int) -> None:
     assume("\n" not in text)
     answers(SEED[:at] + text + SEED[at:])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=8))
 def test_any_polygon_is_a_room_or_refused(points: list[Point2]) -> None:
     text = f"Floor plan: p Space s: shape: {polygon(tuple(points))} location: wrt: world of: this "

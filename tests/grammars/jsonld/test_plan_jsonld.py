@@ -326,7 +326,7 @@ KEYS = st.sampled_from(["@id", "@type", "of", "x", "points", "@graph", "voids", 
 
 
 @settings(
-    max_examples=60,
+    max_examples=20,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(st.data())

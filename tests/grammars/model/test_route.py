@@ -53,7 +53,7 @@ def test_a_profile_without_end_cruises() -> None:
 
 
 @given(points, st.sampled_from(["once", "round"]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_ways_are_arc_lengths_and_headings_never_jump(
     corners: list[tuple[float, float]], manner: str
 ) -> None:

@@ -313,7 +313,7 @@ CROWDED = scene_with(
 
 @given(st.lists(st.tuples(coordinates, coordinates), max_size=4), coordinates, coordinates, told)
 @settings(
-    max_examples=60,
+    max_examples=25,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 def test_any_mission_and_any_behaviours_are_checked(

@@ -97,7 +97,7 @@ _expressions = st.recursive(
 
 
 @given(expression=_expressions)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_expressions_have_the_values_python_gives_them(
     expression: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -112,7 +112,7 @@ def test_expressions_have_the_values_python_gives_them(
 
 
 @given(text=st.text(st.characters(codec="ascii", categories=("L", "N", "P", "S", "Zs"))))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_any_text_has_a_value_or_is_refused(
     text: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -441,7 +441,7 @@ _elements = st.recursive(
 
 
 @given(body=st.lists(_elements, max_size=4).map("".join))
-@hypothesis_settings(max_examples=200, deadline=None)
+@hypothesis_settings(max_examples=40, deadline=None)
 def test_any_launch_file_is_read_or_refused(
     body: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -27,25 +27,25 @@ def read(text: str) -> None:
 
 
 @given(st.text(max_size=200))
-@settings(max_examples=70, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_any_text(text: str) -> None:
     read(text)
 
 
 @given(st.lists(st.sampled_from(TOKENS), max_size=40))
-@settings(max_examples=70, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_any_sequence_of_known_words(words: list[str]) -> None:
     read(" ".join(words))
 
 
 @given(st.integers(0, len(EVERYTHING) - 1), st.integers(0, 12), st.text(max_size=3))
-@settings(max_examples=70, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_a_small_change_somewhere(position: int, length: int, replacement: str) -> None:
     read(EVERYTHING[:position] + replacement + EVERYTHING[position + length :])
 
 
 @given(st.integers(0, len(TOKENS) - 1), st.sampled_from([*TOKENS, "1e999 m", "-5 m", "0 rad"]))
-@settings(max_examples=70, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_one_word_replaced_by_another(index: int, word: str) -> None:
     read(" ".join([*TOKENS[:index], word, *TOKENS[index + 1 :]]))
 
@@ -59,7 +59,7 @@ def test_one_word_replaced_by_another(index: int, word: str) -> None:
         ),
     )
 )
-@settings(max_examples=70, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_any_override(overrides: dict[str, object]) -> None:
     try:
         configure(LAYER, overrides)

@@ -134,19 +134,19 @@ def test_the_seed_of_the_mutations_gives_variants(folder: Path, plan: str) -> No
     assert len(sample(parse_variation(SEED, "seed.variation", folder), 3, seed=0)) == 3
 
 
-@settings(max_examples=200)
+@settings(max_examples=20)
 @given(rng=st.randoms(use_true_random=False), damages=st.integers(1, 4))
 def test_a_damaged_variation_is_answered(folder: Path, rng: random.Random, damages: int) -> None:
     check(rng, damages, folder)
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(rng=st.randoms(use_true_random=False), damages=st.integers(1, 3))
 def test_a_damaged_plan_is_answered(folder: Path, rng: random.Random, damages: int) -> None:
     check_plan(rng, damages, folder)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(text=st.text(max_size=60), at=st.integers(0, len(SEED)))
 def test_any_text_in_a_variation_is_answered(folder: Path, text: str, at: int) -> None:
     (folder / "plan.fpm").write_bytes(NAMED.encode())

@@ -58,7 +58,7 @@ def edits(draw: st.DrawFn) -> tuple[PlanText, dict[str, SlotValue]]:
     return plan, chosen
 
 
-@settings(max_examples=100)
+@settings(max_examples=30)
 @given(edits())
 def test_values_arrive_at_their_places_and_nowhere_else(
     edit: tuple[PlanText, dict[str, SlotValue]],

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import shutil
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+
+import pytest
+
+from scenario_tui.cli import invoke
 
 COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]
 
@@ -22,6 +28,17 @@ def call(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess
         env=environ | {"SCENARIO_STATE": str(state)},
         timeout=240,
     )
+
+
+def call_here(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Do as ``call`` in this process, for commands that only ask: it is spared a start."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.chdir(cwd)
+        patch.delenv("SCENARIO_CONNECT", raising=False)
+        patch.setenv("SCENARIO_STATE", str(state))
+        code = invoke(arguments)
+    return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
 
 
 def short_demo(folder: Path, campaigns: Path) -> Path:

@@ -18,7 +18,7 @@ import pytest
 
 from scenario_tui.cli.exit_codes import exit_code
 from tests.scenario_tui.cli.outputs import declared
-from tests.scenario_tui.cli.real import COMMAND, call, short_demo
+from tests.scenario_tui.cli.real import COMMAND, call, call_here, short_demo
 
 
 @pytest.fixture(scope="module")
@@ -45,23 +45,25 @@ def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "open-house" in done.stdout
     assert "2 traces in" in done.stdout
-    status = declared(call("status", "--json", state=finished, cwd=place).stdout)
+    status = declared(call_here("status", "--json", state=finished, cwd=place).stdout)
     assert status["overview"]["done"] == 2
 
 
 def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(
     finished: Path, place: Path
 ) -> None:
-    shown = call("show", "demo.0", state=finished, cwd=place)
+    shown = call_here("show", "demo.0", state=finished, cwd=place)
     assert (shown.returncode, shown.stderr) == (0, "")
     assert "scenario logs demo-" in shown.stdout
-    told = declared(call("logs", "demo.0", "--json", state=finished, cwd=place).stdout)
+    told = declared(call_here("logs", "demo.0", "--json", state=finished, cwd=place).stdout)
     assert [step["state"] for step in told["steps"]] == ["running", "done"]
     assert told["recorded"][-1]["source"] == "run"
-    waited = call("wait", "demo", state=finished, cwd=place)
+    waited = call_here("wait", "demo", state=finished, cwd=place)
     assert waited.returncode == exit_code(
         row["outcome"]
-        for row in declared(call("results", "--json", state=finished, cwd=place).stdout)["runs"]
+        for row in declared(call_here("results", "--json", state=finished, cwd=place).stdout)[
+            "runs"
+        ]
     )
 
 
@@ -69,7 +71,9 @@ def test_runs_are_judged_again_by_other_oracles(finished: Path, place: Path) -> 
     (campaign,) = (path.name for path in (finished / "traces").iterdir())
     layer = place / "hasty.oracles.yaml"
     layer.write_text("reached: eventually within 1 s (mission.reached >= 1)\n")
-    done = call("judge", campaign, "--oracles", str(layer), "--json", state=finished, cwd=place)
+    done = call_here(
+        "judge", campaign, "--oracles", str(layer), "--json", state=finished, cwd=place
+    )
     assert done.returncode == 1, done.stderr
     for judged in declared(done.stdout)["traces"]:
         assert (judged["origin"], judged["outcome"]) == ("ledger", "fail")
@@ -86,7 +90,7 @@ def test_submitting_again_runs_nothing_twice(finished: Path, place: Path) -> Non
 def test_what_has_a_result_is_not_run_again_unless_something_changed(
     finished: Path, place: Path
 ) -> None:
-    first = declared(call("results", "--json", state=finished, cwd=place).stdout)
+    first = declared(call_here("results", "--json", state=finished, cwd=place).stdout)
     changed = place / "campaigns" / "demo" / "changed.yaml"
     text = (changed.parent / "campaign.yaml").read_text()
     changed.write_text(text.replace("repeats: 2", "repeats: 3") + "\n# one more repeat\n")
@@ -110,7 +114,7 @@ def test_what_has_a_result_is_not_run_again_unless_something_changed(
 
 
 def test_a_state_directory_without_a_daemon_is_not_mixed_up(finished: Path, place: Path) -> None:
-    done = call("status", "--state", str(place / "elsewhere"), state=finished, cwd=place)
+    done = call_here("status", "--state", str(place / "elsewhere"), state=finished, cwd=place)
     assert done.returncode == 3
     assert "no daemon keeps" in done.stderr
 
@@ -138,7 +142,7 @@ def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(
         process.kill()
         process.wait()
         os.close(leader)
-    assert call("status", state=finished, cwd=place).returncode == 0
+    assert call_here("status", state=finished, cwd=place).returncode == 0
 
 
 def _read_until(terminal: int, word: str) -> str:

@@ -12,7 +12,7 @@ import pytest
 
 from scenario_tui.cli.exit_codes import exit_code
 from tests.scenario_tui.cli.outputs import declared
-from tests.scenario_tui.cli.real import COMMAND, call, short_demo
+from tests.scenario_tui.cli.real import COMMAND, call, call_here, short_demo
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +64,13 @@ def test_check_reports_every_layer(place: Path) -> None:
     broken = place / "broken.mission.yaml"
     broken.write_text("mission: x\nstart: {x: 1 parsec}\n")
     demo = str(place / "campaigns" / "demo" / "campaign.yaml")
-    done = call("check", demo, str(broken), "--json", state=place / "none", cwd=place)
+    done = call_here("check", demo, str(broken), "--json", state=place / "none", cwd=place)
     assert done.returncode == 2
     body = declared(done.stdout)
     assert body["schema"] == "scenario/check/1"
     assert not [d for d in body["files"][demo] if d["severity"] == "error"]
     assert body["files"][str(broken)]
-    said = call("check", str(broken), "nothing.fpm", state=place / "none", cwd=place)
+    said = call_here("check", str(broken), "nothing.fpm", state=place / "none", cwd=place)
     assert said.returncode == 2
     assert f"{broken}:" in said.stderr
     assert re.search("nothing.fpm: error: .*no such file", said.stderr, re.IGNORECASE)
@@ -80,7 +80,7 @@ def test_check_reports_every_layer(place: Path) -> None:
 def test_export_writes_what_was_asked_for(place: Path, kind: str) -> None:
     plan = str(place / "campaigns" / "demo" / "flat.fpm")
     out = place / f"out-{kind}"
-    done = call("export", plan, kind, "-o", str(out), state=place / "none", cwd=place)
+    done = call_here("export", plan, kind, "-o", str(out), state=place / "none", cwd=place)
     assert done.returncode == 0, done.stderr
     written = {Path(line) for line in done.stdout.splitlines()}
     assert written == set(out.iterdir())

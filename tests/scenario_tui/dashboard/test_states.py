@@ -46,6 +46,11 @@ def shown(pilot: Any) -> str:
     return "\n".join(screen_text(pilot))
 
 
+@pytest.fixture
+def _unseen_is_not_painted() -> None:
+    """Paint all there is on the way too: nothing of it may break."""
+
+
 @pytest.mark.parametrize("state", STATES)
 async def test_no_state_breaks_a_screen_in_the_smallest_terminal(state: str) -> None:
     fake = FakeDaemon(live=(make_live(7, 60.0),))

@@ -92,7 +92,7 @@ def bounds(found: Verdict) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_a_prefix_never_claims_what_the_whole_run_denies(form: str, data: st.DataObject) -> None:
     whole, text = data.draw(traces()), data.draw(oracles(form))

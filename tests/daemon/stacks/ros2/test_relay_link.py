@@ -429,7 +429,7 @@ def test_a_head_is_an_object_or_an_error_of_the_protocol(data: bytes) -> None:
 
 
 @given(data=st.binary(min_size=1, max_size=300), value=HEADS)
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 def test_garbage_as_an_answer_is_a_lost_link(
     data: bytes, value: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
 ) -> None:

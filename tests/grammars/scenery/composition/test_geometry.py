@@ -121,7 +121,7 @@ openings = st.lists(
 
 
 @given(openings, st.floats(-3.0, 3.0), st.sampled_from(HEIGHTS))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_areas_add_up_for_any_openings(
     drawn: list[tuple[str, int, float, float, float, float]], turn: float, z: float
 ) -> None:

@@ -188,7 +188,7 @@ def compare(
         assert same.all() or where_before != (costmap.grid.x, costmap.grid.y)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=35)
 @given(seed=st.integers(0, 2**32 - 1), quirks=QUIRKS)
 def test_a_grid_that_follows_changes_shows_what_the_plain_cycle_shows(
     seed: int, quirks: Quirks

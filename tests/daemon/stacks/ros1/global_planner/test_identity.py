@@ -35,7 +35,7 @@ parameters = st.builds(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(seeds, parameters, st.sampled_from([ORIGINAL, FIXED]))
 def test_plans_are_those_of_the_plain_planner(
     seed: int, given_parameters: GlobalPlannerParameters, quirks: Quirks

@@ -97,7 +97,7 @@ def test_what_does_not_fit_into_a_buffer_is_lost(size: int) -> None:
     assert np.array_equal(potentials, expected)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(seeds)
 def test_the_restricted_wave_gives_the_same_path_while_costs_and_start_change(seed: int) -> None:
     random = np.random.default_rng(seed)
