@@ -141,6 +141,7 @@ def _parameters(folder: Path) -> None:
 
 TARGETS: Final = (
     Target("floorplan", "plan.fpm", _checked("plan.fpm", "campaign.yaml")),
+    Target("walls", "home.walls.yaml", _checked("home.walls.yaml")),
     Target("variation", "plan.variation", _checked("plan.variation", "varied.yaml")),
     Target("objects", "objects.scenery", _checked("objects.scenery", "campaign.yaml")),
     Target("behaviours", "motions.scenery", _checked("motions.scenery", "campaign.yaml")),
