@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 _DECIMALS: Final = 3
 """Corners are whole millimetres, as a walls layer is written."""
+_FLAT: Final = 1e-6
+"""A corner nearer than this to the line past it is none [m]."""
 _DEEPEST: Final = 0.6
 """Thickness of the thickest wall with a doorway [m]."""
 _WIDER: Final = 0.25
@@ -239,7 +241,12 @@ def _parted(
         largest = max(part.area for part in parts)
         # What is left beside jambs is no room; cells of it lie next to a wall.
         least = min(largest, (2 * _JAMB_CELLS * frame.resolution) ** 2)
-        rooms += [part for part in parts if part.area >= least]
+        # Cut off at doorways, rooms have corners in the middle of their walls.
+        rooms += [
+            part.normalize().simplify(_FLAT) if gaps else part
+            for part in parts
+            if part.area >= least
+        ]
     return _in_order(rooms)
 
 

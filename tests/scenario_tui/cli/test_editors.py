@@ -24,7 +24,8 @@ def test_all_schemas_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert command_line.invoke(["schema", "--out", str(tmp_path / "new")]) == 0
     written = [Path(line) for line in capsys.readouterr().out.splitlines()]
     assert sorted(written) == sorted((tmp_path / "new").iterdir())
-    assert len(written) == 5
+    kinds = ("campaign", "mission", "oracles", "robot", "sut", "walls")
+    assert sorted(path.name for path in written) == [f"{kind}.schema.json" for kind in kinds]
 
 
 def test_one_schema_is_written(tmp_path: Path) -> None:

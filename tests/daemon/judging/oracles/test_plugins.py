@@ -17,8 +17,8 @@ from grammars.oracle import parse_oracle
 from grammars.text import plugins
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from tests.daemon.judging.oracles.traces import along, cut, make_trace, times, verdict
-from tests.oracle_docs import PAGE
 
+PAGE = Path(__file__).parents[4] / "docs" / "oracles.md"
 MODULE = """
 import numpy as np
 from daemon.model.verdicts import Evidence
@@ -77,7 +77,7 @@ ORACLES = ("vague", "halts", "sure", "upside", "nothing", "quits", "odd")
 def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     (tmp_path / "their_oracles.py").write_text(MODULE)
     (tmp_path / "their_imports.py").write_text("import a_module_nobody_has\n")
-    (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     (tmp_path / "their_documentation.py").write_text(example)
     monkeypatch.syspath_prepend(str(tmp_path))
     objects = {name: f"their_oracles:{name}" for name in SIGNALS} | {
