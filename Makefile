@@ -49,7 +49,7 @@ format: $(VENV)/.installed-test   ## rewrite sources the way lint wants them
 
 lock:                             ## renew requirements.lock from pyproject.toml
 	$(PYTHON) -m venv --clear $(VENV)-lock
-	$(VENV)-lock/bin/python -m pip install --quiet --editable '.[test]'
+	$(VENV)-lock/bin/python -m pip install --quiet --editable '.[test,docs]'
 	$(VENV)-lock/bin/python -m pip freeze --exclude-editable > requirements.lock
 	rm -rf $(VENV)-lock
 
