@@ -172,7 +172,7 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         declared=declared,
         cells=tuple(loader.cells),
         warnings=(
-            *dict.fromkeys(loader.library.warnings),
+            *say_once(loader.library.warnings),
             *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
             *dict.fromkeys(unused),
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import sys
 import traceback
@@ -125,6 +126,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
     # Before anything is written: the first message may already hold a sign the terminal lacks.
     settle_streams()
+    # A command reads a lot, makes a lot of it and ends: looking for circles after every 700 new
+    # objects took 3 to 7 % of exporting a campaign (ortega2024, six times in turns).
+    gc.set_threshold(100_000, 10, 10)
     code = invoke(sys.argv[1:] if arguments is None else arguments)
     try:
         sys.stdout.flush()

@@ -247,17 +247,29 @@ def export(
     # another scenario is added.
     placed = [(w, out / file_name(w.name) if is_campaign else out) for w in worlds]
     results = export_worlds(placed, kinds, settings=settings, templates=own)
+    noted: dict[str, list[str]] = {}
     for (world, _), done in zip(placed, _written(results, out), strict=True):
-        about = f"{source} ({world.name})" if is_campaign else str(source)
-        notes = (Diagnostic(Where(about), note, severity=Severity.WARNING) for note in done.notes)
-        report_diagnostics(notes)
+        for note in done.notes:
+            noted.setdefault(note, []).append(world.name)
         written += map(str, done.paths)
         # Said as they are made and not at the end: with many worlds that takes a while.
         if not as_json:
             for path in done.paths:
                 typer.echo(path)
+    report_diagnostics(
+        Diagnostic(Where(_about(source, names, len(placed))), note, severity=Severity.WARNING)
+        for note, names in noted.items()
+    )
     if as_json:
         ExportOutput(written).emit()
+
+
+def _about(source: Path, worlds: list[str], count: int) -> str:
+    """Return what a note is about: the source, with the worlds if it is not about all of them."""
+    if len(worlds) == count:
+        return str(source)
+    more = f" and {len(worlds) - 3} more" if len(worlds) > 3 else ""
+    return f"{source} ({', '.join(worlds[:3])}{more})"
 
 
 def _written(results: Iterator[ExportResult], out: Path) -> Iterator[ExportResult]:

@@ -248,3 +248,13 @@ def test_pictures_need_no_mesh_library(campaigns: Path, tmp_path: Path) -> None:
     )
     assert done.returncode == 2, done.stderr
     assert 'pip install "scenario-tui[mesh]"' in done.stderr
+
+
+def test_a_note_about_every_scenario_is_said_once(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["export", str(demo), "tasks", "--distance", "2", "-o", str(tmp_path)]) == 0
+    notes = [line for line in capsys.readouterr().err.splitlines() if "nowhere 2 m" in line]
+    assert notes
+    assert len(notes) == len(set(notes))
+    assert all(note.startswith(f"{demo}: warning: ") for note in notes)
