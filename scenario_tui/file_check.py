@@ -16,10 +16,14 @@ if TYPE_CHECKING:
 Checker = Callable[[Path], tuple[str, tuple[Diagnostic, ...]]]
 
 
-def check_file(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
-    """Return what a file is in a few words and its diagnostics, errors and warnings."""
+def check_file(path: Path, *, base: str = "") -> tuple[str, tuple[Diagnostic, ...]]:
+    """Return what a file is in a few words and its diagnostics, errors and warnings.
+
+    Relative identifiers of JSON-LD resolve against ``base``, else against the file's address.
+    """
     try:
-        return _checker(path)(path)
+        checker = _checker(path)
+        return _jsonld(path, base) if checker is _jsonld else checker(path)
     except InputError as error:
         return "", error.diagnostics
 
@@ -90,10 +94,10 @@ def _variation(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     )
 
 
-def _jsonld(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _jsonld(path: Path, base: str = "") -> tuple[str, tuple[Diagnostic, ...]]:
     from grammars.jsonld import check_jsonld
 
-    return "JSON-LD graph", check_jsonld(path)
+    return "JSON-LD graph", check_jsonld(path, base)
 
 
 def _mission(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:

@@ -10,7 +10,7 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import plan_or_campaign_files
-from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.options import AsJson, Base
 from scenario_tui.cli.output import Output, report_diagnostics
 
 if TYPE_CHECKING:
@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from templates.world import ArtefactWorld, BehaviourDraw
 
 
-def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
-    """Return the world of a plan (`.fpm`, `.walls.yaml` or JSON-LD), and the warnings about it."""
+def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
+    """Return the world of a plan (`.fpm`, `.walls.yaml` or JSON-LD), and the warnings about it.
+
+    Relative identifiers of JSON-LD resolve against ``base``, else against the file's address.
+    """
     from grammars.floorplan import load_floorplan
     from grammars.jsonld import is_jsonld, load_floorplan_jsonld, model_files
     from grammars.maps import WALLS_ENDING, load_walls
@@ -34,7 +37,7 @@ def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
         plan = load_walls(path)
         name = path.name.removesuffix(WALLS_ENDING)
     else:
-        plan = load_floorplan_jsonld(path) if is_jsonld(path) else load_floorplan(path)
+        plan = load_floorplan_jsonld(path, base) if is_jsonld(path) else load_floorplan(path)
         # One of several files is called after what it holds of the plan: the plan itself has a
         # name.
         name = path.stem if path.suffix != ".json" and path.is_file() else plan.name
@@ -209,6 +212,7 @@ def export(
     timestamp: Annotated[
         str, typer.Option(metavar="ISO8601", help="For prov: when. Default: left out.")
     ] = "",
+    base: Base = "",
     as_json: AsJson = False,
 ) -> None:
     """Write artefacts of a floor plan or a campaign: maps, meshes, Gazebo worlds, tasks, …
@@ -227,7 +231,7 @@ def export(
     if is_campaign := source.suffix in (".yaml", ".yml") and not is_walls:
         worlds, warnings = worlds_of_campaign(source, repeats)
     else:
-        world, warnings = world_of_plan(source)
+        world, warnings = world_of_plan(source, base)
         worlds = (world,)
     report_diagnostics(warnings)
     settings = ExportSettings(

@@ -96,6 +96,14 @@ Keys: TypeAlias = Annotated[
         help="The key for tls/host:port. Default: $SCENARIO_KEYS, then keys in your settings.",
     ),
 ]
+Base = Annotated[
+    str,
+    typer.Option(
+        "--base",
+        metavar="IRI",
+        help="For JSON-LD: what relative identifiers resolve against. Default: the file's address.",
+    ),
+]
 AsJson: TypeAlias = Annotated[
     bool, typer.Option("--json", help="Write one JSON object to standard output.")
 ]

@@ -14,6 +14,7 @@ from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import (
     AsJson,
     Attempts,
+    Base,
     CampaignFile,
     CampaignName,
     Connect,
@@ -196,6 +197,7 @@ def check(
             autocompletion=completion.files(layer_files),
         ),
     ],
+    base: Base = "",
     as_json: AsJson = False,
 ) -> None:
     """Find every problem of campaigns and layers.
@@ -208,7 +210,7 @@ def check(
 
     findings: dict[str, tuple[Diagnostic, ...]] = {}
     for file in files:
-        about, found = check_file(file)
+        about, found = check_file(file, base=base)
         findings[str(file)] = found
         if not as_json:
             report_diagnostics(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -258,3 +259,17 @@ def test_a_note_about_every_scenario_is_said_once(
     assert notes
     assert len(notes) == len(set(notes))
     assert all(note.startswith(f"{demo}: warning: ") for note in notes)
+
+
+def test_relative_identifiers_have_the_base_they_are_given(demo: Path, tmp_path: Path) -> None:
+    assert invoke(["export", str(demo.with_name("flat.fpm")), "jsonld", "-o", str(tmp_path)]) == 0
+    text = (tmp_path / "jsonld" / "flat.jsonld").read_text("utf-8")
+    text = re.sub(r'"@base": "[^"]*",\s*', "", text, count=1)
+    absolute = text.replace('"world-frame"', '"http://example.org/flat/world-frame"', 1)
+    graph = tmp_path / "graph.jsonld"
+    graph.write_text(absolute, "utf-8")
+    base = ["--base", "http://example.org/flat/"]
+    out = ["-o", str(tmp_path / "out")]
+    assert invoke(["check", str(graph)]) == invoke(["export", str(graph), "map", *out]) == 2
+    assert invoke(["check", str(graph), *base]) == 0
+    assert invoke(["export", str(graph), "map", *base, *out]) == 0
