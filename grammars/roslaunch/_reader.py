@@ -155,10 +155,7 @@ class LaunchReader:
         text = element.attributes.get(name)
         if text is None:
             return None
-        place = element.place(name)
-        return self._substitution(scope).fill_in(
-            text, lambda offset: replace(place, column=place.column + offset)
-        )
+        return self._substitution(scope).fill_in(text, lambda offset: element.place(name, offset))
 
     def _required(self, element: XmlElement, name: str, scope: Scope) -> Substituted:
         """Return the value of an attribute that must be there; raises :class:`InputError`."""
