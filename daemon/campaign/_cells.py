@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from daemon.campaign._scenarios import ResolvedScenario
 from daemon.model.spec import MapSettings, SutReference
 from grammars.floorplan import FloorPlan
-from grammars.model.behaviour import Behaviour
+from grammars.model.behaviour import Behaviour, JointActs, Reaction, Walk
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
@@ -16,7 +16,7 @@ from grammars.model.scene import Scene
 from grammars.oracle import Oracle
 from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import ResolvedBehaviours
-from grammars.text.diagnostics import Where
+from grammars.text.diagnostics import Diagnostic, Where
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +34,57 @@ class LoadedWorld:
     resolved: tuple[ResolvedBehaviours, ...]
     places: Mapping[str, Where]
     whole: bool = True
+    named: Scene | None = None
+    """Has all that oracles may name; ``None`` where that is not known."""
+
+
+def repeated_layers(
+    scenario: ResolvedScenario, layers: Sequence[SceneryLayer | None]
+) -> dict[int, Diagnostic]:
+    """Return what to say of layers with objects that are named again, by their number.
+
+    ``layers`` are those of the objects, then those of the behaviours.
+    """
+    references = (*scenario.objects, *scenario.behaviours)
+    first: dict[str, int] = {}
+    found = {}
+    for number, layer in enumerate(layers):
+        if layer is None or first.setdefault(layer.file, number) == number:
+            continue
+        # One that only says what objects do may be named again, to win over those in between.
+        if not layer.models and not layer.instances:
+            continue
+        name, count = references[number].name, len(scenario.objects)
+        places = "twice"
+        if first[layer.file] < count <= number:
+            places = "under objects and behaviours"
+        message = f"{name} is named {places}"
+        hint = "name it once, under objects: what it says of them holds as well"
+        found[number] = Diagnostic(references[number].where, message, hint)
+    return found
+
+
+def placed_alone(
+    resolved: Sequence[ResolvedBehaviours], scene: Scene
+) -> tuple[ResolvedBehaviours, ...]:
+    """Return the behaviours of the objects in ``scene``, without those that wait for others.
+
+    Whom they wait for may be an object that could not be placed.
+    """
+    names = {body.name for body in scene.objects}
+
+    def kept(told: Behaviour) -> Behaviour | None:
+        name = told.object if isinstance(told, Walk) else told.joint.partition(".")[0]
+        if name not in names:
+            return None
+        if isinstance(told, Reaction | Walk) and isinstance(told.event, JointActs):
+            return replace(told, event=None) if isinstance(told, Walk) else None
+        return told
+
+    return tuple(
+        replace(one, behaviours=tuple(b for b in map(kept, one.behaviours) if b is not None))
+        for one in resolved
+    )
 
 
 @dataclass(frozen=True, slots=True)
