@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final, TypeAlias
 
 import shapely
@@ -217,7 +218,7 @@ def _behind_doors(
         return []
     ways: dict[frozenset[str], ConnectedParts] = {}
 
-    def open_way(opened: frozenset[str], point: Point2) -> bool:
+    def open_way(point: Point2, opened: frozenset[str]) -> bool:
         if opened not in ways:
             ways[opened] = space.for_radius(radius, _leaves(shut, opened))
         return _connected(ways[opened], start[1], point)
@@ -225,10 +226,10 @@ def _behind_doors(
     findings = []
     for label, point, place in behind:
         # Each shut door is opened alone: one that lets the robot through is the one to name.
-        names = [name for name in shut if open_way(frozenset({name}), point)]
+        names = [name for name in shut if open_way(point, frozenset({name}))]
         link = "or"
         if not names:
-            names, link = _needed(shut, lambda opened, at=point: open_way(opened, at)), "and"
+            names, link = _needed(shut, partial(open_way, point)), "and"
         message = f"{label} cannot be reached while {_in_the_way(names, link, movers)}"
         hint = "fine if that is what is tested"
         findings.append(Diagnostic(place, message, hint, Severity.WARNING))
