@@ -6,7 +6,6 @@ test: the doors and the sensor noise are paired across cells, so cells can be co
 
 from __future__ import annotations
 
-import contextlib
 import secrets
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -17,7 +16,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from daemon.campaign._cells import CampaignCell, LoadedWorld, placed_alone, repeated_layers
+from daemon.campaign._cells import (
+    CampaignCell,
+    LoadedWorld,
+    placed_alone,
+    repeated_layers,
+    sound_part,
+    waypoint_places,
+)
 from daemon.campaign._declarations import DeclarationScope, LegTimings, read_declarations
 from daemon.campaign._external import (
     announce_repeats,
@@ -41,7 +47,6 @@ from daemon.model.spec import OracleText, RunSpec, SutReference
 from daemon.model.status import Submission
 from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
-from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.oracle import Oracle, check_references
@@ -50,11 +55,9 @@ from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import (
     ResolvedBehaviours,
     compile_scene,
-    compile_sound_part,
     resolve_behaviours,
-    with_stand_ins,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Diagnostic, InputError
 from grammars.text.documents import YamlDocument, load_yaml
 
 T = TypeVar("T")
@@ -242,7 +245,7 @@ def _load_cells(
             scene=world.scene,
             mission=mission,
             mission_where=document.where(),
-            places=dict(world.places) | _waypoint_places(mission, document),
+            places=dict(world.places) | waypoint_places(mission, document),
             robot=robot,
             suts=known,
             oracles=oracles,
@@ -292,7 +295,7 @@ def _load_worlds(
         scene = attempt(partial(_scene, plan, sound[:count], loader)) if whole else None
         if scene is None:
             # The building, the mission and the objects that stand can still be looked at.
-            part = _sound_part(name, plan, usable, known=known)
+            part = sound_part(name, plan, usable, known=known)
             told = attempt(partial(resolve, part.named)) if whole and part.named else None
             if told is not None:
                 places = dict(part.places) | dict(told[0].places)
@@ -309,24 +312,6 @@ def _load_worlds(
         worlds.append(LoadedWorld(name, plan, sound, scene, resolved, places, named=scene))
     loader.worlds += worlds
     return worlds
-
-
-def _sound_part(
-    name: str, plan: FloorPlan, objects: tuple[SceneryLayer, ...], *, known: bool
-) -> LoadedWorld:
-    """Return what can be said of a world without the layers and objects that cannot be used."""
-    named = None
-    # What is wrong has been reported; without known names there is the building alone.
-    scene = compile_scene(plan)
-    with contextlib.suppress(InputError):
-        scene, _ = compile_sound_part(plan, objects)
-        named = with_stand_ins(scene, objects) if known else None
-    return LoadedWorld(name, plan, (), scene, (), places_of(objects, plan), False, named)
-
-
-def _waypoint_places(mission: Mission, document: YamlDocument) -> dict[str, Where]:
-    places = {w.id: document.where(("waypoints", i)) for i, w in enumerate(mission.waypoints)}
-    return places | {"start": document.where(("start",))}
 
 
 def _plans(

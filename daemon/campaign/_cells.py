@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,9 +15,16 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.oracle import Oracle
+from grammars.preflight import places_of
 from grammars.scenery import SceneryLayer
-from grammars.scenery.composition import ResolvedBehaviours
-from grammars.text.diagnostics import Diagnostic, Where
+from grammars.scenery.composition import (
+    ResolvedBehaviours,
+    compile_scene,
+    compile_sound_part,
+    with_stand_ins,
+)
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.documents import YamlDocument
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +70,25 @@ def repeated_layers(
         hint = "name it once, under objects: what it says of them holds as well"
         found[number] = Diagnostic(references[number].where, message, hint)
     return found
+
+
+def sound_part(
+    name: str, plan: FloorPlan, objects: tuple[SceneryLayer, ...], *, known: bool
+) -> LoadedWorld:
+    """Return what can be said of a world without the layers and objects that cannot be used."""
+    named = None
+    # What is wrong has been reported; without known names there is the building alone.
+    scene = compile_scene(plan)
+    with contextlib.suppress(InputError):
+        scene, _ = compile_sound_part(plan, objects)
+        named = with_stand_ins(scene, objects) if known else None
+    return LoadedWorld(name, plan, (), scene, (), places_of(objects, plan), False, named)
+
+
+def waypoint_places(mission: Mission, document: YamlDocument) -> dict[str, Where]:
+    """Return where the start and the waypoints of a mission are written, by name."""
+    places = {w.id: document.where(("waypoints", i)) for i, w in enumerate(mission.waypoints)}
+    return places | {"start": document.where(("start",))}
 
 
 def placed_alone(
