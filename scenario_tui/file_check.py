@@ -140,10 +140,13 @@ def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     from daemon.campaign import examine
 
     campaign, found = examine(path)
-    cells, policy = sum(len(cell.suts) for cell in campaign.cells), campaign.declared.policy
+    # As written: what is wrong with a layer makes no campaign smaller.
+    suts = [*(cell.suts for cell in campaign.cells), *campaign.lost]
+    cells, policy = sum(map(len, suts)), campaign.declared.policy
     more = f", up to {cells * policy.at_most:,}" if policy.until_decided else ""
-    scenarios = pluralise(len(campaign.cells), "scenario")
-    return f"{scenarios}, {pluralise(campaign.runs, 'run')}{more}", found
+    scenarios = pluralise(len(suts), "scenario")
+    runs = pluralise(campaign.runs + campaign.lost_runs, "run")
+    return f"{scenarios}, {runs}{more}", found
 
 
 _BY_ENDING: Final[dict[str, Checker]] = {

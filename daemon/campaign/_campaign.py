@@ -16,7 +16,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from daemon.campaign._cells import CampaignCell, LoadedWorld
+from daemon.campaign._cells import (
+    CampaignCell,
+    LoadedWorld,
+    placed_alone,
+    repeated_layers,
+    sound_part,
+    waypoint_places,
+)
 from daemon.campaign._declarations import DeclarationScope, LegTimings, read_declarations
 from daemon.campaign._external import (
     announce_repeats,
@@ -40,7 +47,6 @@ from daemon.model.spec import OracleText, RunSpec, SutReference
 from daemon.model.status import Submission
 from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
-from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.oracle import Oracle, check_references
@@ -49,10 +55,9 @@ from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import (
     ResolvedBehaviours,
     compile_scene,
-    compile_sound_part,
     resolve_behaviours,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Diagnostic, InputError
 from grammars.text.documents import YamlDocument, load_yaml
 
 T = TypeVar("T")
@@ -75,6 +80,8 @@ class Campaign:
     declared: AssessmentRules
     cells: tuple[CampaignCell, ...]
     warnings: tuple[Diagnostic, ...]
+    lost: tuple[tuple[SutReference | None, ...], ...] = ()
+    """The systems of every cell of the file that no run can be made of."""
 
     def repeats_with(self, sut: SutReference) -> int:
         """Return how many runs every scenario has with a system before anything is decided."""
@@ -84,6 +91,12 @@ class Campaign:
     def runs(self) -> int:
         """How many runs there are before anything is decided."""
         return sum(self.repeats_with(sut) for cell in self.cells for sut in cell.suts)
+
+    @property
+    def lost_runs(self) -> int:
+        """How many more runs there would be if all of the file could be used."""
+        each = [sut for suts in self.lost for sut in suts]
+        return sum(self.repeats_with(sut) if sut else self.repeats or 1 for sut in each)
 
 
 @dataclass(slots=True)
@@ -98,6 +111,7 @@ class _CampaignLoader:
     cells: list[CampaignCell] = field(default_factory=list)
     partial: list[CampaignCell] = field(default_factory=list)
     """Cells that no run is made of, since part of what they name cannot be used."""
+    lost: list[tuple[SutReference | None, ...]] = field(default_factory=list)
     scenes: dict[Any, Scene] = field(default_factory=dict)
 
     def collect_errors(self, make: Callable[[], T]) -> T | None:
@@ -176,6 +190,7 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
             *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
             *dict.fromkeys(unused),
         ),
+        lost=tuple(loader.lost),
     )
     return campaign, loader
 
@@ -212,12 +227,15 @@ def _load_cells(
     if loaded is not None:
         loader.findings += timed.problems(loaded[0])
     known = tuple(sut for sut in suts if sut is not None)
-    for world in _load_worlds(scenario, robot, known, loader, whole=whole):
+    worlds = _load_worlds(scenario, robot, known, loader, whole=whole)
+    loader.lost += [tuple(suts)] * (not worlds)
+    for world in worlds:
         if robot is None or loaded is None:
+            loader.lost.append(tuple(suts))
             continue
         mission, document = loaded
-        if world.whole:
-            problems = [d for o in picked for d in check_references(o, world.scene, mission)]
+        if world.named is not None:
+            problems = [d for o in picked for d in check_references(o, world.named, mission)]
             loader.findings += problems
         cell = CampaignCell(
             name=world.name,
@@ -227,7 +245,7 @@ def _load_cells(
             scene=world.scene,
             mission=mission,
             mission_where=document.where(),
-            places=dict(world.places) | _waypoint_places(mission, document),
+            places=dict(world.places) | waypoint_places(mission, document),
             robot=robot,
             suts=known,
             oracles=oracles,
@@ -239,6 +257,7 @@ def _load_cells(
         )
         unusable = not world.whole or (named is not None and given is None)
         (loader.partial if unusable else loader.cells).append(cell)
+        loader.lost += [tuple(suts)] * unusable
 
 
 def _load_worlds(
@@ -257,47 +276,42 @@ def _load_worlds(
     plans = attempt(lambda: _plans(scenario, robot, library)) or []
     references = (*scenario.objects, *scenario.behaviours)
     layers = [attempt(partial(_configured_layer, library, reference)) for reference in references]
-    sound = tuple(layer for layer in layers if layer is not None)
+    again = repeated_layers(scenario, layers)
+    loader.findings += again.values()
+    sound = tuple(layer for n, layer in enumerate(layers) if layer is not None and n not in again)
     objects = layers[: len(scenario.objects)]
+    count = len(objects) - sum(n < len(objects) for n in again)
     # Without one of its layers an object would be missed that is only written elsewhere.
-    usable = sound[: len(objects)] if whole and None not in objects else ()
-    whole = whole and len(sound) == len(layers)
+    known = whole and None not in objects
+    usable = sound[:count] if known else ()
+    whole = known and None not in layers
     repeats = repeat_policy(loader.text.repeats).at_most
     if not says_repeats(loader.document):
         repeats = default_repeats(suts)
     # One variant that cannot be composed does not hide what is wrong with the next.
     worlds = []
     for name, plan in plans:
-        scene = attempt(partial(_scene, scenario, plan, sound, loader)) if whole else None
+        resolve = partial(_resolve_all, scenario, loader.text.seed, repeats, sound)
+        scene = attempt(partial(_scene, plan, sound[:count], loader)) if whole else None
         if scene is None:
             # The building, the mission and the objects that stand can still be looked at.
-            worlds.append(_sound_part(name, plan, usable))
+            part = sound_part(name, plan, usable, known=known)
+            told = attempt(partial(resolve, part.named)) if whole and part.named else None
+            if told is not None:
+                places = dict(part.places) | dict(told[0].places)
+                part = replace(part, resolved=placed_alone(told, part.scene), places=places)
+            worlds.append(part)
             continue
         places = places_of(sound, plan)
-        resolved = attempt(partial(_resolve_all, scenario, loader.text.seed, repeats, sound, scene))
+        resolved = attempt(partial(resolve, scene))
         if resolved is None:
-            worlds.append(LoadedWorld(name, plan, sound, scene, (), places, False))
+            worlds.append(LoadedWorld(name, plan, sound, scene, (), places, False, scene))
             continue
         library.warnings.extend(resolved[0].overridden)
         places |= dict(resolved[0].places)
-        worlds.append(LoadedWorld(name, plan, sound, scene, resolved, places))
+        worlds.append(LoadedWorld(name, plan, sound, scene, resolved, places, named=scene))
     loader.worlds += worlds
     return worlds
-
-
-def _sound_part(name: str, plan: FloorPlan, objects: tuple[SceneryLayer, ...]) -> LoadedWorld:
-    """Return what can be said of a world without the layers and objects that cannot be used."""
-    try:
-        scene, _ = compile_sound_part(plan, objects)
-    except InputError:
-        # What is wrong has been reported; without known names there is the building alone.
-        scene = compile_scene(plan)
-    return LoadedWorld(name, plan, (), scene, (), places_of(objects, plan), whole=False)
-
-
-def _waypoint_places(mission: Mission, document: YamlDocument) -> dict[str, Where]:
-    places = {w.id: document.where(("waypoints", i)) for i, w in enumerate(mission.waypoints)}
-    return places | {"start": document.where(("start",))}
 
 
 def _plans(
@@ -321,14 +335,8 @@ def _configured_layer(library: LayerLibrary, reference: LayerReference) -> Scene
     return configure(library.scenery(reference), reference.overrides, reference.where)
 
 
-def _scene(
-    scenario: ResolvedScenario,
-    plan: FloorPlan,
-    layers: tuple[SceneryLayer, ...],
-    loader: _CampaignLoader,
-) -> Scene:
+def _scene(plan: FloorPlan, objects: tuple[SceneryLayer, ...], loader: _CampaignLoader) -> Scene:
     """Return the scene of a plan and the scenario's objects, each compiled once."""
-    objects = layers[: len(scenario.objects)]
     # Cells of equal plan and objects share a scene, and so its digest, its file and its check.
     key = (plan, objects)
     if key not in loader.scenes:

@@ -51,7 +51,7 @@ def check_walks(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> list[
 
     Errors: walks of what is no mover, points inside of a wall or outside of every room, ways that
     lead through a wall, movers that stand in one. Warnings: bodies that brush a wall, or walk
-    through what stands still, or rest outside of the building.
+    through what stands still, doors that stay as told included, or rest outside of the building.
     """
     bodies = {body.name: body for body in checked.scene.objects}
     walking = {walk.object for walk in behaviours if isinstance(walk, Walk)}
@@ -72,12 +72,16 @@ def check_walks(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> list[
             why = "frozen" if body.frozen else "an object, not a mover"
             findings.append(Diagnostic(place, f"{body.name} cannot walk, it is {why}"))
         else:
-            findings.extend(_check_route(checked, body, walk, place))
+            findings.extend(_check_route(checked, body, walk, place, behaviours))
     return findings
 
 
 def _check_route(
-    checked: CheckedScene, body: SceneObject, walk: Walk, place: Where
+    checked: CheckedScene,
+    body: SceneObject,
+    walk: Walk,
+    place: Where,
+    behaviours: Sequence[Behaviour],
 ) -> list[Diagnostic]:
     low = min(link.z_min for link in body.links if link.polygons)
     high = max(link.z_max for link in body.links if link.polygons)
@@ -93,7 +97,7 @@ def _check_route(
             hint = "check its frame and the signs of x and y"
             findings.append(Diagnostic(place, f"{label} is outside of every room", hint))
     # A way from a point that is wrong says nothing new.
-    return findings or _check_way(checked, body, walk, place, (low, high))
+    return findings or _check_way(checked, body, walk, place, (low, high), behaviours)
 
 
 def _check_way(
@@ -102,6 +106,7 @@ def _check_way(
     walk: Walk,
     place: Where,
     heights: tuple[float, float],
+    behaviours: Sequence[Behaviour],
 ) -> list[Diagnostic]:
     ends = [*walk.route, walk.route[0]] if walk.manner == "round" else walk.route
     through = list(checked.obstacles.hit_by(LineString(ends), *heights))
@@ -113,15 +118,23 @@ def _check_way(
     brushed = [
         o for o, part in checked.obstacles.hit_by(area, *heights).items() if is_overlap(part)
     ]
+    shut = immobile_leaves(checked.scene, heights[1], behaviours)
     met = [
         other.name
         for other in checked.scene.objects
         if other is not body
-        and any(
-            part.z_min < heights[1]
-            and part.z_max > heights[0]
-            and is_overlap(area.intersection(link_shape(other, part, other.initial)))
-            for part in still_links(other)
+        and (
+            any(
+                part.z_min < heights[1]
+                and part.z_max > heights[0]
+                and is_overlap(area.intersection(link_shape(other, part, other.initial)))
+                for part in still_links(other)
+            )
+            # Doors that never move are as still as furniture.
+            or (
+                not is_mover(other.joints)
+                and any(is_overlap(area.intersection(leaf)) for leaf in shut.get(other.name, ()))
+            )
         )
     ]
     return [
@@ -252,7 +265,9 @@ def check_triggers(
     if not triggers:
         return []
     scene = checked.scene
-    shut = [s for shapes in immobile_leaves(scene, robot, behaviours).values() for s in shapes]
+    shut = [
+        s for shapes in immobile_leaves(scene, robot.height, behaviours).values() for s in shapes
+    ]
     parts = free_space(scene, robot.height).for_radius(inscribed_radius(robot.footprint), shut)
     home_part = parts.of((mission.start.x, mission.start.y))
     if home_part is None:

@@ -57,6 +57,8 @@ def check_doors(checked: CheckedScene) -> tuple[list[Diagnostic], set[frozenset[
     said: set[frozenset[str]] = set()
     for doorway, bodies in _hung(checked.scene):
         doors = [_shut(body, doorway) for body in bodies]
+        # Leaves that are in each other leave open what they would not if they hung as meant.
+        collide = False
         for door in doors:
             high = _too_high(checked, door, doorway)
             findings += high
@@ -67,8 +69,19 @@ def check_doors(checked: CheckedScene) -> tuple[list[Diagnostic], set[frozenset[
             if found is not None:
                 findings.append(found)
                 said.add(frozenset({one.body.name, other.body.name}))
-        findings += _gap(checked, doors, doorway)
+                collide = collide or found.severity is Severity.ERROR
+        findings += [] if collide else _gap(checked, doors, doorway)
     return findings, said
+
+
+def colliding_doors(checked: CheckedScene) -> set[frozenset[str]]:
+    """Return the pairs of names of doors that are in each other when shut in one doorway."""
+    return {
+        frozenset({one.body.name, other.body.name})
+        for doorway, bodies in _hung(checked.scene)
+        for one, other in combinations([_shut(b, doorway) for b in bodies if len(bodies) > 1], 2)
+        if _meet(one, other)
+    }
 
 
 def _hung(scene: Scene) -> Iterator[tuple[Doorway, list[SceneObject]]]:
@@ -153,11 +166,7 @@ def _too_high(checked: CheckedScene, door: _ShutDoor, doorway: Doorway) -> list[
 def _same_place(
     checked: CheckedScene, one: _ShutDoor, other: _ShutDoor, doorway: Doorway
 ) -> Diagnostic | None:
-    met = any(
-        a.z_min < b.z_max and b.z_min < a.z_max and is_overlap(first.intersection(second))
-        for a, first in one.leaves
-        for b, second in other.leaves
-    )
+    met = _meet(one, other)
     first, second = _extent(one.closing), _extent(other.closing)
     shared = first + second - _extent(one.closing, other.closing)
     if not met and shared < _SHARED_SHARE * min(first, second):
@@ -169,9 +178,38 @@ def _same_place(
     return Diagnostic(
         checked.place(other.body.name),
         f"{message}, one inside of the other" if met else message,
-        f"the other one: {checked.place(one.body.name)}; give one of them another doorway",
+        f"the other one: {checked.place(one.body.name)}; {_remedy(one, other, doorway)}",
         Severity.ERROR if met else Severity.WARNING,
     )
+
+
+def _meet(one: _ShutDoor, other: _ShutDoor) -> bool:
+    return any(
+        a.z_min < b.z_max and b.z_min < a.z_max and is_overlap(first.intersection(second))
+        for a, first in one.leaves
+        for b, second in other.leaves
+    )
+
+
+def _remedy(one: _ShutDoor, other: _ShutDoor, doorway: Doorway) -> str:
+    """Return what to do with two doors in each other's place: double doors are to stay together."""
+    widths = [_extent(door.closing) for door in (one, other)]
+    if max(widths) >= _LEAST_SHARE * doorway.width:
+        return "give one of them another doorway"
+    ends = [_nearer_end(door) for door in (one, other)]
+    if ends[0] == ends[1]:
+        return "both hang on the same side: hang one of them left, the other one right"
+    return (
+        f"together {sum(widths):.2f} m wide, the doorway is {doorway.width:.2f} m: "
+        "make the leaves narrower"
+    )
+
+
+def _nearer_end(door: _ShutDoor) -> str:
+    """Return on which side of the middle of its doorway most of a shut door lies."""
+    low, _, high, _ = door.passage.bounds
+    spans = _spans(door.closing)
+    return "low" if spans[0][0] + spans[-1][1] < low + high else "high"
 
 
 def _gap(checked: CheckedScene, doors: Sequence[_ShutDoor], doorway: Doorway) -> list[Diagnostic]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final, TypeAlias
 
 import shapely
@@ -22,7 +23,7 @@ from grammars.model.free_space import (
     valid_polygon,
 )
 from grammars.model.geometry import Point2, Pose2
-from grammars.model.movers import own_joints
+from grammars.model.movers import is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Doorway, Scene, SceneObject
 from grammars.preflight._checked import free_space
@@ -33,6 +34,8 @@ _THIN: Final = 0.02
 """Half the width [m] of what is thought to pass any gap."""
 _EQUAL: Final = 1e-6
 """Widths that differ by less [m] are the same."""
+_MOST_NAMED: Final = 3
+"""So many doors are named, of more how many they are."""
 Spot: TypeAlias = tuple[str, Point2, Where]
 
 
@@ -70,9 +73,10 @@ def check_reach(
     rest = [p for p in reached if p not in wide]
     stuck = _cannot_turn(scene, robot, space, start, rest)
     findings = _once_for_all([*zip((*away, *wide), reasons, strict=True), *stuck])
-    shut = immobile_leaves(scene, robot, behaviours)
+    shut = immobile_leaves(scene, robot.height, behaviours)
     if shut:
-        findings.extend(_behind_doors(space, shut, home, reached, radius))
+        movers = {body.name for body in scene.objects if is_mover(body.joints)}
+        findings.extend(_behind_doors(space, shut, movers, home, reached, radius))
     return findings
 
 
@@ -203,6 +207,7 @@ def _clear_width(scene: Scene, door: Doorway) -> float:
 def _behind_doors(
     space: FreeSpace,
     shut: Mapping[str, Sequence[BaseGeometry]],
+    movers: Container[str],
     start: Spot,
     points: Sequence[Spot],
     radius: float,
@@ -211,33 +216,78 @@ def _behind_doors(
     behind = [p for p in points if not _connected(parts, start[1], p[1])]
     if not behind:
         return []
-    # Each shut door is opened alone: one that lets the robot through is the one to name.
-    without = {name: space.for_radius(radius, _leaves(shut, but=name)) for name in shut}
+    ways: dict[frozenset[str], ConnectedParts] = {}
+
+    def open_way(point: Point2, opened: frozenset[str]) -> bool:
+        if opened not in ways:
+            ways[opened] = space.for_radius(radius, _leaves(shut, opened))
+        return _connected(ways[opened], start[1], point)
+
     findings = []
     for label, point, place in behind:
-        single = [n for n, opened in without.items() if _connected(opened, start[1], point)]
-        doors = f"{' or '.join(single)} stays" if single else "several doors stay"
-        message = f"{label} cannot be reached while {doors} as told"
+        # Each shut door is opened alone: one that lets the robot through is the one to name.
+        names = [name for name in shut if open_way(point, frozenset({name}))]
+        link = "or"
+        if not names:
+            names, link = _needed(shut, partial(open_way, point)), "and"
+        message = f"{label} cannot be reached while {_in_the_way(names, link, movers)}"
         hint = "fine if that is what is tested"
         findings.append(Diagnostic(place, message, hint, Severity.WARNING))
     return findings
 
 
-def _leaves(shut: Mapping[str, Sequence[BaseGeometry]], but: str = "") -> list[BaseGeometry]:
-    return [shape for name, shapes in shut.items() if name != but for shape in shapes]
+def _needed(names: Iterable[str], lets_through: Callable[[frozenset[str]], bool]) -> list[str]:
+    """Return doors that have to be open together, of which none could stay shut."""
+    opened = frozenset(names)
+    for name in names:
+        if lets_through(opened - {name}):
+            opened -= {name}
+    return [name for name in names if name in opened]
+
+
+def _in_the_way(names: Sequence[str], link: str, movers: Container[str]) -> str:
+    """Say that doors stay as told and that movers, who are told nothing, stand there."""
+    doors = [name for name in names if name not in movers]
+    people = [name for name in names if name in movers]
+    several = link == "and"
+    said = [
+        f"{_listed(group, link)} {many if several and len(group) > 1 else one}"
+        for group, one, many in (
+            (doors, "stays as told", "stay as told"),
+            (people, "stands in the way", "stand in the way"),
+        )
+        if group
+    ]
+    return f" {link} ".join(said)
+
+
+def _listed(names: Sequence[str], link: str) -> str:
+    more = len(names) - _MOST_NAMED
+    if more > 0:
+        return f"{', '.join(names[:_MOST_NAMED])} and {more} more"
+    return f" {link} ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def _leaves(
+    shut: Mapping[str, Sequence[BaseGeometry]], but: Container[str] = ()
+) -> list[BaseGeometry]:
+    return [shape for name, shapes in shut.items() if name not in but for shape in shapes]
 
 
 def immobile_leaves(
-    scene: Scene, robot: Robot, behaviours: Sequence[Behaviour]
+    scene: Scene, height: float, behaviours: Sequence[Behaviour]
 ) -> dict[str, list[BaseGeometry]]:
-    """Return outlines of links that could move and never do: frozen, held, movers at rest."""
+    """Return outlines of links below ``height`` [m] that could move and never do.
+
+    Those are frozen, held, or movers at rest.
+    """
     walking = {b.object for b in behaviours if isinstance(b, Walk)}
     held = {b.joint: b.position for b in behaviours if isinstance(b, Hold)}
     return {
         body.name: [
             link_shape(body, link, _positions(body, held))
             for link in moving_links(body)
-            if link.z_min < robot.height
+            if link.z_min < height
         ]
         for body in scene.objects
         if body.name not in walking

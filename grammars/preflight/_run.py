@@ -17,6 +17,7 @@ from grammars.model.robot import Robot
 from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.preflight._behaviours import check_events, check_triggers, check_walks
 from grammars.preflight._checked import CheckedScene
+from grammars.preflight._doors import colliding_doors
 from grammars.preflight._reach import Spot, check_reach
 from grammars.preflight._sweeps import Sweeps, object_hits, wall_hits
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
@@ -186,7 +187,9 @@ def _moving_doors(
         for link in moving_links(body)
     ]
     findings = wall_hits(checked, sweeps, "as it is told to move")
-    findings.extend(object_hits(checked, sweeps, "as they are told to move"))
+    # Of doors that are in each other when shut that is said already.
+    said = colliding_doors(checked)
+    findings.extend(object_hits(checked, sweeps, "as they are told to move", said))
     for label, point, place in spots:
         spot = Point(point).buffer(0.02)
         for body, _, area in sweeps:

@@ -48,6 +48,22 @@ _KEYWORDS: Final = """
     once back pausing facing yielding not round after deviation every begins
 """
 _NOT_UNITS: Final = frozenset(_KEYWORDS.split())
+_VERBS: Final = r"\b(?:walks?|moves?|toggles?|goes|go|stays?|starts?|is)\b"
+_EXPECTED_UNITS: Final = tuple(
+    (re.compile(rf"{before}\s*$", re.DOTALL), units)
+    for before, units in (
+        (r"\bservo\s+at", ("deg/s", "m/s")),
+        (r"\baccelerating\s+at", ("m/s^2",)),
+        (rf"\bwalks?\b(?:(?!{_VERBS}).)*\bat", ("m/s",)),
+        (rf"\bmoves?\b(?:(?!{_VERBS}).)*\bto\s+[^,\n]+?\s+at", ("s",)),
+        (r"\b(?:pausing|after|every|until)", ("s",)),
+        (r"\b(?:within|beyond|radius)", ("m",)),
+        (r"\bmass", ("kg",)),
+    )
+)
+"""Units of the number that follows such words, where they leave no doubt."""
+_SENTENCE: Final = 400
+"""So many characters before a number are looked at for such words."""
 _READABLE: Final = {
     "NameText": "a name",
     "NumberText": "a number",
@@ -148,7 +164,9 @@ def _unit_findings(source: SourceText) -> list[Diagnostic]:
             continue
         unit = _UNIT.match(blanked, match.end())
         if unit is None:
-            findings.append(_without_unit(match[1], _WORD.match(blanked, match.end()), where))
+            word = _WORD.match(blanked, match.end())
+            before = blanked[max(0, match.start() - _SENTENCE) : match.start()]
+            findings.append(_without_unit(match[1], word, before, where))
             continue
         try:
             parse_quantity(f"{match[1]} {unit[1]}", where)
@@ -161,10 +179,13 @@ def _blank(pattern: re.Pattern[str], text: str) -> str:
     return pattern.sub(lambda m: " " * len(m[0]), text)
 
 
-def _without_unit(number: str, word: re.Match[str] | None, where: Where) -> Diagnostic:
+def _without_unit(number: str, word: re.Match[str] | None, before: str, where: Where) -> Diagnostic:
     if word is not None and word[1] not in _NOT_UNITS:
         return Diagnostic(where, f'"{word[1]}" is not a unit known here', _unit_hint(word[1]))
+    units = next((units for words, units in _EXPECTED_UNITS if words.search(before)), ())
     hint = f"write {number} m, {number} rad, {number} s, … as is meant"
+    if units:
+        hint = f"write {' or '.join(f'{number} {unit}' for unit in units)}"
     return Diagnostic(where, f"a unit is missing after {number}", hint)
 
 

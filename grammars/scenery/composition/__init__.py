@@ -7,7 +7,7 @@ from grammars.scenery.composition._behaviours import ResolvedBehaviours, resolve
 from grammars.scenery.composition._building import static_segments
 from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._chance import RandomWaits, draw_waits
-from grammars.scenery.composition._compiler import compile_scene, compile_sound_part
+from grammars.scenery.composition._compiler import compile_scene, compile_sound_part, with_stand_ins
 from grammars.scenery.composition._placement import (
     ObjectPlacement,
     frame_named,
@@ -33,4 +33,5 @@ __all__ = [
     "place_instance",
     "resolve_behaviours",
     "static_segments",
+    "with_stand_ins",
 ]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
+from grammars.model.scene import Joint
 from grammars.scenery.model import Group, Instance, ObjectModel, Path, SceneryLayer, Subject
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 
@@ -43,6 +44,10 @@ class Catalogue:
     def model_of(self, name: str) -> ObjectModel:
         """Return the model of the instance called ``name``."""
         return self.models[self.instances[name].model.text]
+
+    def joints(self) -> Iterator[tuple[Joint, ...]]:
+        """Yield the joints of every instance."""
+        return (self.model_of(name).joints for name in self.instances)
 
     def targets(self, layer: SceneryLayer, subject: Subject) -> tuple[SubjectTarget, ...]:
         """Return whom ``subject``, written in ``layer``, is about: each once, in order.

@@ -132,9 +132,33 @@ def compile_sound_part(
         solids_of(plan),
         tuple(placed.values()),
         # Only routes of movers need them, and whatever is in a scene counts in its digest.
-        _frames(plan) if any(is_mover(body.joints) for body in placed.values()) else (),
+        _frames(plan) if any(map(is_mover, catalogue.joints())) else (),
     )
     return scene, findings
+
+
+def with_stand_ins(scene: Scene, layers: Sequence[SceneryLayer]) -> Scene:
+    """Return ``scene`` with every object of ``layers`` that could not be placed, anywhere.
+
+    What is said of those by name can be looked at, where they stand cannot. Raises
+    :class:`InputError` for names that are unknown or taken twice.
+    """
+    catalogue = Catalogue(layers)
+    bodies = {body.name: body for body in scene.objects}
+    for name, instance in catalogue.instances.items():
+        if name not in bodies:
+            model = catalogue.model_of(name)
+            body = SceneObject(
+                name,
+                model.name,
+                Pose2(),
+                model.links,
+                model.joints,
+                closed_positions(model),
+                instance.frozen,
+            )
+            bodies[name] = apply_settings(layers, catalogue, {name: body})[name]
+    return dataclasses.replace(scene, objects=tuple(bodies.values()))
 
 
 def _region(space: Space) -> Region:

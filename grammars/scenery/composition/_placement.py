@@ -18,7 +18,7 @@ from grammars.model.movers import own_joints
 from grammars.model.scene import Joint, Link, SceneObject
 from grammars.scenery.composition._amounts import closed_positions
 from grammars.scenery.model import At, FrameName, In, Instance, Name, ObjectModel
-from grammars.text.diagnostics import InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
 
 def mirrored_links(links: tuple[Link, ...], across: Point2) -> tuple[Link, ...]:
@@ -56,6 +56,8 @@ def _reflect(point: Point2, across: Point2) -> Point2:
 SLIDER_GAP: Final = 0.01
 """Between a sliding leaf and the face of the wall it hangs on [m]."""
 _FIT: Final = 1e-3
+# So far may a leaf reach above its doorway [m] before it is said to be too high.
+_HIGHER: Final = 0.01
 # Steps off the faces of a wall to see whose floor is there [m]: past rounding, not past a room.
 _PROBE: Final = 0.15
 _AXES: Final[tuple[Point2, ...]] = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
@@ -187,7 +189,9 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
         name, width = instance.name, high - low
         message = f"{name} is {width:.3f} m wide, {gap.opening.name} only {gap.width:.3f} m"
         hint = "take a narrower door or widen the entryway"
-        raise InputError.at(how.entryway.where, message, hint)
+        wide = Diagnostic(how.entryway.where, message, hint)
+        # A door that hangs nowhere is compared with no doorway later.
+        raise InputError([wide, *_too_high(instance, model, joint, gap.opening)])
     wanted = 1.0 if gap.left else -1.0
     face = 1.0 if gap.outwards else -1.0
     # A leaf that hangs on the wanted side but would open the wrong way is hung as its mirror image.
@@ -199,6 +203,19 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
         (0.0 if gap.left else math.pi) - math.atan2(along[1], along[0]),
     )
     return ObjectPlacement(gap.opening.frame @ pose, mirrored, along)
+
+
+def _too_high(
+    instance: Instance, model: ObjectModel, joint: Joint, opening: Opening
+) -> list[Diagnostic]:
+    leaf = next(link for link in model.links if link.name == joint.child)
+    if leaf.z_max <= opening.z_max + _HIGHER:
+        return []
+    message = (
+        f"the {leaf.name} of {instance.name} reaches {leaf.z_max:.2f} m high, "
+        f"{opening.name} only {opening.z_max:.2f} m"
+    )
+    return [Diagnostic(instance.where, message, "take a lower door or make the entryway higher")]
 
 
 def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> ObjectPlacement:

@@ -147,6 +147,50 @@ def test_an_object_without_a_place_hides_no_other_one(folder: Path) -> None:
     ]
 
 
+def test_a_leaf_too_wide_hides_nothing_that_can_be_known_without_it(folder: Path) -> None:
+    change(
+        folder, "doors.scenery",
+        ("box 4 cm x 88 cm  at (0 cm, 47 cm)", "box 4 cm x 1.2 m at (0 cm, 63 cm)"),
+        ("to 1.98 m,   mass", "to 2.2 m, mass"),
+    )  # fmt: skip
+    change(folder, "doors_open.scenery", ("sliding_door stays open", "sliding_door stays closed"))
+    oracles = "min(distance(robot, {})) >= 1 cm"
+    change(
+        folder, "house.oracles.yaml",
+        ("min(clearance) >= 1 cm", oracles.format("kitchen_door")),
+        ("reached(mission, 0.3 m)", oracles.format("kitchen_dor")),
+    )  # fmt: skip
+    doors = [("bedroom_door", "bedroom_doorway"), ("kitchen_door", "kitchen_doorway")]
+    found = [text.split(" ", 1)[1] for text in said(folder)]
+    for door, doorway in doors:
+        assert f"E the leaf of {door} reaches 2.20 m high, {doorway} only 2.00 m" in found
+        assert any(text.startswith(f"E {door} is 1.250 m wide, {doorway} only") for text in found)
+    stays = "cannot be reached while living_room_door stays as told"
+    assert f"W waypoint living-room {stays}" in found
+    assert 'E no "kitchen_dor" in scene "flat"' in found
+    assert len(found) == 6
+
+
+def test_what_waits_for_an_object_that_hangs_nowhere_is_not_said_to_wait_for_ever(
+    folder: Path,
+) -> None:
+    change(folder, "doors.scenery", ("in kitchen_doorway", "in kitchn_doorway"))
+    sentence = "goes from closed to open when kitchen_door.hinge starts to move"
+    change(folder, "moods.scenery", ("all both stay open", f"bedroom_door {sentence}"))
+    assert [text.split(":")[0] for text in said(folder)] == ["doors.scenery"]
+
+
+def test_the_cells_no_run_can_be_made_of_are_counted(folder: Path) -> None:
+    change(folder, "tiny.yaml", ("mission: courier", "mission: curier"))
+    campaign, _ = examine(folder / "tiny.yaml")
+    assert (campaign.runs, campaign.lost_runs, len(campaign.lost)) == (0, 2, 2)
+
+
+def test_a_layer_with_objects_is_to_be_named_once(folder: Path) -> None:
+    change(folder, "tiny.yaml", ("[doors_open, moods]", "[doors_open, moods, doors]"))
+    assert said(folder) == ["tiny.yaml:11 E doors is named under objects and behaviours"]
+
+
 @pytest.mark.parametrize(
     ("layer", "old", "new", "expected"),
     [

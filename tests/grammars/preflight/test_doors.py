@@ -6,10 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from grammars.model.behaviour import Jump, KeyFrame, KeyFrames
+from grammars.model.robot import Robot
 from grammars.preflight import check_scene, places_of
 from grammars.scenery.composition import compile_scene
 from tests.grammars.plans import layer, two_rooms
-from tests.grammars.preflight.samples import DOOR
+from tests.grammars.preflight.samples import DOOR, messages, mission
 
 LEAF = """
 object {name}
@@ -62,6 +64,34 @@ def test_a_double_door_is_two_leaves_that_count_together() -> None:
     assert said == (
         "warning l closes 0.48 m of kitchen_doorway, which is 1.00 m wide: 0.52 m stay open"
     )
+
+
+@pytest.mark.parametrize(
+    ("width", "side", "remedy"),
+    [
+        (0.55, "right", "together 1.10 m wide, the doorway is 1.00 m: make the leaves narrower"),
+        (0.48, "left", "both hang on the same side: hang one of them left, the other one right"),
+        (0.95, "right", "give one of them another doorway"),
+    ],
+)
+def test_leaves_of_a_double_door_in_each_other_are_told_why_and_nothing_else(
+    robile: Robot, width: float, side: str, remedy: str
+) -> None:
+    text = leaf("half", width)
+    text += "l is a half in kitchen_doorway, hinge left, opening into kitchen\n"
+    text += f"r is a half in kitchen_doorway, hinge {side}, opening into kitchen"
+    plan = two_rooms()
+    scene = compile_scene(plan, [layer(text, models=False)])
+    (error,) = check_scene(scene)
+    assert error.message.endswith("one inside of the other")
+    assert error.hint.endswith(f"; {remedy}")
+    # Nor is it said again of what they are told to do.
+    moves = [
+        KeyFrames(f"{body.name}.hinge", (KeyFrame(0, j.lower), KeyFrame(9, j.upper)), Jump())
+        for body in scene.objects
+        for j in body.joints
+    ]
+    assert messages(robile, scene, mission((3, 0)), *moves) == []
 
 
 def test_a_leaf_higher_than_its_doorway_is_told_with_both_heights_and_once() -> None:

@@ -167,7 +167,14 @@ def test_a_frozen_door_blocks_like_a_wall_that_may_be_meant(robot: Robot) -> Non
 def test_doors_that_block_together_are_not_blamed_one_by_one(robot: Robot) -> None:
     both = DOOR + ", frozen\n" + DOOR.replace("d is", "e is").replace("left", "right") + ", frozen"
     (found,) = run(robot, scene_with(both), mission((0.5, 4)))
-    assert found.message == "waypoint w0 cannot be reached while several doors stay as told"
+    assert found.message == "waypoint w0 cannot be reached while d and e stay as told"
+
+
+def test_more_than_three_doors_in_the_way_are_counted(robot: Robot) -> None:
+    names = [f"d{i}" for i in range(5)]
+    doors = "".join(DOOR.replace("d is", f"{n} is").strip() + ", frozen\n" for n in names)
+    (found,) = run(robot, scene_with(doors), mission((0.5, 4)))
+    assert found.message == "waypoint w0 cannot be reached while d0, d1, d2 and 2 more stay as told"
 
 
 def test_a_waypoint_beside_a_standing_object_leaves_no_room(robot: Robot) -> None:
@@ -400,7 +407,7 @@ def test_a_mover_that_stands_in_a_wall_is_found_unless_it_walks(robot: Robot) ->
 def test_a_mover_at_rest_may_be_in_the_way(robot: Robot) -> None:
     scene = scene_with(PERSON.replace("in hall, x -4 m", "in kitchen, x 0.5 m, y -1.7 m"))
     (found,) = run(robot, scene, mission((0.5, 4)))
-    assert found.message == "waypoint w0 cannot be reached while v stays as told"
+    assert found.message == "waypoint w0 cannot be reached while v stands in the way"
     walk = Walk("v", ((0.5, 2.2), (0.5, 4.0)), 1.0)
     assert run(robot, scene, mission((0.5, 4)), walk) == ()
 

@@ -98,3 +98,14 @@ def test_one_body_has_one_behaviour(robile: Robot) -> None:
         "v has two behaviours (one must go)"
     ]
     assert messages(robile, scene, TASK, walk, walk)[0] == "v has two behaviours (one must go)"
+
+
+def test_a_door_that_stays_shut_is_walked_through_and_one_that_moves_is_not(robile: Robot) -> None:
+    scene, walk = scene_with(PERSON + DOOR), Walk("v", ((0.5, 1.0), (0.5, 3.0)), 1.0)
+    assert messages(robile, scene, TASK, walk) == []
+    through = [f"? v walks through d on its way ({MOVE})"]
+    assert messages(robile, scene, TASK, walk, Hold("d.hinge", 0.0)) == through
+    # Held open its leaf is out of the way.
+    opened = next(b for b in scene.objects if b.name == "d").joints[0]
+    far = max((opened.lower, opened.upper), key=abs)
+    assert messages(robile, scene, TASK, walk, Hold("d.hinge", far)) == []

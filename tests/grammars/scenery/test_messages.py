@@ -167,3 +167,19 @@ def test_all_problems_of_a_file_are_reported_at_once_in_order() -> None:
 
 def test_all_missing_units_are_reported_at_once() -> None:
     assert told("d stays at 5\nd moves to 1 at 5").count("a unit is missing") == 3
+
+
+@pytest.mark.parametrize(
+    ("sentence", "hint"),
+    [
+        ("v walks along (0 m, 0 m) of hall, (1 m, 0 m) of hall, at 0.7, round", "write 0.7 m/s"),
+        ("v walks along (0 m, 0 m), (1 m, 0 m),\n  accelerating at 2", "write 2 m/s^2"),
+        ("v walks along (0 m, 0 m), (1 m, 0 m), pausing 2, once", "write 2 s"),
+        ("d moves to open at 5", "write 5 s"),
+        ("d moves to open at 5 s, by servo at 60 with 2 N m", "write 60 deg/s or 60 m/s"),
+        ("d goes from closed to open when the robot is within 2 of its hinge", "write 2 m"),
+        ("v walks along (0 m, 0 m), (1 m, 0 m)\nd stays at 5", "write 5 m, 5 rad, 5 s, … as is"),
+    ],
+)
+def test_the_unit_that_is_expected_is_the_one_to_write(sentence: str, hint: str) -> None:
+    assert f"\n    {hint}" in told(sentence)
