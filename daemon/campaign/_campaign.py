@@ -43,7 +43,7 @@ from grammars.model.free_space import inscribed_radius
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
-from grammars.oracle import Oracle, check_references
+from grammars.oracle import Oracle, check_joint_limits, check_references
 from grammars.preflight import places_of
 from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import (
@@ -217,8 +217,9 @@ def _load_cells(
             continue
         mission, document = loaded
         if world.whole:
-            problems = [d for o in picked for d in check_references(o, world.scene, mission)]
-            loader.findings += problems
+            for oracle in picked:
+                loader.findings += check_references(oracle, world.scene, mission)
+                loader.findings += check_joint_limits(oracle, world.scene)
         cell = CampaignCell(
             name=world.name,
             scenario=scenario,

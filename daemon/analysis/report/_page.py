@@ -306,7 +306,7 @@ def _reference_row(compared: ReferenceComparison) -> ReferenceRow:
     if reference.statistic == "rate":
         passed = round((compared.value or 0.0) * compared.n)
         here, difference = f"{passed} of {compared.n}", ""
-        bounds = (_lower_bound(compared.low), percentage(compared.high))
+        bounds: tuple[str, ...] = (_lower_bound(compared.low), percentage(compared.high))
     else:
         here = format_quantity(compared.value, unit, digits=4)
         if compared.deviation is not None and reference.statistic == "mean":
