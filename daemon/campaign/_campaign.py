@@ -49,7 +49,7 @@ from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
-from grammars.oracle import Oracle, check_references
+from grammars.oracle import Oracle, check_joint_limits, check_references
 from grammars.preflight import places_of
 from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import (
@@ -235,8 +235,9 @@ def _load_cells(
             continue
         mission, document = loaded
         if world.named is not None:
-            problems = [d for o in picked for d in check_references(o, world.named, mission)]
-            loader.findings += problems
+            for oracle in picked:
+                loader.findings += check_references(oracle, world.named, mission)
+                loader.findings += check_joint_limits(oracle, world.named)
         cell = CampaignCell(
             name=world.name,
             scenario=scenario,

@@ -72,6 +72,12 @@ def runs_needed(passed: int, n: int, rate: float, confidence: float = CONFIDENCE
     return high
 
 
+def cut_percentage(rate: float) -> str:
+    """Return a lower bound such as ``54.9 %``, cut and not rounded: no more than was shown."""
+    # The 1e-9 give back what binary floats took: 0.549 * 1000 is 549.0 or a last bit less.
+    return f"{int(rate * 1000 + 1e-9) / 10:g} %"
+
+
 def _check(passed: int, n: int) -> None:
     if not 0 <= passed <= n:
         raise ValueError(f"{passed} of {n} runs cannot have passed")

@@ -1,6 +1,7 @@
 """The oracle language: what must hold for a run, one line per oracle, with units."""
 
 from grammars.oracle._checks import kind_of, margin_kind
+from grammars.oracle._limits import check_joint_limits
 from grammars.oracle._model import (
     ROBOT,
     Amount,
@@ -74,6 +75,7 @@ __all__ = [
     "Statistic",
     "Temporal",
     "Until",
+    "check_joint_limits",
     "check_references",
     "custom_oracle",
     "custom_oracle_names",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
+from grammars.model.movers import PLANAR_JOINTS
 from grammars.oracle._model import (
     ROBOT,
     Amount,
@@ -29,10 +30,11 @@ from grammars.oracle._signals import (
     SignalDeclaration,
     custom_oracle,
     dimension_of,
+    mover_hint,
     signal_declaration,
     signal_names,
 )
-from grammars.text.diagnostics import Diagnostic, did_you_mean
+from grammars.text.diagnostics import Diagnostic, closest, did_you_mean
 from grammars.text.quantity import LENGTH, RATIO, TIME, Dimension
 
 Kind: TypeAlias = Dimension | None
@@ -238,6 +240,8 @@ def _signal_hint(name: str) -> str:
     # door-17.angel: the object may be there, which only a scene can tell, so its endings are known.
     owner, _, last = name.rpartition(".")
     known = set(signal_names())
+    if owner and last in PLANAR_JOINTS and not closest(name, known):
+        return mover_hint(owner)
     if owner and not any(known_name.startswith(f"{owner}.") for known_name in SIGNALS):
         known |= {f"{owner}.{ending}" for ending in OBJECT_SIGNALS}
     return did_you_mean(name, known) if last else ""

@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from grammars.model.mission import Mission
+from grammars.model.movers import is_mover
 from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.oracle._model import ROBOT, Leg, Oracle, Reached, Signal, signals_of
-from grammars.oracle._signals import SIGNALS, custom_signal_names
+from grammars.oracle._signals import SIGNALS, custom_signal_names, mover_hint
 from grammars.text.diagnostics import Diagnostic, did_you_mean
 
 
@@ -112,4 +113,8 @@ def _missing(
     elif signal.name in place_names(scene):
         message = f'"{signal.name}" is a part of the floor, not an object'
     place = oracle.place(signal.column)
+    owner = signal.name.rpartition(".")[0]
+    if any(item.name == owner and is_mover(item.joints) for item in scene.objects):
+        message = f'{owner} is a mover, which has no "{signal.name}"'
+        return Diagnostic(place, message, mover_hint(owner))
     return Diagnostic(place, message, did_you_mean(signal.name, known))

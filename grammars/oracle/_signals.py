@@ -263,6 +263,14 @@ OBJECT_SIGNALS: Final = {
 """Signals of a scenery object or joint, by the last part of their name."""
 
 
+def mover_hint(name: str) -> str:
+    """Return how near a mover of that name is, and where it is, as oracles say it."""
+    return (
+        f"of a mover: distance(robot, {name}); {name}.x.position, {name}.y.position and "
+        f"{name}.yaw.angle, from where it was put"
+    )
+
+
 def signal_declaration(name: str) -> SignalDeclaration | None:
     """Return the declaration of a signal by name (object signals by their ending), or ``None``.
 

@@ -75,7 +75,7 @@ def run_here(
         records=tuple(_with_moved_trace(record, target) for record in found.records),
     )
     if not as_json:
-        print_summary(results, took=time.perf_counter() - started)
+        print_summary(_naming_traces(results), took=time.perf_counter() - started)
         kept = sum(1 for run in results.rows if run.trace)
         stdout_console().print(
             f"{pluralise(kept, 'trace')} in {typed_path(target)}\n", markup=False, soft_wrap=True
@@ -115,8 +115,20 @@ def _with_moved_trace(run: RunOrRecord, target: Path) -> RunOrRecord:
     return replace(run, trace=str(target / Path(run.trace).name)) if run.trace else run
 
 
+def _naming_traces(results: CampaignResults) -> CampaignResults:
+    """Return results whose surprises name traces: no daemon keeps these runs by their ids."""
+    traces = {row.id: Path(row.trace) for row in results.rows if row.trace}
+    surprises = tuple(
+        replace(found, run=f"{typed_path(traces[found.run].parent)}{traces[found.run].name}")
+        if found.run in traces
+        else found
+        for found in results.assessment.surprises
+    )
+    return replace(results, assessment=replace(results.assessment, surprises=surprises))
+
+
 def typed_path(path: Path) -> str:
-    """Return a path the way people type it."""
+    """Return the path of a folder the way people type it."""
     try:
         return f"{path.relative_to(Path.cwd())}/"
     except ValueError:

@@ -147,12 +147,12 @@ def results(
     """Show what came out of a campaign: every cell, what is not as expected and why."""
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.results import emit_results, print_summary
-    from scenario_tui.cli.target import DaemonTarget, find_campaign
+    from scenario_tui.cli.target import DaemonTarget, find_campaign, pointing_to_traces
     from scenario_tui.client import all_runs
     from scenario_tui.text.results import gather_results
 
     target = DaemonTarget(connect, state)
-    with target.open() as daemon:
+    with pointing_to_traces("results", campaign, "CAMPAIGN"), target.open() as daemon:
         row = find_campaign(daemon, campaign)
         found = gather_results(daemon, row)
         # Filters choose what is listed; the verdict is always about all runs.
@@ -247,9 +247,10 @@ class RunOutput(Output, schema="run"):
 
 def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
     """Show one run: what each oracle says and why, what it was, where its trace lies."""
-    from scenario_tui.cli.target import DaemonTarget, find_run
+    from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces
 
-    with DaemonTarget(connect, state).open() as daemon:
+    target = DaemonTarget(connect, state)
+    with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
         detail = find_run(daemon, run)
     RunOutput(detail).show(as_json)
 

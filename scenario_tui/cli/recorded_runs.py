@@ -136,7 +136,8 @@ def replay(
         typer.Option(
             "--frame",
             metavar="SECONDS|ORACLE",
-            help="Only print this moment as text; needs no terminal.",
+            help="Only print this moment as text: a time in seconds, such as 124.2, or an oracle; "
+            "needs no terminal.",
             autocompletion=completion.oracles,
         ),
     ] = "",

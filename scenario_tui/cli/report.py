@@ -156,7 +156,7 @@ def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
     Of a daemon that was named, the traces are brought here.
     """
     from daemon.analysis.report import folder_input, ledger_input, open_ledger
-    from scenario_tui.cli.target import find_campaign
+    from scenario_tui.cli.target import find_campaign, newest_results
 
     folder = Path(campaign)
     if campaign and folder.is_dir():
@@ -166,6 +166,10 @@ def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
         raise typer.BadParameter(f"{message}: for one run there is --run", param_hint="CAMPAIGN")
     if target.named:
         return _fetch_campaign(campaign, target)
+    if not campaign and not target.paths.ledger.is_file() and (newest := newest_results()):
+        message = f"{target.paths.state} is no state directory: nothing was submitted here"
+        hint = f"name the folder of traces `scenario run` left: `scenario report {newest}`"
+        raise typer.BadParameter(f"{message}; {hint}", param_hint="CAMPAIGN")
     with open_ledger(target.paths) as reader:
         return ledger_input(reader, find_campaign(reader, campaign), target.paths)
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.judging.assessment import CampaignDifference, JudgedCampaign
-from daemon.judging.statistics import at_least
+from daemon.judging.statistics import at_least, cut_percentage
 from daemon.model.assessments import Assessment, AssessmentRules, ComparisonVerdict, RunRecord
 from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
@@ -164,7 +164,7 @@ def _conclusion_line(results: CampaignResults) -> str:
     cells = results.assessment.cells
     n = max(results.declared.policy.n, min((len(cell.runs) for cell in cells), default=0))
     if code == ExitCode.EXPECTED and results.declared.policy.rule == "all":
-        said += f"; {n} of {n} shows a pass rate of at least {100 * at_least(n, n):.1f} %"
+        said += f"; {n} of {n} shows a pass rate of at least {cut_percentage(at_least(n, n))}"
     return said
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import typer
 
@@ -21,10 +21,15 @@ from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mea
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import all_runs
+from scenario_tui.text.formatting import pluralise
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
     from daemon.batch.stores import ByteProgress
+
+
+_NAMED: Final = 3
+"""Traces that are named when several are meant and one is wanted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +117,37 @@ def find_run(daemon: RunSource, wanted: str) -> RunDetail:
     raise Refused(f'"{wanted}" is no run: those of {campaign.id} are {campaign.id}.0 to {last}')
 
 
+def newest_results() -> Path | None:
+    """Return the folder in which `scenario run` left the newest traces here, if it did."""
+    notes = Path("scenario-results").glob("*/campaign.json")
+    newest = max(notes, key=lambda note: note.stat().st_mtime, default=None)
+    return None if newest is None else newest.parent
+
+
+@contextmanager
+def pointing_to_traces(command: str, named: str, hint: str) -> Iterator[None]:
+    """Where a daemon knows nothing of what was ``named``, say which commands read traces.
+
+    ``command`` is the one that asks a daemon, ``hint`` its parameter. A trace or a folder of this
+    machine is wrong usage; without a daemon the newest folder of `scenario run` is named.
+    """
+    try:
+        yield
+    except (Refused, Unreachable) as error:
+        path = Path(named)
+        if named.endswith(".mcap") or (named and path.is_dir()):
+            readers = "`scenario report` and `scenario judge`"
+            if not path.is_dir():
+                readers = "`scenario logs`, `scenario replay` and `scenario judge`"
+            message = f"`scenario {command}` asks a daemon about its runs; {named} is read by"
+            raise typer.BadParameter(f"{message} {readers}", param_hint=hint) from error
+        newest = newest_results()
+        if isinstance(error, Refused) or newest is None:
+            raise
+        message = f"{error}; what `scenario run` left in {newest} is read by"
+        raise Unreachable(f"{message} `scenario report {newest}`") from error
+
+
 def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     """Return the campaign meant by an id, a name (the newest of it) or their beginning.
 
@@ -157,9 +193,18 @@ def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
         return _fetch_traces([run], target, hint)[0]
     traces = _find_local_traces([run], target, hint)
     if len(traces) != 1:
-        message = f"{run} means {len(traces)} traces, name one of them"
+        message = f"{run} means {_few(traces)}: name one of them"
         raise typer.BadParameter(message, param_hint=hint)
     return traces[0]
+
+
+def _few(traces: Sequence[Path]) -> str:
+    """Return how many traces there are, and the names of the first ones."""
+    count = pluralise(len(traces), "trace")
+    if not traces:
+        return count
+    names = ", ".join(trace.name for trace in traces[:_NAMED])
+    return f"{count} ({names}{', …' if len(traces) > _NAMED else ''})"
 
 
 def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:

@@ -31,6 +31,7 @@ from daemon.analysis.report._formatting import (
 from daemon.analysis.report._references import compared_references, reference_names
 from daemon.analysis.report._svg import SERIES
 from daemon.analysis.report._tracks import MEASURES, RunMeasure
+from daemon.judging.statistics import cut_percentage
 from daemon.model.assessments import (
     Assessment,
     CellAssessment,
@@ -114,6 +115,7 @@ def write_page(
     filters = {
         "quantity": format_quantity,
         "share": percentage,
+        "cut": cut_percentage,
         "glyph": lambda word: GLYPHS.get(str(word), "?"),
         "said": verdict_details,
         "bars": histogram_bars,
@@ -295,12 +297,16 @@ def reference_rows(data: ReportData) -> tuple[ReferenceRow, ...]:
     return tuple(map(_reference_row, compared_references(data.input, data.assessment)))
 
 
+def _lower_bound(rate: float | None) -> str:
+    return percentage(None) if rate is None else cut_percentage(rate)
+
+
 def _reference_row(compared: ReferenceComparison) -> ReferenceRow:
     reference, unit = compared.reference, compared.reference.unit
     if reference.statistic == "rate":
         passed = round((compared.value or 0.0) * compared.n)
         here, difference = f"{passed} of {compared.n}", ""
-        bounds = tuple(map(percentage, (compared.low, compared.high)))
+        bounds: tuple[str, ...] = (_lower_bound(compared.low), percentage(compared.high))
     else:
         here = format_quantity(compared.value, unit, digits=4)
         if compared.deviation is not None and reference.statistic == "mean":

@@ -12,6 +12,7 @@ from daemon.judging.statistics import (
     CONFIDENCE,
     at_least,
     at_most,
+    cut_percentage,
     mean_interval,
     proportion_interval,
     runs_needed,
@@ -263,26 +264,20 @@ def _mean(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -> Outcome:
 def _statement(policy: RepeatPolicy, passed: int, failed: int, n: int, needed: int | None) -> str:
     confidence = confidence_of(policy)
     if failed == n:
-        text = f"{passed} of {n} shows at most {_percent(at_most(0, n, confidence))}"
+        text = f"{passed} of {n} shows at most {cut_percentage(at_most(0, n, confidence))}"
     else:
-        text = f"{passed} of {n} shows at least {_percent(at_least(passed, n, confidence))}"
+        text = f"{passed} of {n} shows at least {cut_percentage(at_least(passed, n, confidence))}"
     if policy.rule != "rate":
         return text
     most = at_most(n - failed, n, confidence)
     if most < policy.rate:
-        text += f", at most {_percent(most)}" if failed < n else ""
-        text += f": less than {_percent(policy.rate)}"
+        text += f", at most {cut_percentage(most)}" if failed < n else ""
+        text += f": less than {cut_percentage(policy.rate)}"
     elif needed:
         runs = "1 more run" if needed == 1 else f"{needed} more runs"
-        text += f", {runs} needed for {_percent(policy.rate)}"
+        text += f", {runs} needed for {cut_percentage(policy.rate)}"
     looks = len(policy.looks)
     return f"{text} ({looks} looks)" if looks > 1 else text
-
-
-def _percent(rate: float) -> str:
-    """Return ``54.9 %``, cut and not rounded: nothing is shown that was not."""
-    # The 1e-9 give back what binary floats took: 0.549 * 1000 is 549.0 or a last bit less.
-    return f"{int(rate * 1000 + 1e-9) / 10:g} %"
 
 
 def _worst_run(found: Sequence[tuple[RunRecord, Verdict]]) -> WorstRun | None:

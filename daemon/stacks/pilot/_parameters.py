@@ -73,7 +73,8 @@ class PilotParameters:
     safety_margin: _NotNegative = 0.05
     """[m] Around the footprint in motion."""
     stop_distance: _NotNegative = 0.3
-    """[m] Kept to whatever the map does not show."""
+    """[m] Kept, at full speed, to whatever the map does not show on the way it drives; in
+    proportion less when it is slower. Not kept to what is beside it: a person may come nearer."""
     blocked_distance: _NotNegative = 0.8
     """[m] The robot waits this far before something that blocks its way, which leaves a door room
     to swing."""

@@ -15,6 +15,7 @@ from daemon.judging.statistics import (
     at_least,
     at_most,
     cliffs_delta,
+    cut_percentage,
     effect_magnitude,
     holm_adjusted,
     mean_difference,
@@ -34,6 +35,12 @@ def test_five_of_five_shows_less_than_people_think() -> None:
     assert at_least(5, 5) == pytest.approx(0.549, abs=5e-4)
     assert runs_needed(5, 5, 0.8) == 9
     assert at_least(14, 14) >= 0.8 > at_least(13, 13)
+
+
+def test_a_lower_bound_never_says_more_than_was_shown() -> None:
+    assert cut_percentage(at_least(2, 2)) == "22.3 %"  # 0.22361
+    assert cut_percentage(0.549) == "54.9 %"
+    assert cut_percentage(0.8) == "80 %"
 
 
 @modest

@@ -8,9 +8,16 @@ import pytest
 
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
+from grammars.model.movers import with_planar_chain
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
-from grammars.oracle import check_references, object_signals, parse_oracle, signals_of
-from grammars.text.diagnostics import Where
+from grammars.oracle import (
+    check_joint_limits,
+    check_references,
+    object_signals,
+    parse_oracle,
+    signals_of,
+)
+from grammars.text.diagnostics import InputError, Where
 
 
 def leaf(name: str) -> Link:
@@ -138,3 +145,78 @@ def test_signals_are_listed_wherever_they_stand() -> None:
     text = "always(abs(loc.error.x) < 1 m or not contact) when speed / elapsed > 0 m/s^2"
     oracle = parse_oracle("it", text, Where("o.yaml"))
     assert [s.name for s in signals_of(oracle)] == ["loc.error.x", "contact", "speed", "elapsed"]
+
+
+LINKS, JOINTS = with_planar_chain((leaf("body"),), (), "body")
+VISITED = replace(
+    SCENE, objects=(SceneObject("visitor", "person", Pose2(), LINKS, JOINTS, (0.0,) * 3),)
+)
+
+
+@pytest.mark.parametrize("name", ["visitor.angle", "visitor.position", "visitor.distance"])
+def test_a_mover_is_no_door(name: str) -> None:
+    (found,) = findings(f"max({name})", scene=VISITED)
+    assert f'visitor is a mover, which has no "{name}"' in found
+    assert "distance(robot, visitor); visitor.x.position" in found
+
+
+@pytest.mark.parametrize("name", ["visitor.x", "visitor.y", "visitor.yaw"])
+def test_where_a_mover_is_has_a_name(name: str) -> None:
+    with pytest.raises(InputError, match=r"distance\(robot, visitor\); visitor\.x\.position"):
+        findings(f"max({name})")
+    assert findings("max(visitor.x.position + visitor.y.position)", scene=VISITED) == []
+    assert findings("max(visitor.yaw.angle)", scene=VISITED) == []
+
+
+def test_a_slip_in_a_signal_is_still_one() -> None:
+    with pytest.raises(InputError, match='did you mean "pose.x"'):
+        findings("max(pse.x)")
+
+
+def limits(text: str, *, mirrored: bool) -> list[str]:
+    joint = replace(hinge("hinge", "leaf"), lower=-1.9 * mirrored, upper=1.9 * (not mirrored))
+    scene = replace(SCENE, objects=(replace(thing("door-17", joint), mirrored=mirrored),))
+    oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
+    return [str(d) for d in check_joint_limits(oracle, scene)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "eventually(door-17.angle >= 80 deg)",
+        "eventually(not (80 deg < door-17.hinge.angle))",
+        "max(door-17.angle) >= 80 deg",
+        "never(contact) when door-17.angle >= 80 deg",
+        "never(contact) until (-door-17.angle < -80 deg)",
+    ],
+)
+def test_what_a_mirrored_door_cannot_come_to_is_warned_of(text: str) -> None:
+    assert limits(text, mirrored=False) == []
+    (found,) = limits(text, mirrored=True)
+    assert "warning: " in found
+    assert "can never hold: door-17." in found
+    assert "goes from -108.9 deg to 0 deg" in found
+    assert "write abs(door-17." in found
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "eventually(abs(door-17.angle) >= 80 deg)",
+        "eventually(door-17.angle <= 80 deg)",
+        "max(door-17.angle)",
+        "always(door-17.distance >= 80 m)",
+        "always(door-17.angle >= 2 deg)",
+        "always(door-17.angle + door-17.angle >= 80 deg)",
+        "always(1 m >= 2 m or door-71.angle > 5 rad)",
+    ],
+)
+def test_what_may_hold_is_not_warned_of(text: str) -> None:
+    assert limits(text, mirrored=True) == []
+
+
+def test_a_door_that_is_no_mirror_image_has_limits_too() -> None:
+    assert limits("eventually(abs(door-17.angle) > 110 deg)", mirrored=False) == []
+    (found,) = limits("eventually(abs(door-17.angle) > 130 deg)", mirrored=False)
+    assert "abs(door-17.angle) > 130 deg can never hold: door-17.angle goes from 0 deg" in found
+    assert "mirror" not in found

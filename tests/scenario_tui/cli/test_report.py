@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -113,7 +114,7 @@ def test_a_part_of_a_run_is_drawn_closely(ledger: StatePaths) -> None:
         (["nowhere"], "is no state directory"),
         (["traces/a.mcap"], "for one run there is --run"),
         (["--run", "nothing"], "nothing is no trace"),
-        (["--run", "traces"], "means 2 traces"),
+        (["--run", "traces"], "means 2 traces (a.mcap, b.mcap): name one of them"),
         (["--run", "traces/a.mcap", "-o", "run.gif"], "must end in .svg or .png"),
         (["traces", "--run", "traces/a.mcap"], "not both"),
         (["traces", "--from", "3"], "goes with --run only"),
@@ -134,6 +135,19 @@ def test_what_cannot_be_is_said(
     said = " ".join(capsys.readouterr().err.replace("│", " ").split())
     assert words in said
     assert "Traceback" not in said
+
+
+def test_the_newest_folder_of_traces_is_named_when_there_is_no_campaign(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for number, name in enumerate(("new-2", "old-1")):
+        note = here / "scenario-results" / name / "campaign.json"
+        note.parent.mkdir(parents=True)
+        note.write_text("{}")
+        os.utime(note, (1000.0 - number, 1000.0 - number))
+    assert invoke(["report"]) == 2
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert "scenario report scenario-results/new-2" in said
 
 
 def test_a_ledger_that_is_none_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -76,6 +76,20 @@ def test_what_hangs_dies_or_gives_up_is_told_apart(
     assert f"in one call of update() ({MODULE}.py:" in trace.note
 
 
+def test_what_is_not_as_expected_names_a_trace_that_other_commands_read(
+    tmp_path: Path,
+    campaigns: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert invoke(["run", str(campaign(tmp_path, campaigns, "gives-up"))]) == 1
+    named = {line.rpartition(" -> ")[2] for line in capfd.readouterr().out.splitlines()}
+    (trace,) = (name for name in named if name.endswith(".mcap"))
+    assert trace.startswith("scenario-results/limits-")
+    assert invoke(["logs", trace]) == 0
+
+
 def test_a_limit_is_a_time_longer_than_none(capfd: pytest.CaptureFixture[str]) -> None:
     for wall in ("soon", "0", "-1s"):
         assert invoke(["run", "campaign.yaml", "--wall", wall]) == 2
