@@ -219,7 +219,7 @@ def _load_cells(
         if world.whole:
             for oracle in picked:
                 loader.findings += check_references(oracle, world.scene, mission)
-                loader.findings += check_joint_limits(oracle, world.scene)
+                library.warnings.extend(check_joint_limits(oracle, world.scene))
         cell = CampaignCell(
             name=world.name,
             scenario=scenario,
