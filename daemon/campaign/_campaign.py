@@ -237,7 +237,7 @@ def _load_cells(
         if world.named is not None:
             for oracle in picked:
                 loader.findings += check_references(oracle, world.named, mission)
-                loader.findings += check_joint_limits(oracle, world.named)
+                library.warnings.extend(check_joint_limits(oracle, world.named))
         cell = CampaignCell(
             name=world.name,
             scenario=scenario,
