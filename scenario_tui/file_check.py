@@ -30,7 +30,9 @@ def check_file(path: Path, *, base: str = "") -> tuple[str, tuple[Diagnostic, ..
 
 def _checker(path: Path) -> Checker:
     if is_folder(path):
-        if any(file.suffix in (".json", ".jsonld") for file in path.iterdir()):
+        from grammars.jsonld import is_jsonld
+
+        if is_jsonld(path):
             return _jsonld
         raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))
     refuse_unreadable(path)

@@ -28,7 +28,7 @@ from grammars.scenery import SceneryLayer, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
 from grammars.text.shipped import shipped_folder
-from grammars.text.sources import is_file, is_folder, names_in
+from grammars.text.sources import is_file, is_folder, names_in, read_text
 from grammars.variation import floorplan_variants
 
 T = TypeVar("T")
@@ -132,9 +132,8 @@ def _may_be(path: Path, kind: LayerKind) -> bool:
     if not kind.key:
         return True
     try:
-        with path.open(encoding="utf-8", errors="replace") as lines:
-            keys = {line.partition(":")[0] for line in lines}
-    except OSError:
+        keys = {line.partition(":")[0] for line in read_text(path).split("\n")}
+    except InputError:
         return False  # what cannot be read is not proposed
     return kind.key in keys and "campaign" not in keys
 

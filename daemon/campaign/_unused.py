@@ -14,8 +14,9 @@ from daemon.campaign._scenarios import LayerReference, ResolvedScenario, bases_o
 from grammars.oracle import Oracle
 from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
-from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument
+from grammars.text.sources import read_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,8 +153,16 @@ def _is_shared(layer: str, campaign: Path) -> bool:
     others = (p for p in campaign.parent.glob("*.y*ml") if p.name != campaign.name)
     return any(
         re.search(r"^campaign\s*:", text, re.MULTILINE) and word.search(text)
-        for text in (path.read_text("utf-8", errors="replace") for path in others)
+        for text in map(_text_of, others)
     )
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return read_text(path)
+    except InputError:
+        # A folder or a pipe of such a name is no campaign: it names nothing.
+        return ""
 
 
 def _parameters(worlds: Iterable[LoadedWorld]) -> Iterator[Diagnostic]:

@@ -14,6 +14,7 @@ from grammars.maps._drawing_settings import UNITS, DrawingSettings
 from grammars.maps.model import DrawnBuilding
 from grammars.text.diagnostics import InputError, Where, did_you_mean
 from grammars.text.extras import load_extra
+from grammars.text.sources import refuse_unreadable
 
 _UNIT_CODES: Final = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm"}
 """What $INSUNITS says (DXF reference, HEADER section); 0 says nothing."""
@@ -40,9 +41,10 @@ def read_drawing(path: str | Path, settings: DrawingSettings | None = None) -> D
 
 def _open(file: Path, where: Where) -> Any:
     try:
+        if file.exists():
+            refuse_unreadable(file, "the drawing", _LARGEST_FILE)
         with file.open("rb") as opened:
             head = opened.read(6)
-        size = file.stat().st_size
     except OSError as error:
         raise InputError.at(where, f"cannot be read: {error.strerror}") from error
     if head[:2] == b"AC" and head[2:].isdigit():
@@ -51,10 +53,8 @@ def _open(file: Path, where: Where) -> Any:
             "is a DWG file, which only AutoCAD's own library reads",
             "save it as DXF in your CAD, or convert it with the ODA File Converter or dwg2dxf",
         )
-    if size == 0:
+    if not head:
         raise InputError.at(where, "is empty")
-    if size > _LARGEST_FILE:
-        raise InputError.at(where, f"is larger than {_LARGEST_FILE >> 20} MiB")
     ezdxf = load_extra("ezdxf", "import", "a drawing", "import")
     recover = load_extra("ezdxf.recover", "import", "a drawing", "import")
     # What it mends in passing is of no use to people who only read.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -287,3 +288,13 @@ def test_two_places_of_one_name_are_told_apart(folder: Path) -> None:
     ]
     change(folder, "courier.mission.yaml", ("x: 0.4, y: 0.0", "x: 0.2, y: -2.1"))
     assert said(folder) == []
+
+
+def test_a_pipe_and_a_folder_beside_a_campaign_are_no_campaigns(folder: Path) -> None:
+    change(folder, "tiny.yaml", ("oracles: house\n", "oracles: [house, spare]\n"))
+    change(folder, "tiny.yaml", ("robot: courier", "robot: nobody"))
+    before = said(folder)
+    # Opening a pipe that nobody writes to would wait for ever.
+    os.mkfifo(folder / "pipe.yaml")
+    (folder / "folder.yaml").mkdir()
+    assert said(folder) == before

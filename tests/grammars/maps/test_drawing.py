@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -154,6 +155,7 @@ def leave_open(drawing: Any) -> None:
         (lambda p: p.write_bytes(b""), {}, "is empty"),
         (lambda p: p.write_text("walls: hut\nspaces: {}\n"), {}, "cannot be read as a DXF"),
         (lambda p: None, {}, "cannot be read: No such file"),
+        (lambda p: os.mkfifo(p), {}, "is no ordinary file"),
         (lambda p: draw(p, unit=0), {}, "does not say its unit\n    say it with --unit: mm, cm"),
         (lambda p: draw(p, unit=3), {}, r"units of kind 3 \(\$INSUNITS\)"),
         (draw, {"unit": "km"}, '"km" is no unit'),
