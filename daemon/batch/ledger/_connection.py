@@ -10,8 +10,8 @@ from typing import Final
 
 from daemon.batch.errors import DaemonError
 
-SCHEMA_VERSION: Final = 6
-_UPGRADABLE: Final = (1, 2, 3, 4, 5)
+SCHEMA_VERSION: Final = 7
+_UPGRADABLE: Final = (1, 2, 3, 4, 5, 6)
 
 
 def connect(path: Path) -> sqlite3.Connection:
