@@ -19,7 +19,7 @@ from daemon.batch.errors import (
 )
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits
 
-_SETTINGS: Final = {"lease": float, "grace": float, "attempts": int, "patience": float}
+_SETTINGS: Final = {"lease": float, "attempts": int, "patience": float}
 
 
 def main() -> int:

@@ -199,7 +199,10 @@ class RenewRequest:
 
 @dataclass(frozen=True, slots=True)
 class RenewReply:
-    """Leases that are not the worker's any more: stop those runs."""
+    """Leases whose runs are not wanted any more: stop those runs.
+
+    They have a result, are cancelled, or were never leased under the name of who asks.
+    """
 
     gone: tuple[LeaseRef, ...]
 
@@ -225,9 +228,9 @@ class LedgerAnswer(StrEnum):
 
     ``recorded``: this is the result. ``known``: the same result was there. ``differs``: another
     result was there, a nondeterminism alarm. ``redundant``: another result was there of a system
-    that is not repeatable, and one is enough. ``dropped``: the run is cancelled. ``stale``: the
-    lease is not the sender's any more. ``missing``: nothing was recorded, since the trace is not
-    there: bring it again. ``done``: as asked.
+    that is not repeatable, and one is enough; or it was executed before somebody asked for another
+    one. ``dropped``: the run is cancelled. ``stale``: the lease is over. ``missing``: nothing was
+    recorded, since the trace is not there: bring it again. ``done``: as asked.
     """
 
     RECORDED = "recorded"

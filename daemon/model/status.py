@@ -160,7 +160,10 @@ class RunDetail:
 
 @dataclass(frozen=True, slots=True)
 class WorkerRow:
-    """A worker connected to the daemon: ``busy`` of ``slots`` are running something."""
+    """A worker the daemon knows: ``busy`` of ``slots`` are running something.
+
+    One that is ``away`` has lost its connection or is silent; what it runs is still its own.
+    """
 
     id: str
     host: str
@@ -170,6 +173,7 @@ class WorkerRow:
     busy: int
     connected_at: float
     last_seen_at: float
+    away: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +224,8 @@ class ChangeEvent:
 
     ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
     finished), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt of the
-    run gave another result). ``id`` names it.
+    run gave another result), ``lease`` (superseded: an attempt of the run is not needed any more,
+    another one was first). ``id`` names it.
     """
 
     seq: int

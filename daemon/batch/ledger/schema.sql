@@ -63,6 +63,8 @@ CREATE TABLE run (
     not_before  REAL NOT NULL DEFAULT 0,     -- not leased before: it waits after a failed attempt
     setbacks    INTEGER NOT NULL DEFAULT 0,  -- attempts in a row without a result, blamed or not
     doubted     INTEGER NOT NULL DEFAULT 0,  -- 1: its specification once came out differently
+    outdated    INTEGER NOT NULL DEFAULT 0,  -- leases up to this token are of before a retry
+    lapses      INTEGER NOT NULL DEFAULT 0,  -- leases in a row that nobody renewed in time
     UNIQUE (campaign, position),
     UNIQUE (trace_name)
 ) STRICT;

@@ -111,7 +111,7 @@ class Handlers:
             started_at=self._started_at,
             now=now,
             campaigns=campaigns,
-            workers=len(self.registry.rows()),
+            workers=sum(not row.away for row in self.registry.rows(now)),
             **count_states(counts),
             rate=rate,
             seconds_left=60.0 * waiting / rate if waiting and rate > 0.0 else None,
@@ -134,7 +134,7 @@ class Handlers:
         return ledger.records(query)
 
     def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
-        return self.registry.rows()
+        return self.registry.rows(self.clock.now())
 
     def scene(self, _: LedgerReader, request: IdRequest) -> Scene:
         try:

@@ -52,7 +52,9 @@ STOP_MARGIN: Final = 2 * _LAST_MOMENT
 """Seconds a daemon may need to leave after its patience has ended."""
 # What makes runs available, or unwanted where they are running: see WORK. All else changes nothing
 # for workers, and a hint for every finished run would have each worker ask thousands of times.
-_HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancelled", "resumed"})
+_HINTS: Final = frozenset(
+    {"submitted", "extended", "retried", "queued", "cancelled", "resumed", "superseded"}
+)
 
 
 def serve(
@@ -142,9 +144,9 @@ class _Daemon:
         self._stopped = threading.Event()
         self._tether_cut = False
         self._clock = DaemonClock()
-        # Renewals come every third of a lease: who has missed nine is gone, even though Zenoh still
-        # has the connection (a suspended machine, a process stopped in a debugger).
-        self._registry = WorkerRegistry(settings.grace, 3 * settings.lease)
+        # Renewals come every third of a lease: who has missed three is away, even though Zenoh
+        # still has the connection (a suspended machine, a process stopped in a debugger).
+        self._registry = WorkerRegistry(settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
@@ -271,10 +273,12 @@ class _Daemon:
         taken = ledger.expire_leases(now)
         if taken:
             self._log.write("leases lapsed", runs=taken)
-        for worker in self._registry.remove_gone(now):
-            runs = ledger.release_worker(worker, now)
-            ledger.record_event(now, "worker", worker, state="gone")
-            self._log.write("worker gone", worker=worker, runs=runs)
+        absent = self._registry.absent(now)
+        if absent:
+            # Who still has a lease may come back to it.
+            for worker in self._registry.forget(sorted(absent - ledger.busy_workers()), now):
+                ledger.record_event(now, "worker", worker, state="gone")
+                self._log.write("worker gone", worker=worker)
         return taken
 
     def _ticked(self, value: object) -> None:

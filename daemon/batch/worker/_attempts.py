@@ -3,7 +3,8 @@
     spool/<worker>/lock                      locked as long as that worker lives
     spool/<worker>/<run>/attempt-<k>/        grant.json, trace.mcap, result.json (last)
 
-What a dead worker left is adopted by the next one: results are delivered, the rest is removed.
+What a dead worker left is adopted by the next one: results are delivered, and the runs that had
+none yet are given back at once, since their processes died with it.
 Attempts are executed by processes of this machine or by a cluster; the loop cannot tell which.
 
 Each attempt has a folder of its own, so two executions of a run never share a file. The spool is
@@ -85,6 +86,14 @@ class Attempt:
             self.folder.parent.rmdir()
 
 
+@dataclass(frozen=True, slots=True)
+class AdoptedWork:
+    """What dead workers left: attempts with results, and leases of which nothing else is left."""
+
+    finished: tuple[Attempt, ...] = ()
+    unfinished: tuple[Lease, ...] = ()
+
+
 class Spool:
     """This worker's part of the spool."""
 
@@ -104,9 +113,13 @@ class Spool:
         folder = self._folder / lease.run / f"attempt-{lease.attempt}"
         return Attempt.prepare(folder, lease)
 
-    def adopt(self) -> tuple[Attempt, ...]:
-        """Take over what dead workers left: their finished attempts become this worker's."""
-        found = []
+    def adopt(self) -> AdoptedWork:
+        """Take over what dead workers left: their finished attempts become this worker's.
+
+        The folders of the others go; their leases are to be given back.
+        """
+        finished: list[Attempt] = []
+        unfinished: list[Lease] = []
         for folder in sorted(self._paths.spool.iterdir()):
             if folder == self._folder or not is_id(folder.name):
                 continue
@@ -118,9 +131,13 @@ class Spool:
                 # come has adopted it, name and all.
                 if not folder.exists():
                     continue
-                found += [self._move(attempt) for attempt in _finished_attempts(folder)]
+                for attempt in _attempts(folder):
+                    if attempt.finished:
+                        finished.append(self._move(attempt))
+                    else:
+                        unfinished.append(attempt.lease)
                 shutil.rmtree(folder)
-        return tuple(found)
+        return AdoptedWork(tuple(finished), tuple(unfinished))
 
     def _move(self, attempt: Attempt) -> Attempt:
         target = self._folder / attempt.lease.run / attempt.folder.name
@@ -151,13 +168,13 @@ def _try_lock(folder: Path) -> IO[str] | None:
     return lock
 
 
-def _finished_attempts(folder: Path) -> Iterator[Attempt]:
+def _attempts(folder: Path) -> Iterator[Attempt]:
     for path in sorted(folder.glob("*/attempt-*")):
         try:
             attempt = Attempt.read(path)
         except (OSError, ValueError):
             continue  # the worker died before it had written the lease: nothing ran
-        if attempt.finished and is_run_id(attempt.lease.run):
+        if is_run_id(attempt.lease.run):
             yield attempt
 
 

@@ -9,8 +9,10 @@ What becomes of a lease here:
 
     leased ──▶ executing ──▶ finished: outbox ──▶ delivered, forgotten
        │           ├───────▶ ended without a result: released, blamed or not
-       │           └───────▶ not wanted any more (cancelled, leased by others): stopped, forgotten
+       │           └───────▶ not wanted any more (cancelled, another was first): stopped, forgotten
        └─ no disk, no process, no scene: released, not blamed
+
+While the daemon cannot be reached everything goes on; afterwards it says what is still wanted.
 """
 
 from __future__ import annotations
@@ -172,7 +174,6 @@ class WorkerLoop:
         self._silent_until = 0.0
         self._troubled_until = 0.0
         self._deliver_at = 0.0
-        self._overdue = False
         self._leave_by = 0.0
         self._moved = 0
         self._refusal = ""
@@ -256,6 +257,7 @@ class WorkerLoop:
             # In this order: what is delivered or given back needs no renewal, and frees the slots
             # that are leased for next. Leases that are old are renewed before new ones are asked
             # for: fetching what those need may take longer than the old ones last.
+            self._adopt()
             self._deliver()
             self._renew()
             self._lease()
@@ -268,6 +270,19 @@ class WorkerLoop:
                 self._log(f"the daemon refused: {error}")
             self._refusal = str(error)
             self._silent_until = time.monotonic() + _POLL
+
+    def _adopt(self) -> None:
+        """Take over what dead workers left, whenever leases are renewed."""
+        if time.monotonic() < self._renew_at:
+            return
+        left = self._spool.adopt()
+        self._outbox += left.finished
+        # Certain, unlike a connection that is lost: nobody holds the lock of that spool.
+        me = self._info(0).id
+        self._releases += [
+            ReleaseRequest(me, lease.run, lease.token, "its worker died", blame=False)
+            for lease in left.unfinished
+        ]
 
     def _deliver(self) -> None:
         while self._releases:
@@ -305,17 +320,14 @@ class WorkerLoop:
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
             return
-        # First, so that what a dead worker finished is held from now on and not leased anew.
-        self._outbox += self._spool.adopt()
         attempts = [execution.attempt for execution in self._executions] + self._outbox
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
         reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds))
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
-        self._overdue = any(a.finished and a.lease.token in gone for a in attempts)
         for execution in tuple(self._executions):
-            # What has finished meanwhile is delivered: nobody has to execute it again.
+            # What has finished meanwhile is delivered: the daemon says what it thinks of it.
             if execution.attempt.lease.token in gone and not execution.attempt.finished:
                 self._drop(execution)
 
@@ -325,15 +337,14 @@ class WorkerLoop:
         self._executions.remove(execution)
         self._live.forget(execution.attempt.lease.run)
         execution.close()
-        execution.attempt.discard()
+        if execution.attempt.finished:  # in that very moment
+            self._outbox.append(execution.attempt)
+        else:
+            execution.attempt.discard()
 
     def _lease(self) -> None:
         free = self._backend.slots - len(self._executions)
         if free <= 0 or self._signals.drain:
-            return
-        finished = any(execution.attempt.finished for execution in self._executions)
-        if self._overdue and (self._outbox or finished):
-            # Nobody waits for these results any more: else their runs would be leased again here.
             return
         if time.monotonic() < max(self._lease_at, self._troubled_until):
             return
