@@ -44,10 +44,10 @@ class ExecutionState:
     """What the ledger knows about a run's execution.
 
     ``attempt`` counts leases, ``strikes`` those that ended badly, ``lapses`` those that lapsed in a
-    row. ``token`` is that of the lease it is running under, ``granted`` that of the latest one, also
-    when that is over; those up to ``outdated`` are of before a retry. ``result`` is the digest of
-    the recorded result, empty while there is none. ``repeatable`` never changes: whether the same
-    run gives the same result again.
+    row. ``token`` is that of the lease it is running under, ``granted`` that of the latest one,
+    also when that is over; those up to ``outdated`` are of before a retry. ``result`` is the digest
+    of the recorded result, empty while there is none. ``repeatable`` never changes: whether the
+    same run gives the same result again.
     """
 
     state: RunState = RunState.QUEUED

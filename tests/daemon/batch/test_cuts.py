@@ -23,10 +23,10 @@ from tests.daemon.batch.harness import (
 from tests.daemon.batch.samples import make_submission
 
 
-def executions(log: Path) -> list[psutil.Process]:
-    """The processes that were started for runs, in order."""
+def executions(log: Path) -> list[int]:
+    """The ids of the processes that were started for runs, in order."""
     lines = log.read_text().splitlines() if log.exists() else []
-    return [psutil.Process(int(line.split()[1])) for line in lines]
+    return [int(line.split()[1]) for line in lines]
 
 
 def away(client: Client) -> list[bool]:
@@ -51,7 +51,7 @@ def test_three_cuts_shorter_than_the_lease_cost_a_run_nothing(tmp_path: Path) ->
         worker_for(daemon, 1, *elsewhere, connect=cable.endpoint),
     ):
         client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
-        (process,) = eventually(lambda: executions(log))
+        process = psutil.Process(*eventually(lambda: executions(log)))
         # Silent, as a cable that is pulled, until both sides give the connection up; then broken.
         for cut in (cable.cut, cable.sever, cable.sever):
             cut()
@@ -80,7 +80,7 @@ def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_coun
         worker_for(daemon, 1, *elsewhere, connect=cable.endpoint),
     ):
         client.submit(make_submission("c", 1, until=str(gates), log=str(log), size=300_000))
-        (first,) = eventually(lambda: executions(log))
+        first = psutil.Process(*eventually(lambda: executions(log)))
         cable.sever()
         eventually(lambda: client.overview().queued == 1)
         assert client.run("c.0").row.reason == "the worker fell silent"
@@ -90,7 +90,7 @@ def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_coun
         cable.sever()
         eventually(lambda: client.overview().queued == 1)
         with worker_for(daemon, 1):
-            _, second = eventually(lambda: len(found := executions(log)) == 2 and found)
+            second = psutil.Process(eventually(lambda: executions(log)[1:])[0])
             cable.mend()
             eventually(lambda: away(client) == [False, False])
             assert alive([first, second]) == [first, second]
