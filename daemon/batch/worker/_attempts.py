@@ -1,10 +1,10 @@
 """Attempts: their folders in the spool, and what executes them.
 
-    spool/<worker>/lock                      locked as long as that worker lives
+    spool/<worker>/lock                      locked as long as that worker lives; whose it is
     spool/<worker>/<run>/attempt-<k>/        grant.json, trace.mcap, result.json (last)
 
-What a dead worker left is adopted by the next one: results are delivered, and the runs that had
-none yet are given back at once, since their processes died with it.
+What a dead worker left is adopted by the next one with the same key: results are delivered, and the
+runs that had none yet are given back at once, since their processes died with it.
 Attempts are executed by processes of this machine or by a cluster; the loop cannot tell which.
 
 Each attempt has a folder of its own, so two executions of a run never share a file. The spool is
@@ -32,6 +32,8 @@ from daemon.model.spec import RunResult
 from grammars.text import codec
 
 _LOCK: Final = "lock"
+_OWNER: Final = "owner"
+"""Stands in the lock of a worker without a key: the daemon's owner started it."""
 _SHOWN_OUTPUT: Final = 2000
 
 
@@ -95,15 +97,17 @@ class AdoptedWork:
 
 
 class Spool:
-    """This worker's part of the spool."""
+    """This worker's part of the spool; ``holder`` is the name of its key, empty without one."""
 
-    def __init__(self, paths: StatePaths, worker: str) -> None:
+    def __init__(self, paths: StatePaths, worker: str, holder: str = "") -> None:
         self._paths = paths
+        self._holder = holder or _OWNER
         self._folder = paths.spool / worker
         # Locked before it has its name: nobody adopts it in between.
         unborn = paths.spool / f".{worker}"
         unborn.mkdir(mode=0o700)
         self._lock = _try_lock(unborn)
+        (unborn / _LOCK).write_text(self._holder, "utf-8")
         unborn.rename(self._folder)
 
     def open(self, lease: Lease) -> Attempt:
@@ -116,7 +120,8 @@ class Spool:
     def adopt(self) -> AdoptedWork:
         """Take over what dead workers left: their finished attempts become this worker's.
 
-        The folders of the others go; their leases are to be given back.
+        The folders of the others go; their leases are to be given back. Leases are used under the
+        name they were granted to: what workers with other keys left waits for such a one.
         """
         finished: list[Attempt] = []
         unfinished: list[Lease] = []
@@ -129,7 +134,7 @@ class Spool:
             with lock:
                 # A removed folder can still be locked by who had its lock open: the first to
                 # come has adopted it, name and all.
-                if not folder.exists():
+                if not folder.exists() or not self._may_adopt(folder):
                     continue
                 for attempt in _attempts(folder):
                     if attempt.finished:
@@ -138,6 +143,10 @@ class Spool:
                         unfinished.append(attempt.lease)
                 shutil.rmtree(folder)
         return AdoptedWork(tuple(finished), tuple(unfinished))
+
+    def _may_adopt(self, folder: Path) -> bool:
+        # Empty: of a version that did not write it down.
+        return (folder / _LOCK).read_text("utf-8", "replace") in ("", self._holder)
 
     def _move(self, attempt: Attempt) -> Attempt:
         target = self._folder / attempt.lease.run / attempt.folder.name
