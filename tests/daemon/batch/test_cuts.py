@@ -8,8 +8,10 @@ from pathlib import Path
 
 import psutil
 
+from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.model.status import RunState
+from tests.chaos.light import LightWorker
 from tests.chaos.links import relay
 from tests.daemon.batch.harness import (
     DaemonPart,
@@ -49,23 +51,27 @@ def test_three_cuts_shorter_than_the_lease_cost_a_run_nothing(tmp_path: Path) ->
         daemon.client() as client,
         relay(daemon.endpoint) as cable,
         worker_for(daemon, 1, *elsewhere, connect=cable.endpoint),
+        bus.open_client(cable.endpoint) as session,
     ):
         client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
         process = psutil.Process(*eventually(lambda: executions(log)))
-        # Silent, as a cable that is pulled, until both sides give the connection up; then broken.
-        for cut in (cable.cut, cable.sever, cable.sever):
-            cut()
+        LightWorker(session, cable.endpoint, "idle").renew()
+        # Silent, as a cable that is pulled, until the daemon has given up who has no leases.
+        cable.cut()
+        eventually(lambda: [line["worker"] for line in daemon.noted("worker gone")] == ["idle"])
+        for _ in range(3):
             eventually(lambda: away(client) == [True])
             assert (client.overview().running, client.overview().workers) == (1, 0)
             cable.mend()
             eventually(lambda: away(client) == [False])
+            cable.sever()
+        cable.mend()
         assert alive([process])
         gate.touch()
         eventually(lambda: finished(client, 1))
         row = client.run("c.0").row
         assert (row.state, row.attempt, row.reason) == (RunState.DONE, 1, "")
         assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 1)
-        assert daemon.noted("worker gone") == []
 
 
 def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_counts(
