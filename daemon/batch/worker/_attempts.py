@@ -14,7 +14,6 @@ the outbox of a worker: what the daemon has not acknowledged stays in it and is 
 from __future__ import annotations
 
 import fcntl
-import os
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ from socket import socket
 from typing import IO, Final, Protocol, TypeAlias
 
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import FILES, LEASE, OUTPUT, RESULT
+from daemon.batch.run_process import FILES, LEASE, RESULT, read_output
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import Lease
@@ -74,12 +73,8 @@ class Attempt:
 
     def output(self) -> str:
         """The end of what the run printed, empty when it printed nothing."""
-        try:
-            with (self.folder / OUTPUT).open("rb") as file:
-                file.seek(max(0, file.seek(0, os.SEEK_END) - _SHOWN_OUTPUT))
-                return file.read().decode("utf-8", "replace").strip()
-        except FileNotFoundError:
-            return ""  # it ended before it had begun
+        # Nothing of one that ended before it had begun.
+        return read_output(self.folder)[-_SHOWN_OUTPUT:].decode("utf-8", "replace").strip()
 
     def discard(self) -> None:
         """Remove the folder, and the run's when this was its last attempt."""
