@@ -27,6 +27,7 @@ from typing import IO, Any, Final
 from daemon.model.attachments import SutMissing
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
 from grammars.text import codec
+from grammars.text.terminal_text import printable
 
 PATIENCE: Final = 10.0
 """Seconds of wall clock in which it has to be made."""
@@ -188,10 +189,7 @@ def _place(places: IO[bytes]) -> str:
 def _lines(output: IO[bytes]) -> list[str]:
     output.seek(0)
     text = output.read(_SHOWN_OUTPUT).decode("utf-8", "replace")
-    printable = (
-        "".join(sign if sign.isprintable() else "?" for sign in line) for line in text.splitlines()
-    )
-    return [line.strip() for line in printable if line.strip()]
+    return [line.strip() for line in printable(text).splitlines() if line.strip()]
 
 
 def _noise(name: str, said: list[str]) -> ParameterFinding:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final, TypeAlias
 
+from grammars.text.terminal_text import printable as printable
+
 
 class Severity(StrEnum):
     """How bad a diagnostic is: an error stops, a warning does not."""
@@ -33,19 +35,6 @@ class Where:
             if self.column:
                 parts.append(str(self.column))
         return ":".join(parts)
-
-
-# What is shown of a file must not steer the terminal it is shown on, nor turn text around in it.
-_STEERING: Final = re.compile(
-    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
-)
-
-
-def printable(text: str) -> str:
-    """Return ``text`` with signs that steer a terminal spelt out: ``\\x1b``; line ends stay."""
-    if text.isprintable():
-        return text
-    return _STEERING.sub(lambda sign: ascii(sign[0])[1:-1], text)
 
 
 _LONGEST_SHOWN: Final = 4_000

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from rich.text import Text
 
-from grammars.text.diagnostics import Diagnostic, Severity, Where, printable
+from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.terminal_text import printable
 from scenario_tui.text.formatting import pluralise
-from scenario_tui.text.printed_output import printable_line
 
 
 def render_diagnostic(diagnostic: Diagnostic) -> Text:
@@ -61,7 +61,7 @@ def _source_excerpt(where: Where) -> tuple[str, int] | None:
     if not 0 < where.line <= len(lines):
         return None
     # Columns count characters, so a tab has to stay one, or the caret would point beside.
-    line = printable_line(lines[where.line - 1].expandtabs(1).rstrip())
+    line = printable(lines[where.line - 1].expandtabs(1).rstrip())
     indent = len(line) - len(line.lstrip())
     caret = where.column - 1 - indent
     return line.strip()[:160], caret if 0 <= caret <= len(line.strip()) and caret < 160 else -1
