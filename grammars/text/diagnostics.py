@@ -11,6 +11,7 @@ from enum import StrEnum
 from typing import Any, Final, TypeAlias
 
 from grammars.text.terminal_text import printable as printable
+from grammars.text.terminal_text import spell_out
 
 
 class Severity(StrEnum):
@@ -58,13 +59,13 @@ class Diagnostic:
     severity: Severity = Severity.ERROR
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "message", _shortened(printable(self.message)))
-        object.__setattr__(self, "hint", _shortened(printable(self.hint)))
+        object.__setattr__(self, "message", _shortened(spell_out(self.message)))
+        object.__setattr__(self, "hint", _shortened(spell_out(self.hint)))
 
     def __str__(self) -> str:
         label = "warning: " if self.severity is Severity.WARNING else ""
         hint = f"\n    {self.hint}" if self.hint else ""
-        return f"{printable(str(self.where))}: {label}{self.message}{hint}"
+        return f"{spell_out(str(self.where))}: {label}{self.message}{hint}"
 
 
 class InputError(Exception):

@@ -40,6 +40,19 @@ def printable(text: str) -> str:
     return text if text.isprintable() else _STEERING.sub(_REPLACEMENT, text)
 
 
+def spell_out(text: str) -> str:
+    """Return ``text`` with ``\\x1b`` for each sign that would steer a terminal.
+
+    It says which sign that is, for messages about a place in a file; what is laid out in columns
+    is made :func:`printable`.
+    """
+    return text if text.isprintable() else _STEERING.sub(_spelling, text)
+
+
+def _spelling(found: re.Match[str]) -> str:
+    return ascii(found[0])[1:-1]
+
+
 def without_escapes(text: str) -> str:
     """Return what a program printed without the colours and titles it meant for a terminal.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.text import Text
 
 from grammars.text.diagnostics import Diagnostic, Severity, Where
-from grammars.text.terminal_text import printable
+from grammars.text.terminal_text import printable, spell_out
 from scenario_tui.text.formatting import pluralise
 
 
@@ -17,7 +17,7 @@ def render_diagnostic(diagnostic: Diagnostic) -> Text:
     """Return a diagnostic with its source line, when the source can be read."""
     warning = diagnostic.severity is Severity.WARNING
     text = Text()
-    text.append(printable(f"{diagnostic.where}: "), style="bold")
+    text.append(spell_out(f"{diagnostic.where}: "), style="bold")
     text.append("warning: " if warning else "error: ", style="yellow" if warning else "bold red")
     text.append(diagnostic.message)
     excerpt = _source_excerpt(diagnostic.where)

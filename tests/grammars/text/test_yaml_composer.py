@@ -113,7 +113,7 @@ def test_a_long_file_is_read_or_refused_with_the_reason(monkeypatch: pytest.Monk
         parse_yaml(long, "x.yaml")
 
 
-def test_what_steers_a_terminal_is_not_repeated() -> None:
+def test_what_steers_a_terminal_is_spelt_out() -> None:
     with pytest.raises(InputError) as caught:
         parse_yaml('"\\e[31mred": 1\n"\\e[31mred": 2\n? [1]\n', "x.yaml")
     assert "\x1b" not in str(caught.value)
