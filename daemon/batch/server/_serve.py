@@ -23,6 +23,7 @@ from daemon.batch.errors import AlreadyRunning, DaemonError
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._admission import Quota
+from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.batch.server._dispatcher import (
     LedgerJob,
     OverloadReply,
@@ -231,7 +232,10 @@ class _Daemon:
             ledger.add_store(self._settings.store)
         reader = self._reader(stack, "ledger-reader")
         carrier = self._reader(stack, "carrier")
-        writer = WriterThread(ledger, lambda events: _publish(session, events))
+        checkpoints = IdleCheckpoints(
+            ledger, lambda problem: self._log.write("checkpoint", problem=problem)
+        )
+        writer = WriterThread(ledger, lambda events: _publish(session, events), checkpoints)
         overload = OverloadReply()
         for thread in (overload, reader, carrier, writer):
             thread.start()
