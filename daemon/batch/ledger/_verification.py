@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import sqlite3
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
@@ -318,8 +317,5 @@ def _is_file(path: Path) -> bool:
 
 
 def _missing(paths: StatePaths, waiting: Iterable[str]) -> tuple[str, ...]:
-    scenes = set(os.listdir(paths.scenes)) if paths.scenes.is_dir() else set()
-    files = set(os.listdir(paths.files)) if paths.files.is_dir() else set()
-    return tuple(
-        sorted(name for name in waiting if f"{name}.json" not in scenes and name not in files)
-    )
+    there = {path.stem for path in (*paths.scenes.glob("*.json"), *paths.files.glob("*"))}
+    return tuple(sorted(set(waiting) - there))

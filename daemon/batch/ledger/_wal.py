@@ -297,4 +297,3 @@ class _Scan:
             committed, checkpointed = max([self._sound, *certain]), 0
         behind = sum(1 for at in self._commits if self._sound < at <= committed)
         return WalState(size, self._sound, committed, checkpointed, behind)
-

@@ -187,6 +187,22 @@ class OverloadReply(_LedgerThread):
             job.done(BUSY)
 
 
+class LedgerlessThread(_LedgerThread):
+    """Answers what needs no ledger, while there is none to be had."""
+
+    def __init__(self) -> None:
+        super().__init__("without-ledger")
+
+    def run(self) -> None:
+        """Answer until told to finish."""
+        while (job := self._jobs.get()) is not None:
+            try:
+                value: object = job.act(None)
+            except Exception as error:
+                value = error  # the asker is told; what is no refusal goes to the log too
+            job.done(value)
+
+
 _LONGEST_PROBLEM: Final = 4000
 _LONGEST_KEY: Final = 200
 
@@ -212,10 +228,10 @@ class RequestDispatcher:
 
     handlers: Mapping[AnyVerb, VerbHandler]
     log: EventLog
-    writer: WriterThread
-    reader: ReaderThread
-    carrier: ReaderThread
-    overload: OverloadReply
+    writer: _LedgerThread
+    reader: _LedgerThread
+    carrier: _LedgerThread
+    overload: _LedgerThread
 
     def on_query(self, query: zenoh.Query) -> None:
         """Find the thread and enqueue: the callback of the queryable."""
