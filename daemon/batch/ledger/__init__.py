@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         stored_bytes,
         sweep_traces,
     )
+    from daemon.batch.ledger._strays import StrayFile, find_strays, remove_strays
     from daemon.batch.ledger._verification import (
         ContentReport,
         VerificationProgress,
@@ -39,6 +40,7 @@ __all__ = [
     "LedgerReader",
     "LedgerWriter",
     "RetentionPolicy",
+    "StrayFile",
     "SweepResult",
     "VerificationProgress",
     "WalState",
@@ -46,7 +48,9 @@ __all__ = [
     "connect",
     "count_states",
     "damaged_copies",
+    "find_strays",
     "read_wal",
+    "remove_strays",
     "set_damaged_aside",
     "stored_bytes",
     "sweep_traces",
@@ -59,13 +63,16 @@ _MODULES: Final = {
     "LedgerIntegrity": "_connection",
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
+    "StrayFile": "_strays",
     "VerificationProgress": "_verification",
     "WalState": "_wal",
     "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",
     "damaged_copies": "_wal",
+    "find_strays": "_strays",
     "read_wal": "_wal",
+    "remove_strays": "_strays",
     "set_damaged_aside": "_wal",
     "verify_contents": "_verification",
 }

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from grammars.text.files import move_durably
+from grammars.text.files import move_durably, replacing
 
 if TYPE_CHECKING:
     import numpy as np
@@ -121,10 +121,8 @@ def set_damaged_aside(ledger: Path, now: float) -> tuple[WalState, Path | None]:
         move_durably(wal, copy)
         index_path(ledger).unlink(missing_ok=True)
     else:
-        part = copy.with_name(f".{copy.name}.tmp")
-        shutil.copyfile(wal, part)
-        part.chmod(0o600)
-        move_durably(part, copy)
+        with replacing(copy, mode=0o600) as temporary:
+            shutil.copyfile(wal, temporary)
     return state, copy
 
 

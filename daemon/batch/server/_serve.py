@@ -31,6 +31,7 @@ from daemon.batch.server._dispatcher import (
     WriterThread,
 )
 from daemon.batch.server._handlers import Handlers
+from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
 from daemon.batch.server._runtime import (
     DaemonClock,
@@ -206,8 +207,9 @@ class _Daemon:
         )
         threads = self._start_threads(stack, self._opened.ledger, session)
         writer = threads[0]
-        self._quota.start()
-        stack.callback(self._quota.close)
+        for keeper in (self._quota, Housekeeping(self._paths, self._log)):
+            keeper.start()
+            stack.callback(keeper.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
         contact = _ContactFile(self._paths, self._listening.socket, self._version)
         stack.callback(contact.remove)
