@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sqlite3
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import DaemonError
+from daemon.batch.errors import DaemonError, Unavailable
 
 SCHEMA_VERSION: Final = 7
 _UPGRADABLE: Final = (1, 2, 3, 4, 5, 6)
@@ -17,9 +19,15 @@ _UPGRADABLE: Final = (1, 2, 3, 4, 5, 6)
 def connect(path: Path) -> sqlite3.Connection:
     """Open the ledger for writing, creating it, or bringing an older one up to date, if need be.
 
-    What was acknowledged survives kill -9 and a power cut. Raises :class:`DaemonError` when the
-    file is damaged or was made by a later version.
+    What was acknowledged survives kill -9 and a power cut. Raises :class:`Unavailable` when the
+    disk is full or somebody else holds the file, and :class:`DaemonError` when it is damaged or was
+    made by a later version.
     """
+    try:
+        # SQLite gives the WAL and its index the mode of the file, and the file what the umask says.
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+    except OSError as error:
+        raise _open_error(path, error) from error
     # No isolation level: the module would otherwise begin transactions of its own, and ours must
     # be IMMEDIATE and hold savepoints. One thread at a time uses the connection, not always the
     # one that opened it.
@@ -36,11 +44,36 @@ def connect(path: Path) -> sqlite3.Connection:
         _prepare(connection, path)
     except sqlite3.DatabaseError as error:
         connection.close()
+        if _is_passing(error):
+            raise Unavailable(f"{path} cannot be used just now: {error}") from error
         raise DaemonError(f"{path} is not a usable ledger: {error}") from error
     except DaemonError:
         connection.close()
         raise
     return connection
+
+
+_PASSING: Final = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_FULL)
+_NO_ROOM: Final = (
+    sqlite3.SQLITE_IOERR_WRITE,
+    sqlite3.SQLITE_IOERR_TRUNCATE,
+    sqlite3.SQLITE_IOERR_FSYNC,
+    sqlite3.SQLITE_IOERR_SHMSIZE,
+    sqlite3.SQLITE_IOERR_SHMMAP,
+)
+"""What a full disk, or a quota that is reached, makes of writing the WAL and of its index."""
+
+
+def _is_passing(error: sqlite3.Error) -> bool:
+    """Whether it may be otherwise in a while, without anybody mending the ledger."""
+    code = getattr(error, "sqlite_errorcode", 0)
+    return code & 0xFF in _PASSING or code in _NO_ROOM
+
+
+def _open_error(path: Path, error: OSError) -> DaemonError:
+    words = f"{path} cannot be opened: {error.strerror}"
+    passing = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return Unavailable(words) if passing else DaemonError(words)
 
 
 def connect_reader(path: Path, *, timeout: float = 5.0) -> sqlite3.Connection:
@@ -135,25 +168,29 @@ class LedgerIntegrity:
     newest_event: float = 0.0
 
 
-def check_integrity(path: Path) -> LedgerIntegrity:
+def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
     """Examine a ledger, which a daemon may be writing; changes nothing.
 
-    Raises :class:`DaemonError` when it cannot be read at all.
+    A ``quick`` look leaves out whether indices agree with their tables. Raises
+    :class:`Unavailable` when somebody else holds it, and :class:`DaemonError` when it cannot be
+    read at all.
     """
     try:
         with closing(connect_reader(path)) as db:
             db.execute("BEGIN")  # one snapshot: numbers that must agree are counted one by one
-            return _examine(db)
+            return _examine(db, quick)
     except sqlite3.Error as error:
+        if _is_passing(error):
+            raise Unavailable(f"{path} cannot be read just now: {error}") from error
         raise DaemonError(f"{path} cannot be read: {error}") from error
 
 
-def _examine(db: sqlite3.Connection) -> LedgerIntegrity:
+def _examine(db: sqlite3.Connection, quick: bool) -> LedgerIntegrity:
     version = schema_version(db)
     if version > SCHEMA_VERSION:
         return LedgerIntegrity(version)
-    check = db.execute(f"PRAGMA integrity_check({_MOST_SHOWN})")
-    damage = [row[0] for row in check if row[0] != "ok"]
+    check = db.execute(f"PRAGMA {'quick' if quick else 'integrity'}_check({_MOST_SHOWN})")
+    damage = [" ".join(str(row[0]).split()) for row in check if row[0] != "ok"]
     dangling = db.execute("PRAGMA foreign_key_check").fetchall()
     damage += [f"{row[0]} refers to nothing" for row in dangling[:_MOST_SHOWN]]
     if damage or version < SCHEMA_VERSION:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Final
 
 from daemon.batch.amounts import size_text
@@ -36,7 +38,7 @@ def admit_submission(submission: Submission, paths: StatePaths) -> None:
     # Only when all is well, and before the ledger has the runs: a scene too many is harmless.
     for digest, scene in scenes.items():
         path = paths.scene(digest)
-        if not path.exists():
+        if not _is_there(path):
             write_atomically(path, codec.to_json(scene))
 
 
@@ -78,13 +80,13 @@ def _run_problems(campaign: str, run: RunSpec, seen: set[str]) -> Iterator[str]:
 
 def _lacking_files(run: RunSpec, paths: StatePaths, known: set[str]) -> Iterator[str]:
     for name, digest in attached_digests(run.sut.parameters).items():
-        if digest in known or (paths.files / digest).exists():
+        if digest in known or _is_there(paths.files / digest):
             known.add(digest)
         else:
             yield f'{run.label}: the file "{name}" of {run.sut.name} was not sent along'
     digest = run.map.file
     if digest and digest not in known:
-        if (paths.files / digest).exists():
+        if _is_there(paths.files / digest):
             known.add(digest)
         else:
             yield f"{run.label}: its map {digest[:12]} was not sent along"
@@ -92,9 +94,18 @@ def _lacking_files(run: RunSpec, paths: StatePaths, known: set[str]) -> Iterator
 
 def _is_stored(digest: str, paths: StatePaths) -> bool:
     try:
-        return paths.scene(digest).exists()
+        return _is_there(paths.scene(digest))
     except ValueError:
         return False
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is a file that a campaign on its way needs; then it is not a stray for now."""
+    try:
+        os.utime(path)
+    except FileNotFoundError:
+        return False
+    return True
 
 
 # Seconds between two looks: regularly, and at least, when the quota is reached.

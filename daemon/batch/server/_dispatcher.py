@@ -19,6 +19,7 @@ import zenoh
 from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.security import strip_control_characters
+from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.batch.server._runtime import EventLog
 from daemon.model.messages import ErrorReply
 from daemon.model.status import ChangeEvent
@@ -99,10 +100,16 @@ class WriterThread(_LedgerThread):
     refused one undoes only itself.
     """
 
-    def __init__(self, ledger: LedgerWriter, publish: Callable[[list[ChangeEvent]], None]) -> None:
+    def __init__(
+        self,
+        ledger: LedgerWriter,
+        publish: Callable[[list[ChangeEvent]], None],
+        checkpoints: IdleCheckpoints,
+    ) -> None:
         super().__init__("ledger-writer")
         self._ledger = ledger
         self._publish = publish
+        self._checkpoints = checkpoints
 
     def run(self) -> None:
         """Work until told to finish."""
@@ -111,10 +118,20 @@ class WriterThread(_LedgerThread):
             batch, running = self._take()
             if batch:
                 self._work(batch)
+            self._checkpoints.note_changes()
+        self._checkpoints.act()
+
+    def _first(self) -> LedgerJob | None:
+        """Wait for a job; while there is none the ledger's WAL is emptied."""
+        while True:
+            try:
+                return self._jobs.get(timeout=self._checkpoints.patience)
+            except queue.Empty:
+                self._checkpoints.act()
 
     def _take(self) -> tuple[list[LedgerJob], bool]:
         batch: list[LedgerJob] = []
-        job = self._jobs.get()
+        job = self._first()
         while job is not None:
             batch.append(job)
             if len(batch) == _BATCH or self._jobs.empty():
@@ -170,6 +187,22 @@ class OverloadReply(_LedgerThread):
             job.done(BUSY)
 
 
+class LedgerlessThread(_LedgerThread):
+    """Answers what needs no ledger, while there is none to be had."""
+
+    def __init__(self) -> None:
+        super().__init__("without-ledger")
+
+    def run(self) -> None:
+        """Answer until told to finish."""
+        while (job := self._jobs.get()) is not None:
+            try:
+                value: object = job.act(None)
+            except Exception as error:
+                value = error  # the asker is told; what is no refusal goes to the log too
+            job.done(value)
+
+
 _LONGEST_PROBLEM: Final = 4000
 _LONGEST_KEY: Final = 200
 
@@ -195,10 +228,10 @@ class RequestDispatcher:
 
     handlers: Mapping[AnyVerb, VerbHandler]
     log: EventLog
-    writer: WriterThread
-    reader: ReaderThread
-    carrier: ReaderThread
-    overload: OverloadReply
+    writer: _LedgerThread
+    reader: _LedgerThread
+    carrier: _LedgerThread
+    overload: _LedgerThread
 
     def on_query(self, query: zenoh.Query) -> None:
         """Find the thread and enqueue: the callback of the queryable."""

@@ -5,24 +5,24 @@ from __future__ import annotations
 import fcntl
 import os
 import signal
-import sys
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version as installed_version
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.errors import AlreadyRunning, DaemonError
+from daemon.batch.errors import AlreadyRunning, DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths
+from daemon.batch.permissions import open_private
 from daemon.batch.server._admission import Quota
+from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.batch.server._dispatcher import (
     LedgerJob,
     OverloadReply,
@@ -31,6 +31,8 @@ from daemon.batch.server._dispatcher import (
     WriterThread,
 )
 from daemon.batch.server._handlers import Handlers
+from daemon.batch.server._housekeeping import Housekeeping
+from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
 from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
@@ -38,8 +40,9 @@ from daemon.batch.server._runtime import (
     ListenSettings,
     prepare_endpoints,
 )
+from daemon.batch.server._stopping import StopRequest
 from daemon.batch.server._workers import LocalWorker, WorkerRegistry
-from daemon.batch.stores import check_store_url, write_marker
+from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent
@@ -84,14 +87,21 @@ def serve(
     """
     settings = _checked(settings or DaemonSettings())
     paths = StatePaths.find(state)
-    paths.make_folders()
     with ExitStack() as stack:
         stack.enter_context(_only_one(paths))
         log = EventLog(paths.log)
         stack.callback(log.close)
         listening = prepare_endpoints(paths, listen, keys, insecure=insecure)
-        daemon = _Daemon(paths, settings, log, listening)
-        stack.enter_context(daemon.signals())
+        stop = StopRequest()
+        stack.enter_context(stop.signals())
+        if tether:
+            stop.watch_tether()
+        try:
+            opened = _open(stack, paths, settings, log, listening, stop)
+        except DaemonError as error:
+            log.write("failed", problem=repr(error))
+            raise
+        daemon = _Daemon(paths, settings, log, listening, stop, opened)
         slots = available_cores() if slots is None else slots
         local = LocalWorker(
             paths,
@@ -103,7 +113,7 @@ def serve(
             tether=tether,
         )
         try:
-            daemon.run(stack, local if slots else None, tether)
+            daemon.run(stack, local if slots else None)
         except Exception as error:
             log.write("failed", problem=repr(error))
             raise
@@ -116,9 +126,31 @@ def _checked(settings: DaemonSettings) -> DaemonSettings:
         raise DaemonError(f"traces cannot be kept there: {error}") from error
 
 
+def _open(
+    stack: ExitStack,
+    paths: StatePaths,
+    settings: DaemonSettings,
+    log: EventLog,
+    listening: ListenSettings,
+    stop: StopRequest,
+) -> OpenedState:
+    """Open the state directory, answering that it cannot be opened for as long as that is so."""
+    opening = partial(open_state, stack, paths, settings, log)
+    try:
+        return opening()
+    except Unavailable:
+        return WaitingDaemon(paths, stop, log).wait(listening, opening)
+
+
 @contextmanager
 def _only_one(paths: StatePaths) -> Iterator[None]:
-    with paths.lock.open("a") as lock:
+    with ExitStack() as stack:
+        try:
+            paths.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+            lock = stack.enter_context(os.fdopen(open_private(paths.lock), "a"))
+        except OSError as error:
+            words = f"{error.filename or paths.state} cannot be used: {error.strerror}"
+            raise DaemonError(f"{words}; choose another directory with --state") from error
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -135,14 +167,15 @@ class _Daemon:
         settings: DaemonSettings,
         log: EventLog,
         listening: ListenSettings,
+        stop: StopRequest,
+        opened: OpenedState,
     ) -> None:
         self._paths = paths
         self._settings = settings
         self._log = log
         self._listening = listening
-        self._stops = 0
-        self._stopped = threading.Event()
-        self._tether_cut = False
+        self._stop = stop
+        self._opened = opened
         self._clock = DaemonClock()
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
@@ -158,53 +191,33 @@ class _Daemon:
             self._clock,
             self._quota,
             version=self._version,
-            stop=self._stop,
+            stop=stop,
             trouble=self._trouble,
-            marker=write_marker(paths),
+            marker=opened.marker,
         )
-
-    @contextmanager
-    def signals(self) -> Iterator[None]:
-        """Let SIGTERM and SIGINT end the daemon in order."""
-
-        def on_signal(number: int, _: FrameType | None) -> None:
-            self._stop()
-
-        kept = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
-        try:
-            yield
-        finally:
-            for number, handler in kept.items():
-                signal.signal(number, handler)
 
     def _trouble(self) -> str:
         own = "" if self._local is None else self._local.trouble
-        return self._paths.disk_shortage() or self._quota.trouble or own
+        shortage = self._paths.disk_shortage()
+        return shortage or self._quota.trouble or own or self._opened.damage
 
-    def _stop(self) -> None:
-        self._stops += 1
-        self._stopped.set()
-
-    def run(self, stack: ExitStack, local: LocalWorker | None, tether: bool) -> None:
-        """Open everything, work, leave; ``stack`` closes what was opened."""
+    def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
+        """Open the bus, work, leave; ``stack`` closes what was opened."""
         self._local = local
-        if tether:
-            threading.Thread(target=self._watch_tether, daemon=True).start()
-        settings = self._settings
-        ledger = stack.enter_context(
-            LedgerWriter.open(self._paths.ledger, attempts=settings.attempts, lease=settings.lease)
-        )
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        threads = self._start_threads(stack, ledger, session)
+        threads = self._start_threads(stack, self._opened.ledger, session)
         writer = threads[0]
-        self._quota.start()
-        stack.callback(self._quota.close)
+        for keeper in (self._quota, Housekeeping(self._paths, self._log)):
+            keeper.start()
+            stack.callback(keeper.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
-        self._publish_contact(stack)
+        contact = _ContactFile(self._paths, self._listening.socket, self._version)
+        stack.callback(contact.remove)
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
-        while not self._stopped.is_set():
+        while not self._stop.asked:
+            contact.write()
             if local is not None:
                 local.supervise()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
@@ -212,15 +225,9 @@ class _Daemon:
             writer.put(LedgerJob(self._tick, self._ticked))
             if not all(thread.is_alive() for thread in threads):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
-            self._stopped.wait(self._settings.tick)
+            self._stop.wait(self._settings.tick)
         self._leave(local)
         self._log.write("stopped")
-
-    def _watch_tether(self) -> None:
-        while os.read(sys.stdin.fileno(), 4096):
-            pass
-        self._tether_cut = True
-        self._stop()
 
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
@@ -233,7 +240,10 @@ class _Daemon:
             ledger.add_store(self._settings.store)
         reader = self._reader(stack, "ledger-reader")
         carrier = self._reader(stack, "carrier")
-        writer = WriterThread(ledger, lambda events: _publish(session, events))
+        checkpoints = IdleCheckpoints(
+            ledger, lambda problem: self._log.write("checkpoint", problem=problem)
+        )
+        writer = WriterThread(ledger, lambda events: _publish(session, events), checkpoints)
         overload = OverloadReply()
         for thread in (overload, reader, carrier, writer):
             thread.start()
@@ -257,11 +267,6 @@ class _Daemon:
             self._registry.connected(worker)
         else:
             self._registry.disconnected(worker, self._clock.now())
-
-    def _publish_contact(self, stack: ExitStack) -> None:
-        contact = DaemonContact(self._listening.socket, os.getpid(), self._version, time.time())
-        write_atomically(self._paths.contact_file, codec.to_json(contact))
-        stack.callback(self._paths.contact_file.unlink, missing_ok=True)
 
     def _tick(self, ledger: LedgerWriter) -> int:
         moved = self._clock.follow_wall_clock()
@@ -294,15 +299,37 @@ class _Daemon:
         if local is None or not local.alive:
             return
         local.signal(signal.SIGTERM)
-        stops = self._stops
+        stops = self._stop.count
         deadline = time.monotonic() + self._settings.patience
-        while time.monotonic() < deadline and self._stops == stops and not self._tether_cut:
+        while time.monotonic() < deadline and self._stop.count == stops:
+            if self._stop.tether_cut:
+                break
             if local.wait(0.1):
                 return
         local.signal(signal.SIGQUIT)
         if not local.wait(_LAST_MOMENT):
             local.signal(signal.SIGKILL)
             local.wait(_LAST_MOMENT)
+
+
+class _ContactFile:
+    """Says where the daemon is; written when there is room, found by the socket until then."""
+
+    def __init__(self, paths: StatePaths, endpoint: str, version: str) -> None:
+        self._path = paths.contact_file
+        self._contact = DaemonContact(endpoint, os.getpid(), version, time.time())
+        self._written = False
+
+    def write(self) -> None:
+        """Write it unless that is done, or there is no room for it."""
+        if not self._written:
+            with suppress(OSError):
+                write_atomically(self._path, codec.to_json(self._contact), mode=0o600)
+                self._written = True
+
+    def remove(self) -> None:
+        """Remove it."""
+        self._path.unlink(missing_ok=True)
 
 
 def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:

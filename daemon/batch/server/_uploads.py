@@ -7,6 +7,7 @@ and the ledger takes the result. Files are kept by digest, and given to workers.
 
 from __future__ import annotations
 
+import os
 import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
@@ -242,6 +243,9 @@ class FileUploads(_Uploads[FileUploadChunk]):
         """
         whole = self.paths.files / chunk.sha256
         if whole.exists():
+            # Whoever asks is about to submit a campaign that needs it.
+            with suppress(FileNotFoundError):
+                os.utime(whole)
             return UploadProgress(chunk.size, complete=True)
         # For reading only: what has this name has this digest, for every run to come.
         return self._receive(self.paths.files / f".{chunk.sha256}.part", whole, chunk, mode=0o400)
