@@ -24,6 +24,8 @@ if TYPE_CHECKING:
         stored_bytes,
         sweep_traces,
     )
+    from daemon.batch.ledger._staging import stage_submission
+    from daemon.batch.ledger._steps import Steps
     from daemon.batch.ledger._writer import LedgerWriter
 
 __all__ = [
@@ -32,10 +34,12 @@ __all__ = [
     "LedgerReader",
     "LedgerWriter",
     "RetentionPolicy",
+    "Steps",
     "SweepResult",
     "check_integrity",
     "connect",
     "count_states",
+    "stage_submission",
     "stored_bytes",
     "sweep_traces",
 ]
@@ -45,6 +49,8 @@ _MODULES: Final = {
     "LedgerIntegrity": "_connection",
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
+    "Steps": "_steps",
+    "stage_submission": "_staging",
     "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",

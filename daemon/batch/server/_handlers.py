@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, count_states
+from daemon.batch.ledger import LedgerReader, LedgerWriter, Steps, count_states
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._admission import Quota, admit_submission
+from daemon.batch.server._admission import Quota
 from daemon.batch.server._dispatcher import VerbHandler
 from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
+from daemon.batch.server._submissions import stage_request
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import MOST_WORKERS, WorkerRegistry
 from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
@@ -41,12 +42,6 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.packed_submission import (
-    Fingerprint,
-    PackedSubmission,
-    fingerprint,
-    unpack_submission,
-)
 from daemon.model.spec import ENGINE_VERSION, install_hint, own_version, version_text
 from daemon.model.status import (
     CampaignRow,
@@ -54,19 +49,12 @@ from daemon.model.status import (
     DiskUsage,
     RunDetail,
     RunPage,
-    Submission,
     SubmissionReceipt,
     WorkerRow,
 )
 from daemon.model.verbs import SUBMIT, VERBS
 from grammars.model.scene import Scene
 from grammars.text import codec
-
-
-@dataclass(frozen=True, slots=True)
-class _AdmittedSubmission:
-    submission: Submission
-    fingerprint: Fingerprint
 
 
 @dataclass
@@ -95,7 +83,7 @@ class Handlers:
         self._files = FileUploads(self.paths, self.log)
         self._started_at = self.clock.now()
         self.by_verb = {verb: VerbHandler(getattr(self, name)) for name, verb in VERBS.items()}
-        # To unpack and check 100,000 runs takes seconds: not the writer's, leases wait for those.
+        # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
         self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
 
     # Questions, each answered from one snapshot of the ledger
@@ -190,26 +178,24 @@ class Handlers:
 
     # Changes of the ledger; each is answered after its commit
 
-    def _admit(self, packed: PackedSubmission) -> _AdmittedSubmission:
-        try:
-            submission = unpack_submission(packed)
-        except ValueError as error:
-            raise Refused(f"the request is malformed: {error}") from error
-        admit_submission(submission, self.paths)
-        return _AdmittedSubmission(submission, fingerprint(submission))
+    def _admit(self, payload: bytes) -> Path:
+        return stage_request(payload, self.paths)
 
-    def submit(self, ledger: LedgerWriter, admitted: _AdmittedSubmission) -> SubmissionReceipt:
-        receipt = ledger.submit(admitted.submission, self.clock.now(), admitted.fingerprint)
+    def submit(self, ledger: LedgerWriter, staged: Path) -> Steps[SubmissionReceipt]:
+        try:
+            receipt = yield from ledger.submit_in_steps(staged, self.clock.now())
+        finally:
+            staged.unlink(missing_ok=True)
         self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
 
-    def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
-        count = ledger.cancel(request.id, self.clock.now())
+    def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Steps[Count]:
+        count = yield from ledger.cancel_in_steps(request.id, self.clock.now())
         self.log.write("cancelled", campaign=request.id, runs=count)
         return Count(count)
 
-    def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Count:
-        count = ledger.retry(request, self.clock.now())
+    def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Steps[Count]:
+        count = yield from ledger.retry_in_steps(request, self.clock.now())
         self.log.write("retried", campaign=request.campaign, runs=count)
         return Count(count)
 

@@ -23,13 +23,7 @@ from daemon.batch.errors import AlreadyRunning, DaemonError
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._admission import Quota
-from daemon.batch.server._dispatcher import (
-    LedgerJob,
-    OverloadReply,
-    ReaderThread,
-    RequestDispatcher,
-    WriterThread,
-)
+from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._runtime import (
     DaemonClock,
@@ -37,6 +31,15 @@ from daemon.batch.server._runtime import (
     EventLog,
     ListenSettings,
     prepare_endpoints,
+)
+from daemon.batch.server._submissions import remove_remains
+from daemon.batch.server._threads import (
+    LedgerJob,
+    LedgerThread,
+    OverloadReply,
+    PreparingThread,
+    ReaderThread,
+    WriterThread,
 )
 from daemon.batch.server._workers import LocalWorker, WorkerRegistry
 from daemon.batch.stores import check_store_url, write_marker
@@ -190,13 +193,13 @@ class _Daemon:
             threading.Thread(target=self._watch_tether, daemon=True).start()
         settings = self._settings
         ledger = stack.enter_context(
-            LedgerWriter.open(self._paths.ledger, attempts=settings.attempts, lease=settings.lease)
+            LedgerWriter.open(self._paths, attempts=settings.attempts, lease=settings.lease)
         )
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        threads = self._start_threads(stack, ledger, session)
-        writer = threads[0]
+        remove_remains(self._paths)
+        writer, threads = self._start_threads(stack, ledger, session)
         self._quota.start()
         stack.callback(self._quota.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
@@ -222,7 +225,7 @@ class _Daemon:
 
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
-    ) -> tuple[WriterThread, ReaderThread, ReaderThread, OverloadReply]:
+    ) -> tuple[WriterThread, tuple[LedgerThread, ...]]:
         # Workers could renew nothing while there was no daemon: none of that is held against them.
         extended = ledger.extend_leases(self._clock.now())
         if extended:
@@ -232,19 +235,21 @@ class _Daemon:
         reader = self._reader(stack, "ledger-reader")
         carrier = self._reader(stack, "carrier")
         writer = WriterThread(ledger, lambda events: _publish(session, events))
-        overload = OverloadReply()
-        for thread in (overload, reader, carrier, writer):
+        preparer, overload = PreparingThread(), OverloadReply()
+        # The writer before the preparer, which hands over to it: they finish the other way round.
+        threads = (overload, reader, carrier, writer, preparer)
+        for thread in threads:
             thread.start()
             stack.callback(thread.finish)
         dispatcher = RequestDispatcher(
-            self._handlers.by_verb, self._log, writer, reader, carrier, overload
+            self._handlers.by_verb, self._log, writer, reader, carrier, preparer, overload
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
             session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
         )
         stack.enter_context(session.declare_queryable(f"{ASK}/*", dispatcher.on_query))
-        return writer, reader, carrier, overload
+        return writer, threads
 
     def _reader(self, stack: ExitStack, name: str) -> ReaderThread:
         return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
