@@ -151,8 +151,8 @@ def _cell_row(campaign: str, cell: RunSpec) -> tuple[object, ...]:
 def read_campaign(db: sqlite3.Connection) -> StagedCampaign:
     """Return what the staged submission says of its campaign."""
     row = db.execute("SELECT * FROM staged_campaign").fetchone()
-    *known, fresh, reserve = row
-    return StagedCampaign(*known, bool(fresh), reserve)
+    name, about, source, digest, runs, declared, fresh, reserve = row[1:]
+    return StagedCampaign(row[0], name, about, source, digest, runs, declared, bool(fresh), reserve)
 
 
 _BODY: Final = (

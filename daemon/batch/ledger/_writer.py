@@ -261,24 +261,31 @@ class LedgerWriter(LeaseUpdates):
         if stopped or not repeatable:
             remove_result(self._db, run)
 
-    def delete(self, campaigns: Sequence[str], now: float) -> tuple[int, ...]:
-        """Hide campaigns for good, all or none; returns how many runs each has.
+    def deletable(self, campaigns: Sequence[str]) -> tuple[int, ...]:
+        """Return how many runs campaigns have that may be deleted; refuses while runs wait or run.
 
-        Their rows go by :meth:`remove_hidden_in_steps`. Refuses while runs wait or run.
+        Nor may one that is being changed in steps.
         """
-        counts = []
         for campaign in campaigns:
             self._require_campaign(campaign)
             if waiting := self._unfinished_runs(campaign):
                 raise Refused(
-                    f"{campaign} has {waiting} runs that wait or run: `scenario cancel {campaign}`"
-                    " first"
+                    f"{campaign} has {waiting} runs that wait or run: cancel it first"
+                    f" (`scenario cancel {campaign}`)"
                 )
-            found = self._db.execute("SELECT total FROM campaign WHERE id = ?", (campaign,))
-            counts.append(int(found.fetchone()[0]))
+            if campaign in self._held:
+                raise Refused(f"{campaign} is being changed just now: try again in a moment")
+        return tuple(map(self._total, campaigns))
+
+    def delete(self, campaigns: Sequence[str], now: float) -> None:
+        """Hide campaigns for good, all or none; refuses as :meth:`deletable` does.
+
+        Their rows and traces go by :meth:`remove_hidden_in_steps`.
+        """
+        self.deletable(campaigns)
+        for campaign in campaigns:
             self._db.execute("UPDATE campaign SET visible = 0 WHERE id = ?", (campaign,))
             self.record_event(now, "campaign", campaign, campaign, "deleted")
-        return tuple(counts)
 
     @property
     def hides_anything(self) -> bool:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version as installed_version
 from pathlib import Path
 from types import FrameType
@@ -30,6 +31,7 @@ from daemon.batch.server._runtime import (
     DaemonSettings,
     EventLog,
     ListenSettings,
+    StallMeter,
     prepare_endpoints,
 )
 from daemon.batch.server._submissions import remove_remains
@@ -145,6 +147,8 @@ class _Daemon:
         self._stopped = threading.Event()
         self._tether_cut = False
         self._clock = DaemonClock()
+        self._stalls = StallMeter(settings.tick)
+        self._removing = False
         # Renewals come every third of a lease: who has missed nine is gone, even though Zenoh still
         # has the connection (a suspended machine, a process stopped in a debugger).
         self._registry = WorkerRegistry(settings.grace, 3 * settings.lease)
@@ -210,7 +214,7 @@ class _Daemon:
                 local.supervise()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
-            writer.put(LedgerJob(self._tick, self._ticked))
+            writer.put(LedgerJob(partial(self._tick, writer), self._ticked))
             if not all(thread.is_alive() for thread in threads):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
             self._stopped.wait(self._settings.tick)
@@ -266,14 +270,24 @@ class _Daemon:
         write_atomically(self._paths.contact_file, codec.to_json(contact))
         stack.callback(self._paths.contact_file.unlink, missing_ok=True)
 
-    def _tick(self, ledger: LedgerWriter) -> int:
+    def _tick(self, writer: WriterThread, ledger: LedgerWriter) -> int:
         moved = self._clock.follow_wall_clock()
         if moved:
             ledger.shift_leases(moved)
             self._registry.shift(moved)
             self._log.write("clock set", seconds=round(moved, 3))
+        stalled = self._stalls.measure(time.monotonic())
+        if stalled:
+            ledger.shift_leases(stalled)
+            self._registry.shift(stalled)
+            self._log.write("stalled", seconds=round(stalled, 3))
+        if ledger.hides_anything and not self._removing:
+            # Behind whatever is being entered, which is hidden as well until then.
+            self._removing = True
+            writer.put(LedgerJob(LedgerWriter.remove_hidden_in_steps, self._removed))
         now = self._clock.now()
-        taken = ledger.expire_leases(now)
+        # A renewal that has come proves that its worker lives, whenever there is time to read it.
+        taken = 0 if writer.renewals_wait else ledger.expire_leases(now)
         if taken:
             self._log.write("leases lapsed", runs=taken)
         for worker in self._registry.remove_gone(now):
@@ -281,6 +295,13 @@ class _Daemon:
             ledger.record_event(now, "worker", worker, state="gone")
             self._log.write("worker gone", worker=worker, runs=runs)
         return taken
+
+    def _removed(self, value: object) -> None:
+        self._removing = False
+        if isinstance(value, Exception):
+            self._log.write("failure", key="remove", problem=repr(value))
+        elif value:
+            self._log.write("removed", campaigns=value)
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):
