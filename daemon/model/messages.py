@@ -72,6 +72,29 @@ class Count:
 
 
 @dataclass(frozen=True, slots=True)
+class CampaignQuery:
+    """A page of campaigns, the newest first; empty strings filter nothing.
+
+    ``beginning`` is that of the id. With ``unfinished`` only those of which runs wait or run.
+    """
+
+    id: IdText = ""
+    name: IdText = ""
+    beginning: IdText = ""
+    unfinished: bool = False
+    offset: NonNegativeInt = 0
+    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = LARGEST_PAGE
+
+
+@dataclass(frozen=True, slots=True)
+class DeleteRequest:
+    """Remove campaigns for good, all or none; a ``dry`` one only asks what would go."""
+
+    campaigns: Annotated[tuple[IdText, ...], Field(min_length=1, max_length=100)]
+    dry: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class RunQuery:
     """A page of runs: empty strings filter nothing; ``sort`` names a column of the row."""
 

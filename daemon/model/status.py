@@ -104,6 +104,16 @@ class CampaignRow:
 
 
 @dataclass(frozen=True, slots=True)
+class DeletedCampaign:
+    """What goes with a campaign: its runs, and traces of so many ``bytes`` here."""
+
+    campaign: str
+    runs: int
+    traces: int
+    bytes: int
+
+
+@dataclass(frozen=True, slots=True)
 class RunRow:
     """One run as a list shows it.
 
@@ -223,9 +233,9 @@ class ChangeEvent:
     """Something changed: ``seq`` grows by one each; a gap means: ask for the whole again.
 
     ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
-    finished), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt of the
-    run gave another result), ``lease`` (superseded: an attempt of the run is not needed any more,
-    another one was first). ``id`` names it.
+    finished, deleted), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt
+    of the run gave another result), ``lease`` (superseded: an attempt of the run is not needed any
+    more, another one was first). ``id`` names it.
     """
 
     seq: int

@@ -20,9 +20,10 @@ from daemon.batch.ledger._results import (
     check_result,
     queue_reserve,
     read_trace_location,
-    reuse_results,
+    reuse_in_steps,
     store_result,
 )
+from daemon.batch.ledger._steps import finish
 from daemon.batch.ledger.transitions import (
     Completed,
     ExecutionState,
@@ -101,12 +102,16 @@ class RunUpdates:
             if not queue_reserve(self._db, campaign):
                 self._close(campaign, now)
                 return
-            reuse_results(self._db, campaign)
+            finish(reuse_in_steps(self._db, campaign, self._total(campaign)))
             self.record_event(now, "campaign", campaign, campaign, "extended")
 
     def _close(self, campaign: str, now: float) -> None:
         self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
         self.record_event(now, "campaign", campaign, campaign, "finished")
+
+    def _total(self, campaign: str) -> int:
+        row = self._db.execute("SELECT total FROM campaign WHERE id = ?", (campaign,)).fetchone()
+        return int(row[0])
 
     def _unfinished_runs(self, campaign: str) -> int:
         found = self._db.execute(
@@ -139,7 +144,8 @@ class RunUpdates:
 _NEXT_RUN: Final = (
     "SELECT run.id, run.campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
     " WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign AS c"
-    " WHERE finished_at IS NULL AND paused = 0 AND EXISTS"
+    " WHERE finished_at IS NULL AND paused = 0 AND visible"
+    " AND id NOT IN (SELECT value FROM json_each(?2)) AND EXISTS"
     " (SELECT 1 FROM run WHERE run.campaign = c.id AND state = 'queued'{able})"
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
 )
@@ -160,6 +166,7 @@ class LeaseUpdates(RunUpdates):
     ) -> None:
         super().__init__(connection, attempts)
         self._lease = lease
+        self._held: set[str] = set()
         self._specs = SpecReader(connection)
         # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
         self._contested: set[str] = set()
@@ -182,8 +189,9 @@ class LeaseUpdates(RunUpdates):
         """
         leases: list[Lease] = []
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
+        values = (json.dumps(lacks), json.dumps(sorted(self._held)))
         while len(leases) < count:
-            row = self._db.execute(query, (json.dumps(lacks),) if lacks else ()).fetchone()
+            row = self._db.execute(query, values).fetchone()
             if row is None:
                 break
             run, campaign, trace, body = row

@@ -32,3 +32,8 @@ INSERT INTO lease
 
 CREATE INDEX result_holder ON result (holder) WHERE holder <> '';
 UPDATE run SET doubted = 1 WHERE id IN (SELECT id FROM event WHERE kind = 'alarm');
+
+CREATE INDEX campaign_name ON campaign (name, serial);
+CREATE INDEX campaign_hidden ON campaign (id) WHERE visible = 0;
+CREATE INDEX run_cached ON run (cached) WHERE cached <> '';
+DROP TRIGGER run_counted;

@@ -16,9 +16,10 @@ from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerWriter, WalState, set_damaged_aside
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import secure_state
-from daemon.batch.server._dispatcher import LedgerlessThread, RequestDispatcher, VerbHandler
+from daemon.batch.server._dispatcher import RequestDispatcher, VerbHandler
 from daemon.batch.server._runtime import DaemonSettings, EventLog, ListenSettings
 from daemon.batch.server._stopping import StopRequest
+from daemon.batch.server._threads import LedgerlessThread
 from daemon.batch.stores import Marker, write_marker
 from daemon.model.messages import ASK, Empty
 from daemon.model.status import DaemonOverview, DiskUsage, RunState
@@ -61,7 +62,7 @@ def open_state(
     if damage:
         log.write("ledger damaged", problem=damage)
     ledger = stack.enter_context(
-        LedgerWriter.open(paths.ledger, attempts=settings.attempts, lease=settings.lease)
+        LedgerWriter.open(paths, attempts=settings.attempts, lease=settings.lease)
     )
     return OpenedState(ledger, marker, damage)
 
@@ -94,13 +95,14 @@ class WaitingDaemon:
         """
         with ExitStack() as stack:
             session = stack.enter_context(bus.open_router(listening.endpoints, listening.keys))
-            thread = LedgerlessThread()
+            thread = LedgerlessThread("without-ledger")
             thread.start()
             stack.callback(thread.finish)
             handlers = {verb: VerbHandler(self._refuse) for verb in VERBS.values()}
             for name in ("overview", "workers", "disk", "shutdown"):
                 handlers[VERBS[name]] = VerbHandler(getattr(self, name))
-            dispatcher = RequestDispatcher(handlers, self._log, thread, thread, thread, thread)
+            threads = (thread,) * 5
+            dispatcher = RequestDispatcher(handlers, self._log, *threads)
             stack.enter_context(session.declare_queryable(f"{ASK}/*", dispatcher.on_query))
             while True:
                 try:

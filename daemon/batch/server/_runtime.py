@@ -139,6 +139,28 @@ class DaemonClock:
         return moved if abs(moved) > _STEP else 0.0
 
 
+_LEAST_STALL: Final = 0.25
+"""Seconds; ticks that are late by less are late because something else had its turn."""
+
+
+class StallMeter:
+    """Measures for how long the writer did nothing of what waited, by how late its ticks are.
+
+    That is a transaction that took long, a process that was stopped, a machine that was too busy:
+    whatever it was, nobody could renew a lease meanwhile. ``tick`` is their period [s].
+    """
+
+    def __init__(self, tick: float) -> None:
+        self._tick = tick
+        self._last: float | None = None
+
+    def measure(self, now: float) -> float:
+        """Return how late this tick is [s], 0 when it is not; ``now`` is of a steady clock."""
+        late = 0.0 if self._last is None else now - self._last - self._tick
+        self._last = now
+        return late if late > max(_LEAST_STALL, self._tick) else 0.0
+
+
 class EventLog:
     """Writes events of the daemon to ``daemon.log``; safe to use from any thread.
 
