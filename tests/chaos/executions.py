@@ -38,6 +38,11 @@ class Executions:
         return self._counted("end")
 
     @property
+    def said(self) -> Counter[str]:
+        """How often each run has printed all that it prints."""
+        return self._counted("said")
+
+    @property
     def started_over(self) -> int:
         """Executions beyond the first one of each run."""
         begun = self.begun

@@ -44,7 +44,7 @@ def table(rows: Iterable[Row]) -> str:
 class Report:
     """Facts in order of their appearance, rows of parts, and violations."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, start: float | None = None) -> None:
         self.name = name
         self.violations: list[str] = []
         self.parts: list[Row] = []
@@ -53,7 +53,7 @@ class Report:
         self.started_over: int | None = None
         self.lost: int | None = None
         self._facts: dict[str, str] = {}
-        self._start = time.monotonic()
+        self._start = time.monotonic() if start is None else start
         self._end = 0.0
 
     def end(self) -> None:
