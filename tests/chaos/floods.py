@@ -59,7 +59,7 @@ def guarded(folder: Path, *workers: str) -> Iterator[tuple[DaemonPart, Path]]:
 
 def owner(daemon: DaemonPart) -> Client:
     """A client at the daemon's own socket, whom no flood at the port concerns."""
-    return Client.open(f"unix/{StatePaths(daemon.state).socket}", timeout=30.0)
+    return Client.open(StatePaths(daemon.state).endpoint, timeout=30.0)
 
 
 def flood(folder: Path, *, runs: int = 20, askers: int = 8) -> Report:
