@@ -10,13 +10,14 @@ from __future__ import annotations
 import argparse
 import asyncio
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tests.chaos.links import Link, Namespace
+from tests.chaos.links import Link, Namespace, Relay
 from tests.daemon.batch.harness import eventually, free_endpoint
 
 ROOT = Path(__file__).parents[2]
@@ -114,6 +115,27 @@ def slow_line(endpoint: str, *, delay: float = 0.0, rate: float = 1e9) -> Iterat
     finally:
         process.kill()
         process.communicate()
+
+
+class BreakingLine(Relay):
+    """A relay that ends its connections when it is cut: both ends know at once."""
+
+    def cut(self) -> None:
+        super().cut()
+        for one in self._sockets:
+            with suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+        self._sockets.clear()
+
+
+@contextmanager
+def breaking_line(endpoint: str) -> Iterator[Link]:
+    """A line that breaks when it is cut, for the block."""
+    made = BreakingLine(endpoint)
+    try:
+        yield made
+    finally:
+        made.close()
 
 
 def drop_packets(cable: Namespace, share: float) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from daemon.batch.client import Client
 from tests.chaos.executions import Executions
-from tests.chaos.lines import drop_packets, slow_line
+from tests.chaos.lines import breaking_line, drop_packets, slow_line
 from tests.chaos.links import Link, Namespace, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
@@ -41,7 +41,8 @@ class Case:
     ``cuts`` [s] follow each other ``gap`` seconds apart, the first when as many runs as there are
     ``slots`` have begun. With ``spare`` another worker, never cut off, waits for runs. The daemon
     is killed and started again ``restarts`` times. ``loss`` is a share of packets, ``delay`` [s]
-    and ``rate`` [bytes/s] are of each direction, ``ballast`` are bytes of a trace.
+    and ``rate`` [bytes/s] are of each direction, ``ballast`` are bytes of a trace. One that ``breaks``
+    ends its connections when it is cut; others go silent.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Case:
     delay: float = 0.0
     rate: float = 0.0
     ballast: int = 20_000
+    breaks: bool = False
 
     @property
     def shaped(self) -> bool:
@@ -70,6 +72,7 @@ CASES = (
     Case("cut 40 s", (10.0, 50.0), (40.0,)),
     Case("cut 40 s, a spare worker", (10.0, 50.0), (40.0,), spare=True),
     Case("cut 120 s", (20.0, 130.0), (120.0,)),
+    Case("broken for 20 s, a spare worker", (30.0,) * 2, (20.0,), breaks=True, spare=True),
     Case("loss 10 %", (0.5,) * 40, loss=0.1, slots=4, ballast=200_000),
     Case("loss 30 %", (0.5,) * 12, loss=0.3, slots=4, ballast=50_000),
     Case("delay 200 ms", (0.5,) * 60, delay=0.1, slots=8),
@@ -130,6 +133,9 @@ class _Scene:
             line: Link = stack.enter_context(
                 slow_line(endpoint, delay=case.delay, rate=case.rate or 1e9)
             )
+        elif case.breaks:
+            endpoint = free_endpoint()
+            line = stack.enter_context(breaking_line(endpoint))
         else:
             endpoint, (line,) = stack.enter_context(links(free_endpoint(), 1, isolated=isolated))
         self._line = line
