@@ -237,6 +237,10 @@ class Backend(Protocol):
     def waitables(self) -> Sequence[Waitable]:
         """What becomes ready when an execution of it has something to tell, or ``slots`` change."""
 
+    @property
+    def trouble(self) -> str:
+        """What keeps it from executing anything, once that has lasted; empty otherwise."""
+
     def listen(self) -> None:
         """Take in what made ``waitables`` ready."""
 
