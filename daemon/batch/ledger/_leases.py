@@ -245,7 +245,8 @@ class LeaseUpdates(RunUpdates):
         """Record a result, exactly one per run, whichever lease it comes under and however late."""
         campaign = self.check_completion(completion, holder=holder)
         digest = completion.result.digest
-        event, before = Completed(completion.token, digest), self._execution_state(completion.run)
+        event = Completed(completion.token, digest, completion.worker)
+        before = self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
             store_result(self._db, completion, digest, now)

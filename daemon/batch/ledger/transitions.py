@@ -8,8 +8,8 @@
 
 A lease belongs to the work that is done under it, not to a connection. One that is not renewed in
 time lapses: the run is queued for others, and nobody is to blame. Who held it may still be at work,
-cut off, and comes back with a renewal: if the run still waits it is his again; if another has it by
-then, both go on. A strike is what the worker itself reports: the run's process died or hung.
+cut off, and comes back with a renewal: if the run still waits it goes on under its old lease; if
+another has it by then, both go on. A strike is what the worker itself reports: the run's process died or hung.
 
 Execution is at least once, the result is exactly one: the first one wins, also a late one from
 a lease that lapsed. Runs are deterministic, so a second result that differs raises an alarm; for
@@ -84,10 +84,11 @@ class Renewed:
 
 @dataclass(frozen=True, slots=True)
 class Completed:
-    """A result with this digest arrived, executed under ``token``."""
+    """A result with this digest arrived, executed under ``token``; ``worker`` brought it."""
 
     token: int
     digest: str
+    worker: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +138,8 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
             return _lease(run, event)
         case Renewed():
             return _renew(run, event)
-        case Completed(token, digest):
-            return _complete(run, token, digest)
+        case Completed():
+            return _complete(run, event)
         case Released(token, reason, blame):
             if not _holds(run, token):
                 return RunTransition(run, LedgerAnswer.STALE)
@@ -205,14 +206,17 @@ def _renew(run: ExecutionState, event: Renewed) -> RunTransition:
     return RunTransition(back, LedgerAnswer.DONE)
 
 
-def _complete(run: ExecutionState, token: int, digest: str) -> RunTransition:
+def _complete(run: ExecutionState, event: Completed) -> RunTransition:
+    token, digest = event.token, event.digest
     if run.state is RunState.CANCELLED:
         return RunTransition(run, LedgerAnswer.DROPPED)
     # Whatever lease it comes from: work that is done is not thrown away because it came late.
     if not run.result:
         if token <= run.outdated:
             return RunTransition(run, LedgerAnswer.REDUNDANT)
-        done = replace(_at_rest(run, RunState.DONE, ""), result=digest, lapses=0)
+        # Whose result it is, which may be another one than who has the lease.
+        worker = event.worker or run.worker
+        done = replace(_at_rest(run, RunState.DONE, ""), result=digest, worker=worker, lapses=0)
         return RunTransition(done, LedgerAnswer.RECORDED, record=True)
     if run.result == digest:
         return RunTransition(_settled(run, token, run.reason), LedgerAnswer.KNOWN)

@@ -136,7 +136,10 @@ class Spool:
                         finished.append(self._move(attempt))
                     else:
                         unfinished.append(attempt.lease)
-                shutil.rmtree(folder)
+                try:
+                    shutil.rmtree(folder)
+                except OSError:
+                    continue  # a run's process is dying and still writes: what is left goes later
         return AdoptedWork(tuple(finished), tuple(unfinished))
 
     def _may_adopt(self, folder: Path) -> bool:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
+from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer
 from tests.daemon.batch.samples import make_result, make_submission
 
@@ -22,6 +23,12 @@ def book(tmp_path: Path) -> Iterator[LedgerWriter]:
     book.submit(make_submission("c", 1), NOW)
     yield book
     db.close()
+
+
+@pytest.fixture
+def reader(book: LedgerWriter, tmp_path: Path) -> Iterator[LedgerReader]:
+    with LedgerReader.open(StatePaths(tmp_path)) as reader:
+        yield reader
 
 
 def refs(*grants: Lease) -> tuple[LeaseRef, ...]:
@@ -47,12 +54,14 @@ def replaced(book: LedgerWriter) -> tuple[Lease, Lease]:
     return first, second
 
 
-def test_whoever_comes_second_is_told_to_stop_and_gets_a_hint(book: LedgerWriter) -> None:
+def test_whoever_comes_second_is_told_to_stop_and_gets_a_hint(
+    book: LedgerWriter, reader: LedgerReader
+) -> None:
     first, second = replaced(book)
     assert book.renew("cut", refs(first), LATER) == ()
     assert book.renew("other", refs(second), LATER) == ()
     assert complete(book, "cut", first) is LedgerAnswer.RECORDED
-    assert heard(book) == ["c.0"]
+    assert (heard(book), reader.run("c.0").row.worker) == (["c.0"], "cut")
     assert book.renew("other", refs(second), LATER) == refs(second)
     assert complete(book, "other", second) is LedgerAnswer.KNOWN
     assert heard(book) == ["c.0"]
