@@ -100,7 +100,7 @@ def parent_of(process: int) -> int:
 
 
 def children(process: int) -> set[int]:
-    """Return the children of a process that are no zombies."""
+    """Return the children of a process, zombies among them."""
     found: set[int] = set()
     try:
         for thread in Path(f"/proc/{process}/task").iterdir():
@@ -108,15 +108,9 @@ def children(process: int) -> set[int]:
     except OSError:
         # It has ended, or the kernel has no such file (CONFIG_PROC_CHILDREN); proc(5).
         with suppress(OSError):
-            return {p for p, (parent, _) in _processes().items() if parent == process}
-    return {child for child in found if _lives(child)}
-
-
-def _lives(process: int) -> bool:
-    with suppress(OSError):
-        stat = Path(f"/proc/{process}/stat").read_text()
-        return stat.rpartition(")")[2].split()[0] not in ("Z", "X")
-    return False
+            everybody = (int(one.name) for one in Path("/proc").iterdir() if one.name.isdecimal())
+            return {one for one in everybody if parent_of(one) == process}
+    return found
 
 
 def is_supervisor(process: int) -> bool:
@@ -145,7 +139,8 @@ def end_children(
     deadline, pause = time.monotonic() + limit, _FIRST_LOOK
     while True:
         reap()
-        # Asked for after the children were: what has been started since is none of them.
+        # With zombies: one that was alive when the list was read may have left children since.
+        # Spared ones are asked for after that: what has been started since is not in it.
         found = children(process)
         left = {child for child in found - {*spared()} if not is_supervisor(child)}
         if not left or time.monotonic() > deadline:
