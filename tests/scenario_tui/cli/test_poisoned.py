@@ -208,5 +208,4 @@ def test_help_keeps_its_colours(place: Place) -> None:
         assert "\N{REPLACEMENT CHARACTER}" not in assert_harmless(raw)
 
 
-def test_a_csv_file_holds_nothing_that_a_spreadsheet_calculates(place: Place) -> None:
-    ...
+def test_a_csv_file_holds_nothing_that_a_spreadsheet_calculates(place: Place) -> None: ...
