@@ -74,13 +74,10 @@ def daemon(trace: Path) -> PoisonedDaemon:
     return PoisonedDaemon(rows, live=(live,), trouble=f"no space left{POISON}")
 
 
-async def test_no_screen_of_the_dashboard_lets_it_through(
-    trace: Path, tmp_path, monkeypatch
-) -> None:
-    (tmp_path / f"bad{NAME}.yaml").write_text(
+async def walk_through_the_dashboard(trace: Path, folder: Path) -> None:
+    (folder / f"bad{NAME}.yaml").write_text(
         f"campaign: x\nabout: {yaml_text(POISON)}\nscenarios: {{{yaml_text(NAME)}: 1}}\n"
     )
-    monkeypatch.chdir(tmp_path)
     dashboard = make_dashboard(daemon(trace), check_file=check_file)
     async with dashboard.run_test(size=WIDE) as pilot:
         await settle(pilot)
@@ -112,7 +109,7 @@ async def test_no_screen_of_the_dashboard_lets_it_through(
         look(pilot)
 
 
-async def test_no_dialog_lets_it_through(trace: Path) -> None:
+async def walk_through_dialogs(trace: Path) -> None:
     dashboard = make_dashboard(daemon(trace))
     dialogs = (
         Question(f"sure?{POISON}", f"scenario cancel {NAME}"),
@@ -131,7 +128,7 @@ async def test_no_dialog_lets_it_through(trace: Path) -> None:
         look(pilot, Help)
 
 
-async def test_neither_do_replays_and_live_worlds(trace: Path, campaigns: Path) -> None:
+async def walk_through_what_moves(trace: Path, campaigns: Path) -> None:
     playback = open_playback(trace)
     for screen in (
         ReplayScreen(playback, 0.6, clock=lambda: 0.0),
@@ -147,7 +144,13 @@ async def test_neither_do_replays_and_live_worlds(trace: Path, campaigns: Path) 
         look(pilot, type(shown.screen))
 
 
-def test_every_screen_was_walked_through() -> None:
+async def test_no_screen_lets_it_through(
+    trace: Path, tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    await walk_through_the_dashboard(trace, tmp_path)
+    await walk_through_dialogs(trace)
+    await walk_through_what_moves(trace, campaigns)
     for module in pkgutil.iter_modules(screens.__path__):
         importlib.import_module(f"{screens.__name__}.{module.name}")
     assert set(_concrete(Screen)) <= SEEN
@@ -178,7 +181,7 @@ def test_a_line_stays_as_wide_as_it_was() -> None:
 PROGRAM = """
 import sys
 from scenario_tui.cli import main, target
-from tests.scenario_tui.dashboard.test_poisoned import PoisonedDaemon
+from tests.scenario_tui.poison import PoisonedDaemon
 fake = PoisonedDaemon(trouble="no space left")
 target.DaemonTarget.open = lambda self: fake.open()
 main(["tui"])
@@ -195,5 +198,5 @@ def test_what_the_dashboard_sends_a_real_terminal_is_its_own() -> None:
         shown.type("q")
         assert shown.wait() == 0
         assert WORD.encode() in shown.raw
-        # Once each, by us: the window is cleared and gets a title from nobody else.
+        # Cleared once, by us, before there is anything to see.
         assert_harmless(bytes(shown.raw).replace(b"\x1b[2J\x1b[1;2H", b""))
