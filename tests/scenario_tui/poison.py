@@ -23,6 +23,7 @@ from daemon.model.sut import Estimate, Progress
 from daemon.model.verbs import A, Verb
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
+from grammars.model.scene import Scene
 from tests.scenario_tui.fake import FakeDaemon, make_row, make_spec
 from tests.scenario_tui.recorded import ORACLES, WORLD
 
@@ -35,22 +36,27 @@ POISON: Final = (
 )
 NAME: Final = POISON.replace("\r", "")
 """For places that end at the end of a line."""
-_MEANT: Final = frozenset({"digest", "engine", "kind", "map", "robot", "scene", "state"})
+_MEANT: Final = frozenset({"digest", "engine", "kind", "map", "robot", "scene", "state", "trace"})
 """Fields with a meaning to the program: other texts there are refused before they are shown."""
 
-# What rich and our own progress send: styles, the cursor hidden and shown, lines erased.
-_OURS: Final = re.compile(r"\x1b\[(?:[0-9;]*m|\?25[hl]|[0-9]*[AK]|\?[0-9]+[hl])|\r")
+# What we send: styles, the cursor moved, hidden and shown, lines erased, modes of the keyboard and
+# mouse set and asked for, the shape of its pointer. The poison is none of these.
+_OURS: Final = re.compile(r"\x1b\[[?<>=]?[0-9;]*\$?[A-DHKchlmnpu]|\x1b\]22;\w+\x07|\r")
 _KEPT: Final = "\n\t\u200c\u200d\u00ad"
 
 
 def poisoned(value: Any) -> Any:
-    """Return a value with poison behind every text in it."""
+    """Return a value with poison behind every text in it that is not empty."""
     if isinstance(value, str) and not isinstance(value, Enum):
-        return f"{value}{NAME}"
+        return f"{value}{NAME}" if value else value
     if isinstance(value, tuple):
         return tuple(map(poisoned, value))
     if isinstance(value, Mapping):
         return {key: poisoned(one) for key, one in value.items()}
+    if isinstance(value, Scene):
+        # Joints and links are found by their names.
+        regions, doorways = poisoned(value.regions), poisoned(value.doorways)
+        return replace(value, name=poisoned(value.name), regions=regions, doorways=doorways)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         changes = {
             field.name: poisoned(getattr(value, field.name))
@@ -111,13 +117,7 @@ def record_poisoned(path: Path) -> Path:
     """Record a second of a run all of whose texts are poisoned: a trace that can be read."""
     run = poisoned(replace(make_spec(make_row(5), WORLD.digest), oracles=()))
     oracles = (OracleText(f"calm{NAME}", "max(speed) <= 0.1 m/s"), *ORACLES)
-    # Joints and links are found by their names.
-    world = replace(
-        WORLD,
-        name=poisoned(WORLD.name),
-        regions=poisoned(WORLD.regions),
-        doorways=poisoned(WORLD.doorways),
-    )
+    world = poisoned(WORLD)
     run = replace(run, oracles=oracles, scene=world.digest, limit=20.0, behaviours=())
     path.parent.mkdir(parents=True, exist_ok=True)
     with TraceWriter(path, run, world) as trace:

@@ -17,7 +17,6 @@ from daemon.analysis.report._tracks import MEASURES, RunTracks
 from daemon.model.assessments import ReferenceValue, RunRecord
 from daemon.model.verdicts import Outcome
 from grammars.text.extras import load_extra
-from grammars.text.terminal_text import printable
 
 COLUMNS: Final = (
     "campaign", "scenario", "sut", "repeat", "run", "digest", "outcome",
@@ -99,11 +98,9 @@ def _plain_cells(row: Row) -> Row:
 
 
 def _plain_cell(text: str) -> str:
-    """Return text that spreadsheets show and do not calculate (CWE-1236), without controls."""
-    shown = printable(text)
-    if text.startswith(_FORMULA) and not _NUMBER.fullmatch(text):
-        return f"'{shown}"
-    return shown
+    """Return text that spreadsheets show and do not calculate (CWE-1236)."""
+    calculated = text.startswith(_FORMULA) and not _NUMBER.fullmatch(text)
+    return f"'{text}" if calculated else text
 
 
 def write_parquet(data: ReportData, path: Path) -> None:

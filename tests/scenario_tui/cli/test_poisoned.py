@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
+from xml.etree import ElementTree
 
 import pytest
 import typer
@@ -27,7 +30,7 @@ from tests.scenario_tui.poison import (
     write_foreign_trace,
     yaml_text,
 )
-from tests.scenario_tui.terminal.pseudo_terminal import typed_here
+from tests.scenario_tui.terminal.pseudo_terminal import ROOT, typed_here
 
 RUN: Final = "first-ab12cd34.5"
 CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
@@ -63,7 +66,7 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "compare": (("first", "nightly"), ("{FOREIGN}", "{NAME}.json")),
     "report": (
         ("traces", "--csv", "out/{NAME}.csv", "--junit", "out/junit.xml"),
-        ("first", "--out", "out/{NAME}.html"),
+        ("first", "-o", "out/{NAME}.html"),
     ),
     "coverage": (("{TRACE}", "{FOREIGN}"), ("demo/campaign.yaml",)),
     "blame": (("{FOREIGN}",), (RUN, "--oracle", "{NAME}")),
@@ -208,4 +211,20 @@ def test_help_keeps_its_colours(place: Place) -> None:
         assert "\N{REPLACEMENT CHARACTER}" not in assert_harmless(raw)
 
 
-def test_a_csv_file_holds_nothing_that_a_spreadsheet_calculates(place: Place) -> None: ...
+def test_neither_do_the_files_of_a_report(place: Place) -> None:
+    page, junit = (place.folder / "out" / f"report.{ending}" for ending in ("html", "xml"))
+    code, _ = place.type("report", "traces", "-o", str(page), "--junit", str(junit))
+    assert code == 0
+    ElementTree.parse(junit)
+    for file in (page, junit):
+        assert WORD in assert_harmless(file.read_bytes())
+
+
+def test_what_daemons_and_workers_say_in_processes_of_their_own(place: Place) -> None:
+    command = [sys.executable, "-m", "daemon", "worker", "--connect", f"tcp/{NAME}"]
+    for more in ((f"--{NAME}",), ("--slots", NAME)):
+        said = subprocess.run(
+            [*command, *more], capture_output=True, check=False, timeout=120, cwd=ROOT
+        )
+        assert said.returncode == 2
+        assert WORD in assert_harmless(said.stderr)
