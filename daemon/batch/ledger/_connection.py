@@ -13,6 +13,8 @@ from typing import Final
 from daemon.batch.errors import DaemonError, Unavailable
 
 SCHEMA_VERSION: Final = 7
+UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
+"""What a question to a damaged ledger may raise: also that its message is no text."""
 _UPGRADABLE: Final = (1, 2, 3, 4, 5, 6)
 
 
@@ -42,7 +44,7 @@ def connect(path: Path) -> sqlite3.Connection:
         connection.execute("PRAGMA synchronous = FULL")
         connection.execute("PRAGMA foreign_keys = ON")  # off by default, and per connection
         _prepare(connection, path)
-    except sqlite3.DatabaseError as error:
+    except UNREADABLE as error:
         connection.close()
         if _is_passing(error):
             raise Unavailable(f"{path} cannot be used just now: {error}") from error
@@ -64,7 +66,7 @@ _NO_ROOM: Final = (
 """What a full disk, or a quota that is reached, makes of writing the WAL and of its index."""
 
 
-def _is_passing(error: sqlite3.Error) -> bool:
+def _is_passing(error: Exception) -> bool:
     """Whether it may be otherwise in a while, without anybody mending the ledger."""
     code = getattr(error, "sqlite_errorcode", 0)
     return code & 0xFF in _PASSING or code in _NO_ROOM
@@ -179,7 +181,7 @@ def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
         with closing(connect_reader(path)) as db:
             db.execute("BEGIN")  # one snapshot: numbers that must agree are counted one by one
             return _examine(db, quick)
-    except sqlite3.Error as error:
+    except UNREADABLE as error:
         if _is_passing(error):
             raise Unavailable(f"{path} cannot be read just now: {error}") from error
         raise DaemonError(f"{path} cannot be read: {error}") from error

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from daemon.batch.errors import DaemonError, Refused, Unavailable
-from daemon.batch.ledger._connection import connect
+from daemon.batch.ledger._connection import UNREADABLE, connect
 from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import (
     insert_runs,
@@ -46,7 +46,7 @@ class LedgerWriter(LeaseUpdates):
         try:
             with closing(connect(path)) as connection:
                 yield cls(connection, attempts=attempts, lease=lease)
-        except sqlite3.DatabaseError as error:
+        except UNREADABLE as error:
             raise DaemonError(f"{path} is not a usable ledger: {error}") from error
 
     @contextmanager
@@ -67,7 +67,7 @@ class LedgerWriter(LeaseUpdates):
             self.events = []
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-            if isinstance(error, sqlite3.Error):
+            if isinstance(error, UNREADABLE):
                 raise Unavailable(f"the ledger cannot be written: {error}") from error
             raise
 
@@ -108,7 +108,7 @@ class LedgerWriter(LeaseUpdates):
                 busy, *_ = self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
             finally:
                 self._db.execute(f"PRAGMA busy_timeout = {waited}")
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise Unavailable(f"the ledger's WAL cannot be emptied: {error}") from error
         return not busy
 
