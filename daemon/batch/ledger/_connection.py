@@ -15,6 +15,7 @@ from daemon.batch.errors import DaemonError, Unavailable
 SCHEMA_VERSION: Final = 7
 UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
 """What a question to a damaged ledger may raise: also that its message is no text."""
+_READER_PATIENCE: Final = 5.0
 _UPGRADABLE: Final = (1, 2, 3, 4, 5, 6)
 
 
@@ -78,17 +79,19 @@ def _open_error(path: Path, error: OSError) -> DaemonError:
     return Unavailable(words) if passing else DaemonError(words)
 
 
-def connect_reader(path: Path, *, timeout: float = 5.0) -> sqlite3.Connection:
+def connect_reader(path: Path, *, timeout: float | None = None) -> sqlite3.Connection:
     """Open an existing ledger for questions only, whether a daemon keeps it or not.
 
-    Waits ``timeout`` seconds at most for a lock. Raises ``sqlite3.Error`` where there is none.
+    Waits ``timeout`` seconds at most for a lock, five unless told otherwise. Raises
+    ``sqlite3.Error`` where there is none.
     """
     # mode=ro, not PRAGMA query_only: a connection of that kind makes an empty file where there
     # is no ledger, and the last one to close writes the WAL of a killed daemon into the file.
     # Looking must change nothing but the index of the WAL (the -shm file), which readers share.
     address = f"{path.absolute().as_uri()}?mode=ro"
+    patience = _READER_PATIENCE if timeout is None else timeout
     return sqlite3.connect(
-        address, uri=True, timeout=timeout, isolation_level=None, check_same_thread=False
+        address, uri=True, timeout=patience, isolation_level=None, check_same_thread=False
     )
 
 
