@@ -13,6 +13,9 @@ from typing import Final
 from daemon.batch.errors import DaemonError, Unavailable
 
 SCHEMA_VERSION: Final = 7
+UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
+"""What a question to a damaged ledger may raise: also that its message is no text."""
+_READER_PATIENCE: Final = 5.0
 _UPGRADABLE: Final = (1, 2, 3, 4, 5, 6)
 _CACHE_KIB: Final = 64 * 2**10
 # What is being entered or removed is not there for whoever asks: these stand before the tables of
@@ -58,7 +61,7 @@ def connect(path: Path) -> sqlite3.Connection:
         connection.execute(f"PRAGMA cache_size = -{_CACHE_KIB}")
         connection.execute("PRAGMA foreign_keys = ON")  # off by default, and per connection
         _prepare(connection, path)
-    except sqlite3.DatabaseError as error:
+    except UNREADABLE as error:
         connection.close()
         if _is_passing(error):
             raise Unavailable(f"{path} cannot be used just now: {error}") from error
@@ -80,7 +83,7 @@ _NO_ROOM: Final = (
 """What a full disk, or a quota that is reached, makes of writing the WAL and of its index."""
 
 
-def _is_passing(error: sqlite3.Error) -> bool:
+def _is_passing(error: Exception) -> bool:
     """Whether it may be otherwise in a while, without anybody mending the ledger."""
     code = getattr(error, "sqlite_errorcode", 0)
     return code & 0xFF in _PASSING or code in _NO_ROOM
@@ -92,18 +95,19 @@ def _open_error(path: Path, error: OSError) -> DaemonError:
     return Unavailable(words) if passing else DaemonError(words)
 
 
-def connect_reader(path: Path, *, timeout: float = 5.0) -> sqlite3.Connection:
+def connect_reader(path: Path, *, timeout: float | None = None) -> sqlite3.Connection:
     """Open an existing ledger for questions only, whether a daemon keeps it or not.
 
-    Waits ``timeout`` seconds at most for a lock. Hidden campaigns and their runs are not seen.
-    Raises ``sqlite3.Error`` where there is none.
+    Waits ``timeout`` seconds at most for a lock, five unless told otherwise. Hidden campaigns and
+    their runs are not seen. Raises ``sqlite3.Error`` where there is none.
     """
     # mode=ro, not PRAGMA query_only: a connection of that kind makes an empty file where there
     # is no ledger, and the last one to close writes the WAL of a killed daemon into the file.
     # Looking must change nothing but the index of the WAL (the -shm file), which readers share.
     address = f"{path.absolute().as_uri()}?mode=ro"
+    patience = _READER_PATIENCE if timeout is None else timeout
     connection = sqlite3.connect(
-        address, uri=True, timeout=timeout, isolation_level=None, check_same_thread=False
+        address, uri=True, timeout=patience, isolation_level=None, check_same_thread=False
     )
     try:
         if schema_version(connection) >= _FIRST_WITH_VISIBLE:
@@ -203,7 +207,7 @@ def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
         with closing(connect_reader(path)) as db:
             db.execute("BEGIN")  # one snapshot: numbers that must agree are counted one by one
             return _examine(db, quick)
-    except sqlite3.Error as error:
+    except UNREADABLE as error:
         if _is_passing(error):
             raise Unavailable(f"{path} cannot be read just now: {error}") from error
         raise DaemonError(f"{path} cannot be read: {error}") from error

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.batch.ledger._connection import connect_reader
+from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._granted import require_lease
 from daemon.batch.ledger._results import (
     SpecReader,
@@ -109,7 +109,7 @@ class LedgerReader:
         try:
             with closing(connect_reader(paths.ledger)) as connection:
                 yield cls(connection, paths)
-        except sqlite3.DatabaseError as error:
+        except UNREADABLE as error:
             raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
 
     @contextmanager

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.ledger._connection import connect_reader
+from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._inputs import referenced_inputs
 from daemon.batch.ledger._results import SpecReader, deciding_verdict
 from daemon.batch.paths import StatePaths
@@ -106,7 +106,7 @@ def verify_contents(
             results, seen = _verify_results(db, paths, found, (start, last), traces, progress)
             specs = _verify_specs(db, found, (start, last), progress)
             waiting = _waiting_inputs(db, found)
-    except sqlite3.Error as error:
+    except UNREADABLE as error:
         raise DaemonError(f"{paths.ledger} cannot be read: {error}") from error
     scenes = files = 0
     if not quick:

@@ -97,7 +97,7 @@ def read_wal(ledger: Path) -> WalState:
         index = _read_index(index_path(ledger))
         try:
             state = _examine(wal_path(ledger), index)
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             state = _without_file(index)
         # A daemon that begins the WAL anew meanwhile makes sound frames look wrong.
         if not state.damaged or _read_index(index_path(ledger)) == index:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from daemon.batch.errors import DaemonError, Refused, Unavailable
-from daemon.batch.ledger._connection import connect
+from daemon.batch.ledger._connection import UNREADABLE, connect
 from daemon.batch.ledger._deletion import hides_anything, remove_campaign, remove_hidden
 from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import note_of_result, remove_result, reuse_in_steps
@@ -45,7 +45,7 @@ class LedgerWriter(LeaseUpdates):
         try:
             with closing(connect(paths.ledger)) as connection:
                 yield cls(connection, attempts=attempts, lease=lease, paths=paths)
-        except sqlite3.DatabaseError as error:
+        except UNREADABLE as error:
             raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
 
     def __init__(
@@ -80,7 +80,7 @@ class LedgerWriter(LeaseUpdates):
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
             self._detach()
-            if isinstance(error, sqlite3.Error):
+            if isinstance(error, UNREADABLE):
                 raise Unavailable(f"the ledger cannot be written: {error}") from error
             raise
 
@@ -121,7 +121,7 @@ class LedgerWriter(LeaseUpdates):
                 busy, *_ = self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
             finally:
                 self._db.execute(f"PRAGMA busy_timeout = {waited}")
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise Unavailable(f"the ledger's WAL cannot be emptied: {error}") from error
         return not busy
 

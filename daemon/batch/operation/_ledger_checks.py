@@ -65,8 +65,12 @@ def check_ledger(
     yield _ledger_finding(found)
     if found.version == SCHEMA_VERSION and not found.damage:
         yield from _history_findings(found, now)
-        report = verify_contents(paths, quick=quick, traces=traces, progress=progress)
-        yield from _content_findings(report, quick=quick)
+        try:
+            report = verify_contents(paths, quick=quick, traces=traces, progress=progress)
+        except DaemonError as error:
+            yield problem("contents", str(error), _BACKUP)
+        else:
+            yield from _content_findings(report, quick=quick)
 
 
 def _wal_findings(paths: StatePaths) -> Iterator[DoctorFinding]:
