@@ -75,6 +75,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
         steer.pause,
         steer.resume,
         steer.priority,
+        steer.delete,
         steer.stop,
     ),
     "Machines": (machines.daemon, machines.worker),

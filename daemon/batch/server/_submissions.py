@@ -8,7 +8,6 @@ would keep every other thread waiting, and leases with it.
 from __future__ import annotations
 
 import math
-import sqlite3
 import subprocess
 import uuid
 from collections.abc import Iterator
@@ -51,7 +50,7 @@ def stage_request(payload: bytes, paths: StatePaths) -> Path:
             _stage_in_child(payload, staged, paths)
     except BaseException as error:
         staged.unlink(missing_ok=True)
-        if isinstance(error, OSError | sqlite3.Error):
+        if isinstance(error, OSError):
             raise Unavailable(f"the submission cannot be stored: {error}") from error
         raise
     return staged
