@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from daemon.batch.errors import Unavailable
 from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.model.ids import trace_name
 from daemon.model.packed_submission import PackedRun, PackedSubmission, Script, submission_digest
@@ -66,16 +67,19 @@ def stage_submission(packed: PackedSubmission, path: Path) -> None:
     """Write the rows of a submission into a new file.
 
     Raises ``ValueError`` for a run in terms of a cell or a script that is not there, and
-    ``sqlite3.Error`` when the file cannot be written.
+    :class:`Unavailable` when the file cannot be written.
     """
-    with closing(sqlite3.connect(path, isolation_level=None)) as db:
-        # Nothing of it has to survive anything: who is not told that it is in the ledger sends it
-        # once more.
-        db.execute("PRAGMA journal_mode = OFF")
-        db.execute("PRAGMA synchronous = OFF")
-        db.execute("BEGIN")
-        stage_rows(db, packed)
-        db.execute("COMMIT")
+    try:
+        with closing(sqlite3.connect(path, isolation_level=None)) as db:
+            # Nothing of it has to survive anything: who is not told that it is in the ledger sends
+            # it once more.
+            db.execute("PRAGMA journal_mode = OFF")
+            db.execute("PRAGMA synchronous = OFF")
+            db.execute("BEGIN")
+            stage_rows(db, packed)
+            db.execute("COMMIT")
+    except sqlite3.Error as error:
+        raise Unavailable(f"the submission cannot be stored: {error}") from error
 
 
 def stage_rows(db: sqlite3.Connection, packed: PackedSubmission, schema: str = "main") -> None:

@@ -7,12 +7,11 @@
 from __future__ import annotations
 
 import os
-import sqlite3
 import sys
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import Refused
+from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._submissions import stage_here
 from daemon.model.messages import ErrorReply
@@ -27,9 +26,10 @@ def main(request: str, staged: str, state: str) -> None:
     os.nice(_NICE)
     try:
         stage_here(Path(request).read_bytes(), Path(staged), StatePaths(Path(state)))
-    except Refused as error:
-        sys.stdout.buffer.write(codec.to_json(ErrorReply(str(error))))
-    except (OSError, sqlite3.Error) as error:
+    except DaemonError as error:
+        passing = isinstance(error, Unavailable)
+        sys.stdout.buffer.write(codec.to_json(ErrorReply(str(error), passing)))
+    except OSError as error:
         words = f"the submission cannot be stored: {error}"
         sys.stdout.buffer.write(codec.to_json(ErrorReply(words, passing=True)))
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import os
-import sqlite3
 import subprocess
 import uuid
 from collections.abc import Iterator
@@ -52,7 +51,7 @@ def stage_request(payload: bytes, paths: StatePaths) -> Path:
             _stage_in_child(payload, staged, paths)
     except BaseException as error:
         staged.unlink(missing_ok=True)
-        if isinstance(error, OSError | sqlite3.Error):
+        if isinstance(error, OSError):
             raise Unavailable(f"the submission cannot be stored: {error}") from error
         raise
     return staged
