@@ -337,7 +337,7 @@ def test_the_published_door_is_the_one_described(reference_data: Path) -> None:
 
 
 def test_a_space_may_still_be_called_like_an_earlier_identifier(tmp_path: Path) -> None:
-    text = "Floor plan: p Space space: shape: Rectangle width=2 m, length=2 m location: wrt: world of: this walls: thickness: 0.2 m height: 2 m"
+    text = "Floor plan: p Space space: shape: Rectangle width=2 m, length=2 m location: wrt: world of: this walls: thickness: 0.2 m height: 2 m"  # noqa: E501
     plan = parse_floorplan(text)
     write_jsonld(plan, tmp_path)
     assert load_floorplan_jsonld(tmp_path) == plan

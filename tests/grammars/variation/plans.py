@@ -61,7 +61,7 @@ Floor plan: house
             translation: z: 1.5 m
             rotation: y:
               0 rad
-"""
+"""  # noqa: E501
 
 
 def vary(folder: Path, statements: str, plan: str = HOUSE, **options: Any) -> Variation:
