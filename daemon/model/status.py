@@ -111,7 +111,9 @@ class RunRow:
     else the one with the smallest margin) and its margin in ``unit``. ``trace`` is the path of
     the trace on the machine that keeps it, empty while there is none. ``cached`` is the earlier
     run whose result this is, empty when it was executed itself. Of a system that is not
-    ``repeatable`` the same run gives something else each time.
+    ``repeatable`` the same run gives something else each time. After ``setbacks`` attempts in a
+    row without a result a queued run waits until ``not_before`` (0: it may start at once), for the
+    ``reason`` given.
     """
 
     id: str
@@ -134,6 +136,8 @@ class RunRow:
     reason: str = ""
     cached: str = ""
     repeatable: bool = True
+    not_before: float = 0.0
+    setbacks: int = 0
 
     @property
     def nondeterministic(self) -> bool:
@@ -160,7 +164,10 @@ class RunDetail:
 
 @dataclass(frozen=True, slots=True)
 class WorkerRow:
-    """A worker connected to the daemon: ``busy`` of ``slots`` are running something."""
+    """A worker connected to the daemon: ``busy`` of ``slots`` are running something.
+
+    ``trouble`` says what keeps it from working, empty when nothing does.
+    """
 
     id: str
     host: str
@@ -170,6 +177,7 @@ class WorkerRow:
     busy: int
     connected_at: float
     last_seen_at: float
+    trouble: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,8 +198,9 @@ class DiskUsage:
 class DaemonOverview:
     """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately.
 
-    ``trouble`` says why runs cannot be executed here (the daemon's own worker broke, the disk is
-    full), empty when they can.
+    ``trouble`` says why no run can start (the daemon's own worker broke, the disk is full, every
+    worker is in trouble), empty when some can. ``troubles`` are all there are, that one first, also
+    those of single workers and of inputs that runs wait for.
     """
 
     version: str
@@ -212,6 +221,7 @@ class DaemonOverview:
     rate: float
     seconds_left: float | None
     trouble: str = ""
+    troubles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

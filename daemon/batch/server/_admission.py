@@ -10,6 +10,7 @@ from typing import Final
 
 from daemon.batch.amounts import size_text
 from daemon.batch.errors import DaemonError, Refused
+from daemon.batch.inputs import keep_scene
 from daemon.batch.ledger import RetentionPolicy, stored_bytes, sweep_traces
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
@@ -19,8 +20,6 @@ from daemon.model.packed_submission import MOST_RUNS
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.status import Submission
 from grammars.model.scene import Scene
-from grammars.text import codec
-from grammars.text.files import write_atomically
 
 _SHOWN: Final = 10
 """Problems that are said: who has forgotten a file has forgotten it for 100,000 runs."""
@@ -35,9 +34,7 @@ def admit_submission(submission: Submission, paths: StatePaths) -> None:
         raise Refused("\n".join(problems[:_SHOWN]) + more)
     # Only when all is well, and before the ledger has the runs: a scene too many is harmless.
     for digest, scene in scenes.items():
-        path = paths.scene(digest)
-        if not path.exists():
-            write_atomically(path, codec.to_json(scene))
+        keep_scene(paths.scene(digest), scene)
 
 
 def _problems(submission: Submission, scenes: dict[str, Scene], paths: StatePaths) -> Iterator[str]:

@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from importlib.metadata import version as installed_version
@@ -148,6 +148,7 @@ class _Daemon:
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
+        self._hint: Callable[[], None] | None = None
         self._handlers = Handlers(
             paths,
             settings,
@@ -157,7 +158,7 @@ class _Daemon:
             self._quota,
             version=self._version,
             stop=self._stop,
-            trouble=self._trouble,
+            troubles=self._troubles,
             marker=write_marker(paths),
         )
 
@@ -175,9 +176,11 @@ class _Daemon:
             for number, handler in kept.items():
                 signal.signal(number, handler)
 
-    def _trouble(self) -> str:
+    def _troubles(self) -> tuple[str, ...]:
+        """Why no run can start here; the first is what to do first."""
         own = "" if self._local is None else self._local.trouble
-        return self._paths.disk_shortage() or self._quota.trouble or own
+        found = (self._paths.disk_shortage(), self._quota.trouble, own)
+        return tuple(words for words in found if words)
 
     def _stop(self) -> None:
         self._stops += 1
@@ -195,6 +198,7 @@ class _Daemon:
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
+        self._hint = lambda: _publish_hint(session)
         threads = self._start_threads(stack, ledger, session)
         writer = threads[0]
         self._quota.start()
@@ -268,6 +272,7 @@ class _Daemon:
             self._registry.shift(moved)
             self._log.write("clock set", seconds=round(moved, 3))
         now = self._clock.now()
+        ready = ledger.end_waits(now)
         taken = ledger.expire_leases(now)
         if taken:
             self._log.write("leases lapsed", runs=taken)
@@ -275,11 +280,13 @@ class _Daemon:
             runs = ledger.release_worker(worker, now)
             ledger.record_event(now, "worker", worker, state="gone")
             self._log.write("worker gone", worker=worker, runs=runs)
-        return taken
+        return ready
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):
             self._log.write("failure", key="tick", problem=repr(value))
+        elif value and self._hint is not None:
+            self._hint()  # runs have waited long enough
 
     def _leave(self, local: LocalWorker | None) -> None:
         # Others are told that nothing more comes; the local worker is asked to finish what it has
@@ -306,4 +313,8 @@ def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:
         # Dropped rather than waited for: a listener that is behind sees the gap and asks again.
         session.put(EVENTS, codec.to_json(event), congestion_control=zenoh.CongestionControl.DROP)
     if any(event.state in _HINTS for event in events):
-        session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)
+        _publish_hint(session)
+
+
+def _publish_hint(session: zenoh.Session) -> None:
+    session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)

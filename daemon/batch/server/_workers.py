@@ -115,6 +115,7 @@ class WorkerRegistry:
                     busy=e.info.busy,
                     connected_at=e.connected_at,
                     last_seen_at=e.last_seen_at,
+                    trouble=e.info.trouble,
                 )
                 for e in self._entries.values()
                 if e.gone_at is None
