@@ -55,7 +55,7 @@ _SORTABLE: Final = {
 _ROW: Final = (
     'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
-    " trace_at, repeatable"
+    " trace_at, repeatable, not_before, setbacks"
 )
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"

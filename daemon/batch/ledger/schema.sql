@@ -72,7 +72,9 @@ CREATE TABLE run (
 ) STRICT;
 
 CREATE INDEX run_queue ON run (state, serial);
-CREATE INDEX run_waiting ON run (campaign, serial) WHERE state = 'queued';
+-- Ready to be leased; and those that wait after a failed attempt, for whoever ends their wait.
+CREATE INDEX run_ready ON run (campaign, serial) WHERE state = 'queued' AND not_before = 0;
+CREATE INDEX run_delayed ON run (not_before) WHERE state = 'queued' AND not_before > 0;
 CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 -- The first lets a new run find an old result of the same specification.
 CREATE INDEX run_result ON run (digest) WHERE result <> '';

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version as installed_version
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Unavailable
@@ -124,7 +124,7 @@ class WaitingDaemon:
 
     def overview(self, _: object, __: object) -> DaemonOverview:
         """Nothing is known of the ledger; the trouble says so."""
-        counts = {state.value: 0 for state in RunState}
+        counts: dict[str, Any] = {state.value: 0 for state in RunState}
         return DaemonOverview(
             version=self._version,
             state=str(self._paths.state),
@@ -140,6 +140,7 @@ class WaitingDaemon:
             rate=0.0,
             seconds_left=None,
             trouble=self.trouble,
+            troubles=(self.trouble,) if self.trouble else (),
         )
 
     def workers(self, _: object, __: object) -> tuple[()]:

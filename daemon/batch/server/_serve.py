@@ -6,7 +6,7 @@ import fcntl
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -189,6 +189,7 @@ class _Daemon:
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
+        self._hint: Callable[[], None] | None = None
         self._handlers = Handlers(
             paths,
             settings,
@@ -198,14 +199,15 @@ class _Daemon:
             self._quota,
             version=self._version,
             stop=stop,
-            trouble=self._trouble,
+            troubles=self._troubles,
             marker=opened.marker,
         )
 
-    def _trouble(self) -> str:
+    def _troubles(self) -> tuple[str, ...]:
+        """Why no run can start here; the first is what to do first."""
         own = "" if self._local is None else self._local.trouble
-        shortage = self._paths.disk_shortage()
-        return shortage or self._quota.trouble or own or self._opened.damage
+        found = (self._paths.disk_shortage(), self._quota.trouble, own, self._opened.damage)
+        return tuple(words for words in found if words)
 
     def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
         """Open the bus, work, leave; ``stack`` closes what was opened."""
@@ -213,6 +215,7 @@ class _Daemon:
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
+        self._hint = lambda: _publish_hint(session)
         remove_remains(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
         for keeper in (self._quota, Housekeeping(self._paths, self._log)):
@@ -292,6 +295,7 @@ class _Daemon:
             self._removing = True
             writer.put(LedgerJob(LedgerWriter.remove_hidden_in_steps, self._removed))
         now = self._clock.now()
+        ready = ledger.end_waits(now)
         # A renewal that has come proves that its worker lives, whenever there is time to read it.
         taken = 0 if writer.renewals_wait else ledger.expire_leases(now)
         if taken:
@@ -302,7 +306,7 @@ class _Daemon:
             for worker in self._registry.forget(sorted(absent - ledger.busy_workers()), now):
                 ledger.record_event(now, "worker", worker, state="gone")
                 self._log.write("worker gone", worker=worker)
-        return taken
+        return ready
 
     def _removed(self, value: object) -> None:
         self._removing = False
@@ -314,6 +318,8 @@ class _Daemon:
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):
             self._log.write("failure", key="tick", problem=repr(value))
+        elif value and self._hint is not None:
+            self._hint()  # runs have waited long enough
 
     def _leave(self, local: LocalWorker | None) -> None:
         # Others are told that nothing more comes; the local worker is asked to finish what it has
@@ -362,4 +368,8 @@ def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:
         # Dropped rather than waited for: a listener that is behind sees the gap and asks again.
         session.put(EVENTS, codec.to_json(event), congestion_control=zenoh.CongestionControl.DROP)
     if any(event.state in _HINTS for event in events):
-        session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)
+        _publish_hint(session)
+
+
+def _publish_hint(session: zenoh.Session) -> None:
+    session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
+from daemon.batch.inputs import keep_scene
 from daemon.batch.ledger import stage_submission
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
@@ -27,7 +28,6 @@ from daemon.model.packed_submission import MOST_RUNS, PackedRun, PackedSubmissio
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.verbs import SUBMIT
 from grammars.text import codec
-from grammars.text.files import write_atomically
 
 _SHOWN: Final = 10
 """Problems that are said: who has forgotten a file has forgotten it for 100,000 runs."""
@@ -103,9 +103,7 @@ def admit_submission(packed: PackedSubmission, paths: StatePaths) -> None:
     problems.raise_any()
     # Only when all is well, and before the ledger has the runs: a scene too many is harmless.
     for scene in packed.scenes:
-        path = paths.scene(scene.digest)
-        if not _is_there(path):
-            write_atomically(path, codec.to_json(scene))
+        keep_scene(paths.scene(scene.digest), scene)
 
 
 class _Problems:

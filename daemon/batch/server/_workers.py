@@ -134,6 +134,7 @@ class WorkerRegistry:
                     connected_at=e.connected_at,
                     last_seen_at=e.last_seen_at,
                     away=e.away_since is not None or self._is_silent(e, now),
+                    trouble=e.info.trouble,
                 )
                 for e in self._entries.values()
             )

@@ -71,6 +71,10 @@ class Attempt:
         """The result; raises ``OSError`` or ``ValueError`` when it cannot be read."""
         return codec.from_json(RunResult, (self.folder / RESULT).read_bytes())
 
+    def result_size(self) -> int:
+        """Bytes of the result as it is stored; raises ``OSError``."""
+        return (self.folder / RESULT).stat().st_size
+
     def output(self) -> str:
         """The end of what the run printed, empty when it printed nothing."""
         # Nothing of one that ended before it had begun.
