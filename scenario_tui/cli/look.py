@@ -39,6 +39,8 @@ class StatusOutput(Output, schema="status"):
         """Print the daemon on two lines, and the newest campaigns."""
         console, now = stdout_console(), self.overview.now
         self._print_overview()
+        if not self.campaigns and self.overview.trouble:
+            return  # there may be some that cannot be read just now
         if not self.campaigns:
             console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
             return
@@ -74,13 +76,19 @@ class StatusOutput(Output, schema="status"):
 
 def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
     """Say how everything stands: daemon, workers, campaigns."""
+    from contextlib import suppress
+
+    from daemon.batch.errors import Unavailable
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
     endpoint = target.endpoint
     with target.open() as daemon:
-        overview, campaigns = daemon.overview(), daemon.campaigns()
-        workers = daemon.workers()
+        overview, workers = daemon.overview(), daemon.workers()
+        campaigns: tuple[CampaignRow, ...] = ()
+        # A daemon whose disk is full has no more to say than that.
+        with suppress(Unavailable):
+            campaigns = daemon.campaigns()
     StatusOutput(endpoint, overview, campaigns, workers).show(as_json)
 
 

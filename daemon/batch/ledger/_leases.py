@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from typing import Final
 
@@ -20,8 +20,16 @@ from daemon.batch.ledger._results import (
     check_result,
     queue_reserve,
     read_trace_location,
-    reuse_results,
+    reuse_in_steps,
     store_result,
+)
+from daemon.batch.ledger._steps import finish
+from daemon.batch.ledger._waiting import (
+    end_waits,
+    end_waits_for,
+    note_attempt,
+    postpone,
+    shift_waits,
 )
 from daemon.batch.ledger.transitions import (
     Completed,
@@ -35,6 +43,7 @@ from daemon.batch.ledger.transitions import (
     advance,
 )
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
+from daemon.model.spec import RunSpec
 from daemon.model.status import NONDETERMINISTIC, ChangeEvent, RunState
 
 _FIELDS: Final = tuple(field.name for field in fields(ExecutionState))
@@ -82,6 +91,7 @@ class RunUpdates:
         if after != before:
             values = (getattr(after, name) for name in _FIELDS)
             self._db.execute(_WRITE_STATE, (*values, run))
+        note_attempt(self._db, run, event, change, now)
         if after.state is not before.state and not quiet:
             campaign = self._campaign_of(run)
             self.record_event(now, "run", run, campaign, after.state, after.reason)
@@ -101,12 +111,16 @@ class RunUpdates:
             if not queue_reserve(self._db, campaign):
                 self._close(campaign, now)
                 return
-            reuse_results(self._db, campaign)
+            finish(reuse_in_steps(self._db, campaign, self._total(campaign)))
             self.record_event(now, "campaign", campaign, campaign, "extended")
 
     def _close(self, campaign: str, now: float) -> None:
         self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
         self.record_event(now, "campaign", campaign, campaign, "finished")
+
+    def _total(self, campaign: str) -> int:
+        row = self._db.execute("SELECT total FROM campaign WHERE id = ?", (campaign,)).fetchone()
+        return int(row[0])
 
     def _unfinished_runs(self, campaign: str) -> int:
         found = self._db.execute(
@@ -135,16 +149,22 @@ class RunUpdates:
 # The first run of the campaign whose turn it is. ``served`` is the token of a campaign's latest
 # lease and tokens only grow: who was served longest ago goes first, which is round robin without
 # a list of turns. A worker that lacks systems under test must not get stuck at a campaign that has
-# nothing else for it: what it is able to run is asked for in both places.
+# nothing else for it: what it is able to run is asked for in both places. Ready runs have
+# ``not_before`` 0: those that wait are not in the index, however many they are.
 _NEXT_RUN: Final = (
     "SELECT run.id, run.campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
-    " WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign AS c"
-    " WHERE finished_at IS NULL AND paused = 0 AND EXISTS"
-    " (SELECT 1 FROM run WHERE run.campaign = c.id AND state = 'queued'{able})"
+    " WHERE state = 'queued' AND not_before = 0{able} AND run.campaign = (SELECT id FROM campaign"
+    " AS c WHERE finished_at IS NULL AND paused = 0 AND visible"
+    " AND id NOT IN (SELECT value FROM json_each(?2)) AND EXISTS (SELECT 1 FROM run"
+    " WHERE run.campaign = c.id AND state = 'queued' AND not_before = 0{able})"
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
 )
 _ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
 _LONGEST_REASON: Final = 4000
+_LONGEST_SEARCH: Final = 256
+"""Runs that one request for work may find to lack something; the next one goes on."""
+_LOOK_AGAIN: Final = 60.0
+"""Seconds until it is looked again whether what a run lacks is there; whoever brings it says so."""
 
 
 class LeaseUpdates(RunUpdates):
@@ -160,6 +180,7 @@ class LeaseUpdates(RunUpdates):
     ) -> None:
         super().__init__(connection, attempts)
         self._lease = lease
+        self._held: set[str] = set()
         self._specs = SpecReader(connection)
         # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
         self._contested: set[str] = set()
@@ -173,24 +194,36 @@ class LeaseUpdates(RunUpdates):
         store: str = "",
         lacks: Sequence[str] = (),
         holder: str = "",
+        missing: Callable[[RunSpec], str] = lambda _: "",
     ) -> tuple[Lease, ...]:
         """Give up to ``count`` queued runs to ``worker``, whose traces belong into ``store``.
 
         Campaigns of the highest priority take turns, run by run; paused ones are passed over.
         Within a campaign the first submitted run goes first. Runs of systems under test whose
-        kind the worker ``lacks`` wait for another one.
+        kind the worker ``lacks`` wait for another one. What ``missing`` says that a run lacks here
+        (its scene, say) it waits for, with that as its reason.
         """
+        end_waits(self._db, now)
         leases: list[Lease] = []
+        searched = 0
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
+        values = (json.dumps(lacks), json.dumps(sorted(self._held)))
         while len(leases) < count:
-            row = self._db.execute(query, (json.dumps(lacks),) if lacks else ()).fetchone()
+            row = self._db.execute(query, values).fetchone()
             if row is None:
                 break
             run, campaign, trace, body = row
+            spec = self._specs.read(body)
+            if why := missing(spec):
+                postpone(self._db, run, why, now + _LOOK_AGAIN)
+                searched += 1
+                if searched == _LONGEST_SEARCH:
+                    break
+                continue
             token = self._next_token()
             change = self._apply(run, Leased(worker, token, now + self._lease), now)
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
-            attempt, spec = change.run.attempt, self._specs.read(body)
+            attempt = change.run.attempt
             record_lease(self._db, token, run, attempt, worker, holder, now)
             leases.append(Lease(run, campaign, attempt, token, trace, spec, store))
         return tuple(leases)
@@ -330,3 +363,12 @@ class LeaseUpdates(RunUpdates):
         self._db.execute(
             "UPDATE run SET lease_until = lease_until + ? WHERE state = 'running'", (seconds,)
         )
+        shift_waits(self._db, seconds)
+
+    def end_waits(self, now: float) -> int:
+        """Make ready the runs that have waited long enough; returns how many."""
+        return end_waits(self._db, now)
+
+    def end_waits_for(self, reason: str) -> int:
+        """Make ready the runs that wait for this reason; returns how many."""
+        return end_waits_for(self._db, reason)

@@ -9,8 +9,8 @@
 A lease belongs to the work that is done under it, not to a connection. One that is not renewed in
 time lapses: the run is queued for others, and nobody is to blame. Who held it may still be at work,
 cut off, and comes back with a renewal: if the run still waits it goes on under its old lease; if
-another has it by then, both go on. A strike is what the worker itself reports: the run's process
-died or hung.
+another has it by then, both go on. A strike is what the worker itself reports: the process of the
+run died or hung.
 
 Execution is at least once, the result is exactly one: the first one wins, also a late one from
 a lease that lapsed. Runs are deterministic, so a second result that differs raises an alarm; for

@@ -8,6 +8,10 @@ ALTER TABLE run ADD COLUMN outdated INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE run ADD COLUMN lapses INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE result ADD COLUMN holder TEXT NOT NULL DEFAULT '';
 
+DROP INDEX run_waiting;
+CREATE INDEX run_ready ON run (campaign, serial) WHERE state = 'queued' AND not_before = 0;
+CREATE INDEX run_delayed ON run (not_before) WHERE state = 'queued' AND not_before > 0;
+
 CREATE TABLE lease (
     token      INTEGER PRIMARY KEY,
     run        TEXT NOT NULL REFERENCES run (id),
@@ -32,3 +36,8 @@ INSERT INTO lease
 
 CREATE INDEX result_holder ON result (holder) WHERE holder <> '';
 UPDATE run SET doubted = 1 WHERE id IN (SELECT id FROM event WHERE kind = 'alarm');
+
+CREATE INDEX campaign_name ON campaign (name, serial);
+CREATE INDEX campaign_hidden ON campaign (id) WHERE visible = 0;
+CREATE INDEX run_cached ON run (cached) WHERE cached <> '';
+DROP TRIGGER run_counted;

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from daemon.model.status import CampaignRow, DaemonOverview, DiskUsage, RunState, WorkerRow
+from grammars.text.terminal_text import printable
 
 Samples: TypeAlias = Sequence[tuple[Mapping[str, str], float]]
 
@@ -96,4 +97,5 @@ def _labelled(labels: Mapping[str, str]) -> str:
 
 
 def _escaped(text: str) -> str:
-    return text.replace("\\", "\\\\").replace("\n", "\\n")
+    # The format has escapes for these two and for quotes alone.
+    return printable(text).replace("\\", "\\\\").replace("\n", "\\n")

@@ -1,6 +1,5 @@
 """The daemon itself: the ledger behind a Zenoh router, and a local worker."""
 
-from daemon.batch.server._admission import admit_submission
 from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
@@ -9,6 +8,7 @@ from daemon.batch.server._runtime import (
     prepare_endpoints,
 )
 from daemon.batch.server._serve import STOP_MARGIN, serve
+from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import WorkerRegistry
 

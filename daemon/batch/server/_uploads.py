@@ -7,6 +7,7 @@ and the ledger takes the result. Files are kept by digest, and given to workers.
 
 from __future__ import annotations
 
+import os
 import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Final, Generic, TypeVar
 
 from daemon.batch.errors import Refused, Unavailable
+from daemon.batch.inputs import put_aside, verify_file
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
@@ -37,7 +39,7 @@ from daemon.model.messages import (
     TraceUploadChunk,
     UploadProgress,
 )
-from grammars.text.files import move_durably
+from grammars.text.files import move_durably, write_atomically
 
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time, finished ones whose result has not come included."""
@@ -173,6 +175,31 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
             "trace received", run=chunk.run, worker=chunk.worker, bytes=chunk.size, seconds=took
         )
 
+    def take_enclosed(self, completion: Completion) -> None:
+        """Put the trace that came along with a result where an upload of it would be.
+
+        What came damaged is not there afterwards. Raises :class:`Unavailable` while there is no
+        room.
+        """
+        if not (completion.trace and completion.uploaded):
+            return
+        info = completion.result.trace
+        try:
+            data = decode_chunk(completion.trace, info.sha256)
+        except ValueError:
+            self._log.write("trace damaged", run=completion.run, worker=completion.worker)
+            return
+        if len(data) != info.size:
+            return
+        if shortage := self.paths.disk_shortage():
+            raise Unavailable(shortage)
+        try:
+            # Synchronised when it gets its name.
+            write_atomically(self._completed(completion), data, durable=False)
+        except OSError as error:
+            words = f"the trace of {completion.run} cannot be written: {error}"
+            raise Unavailable(words) from error
+
     def is_missing(self, ledger: LedgerWriter, completion: Completion) -> bool:
         """Whether a result would be recorded whose trace is not here (and in no store)."""
         if completion.location or not ledger.awaits_result(completion.run, completion.token):
@@ -241,7 +268,14 @@ class FileUploads(_Uploads[FileUploadChunk]):
         Raises :class:`Unavailable` while there is no room.
         """
         whole = self.paths.files / chunk.sha256
+        # Only when the sender asks where to begin: the good copy is in hand then, and one that was
+        # damaged here gives way to it.
+        if whole.exists() and not chunk.data and not verify_file(whole):
+            self._log.write("input damaged", path=str(whole), aside=str(put_aside(whole)))
         if whole.exists():
+            # Whoever asks is about to submit a campaign that needs it.
+            with suppress(FileNotFoundError):
+                os.utime(whole)
             return UploadProgress(chunk.size, complete=True)
         # For reading only: what has this name has this digest, for every run to come.
         return self._receive(self.paths.files / f".{chunk.sha256}.part", whole, chunk, mode=0o400)

@@ -15,6 +15,7 @@ from typing import Final
 
 from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
+from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
 from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import WorkerInfo
@@ -133,6 +134,7 @@ class WorkerRegistry:
                     connected_at=e.connected_at,
                     last_seen_at=e.last_seen_at,
                     away=e.away_since is not None or self._is_silent(e, now),
+                    trouble=e.info.trouble,
                 )
                 for e in self._entries.values()
             )
@@ -189,7 +191,12 @@ class LocalWorker:
                 "local worker ended", code=code, restart_in=self._pause, words=self.trouble
             )
         if now >= self._next_start:
-            self._start(now)
+            try:
+                self._start(now)
+            except OSError as error:
+                self._pause = min(2 * self._pause, _LONGEST_PAUSE)
+                self._next_start = now + self._pause
+                self.trouble = f"the local worker cannot be started: {error}"
 
     def _rotate(self) -> None:
         """Put a log aside that has grown; the worker goes on at the beginning of the file.
@@ -201,15 +208,17 @@ class LocalWorker:
         log = self._paths.worker_log
         with suppress(FileNotFoundError):
             if log.stat().st_size > _LARGEST_LOG:
-                shutil.copyfile(log, log.with_suffix(".log.1"))
+                # On a full disk what was said before is not kept.
+                with suppress(OSError):
+                    shutil.copy(log, log.with_suffix(".log.1"))
                 os.truncate(log, 0)
                 self._log_start = 0
 
     def _start(self, now: float) -> None:
         self._rotate()
         log = self._paths.worker_log
-        with log.open("ab") as output:
-            self._log_start = output.tell()
+        with open_private_log(log) as output:
+            self._log_start = output.seek(0, os.SEEK_END)
             self._process = subprocess.Popen(
                 self._command,
                 # A tethered daemon's standard input is the tether: both see its end.
@@ -224,7 +233,8 @@ class LocalWorker:
         self._log.write("local worker started", pid=self._process.pid)
 
     def _log_tail(self, code: int) -> str:
-        with self._paths.worker_log.open("rb") as log:
+        words = ""
+        with suppress(FileNotFoundError), self._paths.worker_log.open("rb") as log:
             log.seek(self._log_start)
             words = log.read().decode("utf-8", "replace").strip()
         return words[-_LONGEST_TAIL:] or f"the worker ended with code {code}"

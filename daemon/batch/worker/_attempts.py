@@ -14,7 +14,6 @@ the outbox of a worker: what the daemon has not acknowledged stays in it and is 
 from __future__ import annotations
 
 import fcntl
-import os
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ from socket import socket
 from typing import IO, Final, Protocol, TypeAlias
 
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import FILES, LEASE, OUTPUT, RESULT
+from daemon.batch.run_process import FILES, LEASE, RESULT, read_output
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import Lease
@@ -72,14 +71,14 @@ class Attempt:
         """The result; raises ``OSError`` or ``ValueError`` when it cannot be read."""
         return codec.from_json(RunResult, (self.folder / RESULT).read_bytes())
 
+    def result_size(self) -> int:
+        """Bytes of the result as it is stored; raises ``OSError``."""
+        return (self.folder / RESULT).stat().st_size
+
     def output(self) -> str:
         """The end of what the run printed, empty when it printed nothing."""
-        try:
-            with (self.folder / OUTPUT).open("rb") as file:
-                file.seek(max(0, file.seek(0, os.SEEK_END) - _SHOWN_OUTPUT))
-                return file.read().decode("utf-8", "replace").strip()
-        except FileNotFoundError:
-            return ""  # it ended before it had begun
+        # Nothing of one that ended before it had begun.
+        return read_output(self.folder)[-_SHOWN_OUTPUT:].decode("utf-8", "replace").strip()
 
     def discard(self) -> None:
         """Remove the folder, and the run's when this was its last attempt."""
@@ -244,6 +243,10 @@ class Backend(Protocol):
     @property
     def waitables(self) -> Sequence[Waitable]:
         """What becomes ready when an execution of it has something to tell, or ``slots`` change."""
+
+    @property
+    def trouble(self) -> str:
+        """What keeps it from executing anything, once that has lasted; empty otherwise."""
 
     def listen(self) -> None:
         """Take in what made ``waitables`` ready."""

@@ -30,6 +30,7 @@ from daemon.model.execution import (
 )
 from daemon.model.messages import ALIVE, WORK
 from daemon.model.verbs import Role
+from grammars.text.terminal_text import printable
 
 
 def work(
@@ -130,4 +131,4 @@ def _log(message: str) -> None:
     now = datetime.now().astimezone().isoformat(timespec="milliseconds")
     # A full disk must not end a worker whose log lies there.
     with suppress(OSError):
-        print(now, message, file=sys.stderr, flush=True)
+        print(now, printable(message), file=sys.stderr, flush=True)

@@ -33,6 +33,7 @@ from daemon.model.messages import (
     RetryRequest,
     RunQuery,
 )
+from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import RunResult, RunSpec
 from daemon.model.status import CampaignRow, RunRow, RunState, Submission
 from daemon.model.verdicts import Outcome
@@ -429,5 +430,5 @@ def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:
     places.make_folders()
     submission = replace(submission_of("c", *specs(2)), reserve=tuple(specs(2, first=1)))
     with pytest.raises(Refused, match="S1/pilot/1 is there twice"):
-        admit_submission(submission, places)
-    admit_submission(replace(submission, reserve=tuple(specs(2, first=2))), places)
+        admit_submission(pack_submission(submission), places)
+    admit_submission(pack_submission(replace(submission, reserve=tuple(specs(2, first=2)))), places)

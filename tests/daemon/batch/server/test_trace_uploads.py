@@ -82,7 +82,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     places = StatePaths(tmp_path)
     places.make_folders()
     journal = EventLog(places.log)
-    with LedgerWriter.open(places.ledger) as book, LedgerReader.open(places) as reader:
+    with LedgerWriter.open(places) as book, LedgerReader.open(places) as reader:
         book.submit(make_submission("c", 1), NOW)
         (grant,) = book.lease("w", 1, NOW)
         yield Site(places, book, reader, TraceUploads(places, journal), journal, grant)

@@ -246,8 +246,8 @@ def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path
         worker_for(daemon, 2, "--step-back", "3") as worker,
     ):
         client.submit(make_submission("c", 2, sleep=600.0))
-        # The worker, its two helpers, two runs.
-        members = eventually(lambda: len(found := family(worker.pid)) >= 5 and found)
+        # The worker, its two helpers, two runs, and a guardian of each.
+        members = eventually(lambda: len(found := family(worker.pid)) >= 7 and found)
         autogroup = Path(f"/proc/{worker.pid}/autogroup")
         assert not autogroup.exists() or autogroup.read_text().endswith("nice 3\n")
         worker.kill()
