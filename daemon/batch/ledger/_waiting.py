@@ -18,6 +18,7 @@ from daemon.batch.ledger.transitions import (
     Completed,
     Lapsed,
     Released,
+    Renewed,
     Retried,
     RunEvent,
     RunTransition,
@@ -57,6 +58,13 @@ def note_attempt(
                 _count_setback(db, run, now)
         case Lapsed() if change.answer is LedgerAnswer.DONE:
             _count_setback(db, run, now)
+        case Renewed() if change.answer is LedgerAnswer.DONE:
+            # Waiting and running: its worker is back, and the lapse was no failed attempt.
+            db.execute(
+                "UPDATE run SET setbacks = setbacks - 1, not_before = 0"
+                " WHERE id = ? AND state = 'running' AND not_before > 0 AND setbacks > 0",
+                (run,),
+            )
         case Completed() | Retried():
             db.execute(
                 "UPDATE run SET setbacks = 0, not_before = 0 WHERE id = ? AND setbacks > 0", (run,)

@@ -49,7 +49,7 @@ def heard(book: LedgerWriter) -> list[str]:
 def replaced(book: LedgerWriter) -> tuple[Lease, Lease]:
     """A run that is leased anew since the first lease has lapsed."""
     (first,) = book.lease("cut", 1, NOW)
-    assert book.expire_leases(LATER) == 1
+    assert book.expire_leases(LATER - 10.0) == 1  # and it waits a little
     (second,) = book.lease("other", 1, LATER)
     return first, second
 
@@ -89,6 +89,17 @@ def test_a_worker_that_holds_nothing_any_more_is_not_busy(book: LedgerWriter) ->
     # The next worker of the machine has taken over what the first one finished.
     assert book.renew("heir", refs(first), LATER) == ()
     assert book.busy_workers() == {"heir"}
+
+
+def test_who_comes_back_to_a_run_that_waits_has_failed_nothing(
+    book: LedgerWriter, reader: LedgerReader
+) -> None:
+    (grant,) = book.lease("cut", 1, NOW)
+    book.expire_leases(LATER)
+    assert reader.run("c.0").row.setbacks == 1
+    assert book.lease("other", 1, LATER) == ()
+    assert book.renew("cut", refs(grant), LATER) == ()
+    assert reader.run("c.0").row.setbacks == 0
 
 
 def test_what_a_worker_does_not_claim_it_never_got(book: LedgerWriter) -> None:

@@ -308,7 +308,7 @@ def test_leases_of_an_earlier_version_go_on(tmp_path: Path, holder: str) -> None
         book.submit(submission_of("c", *specs(4)), NOW)
         book.lease("w", 2, NOW)
         book.expire_leases(NOW + 3600.0)
-        known = book.lease("w", 3, NOW)
+        known = book.lease("w", 3, NOW + 3700.0)
     old = sqlite3.connect(old_path, isolation_level=None)
     old.executescript((Path(__file__).parent / "ledger_schema_6.sql").read_text())
     old.execute("PRAGMA user_version = 6")
@@ -330,7 +330,7 @@ def test_leases_of_an_earlier_version_go_on(tmp_path: Path, holder: str) -> None
         assert book.complete(done, NOW, holder=holder) is LedgerAnswer.RECORDED
         release = ReleaseRequest("w", other.run, other.token, "why", blame=False)
         assert book.release(release, NOW, holder=holder) is LedgerAnswer.DONE
-        (new, _) = book.lease("w", 2, NOW, holder="worker.other")
+        (new, _) = book.lease("w", 2, NOW + 3600.0, holder="worker.other")
         hold = LeaseRef(new.run, new.token)
         assert book.renew("w", (hold,), NOW, holder=holder) == (hold,)
         never = replace(done, token=new.token + 1)

@@ -31,7 +31,7 @@ def places(tmp_path: Path) -> StatePaths:
     needed = places.files / ("a" * 64)
     needed.touch()
     files = {"files": {"wheels": f"sha256:{needed.name}"}}
-    with LedgerWriter.open(places.ledger) as ledger:
+    with LedgerWriter.open(places) as ledger:
         ledger.submit(make_submission("known", 2, **files), time.time())
     return places
 
