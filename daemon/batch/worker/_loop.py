@@ -142,7 +142,9 @@ class WorkerLoop:
         if self._uploader.moved != self._moved:
             self._moved, self._leave_by = self._uploader.moved, 0.0
         self._leave_by = self._leave_by or now + _LEAVE_TIMEOUT
-        return now > self._leave_by or not (self._outbox or self._releases)
+        # An answer under way may grant runs: they are given back before it leaves.
+        owed = self._outbox or self._releases or self._leased or len(self._asks)
+        return now > self._leave_by or not owed
 
     def _wait(self) -> None:
         now = time.monotonic()
@@ -437,7 +439,7 @@ class WorkerLoop:
         self._start_leased()  # gives them back
         deadline = time.monotonic() + _LAST_WORDS
         self._silent_until = 0.0
-        while self._releases or self._outbox:
+        while self._releases or self._outbox or _LEASING in self._asks:
             self._send_releases()
             self._deliver()
             self._asks.wait(max(0.0, deadline - time.monotonic()))

@@ -196,11 +196,11 @@ def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path: Path) -> 
 
 
 def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path: Path) -> None:
-    gate = tmp_path / "gate"
+    gate, log = tmp_path / "gate", tmp_path / "log"
     with daemon_at(tmp_path / "state", 2, patience=60.0) as daemon:
         with daemon.client() as client:
-            client.submit(make_submission("c", 6, until=str(gate)))
-            eventually(lambda: client.overview().running == 2)
+            client.submit(make_submission("c", 6, until=str(gate), log=str(log)))
+            eventually(lambda: log.exists() and len(log.read_text().splitlines()) == 2)
         members = family(daemon.pid)
         daemon.signal(signal.SIGTERM)
         eventually(lambda: daemon.journal()[-1]["event"] == "leaving")

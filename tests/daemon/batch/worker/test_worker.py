@@ -206,15 +206,20 @@ def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
         assert "stopped after 0.3 s of wall clock time" in row.reason
 
 
+def begun(log: Path) -> int:
+    """How many executions have begun."""
+    return len(log.read_text().splitlines()) if log.exists() else 0
+
+
 def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
-    gate = tmp_path / "gate"
+    gate, log = tmp_path / "gate", tmp_path / "log"
     with (
         daemon_at(tmp_path / "state") as daemon,
         daemon.client() as client,
         worker_for(daemon, 2) as worker,
     ):
-        client.submit(make_submission("c", 4, until=str(gate)))
-        eventually(lambda: client.overview().running == 2)
+        client.submit(make_submission("c", 4, until=str(gate), log=str(log)))
+        eventually(lambda: begun(log) == 2)  # what is only leased it gives back
         worker.signal(signal.SIGTERM)
         gate.touch()
         assert worker.wait() == 0
@@ -226,8 +231,9 @@ def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
 def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
         with worker_for(daemon, 2) as worker:
-            client.submit(make_submission("c", 3, sleep=600.0))
-            eventually(lambda: client.overview().running == 2)
+            log = tmp_path / "log"
+            client.submit(make_submission("c", 3, sleep=600.0, log=str(log)))
+            eventually(lambda: begun(log) == 2)
             members = family(worker.pid)
             worker.signal(signal.SIGTERM)
             worker.signal(signal.SIGTERM)
