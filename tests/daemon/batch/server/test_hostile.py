@@ -8,6 +8,7 @@ import gzip
 import hashlib
 import json
 import pickle
+import re
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
@@ -101,7 +102,9 @@ class Target:
         """What the ledger says, statement by statement, and all files with their sizes."""
         places = StatePaths(self.daemon.state)
         with closing(sqlite3.connect(f"file:{places.ledger}?mode=ro", uri=True)) as ledger:
-            dump = [line for line in ledger.iterdump() if not line.startswith("COMMIT")]
+            # Leases are shifted by what the writer stalls: moments are nothing that anybody sent.
+            lines = (re.sub(r"\d\.\d+e\+09", "<moment>", line) for line in ledger.iterdump())
+            dump = [line for line in lines if not line.startswith("COMMIT")]
         kept = (places.scenes, places.traces, places.spool, places.incoming, places.files)
         paths = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
         return dump, [(str(path), path.stat().st_size) for path in paths]
