@@ -133,7 +133,8 @@ class DaemonPart(Part):
         super().__init__("serve", state.parent / f"{state.name}.log", *options, module=module)
 
     def journal(self) -> list[dict[str, Any]]:
-        return [json.loads(line) for line in (self.state / "daemon.log").read_text().splitlines()]
+        log = self.state / "daemon.log"  # there from the first line on
+        return [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
 
     def noted(self, event: str) -> list[dict[str, Any]]:
         """The lines of the journal about ``event``."""
