@@ -129,13 +129,14 @@ class LedgerWriter(LeaseUpdates):
     def _enter(self, now: float) -> Steps[SubmissionReceipt]:
         staged = read_campaign(self._db)
         row = self._db.execute(
-            "SELECT digest, total FROM campaign WHERE id = ? AND visible", (staged.id,)
+            "SELECT digest, total, visible FROM campaign WHERE id = ?", (staged.id,)
         ).fetchone()
-        if row is not None:
+        if row is not None and row[2]:
             if row[0] != staged.digest:
                 raise Refused(f"campaign id {staged.id} is taken by another campaign")
             return SubmissionReceipt(staged.id, row[1], known=True)
-        if self._paths is not None:  # what is left of an earlier attempt, or being deleted
+        if row is not None and self._paths is not None:
+            # What is left of an earlier attempt, or being deleted.
             yield from remove_campaign(self._db, self._paths, staged.id)
         named = (staged.id, staged.name, staged.about, staged.source, staged.digest, staged.runs)
         self._db.execute(
