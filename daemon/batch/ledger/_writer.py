@@ -13,7 +13,7 @@ from daemon.batch.ledger._connection import connect
 from daemon.batch.ledger._deletion import hides_anything, remove_campaign, remove_hidden
 from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import note_of_result, remove_result, reuse_in_steps
-from daemon.batch.ledger._staging import STAGED, enter_rows, read_campaign, stage_rows
+from daemon.batch.ledger._staging import STAGED, drop_rows, enter_rows, read_campaign, stage_rows
 from daemon.batch.ledger._steps import STEP_ROWS, Steps, finish
 from daemon.batch.ledger.transitions import Cancelled, Retried
 from daemon.batch.paths import StatePaths
@@ -97,9 +97,11 @@ class LedgerWriter(LeaseUpdates):
 
     def submit(self, submission: Submission, now: float) -> SubmissionReceipt:
         """Enter a campaign and its runs at once; the same submission again changes nothing."""
-        with self._attached(":memory:"):
-            stage_rows(self._db, pack_submission(submission), STAGED)
+        stage_rows(self._db, pack_submission(submission), "temp")
+        try:
             return finish(self._enter(now))
+        finally:
+            drop_rows(self._db)
 
     def submit_in_steps(self, staged: Path, now: float) -> Steps[SubmissionReceipt]:
         """Enter what :func:`daemon.batch.ledger.stage_submission` has made ready.
