@@ -252,6 +252,14 @@ class StatePaths:
         except (OSError, ValueError):
             return None
 
+    def known_endpoint(self) -> str | None:
+        """Return where the daemon of this directory listens, or ``None`` when there is no trace."""
+        contact = self.read_contact()
+        if contact is not None:
+            return contact.endpoint
+        # A daemon whose disk is full cannot say where it is; its socket is where it always is.
+        return self.endpoint if self.socket.is_socket() else None
+
 
 def _make_private(folder: Path) -> None:
     """Make ``folder`` and see to it that it is ours alone; raises ``OSError``."""
@@ -286,7 +294,7 @@ def find_endpoint(
     if environ.get("SCENARIO_CONNECT"):
         return Endpoint(parse_endpoint(environ["SCENARIO_CONNECT"]), "SCENARIO_CONNECT")
     paths = StatePaths.find(state, environ)
-    contact = paths.read_contact()
-    if contact is not None:
-        return Endpoint(contact.endpoint, "daemon.json")
+    known = paths.known_endpoint()
+    if known is not None:
+        return Endpoint(known, "daemon.json")
     return Endpoint(paths.endpoint, "default")

@@ -140,7 +140,7 @@ RECORDS: Final = Verb("records", RecordQuery, tuple[RunRecord, ...],
 SCENE: Final = Verb("scene", IdRequest, Scene,
     "A compiled scene, by its digest.", VIEWING | WORKING)
 WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...],
-    "The workers connected now.", VIEWING)
+    "The workers that are here, and those that are away and have leases.", VIEWING)
 DISK: Final = Verb("disk", Empty, DiskUsage,
     "How much space there is where the daemon keeps things.", VIEWING)
 FETCH: Final = Verb("fetch", TraceDownloadRequest, DownloadChunk,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Protocol, TypeVar
 
 from rich.console import Group, RenderableType
 from rich.live import Live as Screen
@@ -16,7 +16,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from daemon.batch.errors import DaemonError, Refused, Unreachable
+from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
 from daemon.model.verbs import DaemonClient
 from scenario_tui.cli.output import say, stderr_console
@@ -31,6 +31,8 @@ from scenario_tui.text.formatting import (
     run_counts,
     run_label,
 )
+
+T = TypeVar("T")
 
 INTERVAL: Final = 0.25
 """Seconds between two looks at a campaign that changes."""
@@ -245,6 +247,41 @@ def watch(
                 if now - gone > patience or now - begun >= limit:
                     raise
                 time.sleep(INTERVAL)
+
+
+class WaitedFor(Protocol):
+    """The daemon that a command is about."""
+
+    @property
+    def may_come_back(self) -> bool:
+        """Whether it is worth waiting for when it does not answer."""
+
+    def open(self) -> AbstractContextManager[DaemonClient]:
+        """Open a client; raises :class:`Unreachable`."""
+
+
+def ask_patiently(target: WaitedFor, ask: Callable[[DaemonClient], T], patience: float) -> T:
+    """Ask a daemon something, again while it is away, for ``patience`` seconds.
+
+    Raises :class:`Unreachable` when it stays away, at once where there never was one, and whatever
+    ``ask`` raises.
+    """
+    deadline = time.monotonic() + patience
+    said = ""
+    while True:
+        try:
+            with target.open() as daemon:
+                return ask(daemon)
+        except Unreachable as error:
+            if not target.may_come_back or time.monotonic() >= deadline:
+                raise
+            words = "the daemon does not answer, waiting for it (Ctrl-C to leave)"
+            if isinstance(error, Unavailable):
+                words = f"{error}; trying again (Ctrl-C to leave)"
+            if words != said:
+                say(words)
+            said = words
+            time.sleep(INTERVAL)
 
 
 @contextmanager

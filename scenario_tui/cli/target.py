@@ -77,6 +77,11 @@ class DaemonTarget:
 
         return find_endpoint(self.connect, self.state).origin in ("--connect", "SCENARIO_CONNECT")
 
+    @property
+    def may_come_back(self) -> bool:
+        """Whether there is a daemon that is only away: one that was named, or has left a ledger."""
+        return self.named or self.paths.ledger.exists()
+
     @contextmanager
     def open(self) -> Iterator[DaemonClient]:
         """Open a client; raises :class:`Unreachable`."""

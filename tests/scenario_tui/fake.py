@@ -253,6 +253,7 @@ class FakeDaemon(DaemonClient):
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
     empty: bool = False
+    away: bool = False
     declares: AssessmentRules = field(
         default_factory=lambda: AssessmentRules(RepeatPolicy(5, "all", 1.0, False, 5))
     )
@@ -347,7 +348,9 @@ class FakeDaemon(DaemonClient):
     def _workers(self, _: Empty) -> tuple[WorkerRow, ...]:
         return (
             WorkerRow("bench-1", "bench", 4711, "0.1.0", 2, 1, NOW - 3600.0, self.now - 2.0),
-            WorkerRow("shed-1", "shed", 812, "0.1.0", 4, 0, NOW - 600.0, self.now - 1.0),
+            WorkerRow(
+                "shed-1", "shed", 812, "0.1.0", 4, 0, NOW - 600.0, self.now - 1.0, away=self.away
+            ),
         )
 
     def _disk(self, _: Empty) -> DiskUsage:

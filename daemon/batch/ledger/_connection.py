@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sqlite3
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import DaemonError
+from daemon.batch.errors import DaemonError, Unavailable
 
 SCHEMA_VERSION: Final = 7
+UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
+"""What a question to a damaged ledger may raise: also that its message is no text."""
+_READER_PATIENCE: Final = 5.0
 _UPGRADABLE: Final = (1, 2, 3, 4, 5, 6)
 _CACHE_KIB: Final = 64 * 2**10
 # What is being entered or removed is not there for whoever asks: these stand before the tables of
@@ -28,9 +33,15 @@ _FIRST_WITH_VISIBLE: Final = 7
 def connect(path: Path) -> sqlite3.Connection:
     """Open the ledger for writing, creating it, or bringing an older one up to date, if need be.
 
-    What was acknowledged survives kill -9 and a power cut. Raises :class:`DaemonError` when the
-    file is damaged or was made by a later version.
+    What was acknowledged survives kill -9 and a power cut. Raises :class:`Unavailable` when the
+    disk is full or somebody else holds the file, and :class:`DaemonError` when it is damaged or was
+    made by a later version.
     """
+    try:
+        # SQLite gives the WAL and its index the mode of the file, and the file what the umask says.
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+    except OSError as error:
+        raise _open_error(path, error) from error
     # No isolation level: the module would otherwise begin transactions of its own, and ours must
     # be IMMEDIATE and hold savepoints. One thread at a time uses the connection, not always the
     # one that opened it.
@@ -50,8 +61,10 @@ def connect(path: Path) -> sqlite3.Connection:
         connection.execute(f"PRAGMA cache_size = -{_CACHE_KIB}")
         connection.execute("PRAGMA foreign_keys = ON")  # off by default, and per connection
         _prepare(connection, path)
-    except sqlite3.DatabaseError as error:
+    except UNREADABLE as error:
         connection.close()
+        if _is_passing(error):
+            raise Unavailable(f"{path} cannot be used just now: {error}") from error
         raise DaemonError(f"{path} is not a usable ledger: {error}") from error
     except DaemonError:
         connection.close()
@@ -59,18 +72,42 @@ def connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def connect_reader(path: Path, *, timeout: float = 5.0) -> sqlite3.Connection:
+_PASSING: Final = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_FULL)
+_NO_ROOM: Final = (
+    sqlite3.SQLITE_IOERR_WRITE,
+    sqlite3.SQLITE_IOERR_TRUNCATE,
+    sqlite3.SQLITE_IOERR_FSYNC,
+    sqlite3.SQLITE_IOERR_SHMSIZE,
+    sqlite3.SQLITE_IOERR_SHMMAP,
+)
+"""What a full disk, or a quota that is reached, makes of writing the WAL and of its index."""
+
+
+def _is_passing(error: Exception) -> bool:
+    """Whether it may be otherwise in a while, without anybody mending the ledger."""
+    code = getattr(error, "sqlite_errorcode", 0)
+    return code & 0xFF in _PASSING or code in _NO_ROOM
+
+
+def _open_error(path: Path, error: OSError) -> DaemonError:
+    words = f"{path} cannot be opened: {error.strerror}"
+    passing = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return Unavailable(words) if passing else DaemonError(words)
+
+
+def connect_reader(path: Path, *, timeout: float | None = None) -> sqlite3.Connection:
     """Open an existing ledger for questions only, whether a daemon keeps it or not.
 
-    Waits ``timeout`` seconds at most for a lock. Hidden campaigns and their runs are not seen.
-    Raises ``sqlite3.Error`` where there is none.
+    Waits ``timeout`` seconds at most for a lock, five unless told otherwise. Hidden campaigns and
+    their runs are not seen. Raises ``sqlite3.Error`` where there is none.
     """
     # mode=ro, not PRAGMA query_only: a connection of that kind makes an empty file where there
     # is no ledger, and the last one to close writes the WAL of a killed daemon into the file.
     # Looking must change nothing but the index of the WAL (the -shm file), which readers share.
     address = f"{path.absolute().as_uri()}?mode=ro"
+    patience = _READER_PATIENCE if timeout is None else timeout
     connection = sqlite3.connect(
-        address, uri=True, timeout=timeout, isolation_level=None, check_same_thread=False
+        address, uri=True, timeout=patience, isolation_level=None, check_same_thread=False
     )
     try:
         if schema_version(connection) >= _FIRST_WITH_VISIBLE:
@@ -159,25 +196,29 @@ class LedgerIntegrity:
     newest_event: float = 0.0
 
 
-def check_integrity(path: Path) -> LedgerIntegrity:
+def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
     """Examine a ledger, which a daemon may be writing; changes nothing.
 
-    Raises :class:`DaemonError` when it cannot be read at all.
+    A ``quick`` look leaves out whether indices agree with their tables. Raises
+    :class:`Unavailable` when somebody else holds it, and :class:`DaemonError` when it cannot be
+    read at all.
     """
     try:
         with closing(connect_reader(path)) as db:
             db.execute("BEGIN")  # one snapshot: numbers that must agree are counted one by one
-            return _examine(db)
-    except sqlite3.Error as error:
+            return _examine(db, quick)
+    except UNREADABLE as error:
+        if _is_passing(error):
+            raise Unavailable(f"{path} cannot be read just now: {error}") from error
         raise DaemonError(f"{path} cannot be read: {error}") from error
 
 
-def _examine(db: sqlite3.Connection) -> LedgerIntegrity:
+def _examine(db: sqlite3.Connection, quick: bool) -> LedgerIntegrity:
     version = schema_version(db)
     if version > SCHEMA_VERSION:
         return LedgerIntegrity(version)
-    check = db.execute(f"PRAGMA integrity_check({_MOST_SHOWN})")
-    damage = [row[0] for row in check if row[0] != "ok"]
+    check = db.execute(f"PRAGMA {'quick' if quick else 'integrity'}_check({_MOST_SHOWN})")
+    damage = [" ".join(str(row[0]).split()) for row in check if row[0] != "ok"]
     dangling = db.execute("PRAGMA foreign_key_check").fetchall()
     damage += [f"{row[0]} refers to nothing" for row in dangling[:_MOST_SHOWN]]
     if damage or version < SCHEMA_VERSION:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.batch.ledger._connection import connect_reader
+from daemon.batch.ledger._connection import UNREADABLE, connect_reader
+from daemon.batch.ledger._granted import require_lease
 from daemon.batch.ledger._results import (
     SpecReader,
     find_trace,
@@ -54,7 +55,7 @@ _SORTABLE: Final = {
 _ROW: Final = (
     'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
-    " trace_at, repeatable"
+    " trace_at, repeatable, not_before, setbacks"
 )
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
@@ -81,7 +82,7 @@ _AFTER_ANY_TEXT: Final = "\U0010ffff"
 class ExpectedUpload:
     """An upload the ledger has nothing against: the name of the trace, whether it is ``wanted``.
 
-    It is not when the run has ended already: only the acknowledgement got lost.
+    It is not when its result will not be recorded: the run has one, or nobody wants it any more.
     """
 
     name: str
@@ -108,7 +109,7 @@ class LedgerReader:
         try:
             with closing(connect_reader(paths.ledger)) as connection:
                 yield cls(connection, paths)
-        except sqlite3.DatabaseError as error:
+        except UNREADABLE as error:
             raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
 
     @contextmanager
@@ -276,19 +277,17 @@ class LedgerReader:
         info = codec.from_json(RunResult, row[3]).trace
         return TraceReference(run, location, info.sha256, info.size)
 
-    def expected_upload(self, run: str, token: int) -> ExpectedUpload:
-        """Return what the ledger has to say to an upload under a lease.
+    def expected_upload(self, run: str, token: int, *, holder: str = "") -> ExpectedUpload:
+        """Return what the ledger has to say to an upload under a lease, also one that is over.
 
-        Refuses when it is not the latest lease of the run, which nobody else has taken since.
+        Refuses one that ``holder``, the name of the sender's key, never got of the run.
         """
-        row = self._db.execute(
-            "SELECT state, granted, result, trace_name FROM run WHERE id = ?", (run,)
+        require_lease(self._db, run, token, holder)
+        state, outdated, trace = self._db.execute(
+            "SELECT state, outdated, trace_name FROM run WHERE id = ?", (run,)
         ).fetchone()
-        if row is None:
-            raise Refused(f"there is no run {run}")
-        if row[1] != token or row[0] == RunState.CANCELLED:
-            raise Refused(f"the lease {token} of {run} is stale: its trace is not wanted")
-        return ExpectedUpload(str(row[3]), wanted=row[0] != RunState.DONE)
+        wanted = state not in (RunState.DONE, RunState.CANCELLED) and token > outdated
+        return ExpectedUpload(str(trace), wanted=wanted)
 
     def _run_row(self, row: sqlite3.Row) -> RunRow:
         values = dict(row)

@@ -177,16 +177,11 @@ _COPY_RESULT: Final = (
 
 def check_result(db: sqlite3.Connection, completion: Completion) -> str:
     """Refuse what is no result of a run of ours; returns the run's campaign."""
-    # Runs leased by schema 3 or before have no token of their own: any given so far will do.
     known = db.execute(
-        "SELECT digest, campaign, CASE granted WHEN 0 THEN"
-        " (SELECT value FROM meta WHERE key = 'token') ELSE granted END FROM run WHERE id = ?",
-        (completion.run,),
+        "SELECT digest, campaign FROM run WHERE id = ?", (completion.run,)
     ).fetchone()
     if known is None:
         raise Refused(f"there is no run {completion.run}")
-    if not 0 < completion.token <= known[2]:
-        raise Refused(f"run {completion.run} was never leased under token {completion.token}")
     if known[0] != completion.result.spec:
         raise Refused(f"the result is not of run {completion.run}: its specification differs")
     if not is_digest(completion.result.trace.sha256):

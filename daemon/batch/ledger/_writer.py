@@ -8,8 +8,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.ledger._connection import connect
+from daemon.batch.errors import DaemonError, Refused, Unavailable
+from daemon.batch.ledger._connection import UNREADABLE, connect
 from daemon.batch.ledger._deletion import hides_anything, remove_campaign, remove_hidden
 from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import note_of_result, remove_result, reuse_in_steps
@@ -38,9 +38,15 @@ class LedgerWriter(LeaseUpdates):
     def open(
         cls, paths: StatePaths, *, attempts: int = 3, lease: float = 30.0
     ) -> Iterator[LedgerWriter]:
-        """Open a ledger, creating or upgrading it if need be; raises :class:`DaemonError`."""
-        with closing(connect(paths.ledger)) as connection:
-            yield cls(connection, attempts=attempts, lease=lease, paths=paths)
+        """Open a ledger, creating or upgrading it if need be.
+
+        Raises :class:`DaemonError`, also for what is done in the block outside of a transaction.
+        """
+        try:
+            with closing(connect(paths.ledger)) as connection:
+                yield cls(connection, attempts=attempts, lease=lease, paths=paths)
+        except UNREADABLE as error:
+            raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
 
     def __init__(
         self,
@@ -74,7 +80,7 @@ class LedgerWriter(LeaseUpdates):
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
             self._detach()
-            if isinstance(error, sqlite3.Error):
+            if isinstance(error, UNREADABLE):
                 raise Unavailable(f"the ledger cannot be written: {error}") from error
             raise
 
@@ -94,6 +100,30 @@ class LedgerWriter(LeaseUpdates):
             value = error
         self._db.execute("RELEASE attempt")
         return value
+
+    @property
+    def changes(self) -> int:
+        """A number that is another one after every change."""
+        return self._db.total_changes
+
+    def checkpoint(self) -> bool:
+        """Bring what is only in the WAL into the database, and leave the WAL empty.
+
+        Waits for nobody: returns ``False`` when somebody reads an older state just now, and all
+        that can be done is done. Raises :class:`Unavailable` when the disk is full, say.
+        """
+        try:
+            (waited,) = self._db.execute("PRAGMA busy_timeout").fetchone()
+            self._db.execute("PRAGMA busy_timeout = 0")
+            try:
+                # TRUNCATE: in a WAL that is only copied, frames stay that would be used again
+                # after a kill, up to a damaged one, and cover what is newer in the database.
+                busy, *_ = self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+            finally:
+                self._db.execute(f"PRAGMA busy_timeout = {waited}")
+        except UNREADABLE as error:
+            raise Unavailable(f"the ledger's WAL cannot be emptied: {error}") from error
+        return not busy
 
     def submit(self, submission: Submission, now: float) -> SubmissionReceipt:
         """Enter a campaign and its runs at once; the same submission again changes nothing."""

@@ -65,12 +65,16 @@ CREATE TABLE run (
     not_before  REAL NOT NULL DEFAULT 0,     -- not leased before: it waits after a failed attempt
     setbacks    INTEGER NOT NULL DEFAULT 0,  -- attempts in a row without a result, blamed or not
     doubted     INTEGER NOT NULL DEFAULT 0,  -- 1: its specification once came out differently
+    outdated    INTEGER NOT NULL DEFAULT 0,  -- leases up to this token are of before a retry
+    lapses      INTEGER NOT NULL DEFAULT 0,  -- leases in a row that nobody renewed in time
     UNIQUE (campaign, position),
     UNIQUE (trace_name)
 ) STRICT;
 
 CREATE INDEX run_queue ON run (state, serial);
-CREATE INDEX run_waiting ON run (campaign, serial) WHERE state = 'queued';
+-- Ready to be leased; and those that wait after a failed attempt, for whoever ends their wait.
+CREATE INDEX run_ready ON run (campaign, serial) WHERE state = 'queued' AND not_before = 0;
+CREATE INDEX run_delayed ON run (not_before) WHERE state = 'queued' AND not_before > 0;
 CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 -- The first lets a new run find an old result of the same specification.
 CREATE INDEX run_result ON run (digest) WHERE result <> '';

@@ -21,10 +21,6 @@ from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import (
     LedgerJob,
     LedgerThread,
-    OverloadReply,
-    PreparingThread,
-    ReaderThread,
-    WriterThread,
 )
 from daemon.model.messages import ErrorReply
 from daemon.model.verbs import RENEW, VERBS, AnyVerb, ServerThread
@@ -57,11 +53,11 @@ class RequestDispatcher:
 
     handlers: Mapping[AnyVerb, VerbHandler]
     log: EventLog
-    writer: WriterThread
-    reader: ReaderThread
-    carrier: ReaderThread
-    preparer: PreparingThread
-    overload: OverloadReply
+    writer: LedgerThread
+    reader: LedgerThread
+    carrier: LedgerThread
+    preparer: LedgerThread
+    overload: LedgerThread
 
     def on_query(self, query: zenoh.Query) -> None:
         """Find the thread and enqueue: the callback of the queryable."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Final
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, Steps, count_states
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._admission import Quota
 from daemon.batch.server._dispatcher import VerbHandler, read_request
+from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
 from daemon.batch.server._submissions import stage_request
 from daemon.batch.server._uploads import FileUploads, TraceUploads
@@ -60,6 +62,9 @@ from daemon.model.verbs import DELETE, SUBMIT, VERBS
 from grammars.model.scene import Scene
 from grammars.text import codec
 
+_MOST_TROUBLES: Final = 32
+"""Said at a time: with hundreds of workers on one full disk nobody reads them all."""
+
 
 @dataclass(frozen=True, slots=True)
 class _MeasuredDeletion:
@@ -85,7 +90,7 @@ class Handlers:
     quota: Quota
     version: str
     stop: Callable[[], None]
-    trouble: Callable[[], str]
+    troubles: Callable[[], tuple[str, ...]]
     marker: Marker
     draining: bool = False
 
@@ -93,6 +98,7 @@ class Handlers:
         self._identity = own_version()
         self._traces = TraceUploads(self.paths, self.log)
         self._files = FileUploads(self.paths, self.log)
+        self._inputs = InputStore(self.paths, self.log)
         self._started_at = self.clock.now()
         self.by_verb = {verb: VerbHandler(getattr(self, name)) for name, verb in VERBS.items()}
         # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
@@ -106,21 +112,34 @@ class Handlers:
         campaigns, counts = ledger.counts()
         rate = ledger.rate(now)
         waiting = counts["queued"] + counts["running"]
+        standing: Any = count_states(counts)
+        trouble, troubles = self._standing_troubles()
         return DaemonOverview(
             version=self.version,
             state=str(self.paths.state),
             started_at=self._started_at,
             now=now,
             campaigns=campaigns,
-            workers=len(self.registry.rows()),
-            **count_states(counts),
+            workers=sum(not row.away for row in self.registry.rows(now)),
+            **standing,
             rate=rate,
             seconds_left=60.0 * waiting / rate if waiting and rate > 0.0 else None,
-            trouble=self.trouble(),
+            trouble=trouble,
+            troubles=troubles,
         )
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:
         return ledger.campaigns(query)
+
+    def _standing_troubles(self) -> tuple[str, tuple[str, ...]]:
+        """Why no run can start, if so; and all that keeps runs or workers from it, that first."""
+        workers = [row for row in self.registry.rows(self.clock.now()) if not row.away]
+        halting = list(self.troubles())
+        idle = [f"worker {row.id}: {row.trouble}" for row in workers if row.trouble]
+        if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
+            halting += idle[:1]
+        troubles = tuple(dict.fromkeys((*halting, *idle, *self._inputs.troubles())))
+        return (halting[0] if halting else ""), troubles[:_MOST_TROUBLES]
 
     def runs(self, ledger: LedgerReader, query: RunQuery) -> RunPage:
         return ledger.runs(query)
@@ -135,14 +154,18 @@ class Handlers:
         return ledger.records(query)
 
     def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
-        return self.registry.rows()
+        return self.registry.rows(self.clock.now())
 
     def scene(self, _: LedgerReader, request: IdRequest) -> Scene:
         try:
-            data = self.paths.scene(request.id).read_bytes()
+            scene = codec.from_json(Scene, self.paths.scene(request.id).read_bytes())
         except (OSError, ValueError) as error:
+            self._inputs.examine(request.id)
             raise Refused(f"there is no scene {request.id}") from error
-        return codec.from_json(Scene, data)
+        if scene.digest != request.id:
+            self._inputs.examine(request.id)
+            raise Refused(f"there is no scene {request.id}: it was damaged")
+        return scene
 
     def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
         self._check_version(worker)
@@ -195,12 +218,18 @@ class Handlers:
         return stage_request(payload, self.paths)
 
     def submit(self, ledger: LedgerWriter, staged: Path) -> Steps[SubmissionReceipt]:
+        self._end_waits(ledger)
         try:
             receipt = yield from ledger.submit_in_steps(staged, self.clock.now())
         finally:
             staged.unlink(missing_ok=True)
         self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
+
+    def _end_waits(self, ledger: LedgerWriter) -> None:
+        """Let runs go on whose scene or file somebody has brought back."""
+        for reason in self._inputs.take_restored():
+            ledger.end_waits_for(reason)
 
     def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Steps[Count]:
         count = yield from ledger.cancel_in_steps(request.id, self.clock.now())
@@ -254,9 +283,16 @@ class Handlers:
             return LeaseReply((), draining=True)
         if self.quota.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
-        store = self.settings.store
+        self._end_waits(ledger)
         return LeaseReply(
-            ledger.lease(request.worker.id, request.count, now, store=store, lacks=request.lacks)
+            ledger.lease(
+                request.worker.id,
+                request.count,
+                now,
+                store=self.settings.store,
+                lacks=request.lacks,
+                missing=self._inputs.missing,
+            )
         )
 
     def renew(self, ledger: LedgerWriter, request: RenewRequest) -> RenewReply:
@@ -269,6 +305,7 @@ class Handlers:
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
         ledger.check_completion(completion)
+        self._traces.take_enclosed(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
         answer = ledger.complete(completion, self.clock.now())
@@ -280,6 +317,8 @@ class Handlers:
         return LedgerAcknowledgement(answer)
 
     def release(self, ledger: LedgerWriter, request: ReleaseRequest) -> LedgerAcknowledgement:
+        if request.damaged:
+            self._inputs.examine(request.damaged)
         answer = ledger.release(request, self.clock.now())
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)

@@ -8,6 +8,7 @@ would keep every other thread waiting, and leases with it.
 from __future__ import annotations
 
 import math
+import os
 import subprocess
 import uuid
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
+from daemon.batch.inputs import keep_scene
 from daemon.batch.ledger import stage_submission
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
@@ -26,7 +28,6 @@ from daemon.model.packed_submission import MOST_RUNS, PackedRun, PackedSubmissio
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.verbs import SUBMIT
 from grammars.text import codec
-from grammars.text.files import write_atomically
 
 _SHOWN: Final = 10
 """Problems that are said: who has forgotten a file has forgotten it for 100,000 runs."""
@@ -102,9 +103,7 @@ def admit_submission(packed: PackedSubmission, paths: StatePaths) -> None:
     problems.raise_any()
     # Only when all is well, and before the ledger has the runs: a scene too many is harmless.
     for scene in packed.scenes:
-        path = paths.scene(scene.digest)
-        if not path.exists():
-            write_atomically(path, codec.to_json(scene))
+        keep_scene(paths.scene(scene.digest), scene)
 
 
 class _Problems:
@@ -201,10 +200,10 @@ def _cell_problems(cell: RunSpec, scenes: set[str], paths: StatePaths) -> Iterat
     if not (math.isfinite(cell.limit) and cell.limit > 0.0):
         yield f": the limit must be a positive number of seconds, not {cell.limit}"
     for name, digest in attached_digests(cell.sut.parameters).items():
-        if not (paths.files / digest).exists():
+        if not _is_there(paths.files / digest):
             yield f': the file "{name}" of {cell.sut.name} was not sent along'
     digest = cell.map.file
-    if digest and not (paths.files / digest).exists():
+    if digest and not _is_there(paths.files / digest):
         yield f": its map {digest[:12]} was not sent along"
     if cell.scene not in scenes and not _is_stored(cell.scene, paths):
         yield f": its scene {cell.scene[:12]} is neither here nor sent along"
@@ -212,6 +211,15 @@ def _cell_problems(cell: RunSpec, scenes: set[str], paths: StatePaths) -> Iterat
 
 def _is_stored(digest: str, paths: StatePaths) -> bool:
     try:
-        return paths.scene(digest).exists()
+        return _is_there(paths.scene(digest))
     except ValueError:
         return False
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is a file that a campaign on its way needs; then it is not a stray for now."""
+    try:
+        os.utime(path)
+    except FileNotFoundError:
+        return False
+    return True

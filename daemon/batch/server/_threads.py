@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from daemon.batch.errors import Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.model.status import ChangeEvent
 
 _BATCH: Final = 64
@@ -96,10 +97,16 @@ class WriterThread(LedgerThread):
     time, in the order they came.
     """
 
-    def __init__(self, ledger: LedgerWriter, publish: Callable[[list[ChangeEvent]], None]) -> None:
+    def __init__(
+        self,
+        ledger: LedgerWriter,
+        publish: Callable[[list[ChangeEvent]], None],
+        checkpoints: IdleCheckpoints,
+    ) -> None:
         super().__init__("ledger-writer")
         self._ledger = ledger
         self._publish = publish
+        self._checkpoints = checkpoints
         self._long: deque[tuple[LedgerJob, Generator[None, None, object]]] = deque()
         self._renewals = 0
 
@@ -132,22 +139,32 @@ class WriterThread(LedgerThread):
                 self._work(batch)
             if self._long:
                 self._go_on()
+            self._checkpoints.note_changes()
         for job, steps in self._long:
             steps.close()
             job.done(_LEAVING)
+        self._checkpoints.act()
 
     def _take(self, *, wait: bool) -> tuple[list[LedgerJob], bool]:
         """Return what waits, up to a batch, and whether more may come."""
         batch: list[LedgerJob] = []
         while len(batch) < _BATCH:
             try:
-                job = self._jobs.get(block=wait and not batch)
+                job = self._first() if wait and not batch else self._jobs.get(block=False)
             except queue.Empty:
                 break
             if job is None:
                 return batch, False
             batch.append(job)
         return batch, True
+
+    def _first(self) -> LedgerJob | None:
+        """Wait for a job; while there is none the ledger's WAL is emptied."""
+        while True:
+            try:
+                return self._jobs.get(timeout=self._checkpoints.patience)
+            except queue.Empty:
+                self._checkpoints.act()
 
     def _work(self, batch: list[LedgerJob]) -> None:
         try:
@@ -214,14 +231,11 @@ class ReaderThread(LedgerThread):
             return error  # the asker is told; what is no refusal goes to the log too
 
 
-class PreparingThread(LedgerThread):
-    """Does what takes long and needs no ledger, one after the other: submissions are read here."""
-
-    def __init__(self) -> None:
-        super().__init__("preparer")
+class LedgerlessThread(LedgerThread):
+    """Does what needs no ledger, one after the other: what takes long, or while there is none."""
 
     def run(self) -> None:
-        """Prepare until told to finish."""
+        """Work until told to finish."""
         while (job := self._jobs.get()) is not None:
             try:
                 value = job.act(None)

@@ -324,7 +324,10 @@ def test_what_is_stale_or_said_twice_changes_nothing(target: Target) -> None:
         assert "is not where the trace" in words
     for token in (0, target.done.token, target.leased.token + 1):
         release = ReleaseRequest(ME.id, target.leased.run, token, "mine", blame=True)
-        assert target.ask(verbs.RELEASE, release).answer is LedgerAnswer.STALE
+        words = target.complaint(verbs.RELEASE, codec.to_json(release))
+        assert "never leased" in words
+    over = ReleaseRequest(ME.id, target.done.run, target.done.token, "mine", blame=True)
+    assert target.ask(verbs.RELEASE, over).answer is LedgerAnswer.STALE
 
 
 def test_ids_never_become_paths(target: Target, tmp_path: Path) -> None:
