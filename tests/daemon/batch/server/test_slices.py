@@ -120,8 +120,16 @@ def test_between_two_slices_others_have_their_turn(tmp_path: Path, monkeypatch) 
         yield
         raise Refused("no")
 
+    class NoCheckpoints:
+        patience = None
+
+        def note_changes(self) -> None:
+            """Nothing is idle here."""
+
+        act = note_changes
+
     with LedgerWriter.open(StatePaths(tmp_path)) as ledger:
-        writer = WriterThread(ledger, lambda _: None)
+        writer = WriterThread(ledger, lambda _: None, NoCheckpoints())  # type: ignore[arg-type]
         writer.start()
         done = told.append
         for act in (lambda _: long("a"), lambda _: failing(), lambda _: long("b")):
