@@ -56,6 +56,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     run_campaigns.SubmitOutput,
     run_campaigns.CheckOutput,
     steer.CancelOutput,
+    steer.DeleteOutput,
     steer.RetryOutput,
     steer.PauseOutput,
     steer.ResumeOutput,

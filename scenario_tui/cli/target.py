@@ -176,12 +176,10 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
         if newest:
             return newest[0]
         raise Refused(_NONE_YET)
-    for exact in (
-        daemon.campaign_page(id=wanted, limit=1),
-        daemon.campaign_page(name=wanted, limit=1),
-    ):
-        if exact:
-            return exact[0]
+    exact = daemon.campaign_page(id=wanted, limit=1)
+    exact = exact or daemon.campaign_page(name=wanted, limit=1)
+    if exact:
+        return exact[0]
     # Ids begin with the name: several campaigns of one name are no doubt, the newest is meant.
     close = daemon.campaign_page(beginning=wanted)
     if len({row.name for row in close}) > 1:

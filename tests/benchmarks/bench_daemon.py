@@ -15,11 +15,14 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import psutil
 
 from daemon.batch import bus
 from daemon.batch.client import Client
+from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.status import Submission
@@ -29,6 +32,8 @@ from tests.daemon.batch.samples import make_submission
 
 EMPTY = 3000
 QUEUED = 100_000
+LARGE = 1_000_000
+CAMPAIGNS = 20_000
 WORKERS = 400
 PROCESSES = 4
 RUNS = 20
@@ -92,6 +97,92 @@ def large_campaign(runs: int) -> Submission:
         for spec in campaign.runs
     )
     return replace(campaign, campaign=f"large-{runs}", runs=specs[:runs], reserve=(), fresh=True)
+
+
+def leasing(endpoint: str, stop: Any, answer: Any) -> None:
+    """Lease and complete runs one by one until told to stop; answers with the seconds of leases."""
+    took = []
+    with bus.open_client(endpoint) as session:
+        worker = LightWorker(session, endpoint, "beside", 1)
+        while not stop.wait(0.01):
+            start = time.perf_counter()
+            grants = worker.lease()
+            took.append(time.perf_counter() - start)
+            for grant in grants:
+                worker.complete(grant)
+    answer.put(took)
+
+
+@contextmanager
+def leases_beside(daemon: DaemonPart) -> Iterator[None]:
+    """Have another process lease runs during the block, and say how long its leases took."""
+    context = multiprocessing.get_context("spawn")
+    stop, answer = context.Event(), context.Queue()
+    process = context.Process(target=leasing, args=(daemon.endpoint, stop, answer))
+    process.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        took = sorted(1e3 * one for one in answer.get())
+        process.join()
+    last = took[int(0.99 * len(took))]
+    row(
+        f"  lease beside it: p50, p99 of {len(took)}",
+        f"{statistics.median(took):.1f}, {last:.1f} ms",
+    )
+
+
+def peak(pid: int) -> float:
+    """The most memory a process has had so far [MiB]."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    return int(status.split("VmHWM:")[1].split()[0]) / 2**10
+
+
+def large(runs: int = LARGE) -> None:
+    """What a campaign of a million runs costs, and others meanwhile."""
+    with fresh() as daemon, daemon.client() as client:
+        client.submit(make_submission("empty", QUEUED))
+        submission = large_campaign(runs)
+        process = psutil.Process(daemon.pid)
+        with leases_beside(daemon):
+            start, before = time.monotonic(), process.cpu_times()
+            client.submit(submission)
+            took, used = time.monotonic() - start, process.cpu_times()
+        own = used.user + used.system - before.user - before.system
+        read = used.children_user + used.children_system
+        read -= before.children_user + before.children_system
+        row(f"submit of {runs} runs", f"{took:.1f} s", "< 60 s" if runs == LARGE else "")
+        row("  CPU of the daemon; of the process that reads", f"{own:.1f}; {read:.1f} s")
+        row("  most memory of the daemon", f"{peak(daemon.pid):.0f} MiB", "< 600 MiB")
+        with leases_beside(daemon):
+            start = time.monotonic()
+            client.cancel(submission.campaign)
+            took = time.monotonic() - start
+        row(f"cancel of {runs} runs", f"{took:.1f} s")
+        with leases_beside(daemon):
+            start = time.monotonic()
+            client.delete((submission.campaign,))
+            took = time.monotonic() - start
+            eventually(lambda: daemon.noted("removed"), 600.0)
+        row(f"delete of {runs} runs: hidden, gone", f"{took:.2f}, {time.monotonic() - start:.1f} s")
+        row("  ledger afterwards", f"{client.disk().ledger / 2**20:.0f} MiB")
+
+
+def many_campaigns() -> None:
+    """What one of thousands of campaigns costs, against all of them."""
+    with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
+        paths = StatePaths(Path(folder))
+        paths.make_folders()
+        with LedgerWriter.open(paths) as ledger, ledger.transaction():
+            for i in range(CAMPAIGNS):
+                ledger.submit(replace(make_submission(f"c{i}", 1), name=f"n{i % 100}"), float(i))
+        with LedgerReader.open(paths) as reader:
+            row(f"all of {CAMPAIGNS} campaigns", asked(reader.campaigns, 5))
+            row("  the newest 500", asked(lambda: reader.campaign_page(limit=500), 20))
+            row("  one by its id", asked(lambda: reader.campaign_page(id="c777", limit=1)))
+            row("  one by its name", asked(lambda: reader.campaign_page(name="n77", limit=1)))
+            row("  the counts of all", asked(reader.counts, 20))
 
 
 def submit() -> None:
@@ -248,6 +339,15 @@ def efficiency() -> None:
 
 def main() -> None:
     print(f"load {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
-    for part in (empty_runs, idle, submit, busy_questions, scale, efficiency):
+    for part in (
+        empty_runs,
+        idle,
+        submit,
+        large,
+        many_campaigns,
+        busy_questions,
+        scale,
+        efficiency,
+    ):
         part()
         assert threading.active_count() < 50

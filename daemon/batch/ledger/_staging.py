@@ -7,6 +7,7 @@ To copy them is one statement for many rows, in which no other thread of the dae
 from __future__ import annotations
 
 import hashlib
+import re
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
@@ -109,6 +110,12 @@ def stage_rows(db: sqlite3.Connection, packed: PackedSubmission, schema: str = "
         "INSERT INTO staged_campaign VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
         (*named, runs.count, declared, packed.fresh, reserve.count),
     )
+
+
+def drop_rows(db: sqlite3.Connection) -> None:
+    """Remove the temporary tables that were made on a connection."""
+    for name in re.findall(r"TABLE \{0\}\.(\w+)", _TABLES):
+        db.execute(f"DROP TABLE temp.{name}")
 
 
 def _row(run: PackedRun) -> tuple[object, ...]:

@@ -13,7 +13,7 @@ from daemon.batch.ledger._connection import UNREADABLE, connect
 from daemon.batch.ledger._deletion import hides_anything, remove_campaign, remove_hidden
 from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import note_of_result, remove_result, reuse_in_steps
-from daemon.batch.ledger._staging import STAGED, enter_rows, read_campaign, stage_rows
+from daemon.batch.ledger._staging import STAGED, drop_rows, enter_rows, read_campaign, stage_rows
 from daemon.batch.ledger._steps import STEP_ROWS, Steps, finish
 from daemon.batch.ledger.transitions import Cancelled, Retried
 from daemon.batch.paths import StatePaths
@@ -127,9 +127,11 @@ class LedgerWriter(LeaseUpdates):
 
     def submit(self, submission: Submission, now: float) -> SubmissionReceipt:
         """Enter a campaign and its runs at once; the same submission again changes nothing."""
-        with self._attached(":memory:"):
-            stage_rows(self._db, pack_submission(submission), STAGED)
+        stage_rows(self._db, pack_submission(submission), "temp")
+        try:
             return finish(self._enter(now))
+        finally:
+            drop_rows(self._db)
 
     def submit_in_steps(self, staged: Path, now: float) -> Steps[SubmissionReceipt]:
         """Enter what :func:`daemon.batch.ledger.stage_submission` has made ready.
@@ -159,13 +161,14 @@ class LedgerWriter(LeaseUpdates):
     def _enter(self, now: float) -> Steps[SubmissionReceipt]:
         staged = read_campaign(self._db)
         row = self._db.execute(
-            "SELECT digest, total FROM campaign WHERE id = ? AND visible", (staged.id,)
+            "SELECT digest, total, visible FROM campaign WHERE id = ?", (staged.id,)
         ).fetchone()
-        if row is not None:
+        if row is not None and row[2]:
             if row[0] != staged.digest:
                 raise Refused(f"campaign id {staged.id} is taken by another campaign")
             return SubmissionReceipt(staged.id, row[1], known=True)
-        if self._paths is not None:  # what is left of an earlier attempt, or being deleted
+        if row is not None and self._paths is not None:
+            # What is left of an earlier attempt, or being deleted.
             yield from remove_campaign(self._db, self._paths, staged.id)
         named = (staged.id, staged.name, staged.about, staged.source, staged.digest, staged.runs)
         self._db.execute(

@@ -202,12 +202,13 @@ class WriterThread(LedgerThread):
 def _slice(steps: Generator[None, None, object]) -> tuple[bool, object]:
     """Do steps for a while; returns whether they are over, and their value."""
     end = time.monotonic() + _SLICE
-    while time.monotonic() < end:
+    while True:
         try:
             next(steps)
         except StopIteration as done:
             return True, done.value
-    return False, None
+        if time.monotonic() >= end:
+            return False, None
 
 
 class ReaderThread(LedgerThread):

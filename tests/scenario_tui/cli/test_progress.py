@@ -8,16 +8,18 @@ import pytest
 from rich.console import Console
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
-from daemon.model.status import RunState
+from daemon.model import verbs
+from daemon.model.status import ChangeEvent, RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.progress import CampaignProgress, progress_lines, watch
-from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live, make_row
+from tests.scenario_tui.fake import CAMPAIGN, OLD, WAITING, FakeDaemon, make_live, make_row
 
 
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "INTERVAL", 0.001)
+    monkeypatch.setattr(progress, "_POLL", 0.0)
 
 
 def _finish(daemon: FakeDaemon) -> None:
@@ -138,3 +140,32 @@ def test_nobody_waits_for_ever_for_a_daemon_of_ones_own_in_trouble(fake, monkeyp
     fake.trouble = "the disk is full"
     with pytest.raises(DaemonError, match="the disk is full"):
         watch(fake.open, CAMPAIGN, endurance=0.01)
+
+
+def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, monkeypatch) -> None:
+    monkeypatch.setattr(progress, "_LOOK", 0.0)
+    monkeypatch.setattr(progress, "_POLL", 3600.0)
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    looks = 0
+
+    def later(daemon: FakeDaemon) -> None:
+        nonlocal looks
+        looks += 1
+        if looks == 50:
+            for on_event, _ in daemon.listeners:
+                on_event(ChangeEvent(1, "run", f"{OLD}.0", OLD, "done"))
+        if looks == 100:
+            _finish(daemon)
+            for on_event, _ in daemon.listeners:
+                on_event(ChangeEvent(2, "campaign", CAMPAIGN, CAMPAIGN, "finished"))
+
+    fake.before = later
+    assert watch(fake.open, CAMPAIGN).finished
+    asked = [call for call in fake.calls if call[0] == "campaigns"]
+    assert [call[1] for call in asked] == [CAMPAIGN, CAMPAIGN]
+
+
+def test_all_campaigns_are_asked_for_page_by_page(fake, monkeypatch) -> None:
+    monkeypatch.setattr(verbs, "LARGEST_PAGE", 1)
+    assert [row.id for row in fake.campaigns()] == [CAMPAIGN, OLD]
+    assert len([call for call in fake.calls if call[0] == "campaigns"]) == 3

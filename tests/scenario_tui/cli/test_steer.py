@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from tests.scenario_tui.fake import CAMPAIGN
+from tests.scenario_tui.fake import CAMPAIGN, OLD
 
 
 def test_cancel_cancels_the_campaign_meant(scenario, fake) -> None:
@@ -76,3 +76,33 @@ def test_stop_says_that_queued_work_waits(scenario, fake) -> None:
     said = scenario("stop")
     assert ("shutdown",) in fake.calls
     assert "2 unfinished runs go on when it is started again" in said.err
+
+
+def test_delete_removes_campaigns_and_says_what_went(scenario, fake) -> None:
+    said = scenario("delete", "nightly", OLD, "--yes", "--json")
+    asked = [call for call in fake.calls if call[0] == "delete"]
+    assert asked == [("delete", (OLD,), True), ("delete", (OLD,), False)]
+    body = json.loads(said.out)
+    gone = {"campaign": OLD, "runs": 4, "traces": 3, "bytes": 3 * 2**20}
+    assert body == {"schema": "scenario/delete/1", "dry_run": False, "campaigns": [gone]}
+    assert f"deleted {OLD}: 4 runs, 3 traces, 3.0 MiB" in said.err
+
+
+def test_delete_can_only_say_what_would_go(scenario, fake) -> None:
+    said = scenario("delete", "nightly", "--dry-run")
+    assert [call for call in fake.calls if call[0] == "delete"] == [("delete", (OLD,), True)]
+    assert f"would have deleted {OLD}: 4 runs" in said.err
+
+
+def test_delete_asks_and_not_where_nobody_can_answer(scenario, fake) -> None:
+    said = scenario("delete", "nightly")
+    assert said.code == 2
+    assert "say --yes" in said.err
+    assert not [call for call in fake.calls if call == ("delete", (OLD,), False)]
+
+
+def test_who_names_one_campaign_does_not_ask_for_all(scenario, fake) -> None:
+    for command in ("pause", "cancel", "results", "retry"):
+        scenario(command, CAMPAIGN)
+    asked = [call for call in fake.calls if call[0] == "campaigns"]
+    assert {call[1:3] for call in asked} == {(CAMPAIGN, "")}

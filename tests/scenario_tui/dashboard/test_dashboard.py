@@ -263,6 +263,19 @@ async def test_c_cancels_after_a_question(opened, fake) -> None:
         assert "cancelled 2 runs" in notices(pilot)
 
 
+async def test_d_deletes_a_finished_campaign_after_a_question(opened, fake) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "D")
+        assert "cancel it before it is deleted" in notices(pilot)
+        await press(pilot, "down", "D")
+        assert f"scenario delete {OLD}" in shown(pilot)
+        assert ("delete", (OLD,), False) not in fake.calls
+        await press(pilot, "y")
+        assert ("delete", (OLD,), False) in fake.calls
+        assert f"deleted {OLD}: 4 runs, 3 traces, 3.0 MiB" in notices(pilot)
+
+
 async def test_a_finished_campaign_is_not_cancelled(opened, fake) -> None:
     async with opened() as pilot:
         await settle(pilot)
