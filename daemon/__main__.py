@@ -20,7 +20,7 @@ from daemon.batch.errors import (
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits
 from grammars.text.terminal_text import printable_streams
 
-_SETTINGS: Final = {"lease": float, "grace": float, "attempts": int, "patience": float}
+_SETTINGS: Final = {"lease": float, "attempts": int, "patience": float}
 
 
 def main() -> int:

@@ -76,6 +76,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
         steer.pause,
         steer.resume,
         steer.priority,
+        steer.delete,
         steer.stop,
     ),
     "Machines": (machines.daemon, machines.worker),

@@ -85,7 +85,7 @@ def work(
         daemon = DaemonConnection(session, connect, holder)
         welcome = daemon.ask_welcome(me)
         paths = choose_paths(state, welcome)
-        spool = Spool(paths.state, me.id)
+        spool = Spool(paths.state, me.id, holder.name if holder else "")
         stack.callback(spool.close)
         # Present only once it can take runs; the token goes with the session, however it ends.
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{me.id}"))

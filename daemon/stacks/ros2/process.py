@@ -1,6 +1,6 @@
 """A running stack as its run sees it: started, watched, read, and ended or kept.
 
-The work is done by a supervisor, a process of its own (:mod:`daemon.stacks.ros2.supervision`),
+The work is done by a supervisor, a process of its own (:mod:`daemon.supervision`),
 which ends the stack also when the run's process cannot ask for it any more.
 """
 
@@ -44,14 +44,14 @@ from daemon.stacks.ros2.isolation import (
 )
 from daemon.stacks.ros2.placeholders import PlaceholderError
 from daemon.stacks.ros2.settings import Ros2Settings, fill_settings
-from daemon.stacks.ros2.supervision.output_file import OutputFile
-from daemon.stacks.ros2.supervision.plan import (
+from daemon.supervision.output_file import OutputFile
+from daemon.supervision.plan import (
     ENVIRONMENT,
     RELAY_OUTPUT,
     STACK_OUTPUT,
     StackPlan,
 )
-from daemon.stacks.ros2.supervision.remains import KILL_LIMIT, MARKER
+from daemon.supervision.remains import KILL_LIMIT, MARKER
 from grammars.text.terminal_text import printable, without_escapes
 
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
