@@ -79,6 +79,7 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "pause": (("first",), ("first", "--json")),
     "resume": (("first",),),
     "priority": (("first", "3"), ("first", "{NAME}")),
+    "delete": (("first", "--yes"), ("first",), ("none{NAME}", "-n")),
     "stop": ((),),
     "daemon": (("--print-unit", "--state", "{NAME}"), ("--listen", "{NAME}")),
     "worker": (("--print-unit", "--state", "{NAME}"), ("--connect", "{NAME}")),
