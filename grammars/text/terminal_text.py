@@ -105,11 +105,15 @@ def unfiltered(stream: TextIO) -> TextIO:
 def printable_streams() -> Iterator[None]:
     """Let nothing but printable text through standard output and error of this process."""
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = map(_filtered, before)
+    sys.stdout, sys.stderr = ours = _filtered(before[0]), _filtered(before[1])
     try:
         yield
     finally:
-        sys.stdout, sys.stderr = before
+        # A generator may end late: what others have put there since is theirs.
+        if sys.stdout is ours[0]:
+            sys.stdout = before[0]
+        if sys.stderr is ours[1]:
+            sys.stderr = before[1]
 
 
 def _filtered(stream: TextIO) -> TextIO:

@@ -13,16 +13,17 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
 from grammars.text.diagnostics import Diagnostic
-from grammars.text.terminal_text import escape_json, printable, unfiltered
+from grammars.text.terminal_text import escape_json, printable, printable_streams, unfiltered
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress, ProgressColumn
     from rich.table import Table
 
 T = TypeVar("T")
@@ -78,19 +79,22 @@ def _console(*, stderr: bool) -> Console:
     return PrintableConsole(file=file, soft_wrap=False, width=width)
 
 
-def track_progress(found: Iterable[T], total: int, description: str) -> Iterable[T]:
-    """Pass ``found`` on and show how far it is, where somebody looks and it takes a while."""
-    from rich.progress import track
+@contextmanager
+def open_progress(*columns: str | ProgressColumn) -> Iterator[Progress]:
+    """Show progress where somebody looks, and nothing of it afterwards."""
+    from rich.progress import Progress
 
     console = stderr_console()
-    return track(
-        found,
-        description=description,
-        total=total,
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
+    progress = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    # What is printed meanwhile passes through rich, which would take over its colours.
+    with progress, printable_streams():
+        yield progress
+
+
+def track_progress(found: Iterable[T], total: int, description: str) -> Iterator[T]:
+    """Pass ``found`` on and show how far it is, where somebody looks and it takes a while."""
+    with open_progress() as progress:
+        yield from progress.track(found, total=total, description=description)
 
 
 def wrap_parts(parts: Iterable[str], width: int) -> str:

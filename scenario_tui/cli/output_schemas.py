@@ -61,6 +61,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     steer.PauseOutput,
     steer.ResumeOutput,
     steer.PriorityOutput,
+    steer.DeleteOutput,
     steer.StopOutput,
     recorded_runs.FetchOutput,
     judge.JudgeOutput,

@@ -19,6 +19,7 @@ from rich.text import Text
 from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
 from daemon.model.verbs import DaemonClient
+from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import ClientOpener
 from scenario_tui.text.formatting import (
@@ -94,7 +95,8 @@ def open_display() -> Iterator[ProgressDisplay]:
         yield ProgressDisplay(None)
         return
     # Drawn where the watcher looks, four times a second: no thread of rich's is needed for it.
-    with Screen(console=console, auto_refresh=False, transient=True) as screen:
+    # What is printed meanwhile passes through rich, which would take over its colours.
+    with Screen(console=console, auto_refresh=False, transient=True) as screen, printable_streams():
         yield ProgressDisplay(screen)
 
 

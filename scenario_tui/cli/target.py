@@ -20,7 +20,7 @@ from daemon.model.status import CampaignRow, RunDetail
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from scenario_tui.cli.exit_codes import wrong_usage
-from scenario_tui.cli.output import say, stderr_console
+from scenario_tui.cli.output import open_progress, say
 from scenario_tui.client import all_runs
 from scenario_tui.text.formatting import pluralise
 
@@ -266,13 +266,10 @@ def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
 @contextmanager
 def transfer_progress(total: int) -> Iterator[ByteProgress]:
     """Show on a terminal how much of ``total`` bytes has come; yields what counts further bytes."""
-    from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
+    from rich.progress import BarColumn, DownloadColumn, TransferSpeedColumn
 
-    console = stderr_console()
     columns = ("bringing traces", BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as shown:
+    with open_progress(*columns) as shown:
         task = shown.add_task("", total=total)
         yield lambda count: shown.advance(task, count)
 

@@ -68,12 +68,17 @@ def poisoned(value: Any) -> Any:
 
 
 def _cured(value: Any) -> Any:
-    changes = {
-        field.name: text.replace(NAME, "")
-        for field in dataclasses.fields(value)
-        if isinstance(text := getattr(value, field.name), str)
-    }
-    return dataclasses.replace(value, **changes)
+    """Return a request that names what was poisoned by its own name."""
+    if isinstance(value, str) and not isinstance(value, Enum):
+        return value.replace(NAME, "")
+    if isinstance(value, tuple):
+        return tuple(map(_cured, value))
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = dataclasses.fields(value)
+        return dataclasses.replace(
+            value, **{f.name: _cured(getattr(value, f.name)) for f in fields}
+        )
+    return value
 
 
 @dataclass

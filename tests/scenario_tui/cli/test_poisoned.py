@@ -44,7 +44,11 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
         ("good.oracles.yaml", "graph.jsonld", "{NAME}", "text{NAME}.txt"),
     ),
     "run": (("broken/campaign.yaml",), ("{NAME}.yaml",)),
-    "submit": (("broken/campaign.yaml",), ("demo/campaign.yaml",)),
+    "submit": (
+        ("broken/campaign.yaml",),
+        # Named, so that none is started.
+        ("demo/campaign.yaml", "--connect", "tcp/127.0.0.1:7"),
+    ),
     "wait": (("first", "--timeout", "0s"), ("none{NAME}",)),
     "serve": (("broken/campaign.yaml",), ("demo/campaign.yaml", "{NAME}")),
     "tui": ((), ("--keys", "{NAME}")),
@@ -75,6 +79,7 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "pause": (("first",), ("first", "--json")),
     "resume": (("first",),),
     "priority": (("first", "3"), ("first", "{NAME}")),
+    "delete": (("first", "--yes"), ("first",), ("none{NAME}", "-n")),
     "stop": ((),),
     "daemon": (("--print-unit", "--state", "{NAME}"), ("--listen", "{NAME}")),
     "worker": (("--print-unit", "--state", "{NAME}"), ("--connect", "{NAME}")),

@@ -99,6 +99,9 @@ async def walk_through_the_dashboard(trace: Path, folder: Path) -> None:
             await press(pilot, "escape")
         await press(pilot, "3")
         look(pilot, WorkersScreen)
+        dashboard.copy(f"scenario show a{POISON}\nreboot\n")
+        assert dashboard.clipboard.splitlines() == [dashboard.clipboard]
+        assert_harmless(dashboard.clipboard.encode())
         dashboard.say(f"done{POISON}", f"scenario{POISON}")
         dashboard.problem(f"refused{POISON}")
         await press(pilot, "colon")
