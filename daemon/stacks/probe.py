@@ -28,6 +28,7 @@ from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFi
 from daemon.supervision.guardian import end_guarded, guard
 from daemon.supervision.output_file import OutputFile
 from grammars.text import codec
+from grammars.text.terminal_text import printable
 
 PATIENCE: Final = 10.0
 """Seconds of wall clock in which it has to be made."""
@@ -183,10 +184,7 @@ def _place(places: IO[bytes]) -> str:
 
 def _lines(output: Path) -> list[str]:
     text = OutputFile.read(output)[:_SHOWN_OUTPUT].decode("utf-8", "replace")
-    printable = (
-        "".join(sign if sign.isprintable() else "?" for sign in line) for line in text.splitlines()
-    )
-    return [line.strip() for line in printable if line.strip()]
+    return [line.strip() for line in printable(text).splitlines() if line.strip()]
 
 
 def _noise(name: str, said: list[str]) -> ParameterFinding:

@@ -153,6 +153,8 @@ class ForkServerPool:
     """
 
     waitables: tuple[Waitable, ...] = ()
+    trouble = ""
+    """Its processes are children of the worker: what is wrong shows at the start."""
 
     def __init__(self, slots: int) -> None:
         self.slots = slots

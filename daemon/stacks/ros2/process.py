@@ -7,7 +7,6 @@ which ends the stack also when the run's process cannot ask for it any more.
 from __future__ import annotations
 
 import os
-import re
 import secrets
 import shlex
 import shutil
@@ -53,6 +52,7 @@ from daemon.supervision.plan import (
     StackPlan,
 )
 from daemon.supervision.remains import KILL_LIMIT, MARKER
+from grammars.text.terminal_text import printable, without_escapes
 
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
 NONCE_VARIABLE: Final = "SCENARIO_NONCE"
@@ -65,8 +65,6 @@ _ENGINE_FAILED: Final = 125
 """Exit code of podman and docker when they failed themselves (podman-run(1))."""
 _ENGINE_LIMIT: Final = 40.0
 """Seconds that the engine of a container is given to end and to remove it."""
-# What terminals understand and a note does not: colours, other escapes, control characters.
-_CONTROL: Final = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b.|[\x00-\x08\x0b-\x1f\x7f]")
 
 
 class StackProcess:
@@ -353,5 +351,5 @@ def _end_in_words(code: int) -> str:
 
 
 def _lines(data: bytes) -> list[str]:
-    text = _CONTROL.sub("", data.decode("utf-8", "replace"))
-    return [line.rstrip() for line in text.splitlines() if line.strip()]
+    text = without_escapes(data.decode("utf-8", "replace"))
+    return [printable(line).rstrip() for line in text.splitlines() if line.strip()]

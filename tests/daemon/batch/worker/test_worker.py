@@ -297,7 +297,7 @@ def test_a_worker_without_a_daemon_says_so(tmp_path: Path) -> None:
 
 
 def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", lease=60.0, grace=60.0) as daemon:
+    with daemon_at(tmp_path / "state", lease=60.0) as daemon:
         log, gate = tmp_path / "log", tmp_path / "gate"
         with daemon.client() as client, worker_for(daemon, 2) as worker:
             client.submit(make_submission("c", 2, until=str(gate), log=str(log)))
