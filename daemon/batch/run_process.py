@@ -26,8 +26,9 @@ from typing import Final, Literal, NoReturn
 from daemon.model.attachments import FILES_VARIABLE, SutMissing
 from daemon.model.deadline import spare_time, wall_clock_limit
 from daemon.model.messages import Lease
-from daemon.model.spec import RunResult, Snapshot
+from daemon.model.spec import RunResult, Snapshot, bound_result
 from daemon.model.status import LiveSnapshot
+from daemon.model.verdicts import Outcome
 from daemon.supervision.guardian import guard
 from daemon.supervision.output_file import OutputFile
 from grammars.model.scene import Scene
@@ -142,7 +143,10 @@ def _write_result(result: RunResult, trace: Path, folder: Path) -> None:
     # The result is last and synchronised after the trace: where it is, all of the attempt is.
     if not trace.is_file():
         raise FileNotFoundError(f"the run left no trace at {trace.name}")
-    data = codec.to_json(result)
+    bound = bound_result(result)
+    if len(bound.verdicts) < len(result.verdicts):
+        bound = replace(bound, outcome=Outcome.ERROR)  # nothing is left that would prove another
+    data = codec.to_json(bound)
     codec.from_json(RunResult, data)  # raises for what JSON cannot carry, a NaN say
     # The trace is on the disk, its name may not be: the result must never be there without it,
     # since whoever finds a result after a power cut delivers both.

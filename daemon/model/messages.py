@@ -27,6 +27,8 @@ LARGEST_SUBMISSION: Final = 64 * 2**20
 """Bytes; a hundred thousand runs of a whole building are a few MiB packed."""
 LARGEST_REQUEST: Final = 4 * 2**20
 LARGEST_PAGE: Final = 1000
+LARGEST_PAGE_BYTES: Final = 4 * 2**20
+"""Of what runs have that may be long, results and reasons: a page of them ends there."""
 LARGEST_CHUNK: Final = 2**20
 """Bytes of a trace in one request; they travel as base64, a third more."""
 LARGEST_TRACE: Final = 4 * 2**30

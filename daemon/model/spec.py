@@ -7,14 +7,14 @@ versions have to be equal wherever runs are executed.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
 from daemon.model.attachments import attached_digests
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import Outcome, Verdict, join_notes
 from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Pose2
 from grammars.model.grid import MapRule
@@ -178,6 +178,45 @@ class RunResult:
         # ``ended`` and ``note`` are in the trace. The order is part of the digest.
         names = ("spec", "outcome", "verdicts", "trace")
         return codec.digest({name: getattr(self, name) for name in names})
+
+
+LARGEST_RESULT: Final = 256 * 2**10
+"""Bytes of a result in JSON: a hundred times what it has of three oracles. Its trace has the rest.
+"""
+_LONGEST_NOTE: Final = 2000
+_LONGEST_EVIDENCE: Final = 200
+
+
+def bound_result(result: RunResult) -> RunResult:
+    """Return a result of at most :data:`LARGEST_RESULT` bytes: as it is, or without the rest.
+
+    Long notes and evidence go first, and only then verdicts, all of them: a part of them would
+    look like the whole. The outcome stays; ``note`` says what was left out.
+    """
+    size = len(codec.to_json(result))
+    if size <= LARGEST_RESULT:
+        return result
+    words = f"its result had {size} bytes, {LARGEST_RESULT} are kept of one: "
+    note = result.note[:_LONGEST_NOTE]
+    shorter = replace(
+        result,
+        verdicts=tuple(map(_shorten, result.verdicts)),
+        note=join_notes(f"{words}notes were cut", note),
+    )
+    if len(codec.to_json(shorter)) <= LARGEST_RESULT:
+        return shorter
+    lost = f"{words}{len(result.verdicts)} verdicts were left out, judge its trace again"
+    return replace(result, verdicts=(), note=join_notes(lost, note))
+
+
+def _shorten(verdict: Verdict) -> Verdict:
+    evidence = verdict.evidence
+    shorter = replace(
+        evidence,
+        object=evidence.object[:_LONGEST_EVIDENCE],
+        note=evidence.note[:_LONGEST_EVIDENCE],
+    )
+    return replace(verdict, evidence=shorter)
 
 
 _PACKAGE: Final = "scenario-tui"

@@ -136,7 +136,8 @@ RUN: Final = Verb("run", IdRequest, RunDetail, "Everything about one run.", VIEW
 DECLARED: Final = Verb("declared", IdRequest, AssessmentRules,
     "What a campaign declares about its results: policy, comparisons, expectations.", VIEWING)
 RECORDS: Final = Verb("records", RecordQuery, tuple[RunRecord, ...],
-    "A page of the runs of a campaign with their verdicts, in order.", VIEWING, slow=True)
+    "A page of the runs of a campaign with their verdicts, in order; empty after the last.",
+    VIEWING, slow=True)
 SCENE: Final = Verb("scene", IdRequest, Scene,
     "A compiled scene, by its digest.", VIEWING | WORKING)
 WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...],
@@ -275,9 +276,10 @@ class DaemonClient(ABC):
         found: list[RunRecord] = []
         while True:
             page = self.ask(RECORDS, RecordQuery(campaign, len(found), _RECORDS_PER_PAGE))
-            found.extend(page)
-            if len(page) < _RECORDS_PER_PAGE:
+            # One that is shorter than asked for is not the last: bytes are limited, too.
+            if not page:
                 return tuple(found)
+            found.extend(page)
 
     def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
         """Queue runs again; returns how many.

@@ -76,10 +76,11 @@ def ledger_input(reader: LedgerReader, row: CampaignRow, paths: StatePaths) -> R
     """Return a campaign of a state directory with all its runs, also those without a result."""
     records: list[RunRecord] = []
     while True:
+        # One that is shorter than asked for is not the last: bytes are limited, too.
         page = reader.records(RecordQuery(row.id, len(records), LARGEST_PAGE))
-        records += page
-        if len(page) < LARGEST_PAGE:
+        if not page:
             break
+        records += page
     # A record holds verdicts, not what was specified: oracles and triggers are in the latter.
     specs = [reader.run(record.id).spec for record in records]
     records = [_local_record(reader, record) for record in records]

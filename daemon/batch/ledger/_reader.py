@@ -20,11 +20,17 @@ from daemon.batch.ledger._results import (
     missing_trace_text,
     read_declared,
     read_records,
+    read_result,
 )
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
 from daemon.model.assessments import AssessmentRules, RunRecord
-from daemon.model.messages import CampaignQuery, RecordQuery, RunQuery
+from daemon.model.messages import (
+    LARGEST_PAGE_BYTES,
+    CampaignQuery,
+    RecordQuery,
+    RunQuery,
+)
 from daemon.model.spec import RunResult
 from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, RunState
 from daemon.model.verdicts import Outcome
@@ -174,21 +180,29 @@ class LedgerReader:
         return 60.0 * (len(times) - 1) / float(now - times[-1])
 
     def runs(self, query: RunQuery) -> RunPage:
-        """One page of runs, filtered and sorted; equal values keep the order of submission."""
+        """One page of runs, filtered and sorted; equal values keep the order of submission.
+
+        It has fewer than asked for when their texts are long: ``total`` says how many there are.
+        """
         where, values = _filter(query)
         rows = self._db.execute(
             f"SELECT {_ROW} FROM run {where} ORDER BY {_order(query)} LIMIT ? OFFSET ?",
             (*values, query.limit, query.offset),
-        ).fetchall()
-        return RunPage(
-            tuple(self._run_row(row) for row in rows),
-            self._total(query, len(rows), where, values),
         )
+        found: list[RunRow] = []
+        room, whole = LARGEST_PAGE_BYTES, True
+        for row in rows:
+            if room <= 0:
+                whole = False
+                break
+            found.append(self._run_row(row))
+            room -= sum(len(value) for value in row if isinstance(value, str))
+        last = whole and len(found) < query.limit and (found or not query.offset)
+        total = query.offset + len(found) if last else self._total(query, where, values)
+        return RunPage(tuple(found), total)
 
-    def _total(self, query: RunQuery, found: int, where: str, values: list[Any]) -> int:
-        """How many runs the filter admits, where a page of them has ``found``."""
-        if found < query.limit and (found or not query.offset):
-            return query.offset + found  # the last page
+    def _total(self, query: RunQuery, where: str, values: list[Any]) -> int:
+        """How many runs the filter admits."""
         # The tally knows how many of a state there are; 100,000 runs need not be counted.
         tallied = not (query.text or query.scenario or query.sut)
         counting = "total(runs) FROM tally" if tallied else "count(*) FROM run"
@@ -204,7 +218,7 @@ class LedgerReader:
         return RunDetail(
             self._run_row(row),
             self._specs.read(spec[0]),
-            None if result is None else codec.from_json(RunResult, result[0]),
+            None if result is None else read_result(result[0]),
         )
 
     def declared(self, campaign: str) -> AssessmentRules:
@@ -212,7 +226,10 @@ class LedgerReader:
         return read_declared(self._db, campaign)
 
     def records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
-        """A page of the runs of a campaign as assessments want them, in order."""
+        """A page of the runs of a campaign as assessments want them, in order.
+
+        It has fewer than asked for when they have many bytes; after the last it is empty.
+        """
         read_declared(self._db, query.campaign)
         return read_records(
             self._db,
@@ -220,6 +237,7 @@ class LedgerReader:
             self._paths,
             offset=query.offset,
             limit=query.limit,
+            room=LARGEST_PAGE_BYTES,
         )
 
     def campaign_ids(self) -> frozenset[str]:
@@ -242,7 +260,7 @@ class LedgerReader:
         row = self._db.execute(
             "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?", (name,)
         ).fetchone()
-        return None if row is None else codec.from_json(RunResult, row[0])
+        return None if row is None else read_result(row[0])
 
     def traces(self, name: str) -> tuple[TraceReference, ...]:
         """The traces there are of a campaign or a run, in order, those used again included."""
@@ -251,7 +269,7 @@ class LedgerReader:
             " JOIN result ON result.run = run.id"
             " WHERE run.campaign = ?1 OR run.id = ?1 ORDER BY serial",
             (name,),
-        ).fetchall()
+        )
         found = []
         for run, trace, source, url, body in rows:
             location = find_trace(self._db, self._paths, trace, source, url)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sqlite3
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,7 +19,7 @@ from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_digest, trace_name
 from daemon.model.messages import Completion
 from daemon.model.packed_submission import Script
-from daemon.model.spec import RunResult, RunSpec
+from daemon.model.spec import LARGEST_RESULT, RunResult, RunSpec, bound_result
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text import codec
 
@@ -88,6 +89,16 @@ def missing_trace_text(source: str) -> str:
     return f"the trace of {source} is gone" if source else "its trace is gone"
 
 
+def read_result(body: bytes) -> RunResult:
+    """Return a result as it was stored, without what makes it too large where it is.
+
+    Earlier versions stored results of megabytes. Raises ``ValueError`` for one that cannot be
+    understood any more.
+    """
+    result = codec.from_json(RunResult, body)
+    return bound_result(result) if len(body) > LARGEST_RESULT else result
+
+
 def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
     """Return what a campaign declares; raises :class:`Refused` when there is none of that id."""
     row = db.execute("SELECT declared FROM campaign WHERE id = ?", (campaign,)).fetchone()
@@ -103,17 +114,25 @@ def read_records(
     *,
     offset: int = 0,
     limit: int = -1,
+    room: float = math.inf,
 ) -> tuple[RunRecord, ...]:
     """Return the runs of a campaign in order, with results where there are any.
 
     Their traces are looked for below ``paths``, or not at all: that costs a look at the disk each.
+    No more are returned when their results have ``room`` bytes together, but one at least.
     """
     rows = db.execute(
         f"SELECT {_COLUMNS} FROM run LEFT JOIN result ON result.run = run.id"
         " WHERE campaign = ? ORDER BY position LIMIT ? OFFSET ?",
         (campaign, limit, offset),
     )
-    return tuple(_run_record(db, tuple(row), paths) for row in rows)
+    found = []
+    for row in rows:
+        if room <= 0:
+            break
+        found.append(_run_record(db, tuple(row), paths))
+        room -= min(len(row[-1] or b""), LARGEST_RESULT)
+    return tuple(found)
 
 
 def _run_record(
@@ -121,7 +140,7 @@ def _run_record(
 ) -> RunRecord:
     *known, trace, url, repeatable, body = row
     run, scenario, sut, repeat, digest, state, reason, seed, cached = known
-    result = None if body is None else codec.from_json(RunResult, body)
+    result = None if body is None else read_result(body)
     path, gone = "", ""
     if result and paths:
         path = find_trace(db, paths, trace, cached, url)
@@ -186,6 +205,11 @@ def check_result(db: sqlite3.Connection, completion: Completion) -> str:
         raise Refused(f"the result is not of run {completion.run}: its specification differs")
     if not is_digest(completion.result.trace.sha256):
         raise Refused(f"the trace of {completion.run} has no digest")
+    size = len(codec.to_json(completion.result))
+    if size > LARGEST_RESULT:
+        raise Refused(
+            f"the result of {completion.run} has {size} bytes: at most {LARGEST_RESULT} are kept"
+        )
     _check_location(db, completion)
     return str(known[1])
 
@@ -248,7 +272,7 @@ def remove_result(db: sqlite3.Connection, run: str) -> None:
 def note_of_result(db: sqlite3.Connection, run: str) -> str:
     """Return why a run ended as it did, empty when there is nothing to say or no result."""
     row = db.execute("SELECT body FROM result WHERE run = ?", (run,)).fetchone()
-    return codec.from_json(RunResult, row[0]).note if row else ""
+    return read_result(row[0]).note if row else ""
 
 
 def deciding_verdict(result: RunResult) -> Verdict | None:

@@ -26,8 +26,8 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import FILES, LEASE, RESULT, read_output
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
-from daemon.model.messages import Lease
-from daemon.model.spec import RunResult
+from daemon.model.messages import LARGEST_REQUEST, Lease
+from daemon.model.spec import RunResult, bound_result
 from grammars.text import codec
 
 _LOCK: Final = "lock"
@@ -69,7 +69,12 @@ class Attempt:
 
     def result(self) -> RunResult:
         """The result; raises ``OSError`` or ``ValueError`` when it cannot be read."""
-        return codec.from_json(RunResult, (self.folder / RESULT).read_bytes())
+        with (self.folder / RESULT).open("rb") as file:
+            data = file.read(LARGEST_REQUEST + 1)
+        if len(data) > LARGEST_REQUEST:
+            raise ValueError(f"its result has more than {LARGEST_REQUEST} bytes")
+        # An earlier version left larger ones in the spool.
+        return bound_result(codec.from_json(RunResult, data))
 
     def result_size(self) -> int:
         """Bytes of the result as it is stored; raises ``OSError``."""

@@ -30,8 +30,8 @@ from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Attempt, AttemptEnd
 from daemon.batch.worker._launcher import READY, LaunchReport, LaunchRequest
 from daemon.model.execution import RunLimits, python_command
-from daemon.model.messages import LARGEST_REQUEST, Lease
-from daemon.model.spec import RunSpec, own_version
+from daemon.model.messages import Lease
+from daemon.model.spec import LARGEST_RESULT, RunSpec, own_version
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
@@ -228,7 +228,7 @@ def _read_output(end: AttemptEnd, attempt: Attempt) -> AttemptOutput:
     if not attempt.finished:
         return AttemptOutput(end)
     result, trace = attempt.folder / RESULT, attempt.folder / TRACE
-    for path, limit in ((result, LARGEST_REQUEST), (trace, LARGEST_TRACE)):
+    for path, limit in ((result, LARGEST_RESULT), (trace, LARGEST_TRACE)):
         size = path.stat().st_size
         if size > limit:
             words = f"its {path.name} has {size} bytes; at most {limit} travel from a cluster"

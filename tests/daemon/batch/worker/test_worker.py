@@ -95,6 +95,31 @@ def test_a_native_crash_tells_where_it_was_and_what_it_said(client: Client) -> N
     assert "fake_run.py" in row.reason
 
 
+def test_what_a_run_prints_is_bounded_and_its_last_words_are_told(
+    client: Client, daemon: DaemonPart
+) -> None:
+    client.submit(make_submission("loud", 1, prints=5, abort="out of luck"))
+    eventually(lambda: done(client, "loud"))
+    (row,) = client.runs("loud").rows
+    assert row.state is RunState.LOST
+    assert "\nout of luck\nFatal Python error: Aborted" in row.reason
+    assert len(row.reason) < 10_000
+
+
+def test_results_are_bounded_where_they_are_made(client: Client) -> None:
+    large = {"evidence": 2**21}, {"verdicts": 5000, "outcome": "fail"}
+    specs = [make_spec(number, **what) for number, what in enumerate(large)]
+    client.submit(submission_of("large", *specs))
+    eventually(lambda: done(client, "large"))
+    cut, lost = (client.run(f"large.{number}") for number in range(2))
+    assert cut.result is not None
+    assert (cut.row.outcome, len(cut.result.verdicts)) == (Outcome.PASS, 1)
+    assert "notes were cut" in cut.result.note
+    assert lost.result is not None
+    assert (lost.row.outcome, lost.result.verdicts) == (Outcome.ERROR, ())
+    assert "5000 verdicts were left out" in lost.result.note
+
+
 def test_an_exception_is_never_a_verdict(client: Client) -> None:
     client.submit(make_submission("raises", 1, **{"raise": "no such door"}))
     eventually(lambda: done(client, "raises"))

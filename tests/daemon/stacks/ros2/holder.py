@@ -24,6 +24,7 @@ import psutil
 
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Ros2Settings
+from daemon.supervision.guardian import guard
 
 PATIENCE = 60.0
 
@@ -74,6 +75,7 @@ def holder(**what: Any) -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]
 
 def hold_once(what: dict[str, Any], wire: Connection) -> None:
     """What the process of a run does with a stack that is kept for its worker's next run."""
+    guard()  # which leaves the supervisor of a stack alone, and nothing else
     stack = StackProcess(Ros2Settings(**what), values={}, key="key", relay=None)
     stack.start()
     stack.release(keep=True)

@@ -1,0 +1,119 @@
+"""Large results: none is taken, and those that an earlier version took are read in bounds."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.analysis.report import ledger_input
+from daemon.batch.errors import Refused
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
+from daemon.batch.paths import StatePaths
+from daemon.model.assessments import RunRecord
+from daemon.model.messages import (
+    LARGEST_PAGE_BYTES,
+    Completion,
+    RecordQuery,
+    RunQuery,
+)
+from daemon.model.spec import LARGEST_RESULT, RunResult
+from daemon.model.verbs import RECORDS, DaemonClient
+from daemon.model.verdicts import Evidence
+from grammars.text import codec
+from tests.daemon.batch.samples import make_result, make_submission
+
+NOW = 1_000_000.0
+RUNS = 24
+
+
+@pytest.fixture
+def db(tmp_path: Path) -> Iterator[sqlite3.Connection]:
+    writing = connect(tmp_path / "ledger.db")
+    yield writing
+    writing.close()
+
+
+@pytest.fixture
+def reader(db: sqlite3.Connection, tmp_path: Path) -> Iterator[LedgerReader]:
+    with LedgerReader.open(StatePaths(tmp_path)) as found:
+        yield found
+
+
+def padded(result: RunResult, length: int, copies: int = 1) -> RunResult:
+    verdict = replace(result.verdicts[0], evidence=Evidence(note="x" * length))
+    return replace(result, verdicts=(verdict,) * copies)
+
+
+def test_a_result_of_too_many_bytes_is_refused(
+    db: sqlite3.Connection, reader: LedgerReader
+) -> None:
+    book = LedgerWriter(db)
+    book.submit(make_submission("c", 1), NOW)
+    (grant,) = book.lease("w", 1, NOW)
+    result = padded(make_result(grant.spec), LARGEST_RESULT)
+    completion = Completion("w", grant.run, grant.attempt, grant.token, result)
+    with pytest.raises(Refused, match=f"at most {LARGEST_RESULT} are kept"):
+        book.complete(completion, NOW)
+    assert reader.run(grant.run).result is None
+
+
+@pytest.fixture
+def old(db: sqlite3.Connection) -> None:
+    """A ledger with results that an earlier version took: nearly, and much, too large."""
+    book = LedgerWriter(db)
+    book.submit(make_submission("c", RUNS), NOW)
+    for grant in book.lease("w", 100, NOW):
+        result = make_result(grant.spec)
+        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), NOW)
+        huge = grant.spec.repeat % 8 == 0
+        stored = padded(result, 4_000_000) if huge else padded(result, 150, 800)
+        body = codec.to_json(stored)
+        db.execute("UPDATE result SET body = ? WHERE run = ?", (body, grant.run))
+    db.commit()
+
+
+@pytest.mark.usefixtures("old")
+def test_old_results_of_megabytes_are_read_in_bounds(reader: LedgerReader, tmp_path: Path) -> None:
+    page = reader.records(RecordQuery("c", limit=1000))
+    assert 0 < len(page) < RUNS
+    largest = LARGEST_PAGE_BYTES + RUNS * 1000
+    assert len(codec.to_json(page, tuple[RunRecord, ...])) < largest
+    detail = reader.run("c.0")
+    assert len(codec.to_json(detail)) < LARGEST_RESULT + 10_000
+    assert detail.result is not None
+    assert detail.result.verdicts[0].margin == 0.5
+    (row,) = reader.campaigns()
+    assert len(ledger_input(reader, row, StatePaths(tmp_path)).records) == RUNS
+
+
+class LedgerClient(DaemonClient):
+    """A client that asks a ledger; what it cannot be asked is not needed here."""
+
+    def __init__(self, reader: LedgerReader) -> None:
+        self._reader = reader
+
+    def ask(self, verb, request):  # type: ignore[no-untyped-def]
+        assert verb is RECORDS
+        return self._reader.records(request)
+
+    submit = events = watch = None  # type: ignore[assignment]
+
+
+@pytest.mark.usefixtures("old")
+def test_a_client_goes_on_after_a_page_that_is_shorter_than_asked(reader: LedgerReader) -> None:
+    records = LedgerClient(reader).records("c")
+    assert [record.id for record in records] == [f"c.{number}" for number in range(RUNS)]
+
+
+def test_a_page_of_runs_ends_at_its_bytes(db: sqlite3.Connection, reader: LedgerReader) -> None:
+    LedgerWriter(db).submit(make_submission("c", 300), NOW)
+    db.execute("UPDATE run SET reason = ?", ("x" * 20_000,))
+    db.commit()
+    page = reader.runs(RunQuery("c", limit=1000))
+    assert 0 < len(page.rows) < page.total == 300
+    last = reader.runs(RunQuery("c", limit=1000, offset=290))
+    assert (len(last.rows), last.total) == (10, 300)

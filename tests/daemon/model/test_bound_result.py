@@ -1,0 +1,36 @@
+"""Results are bounded: evidence goes first, then verdicts, the outcome never."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from daemon.model.spec import LARGEST_RESULT, bound_result
+from daemon.model.verdicts import Evidence, Outcome
+from grammars.text import codec
+from tests.daemon.batch.samples import make_result, make_spec
+
+RESULT = make_result(make_spec(), outcome=Outcome.FAIL)
+
+
+def test_a_usual_result_is_as_it_was() -> None:
+    many = replace(RESULT, verdicts=RESULT.verdicts * 500, note="\N{GRINNING FACE}" * 1000)
+    assert bound_result(RESULT) is RESULT
+    assert bound_result(many) is many
+
+
+def test_long_evidence_is_cut_and_verdicts_stay() -> None:
+    evidence = Evidence(time=3.0, value=0.1, object="door " * 1000, note="\x01" * LARGEST_RESULT)
+    verdict = replace(RESULT.verdicts[0], evidence=evidence)
+    bound = bound_result(replace(RESULT, verdicts=(verdict,) * 3, note="y" * LARGEST_RESULT))
+    assert len(codec.to_json(bound)) <= LARGEST_RESULT
+    assert bound.outcome is Outcome.FAIL
+    assert [v.evidence.value for v in bound.verdicts] == [0.1] * 3
+    assert "notes were cut" in bound.note
+    assert bound_result(bound) is bound
+
+
+def test_too_many_verdicts_are_left_out_and_counted() -> None:
+    bound = bound_result(replace(RESULT, verdicts=RESULT.verdicts * 5000))
+    assert len(codec.to_json(bound)) <= LARGEST_RESULT
+    assert (bound.outcome, bound.verdicts) == (Outcome.FAIL, ())
+    assert "5000 verdicts were left out" in bound.note
