@@ -141,7 +141,7 @@ class WorkerLoop:
         if self._uploader.moved != self._moved:
             self._moved, self._leave_by = self._uploader.moved, 0.0
         self._leave_by = self._leave_by or now + _LEAVE_TIMEOUT
-        return now > self._leave_by or not (self._outbox or self._releases)
+        return now > self._leave_by or not (self._outbox or self._releases or len(self._asks))
 
     def _wait(self) -> None:
         now = time.monotonic()
@@ -378,17 +378,22 @@ class WorkerLoop:
         self._leased.extend(reply.grants)
         if len(reply.grants) == wanted:
             self._lease_at = 0.0
-        self._start_leased()
+        # Before anybody is heard who wants this worker to leave: these count as running.
+        self._fill_slots()
 
     def _start_leased(self) -> None:
         # A worker that leaves, or is in trouble, keeps no run from others that it has not begun.
         troubled = self._trouble.words and len(self._leased) > 1
         if self._leased and (self._signals.drain or troubled):
-            me = self._info(0).id
+            me, why = self._info(0).id, "" if troubled else "the worker was stopped"
             for lease in self._leased:
-                self._releases.append(ReleaseRequest(me, lease.run, lease.token, "", blame=False))
+                self._releases.append(ReleaseRequest(me, lease.run, lease.token, why, blame=False))
             self._leased.clear()
-        while self._leased and len(self._executions) < self._backend.slots:
+        self._fill_slots()
+
+    def _fill_slots(self) -> None:
+        slots = 0 if self._signals.abort else self._backend.slots
+        while self._leased and len(self._executions) < slots:
             lease = self._leased[0]
             self._begin(lease)
             if lease in self._leased:  # else a renewal meanwhile said that it is gone
@@ -423,8 +428,10 @@ class WorkerLoop:
                 self._give_back(execution.attempt, why, blame=False)
             execution.close()
         self._executions.clear()
-        self._start_leased()  # gives them back
         deadline = time.monotonic() + _LAST_WORDS
+        self._asks.wait(_LAST_WORDS)  # runs may be on their way here
+        self._take_answers()
+        self._start_leased()  # gives them back
         self._silent_until = 0.0
         while self._releases or self._outbox:
             self._send_releases()
