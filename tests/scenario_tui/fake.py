@@ -249,6 +249,7 @@ class FakeDaemon(DaemonClient):
     live: tuple[LiveSnapshot, ...] = ()
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
+    troubles: tuple[str, ...] = ()
     empty: bool = False
     declares: AssessmentRules = field(
         default_factory=lambda: AssessmentRules(RepeatPolicy(5, "all", 1.0, False, 5))
@@ -283,6 +284,7 @@ class FakeDaemon(DaemonClient):
         return DaemonOverview(
             "0.1.0", "state", NOW - 3600.0, self.now, len(rows), 1, **total, rate=12.5,
             seconds_left=left, trouble=self.trouble,
+            troubles=tuple(filter(None, (self.trouble, *self.troubles))),
         )  # fmt: skip
 
     def _campaign_rows(self) -> tuple[CampaignRow, ...]:

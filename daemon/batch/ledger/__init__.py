@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         stored_bytes,
         sweep_traces,
     )
+    from daemon.batch.ledger._waiting import retry_delay
     from daemon.batch.ledger._writer import LedgerWriter
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "check_integrity",
     "connect",
     "count_states",
+    "retry_delay",
     "stored_bytes",
     "sweep_traces",
 ]
@@ -48,6 +50,7 @@ _MODULES: Final = {
     "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",
+    "retry_delay": "_waiting",
 }
 
 

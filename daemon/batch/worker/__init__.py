@@ -1,15 +1,26 @@
 """Workers: lease runs from a daemon and execute each in a process of its own."""
 
 from daemon.batch.worker._attempts import Attempt
-from daemon.batch.worker._connection import InputCache, WorkerPaths, choose_paths
+from daemon.batch.worker._background import BackgroundAsks, LeasePace
+from daemon.batch.worker._connection import (
+    InputCache,
+    InputDamaged,
+    WorkerPaths,
+    choose_paths,
+)
+from daemon.batch.worker._trouble import WorkerTrouble
 from daemon.batch.worker._uploader import ResultUploader
 from daemon.batch.worker._work import work
 
 __all__ = [
     "Attempt",
+    "BackgroundAsks",
     "InputCache",
+    "InputDamaged",
+    "LeasePace",
     "ResultUploader",
     "WorkerPaths",
+    "WorkerTrouble",
     "choose_paths",
     "work",
 ]

@@ -3,14 +3,15 @@
 The parameters of the system under test say what to do: ``sleep`` [s], ``until`` (goes on until
 there is this file; ``{attempt}`` in its name is the attempt's number), ``outcome``, ``crash``
 (the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 1 is the
-fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``allocate``
-[MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
+fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``full`` (the disk
+quota is used up until there is this file), ``allocate`` [MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
 time), ``size`` (of the trace, bytes at least), ``reads`` (a file
 attached, its digest ends the trace). Systems of the kind ``absent`` are not installed.
 """
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import random
@@ -52,6 +53,8 @@ def execute(
         print(asked["abort"])
         sys.stdout.flush()
         os.abort()
+    if "full" in asked and not Path(asked["full"]).exists():
+        raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
     if "raise" in asked:
         raise RuntimeError(asked["raise"])
     ballast = bytearray(asked.get("allocate", 0) * 2**20)

@@ -381,3 +381,32 @@ def test_a_scene_damaged_on_the_daemons_disk_is_put_aside_and_healed(tmp_path: P
                 eventually(lambda c=client: finished(c, 2))
                 assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
         (tmp_path / "no").unlink()
+
+
+def test_a_worker_in_trouble_leaves_off_and_says_why(tmp_path: Path) -> None:
+    """Its disk quota was used up: it executed 239 runs in 12 s, and nobody was told."""
+    log, room = tmp_path / "log", tmp_path / "room"
+
+    def executed() -> int:
+        return len(log.read_text().splitlines()) if log.exists() else 0
+
+    with (
+        daemon_at(tmp_path / "state", attempts=1) as daemon,
+        daemon.client() as client,
+        worker_for(daemon, 2),
+    ):
+        client.submit(make_submission("c", 30, full=str(room), log=str(log)))
+        trouble = eventually(lambda: client.overview().trouble)
+        assert "Disk quota exceeded" in trouble
+        assert client.workers()[0].trouble in trouble
+        # From the first pause on one run at a time finds out whether it is over.
+        eventually(lambda: executed() >= 4)
+        waiting = [row for row in client.runs("c").rows if row.setbacks]
+        assert waiting
+        assert all("Disk quota exceeded" in row.reason for row in waiting)
+        room.touch()
+        failed = executed()
+        eventually(lambda: finished(client, 30))
+        assert failed <= 8
+        assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
+        eventually(lambda: client.overview().troubles == ())
