@@ -4,9 +4,10 @@ The parameters of the system under test say what to do: ``sleep`` [s], ``until``
 there is this file; ``{attempt}`` in its name is the attempt's number), ``outcome``, ``crash``
 (the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 1 is the
 fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``full`` (the disk
-quota is used up until there is this file), ``allocate`` [MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
-time), ``size`` (of the trace, bytes at least), ``reads`` (a file
-attached, its digest ends the trace). Systems of the kind ``absent`` are not installed.
+quota is used up until there is this file), ``allocate`` [MiB], ``log`` (a file that gets a line
+per execution), ``noise`` (makes the trace differ each time), ``size`` (of the trace, bytes at
+least), ``reads`` (a file attached, its digest ends the trace). Systems of the kind ``absent`` are
+not installed.
 """
 
 from __future__ import annotations

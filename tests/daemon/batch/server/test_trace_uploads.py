@@ -152,7 +152,7 @@ def test_only_the_holder_of_the_lease_may_send(site: Site) -> None:
             site.take(0, TRACE[:400], token=token)
     site.book.expire_leases(NOW + 1000.0)
     assert site.take(0, TRACE[:400]).offset == 400  # nobody else has it: still welcome
-    (again,) = site.book.lease("v", 1, NOW + 1000.0)
+    (again,) = site.book.lease("v", 1, NOW + 1010.0)
     with pytest.raises(Refused, match="stale"):
         site.take(400, TRACE[400:])
     assert site.take(0, TRACE, token=again.token).complete
