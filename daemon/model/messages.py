@@ -76,6 +76,29 @@ class Count:
 
 
 @dataclass(frozen=True, slots=True)
+class CampaignQuery:
+    """A page of campaigns, the newest first; empty strings filter nothing.
+
+    ``beginning`` is that of the id. With ``unfinished`` only those of which runs wait or run.
+    """
+
+    id: IdText = ""
+    name: IdText = ""
+    beginning: IdText = ""
+    unfinished: bool = False
+    offset: NonNegativeInt = 0
+    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = LARGEST_PAGE
+
+
+@dataclass(frozen=True, slots=True)
+class DeleteRequest:
+    """Remove campaigns for good, all or none; a ``dry`` one only asks what would go."""
+
+    campaigns: Annotated[tuple[IdText, ...], Field(min_length=1, max_length=100)]
+    dry: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class RunQuery:
     """A page of runs: empty strings filter nothing; ``sort`` names a column of the row."""
 
@@ -207,7 +230,10 @@ class RenewRequest:
 
 @dataclass(frozen=True, slots=True)
 class RenewReply:
-    """Leases that are not the worker's any more: stop those runs."""
+    """Leases whose runs are not wanted any more: stop those runs.
+
+    They have a result, are cancelled, or were never leased under the name of who asks.
+    """
 
     gone: tuple[LeaseRef, ...]
 
@@ -235,9 +261,9 @@ class LedgerAnswer(StrEnum):
 
     ``recorded``: this is the result. ``known``: the same result was there. ``differs``: another
     result was there, a nondeterminism alarm. ``redundant``: another result was there of a system
-    that is not repeatable, and one is enough. ``dropped``: the run is cancelled. ``stale``: the
-    lease is not the sender's any more. ``missing``: nothing was recorded, since the trace is not
-    there: bring it again. ``done``: as asked.
+    that is not repeatable, and one is enough; or it was executed before somebody asked for another
+    one. ``dropped``: the run is cancelled. ``stale``: the lease is over. ``missing``: nothing was
+    recorded, since the trace is not there: bring it again. ``done``: as asked.
     """
 
     RECORDED = "recorded"

@@ -105,6 +105,16 @@ class CampaignRow:
 
 
 @dataclass(frozen=True, slots=True)
+class DeletedCampaign:
+    """What goes with a campaign: its runs, and traces of so many ``bytes`` here."""
+
+    campaign: str
+    runs: int
+    traces: int
+    bytes: int
+
+
+@dataclass(frozen=True, slots=True)
 class RunRow:
     """One run as a list shows it.
 
@@ -175,8 +185,9 @@ class RunDetail:
 
 @dataclass(frozen=True, slots=True)
 class WorkerRow:
-    """A worker connected to the daemon: ``busy`` of ``slots`` are running something.
+    """A worker the daemon knows: ``busy`` of ``slots`` are running something.
 
+    One that is ``away`` has lost its connection or is silent; what it runs is still its own.
     ``trouble`` says what keeps it from working, empty when nothing does.
     """
 
@@ -188,6 +199,7 @@ class WorkerRow:
     busy: int
     connected_at: float
     last_seen_at: float
+    away: bool = False
     trouble: str = ""
 
 
@@ -240,8 +252,9 @@ class ChangeEvent:
     """Something changed: ``seq`` grows by one each; a gap means: ask for the whole again.
 
     ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
-    finished), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt of the
-    run gave another result). ``id`` names it.
+    finished, deleted), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt
+    of the run gave another result), ``lease`` (superseded: an attempt of the run is not needed any
+    more, another one was first). ``id`` names it.
     """
 
     seq: int

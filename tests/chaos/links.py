@@ -64,6 +64,13 @@ class Relay:
     def mend(self) -> None:
         self._whole.set()
 
+    def sever(self) -> None:
+        """Cut it so that both ends notice at once: new connections wait until it is mended."""
+        self.cut()
+        for one in self._sockets:
+            with suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+
     def close(self) -> None:
         """End all connections."""
         self.mend()

@@ -14,7 +14,14 @@ import hashlib
 import sqlite3
 from typing import Final
 
-from daemon.batch.ledger.transitions import Completed, Released, Retried, RunEvent, RunTransition
+from daemon.batch.ledger.transitions import (
+    Completed,
+    Lapsed,
+    Released,
+    Retried,
+    RunEvent,
+    RunTransition,
+)
 from daemon.model.messages import LedgerAnswer
 
 FIRST_DELAY: Final = 1.0
@@ -48,6 +55,8 @@ def note_attempt(
             # A lease that nobody ever heard of, or that was not begun, is no attempt.
             if reason or blame:
                 _count_setback(db, run, now)
+        case Lapsed() if change.answer is LedgerAnswer.DONE:
+            _count_setback(db, run, now)
         case Completed() | Retried():
             db.execute(
                 "UPDATE run SET setbacks = 0, not_before = 0 WHERE id = ? AND setbacks > 0", (run,)

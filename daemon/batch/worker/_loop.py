@@ -9,8 +9,10 @@ What becomes of a lease here:
 
     leased ──▶ executing ──▶ finished: outbox ──▶ delivered, forgotten
        │           ├───────▶ ended without a result: released, blamed or not
-       │           └───────▶ not wanted any more (cancelled, leased by others): stopped, forgotten
+       │           └───────▶ not wanted any more (cancelled, another was first): stopped, forgotten
        └─ no disk, no process, no scene: released, not blamed
+
+While the daemon cannot be reached everything goes on; afterwards it says what is still wanted.
 """
 
 from __future__ import annotations
@@ -112,7 +114,6 @@ class WorkerLoop:
         self._trouble = WorkerTrouble()
         self._undelivered = WorkerTrouble()
         self._shortage = ""
-        self._overdue = False
         self._leave_by = 0.0
         self._moved = 0
         self._refusal = ""
@@ -224,6 +225,7 @@ class WorkerLoop:
                 # A renewal lists all that is held here: a run that is being granted meanwhile would
                 # not be on the list and taken back, one whose result is being taken would be on it
                 # and gone. So it goes alone, and nothing new is asked until it has gone.
+                self._adopt()
                 if len(self._asks) or self._releases:
                     return
                 self._renew()
@@ -282,6 +284,19 @@ class WorkerLoop:
             if release not in self._asks:
                 self._asks.start(release, partial(self._daemon.ask, RELEASE, release))
 
+    def _adopt(self) -> None:
+        """Take over what dead workers left, whenever leases are renewed."""
+        if time.monotonic() < self._renew_at:
+            return
+        left = self._spool.adopt()
+        self._outbox += left.finished
+        # Certain, unlike a connection that is lost: nobody holds the lock of that spool.
+        me = self._info(0).id
+        self._releases += [
+            ReleaseRequest(me, lease.run, lease.token, "its worker died", blame=False)
+            for lease in left.unfinished
+        ]
+
     def _deliver(self) -> None:
         if time.monotonic() < self._undelivered.until:
             return
@@ -316,8 +331,6 @@ class WorkerLoop:
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
             return
-        # First, so that what a dead worker finished is held from now on and not leased anew.
-        self._outbox += self._spool.adopt()
         attempts = [execution.attempt for execution in self._executions] + self._outbox
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
@@ -325,9 +338,8 @@ class WorkerLoop:
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
         self._leased = deque(lease for lease in self._leased if lease.token not in gone)
-        self._overdue = any(a.finished and a.lease.token in gone for a in attempts)
         for execution in tuple(self._executions):
-            # What has finished meanwhile is delivered: nobody has to execute it again.
+            # What has finished meanwhile is delivered: the daemon says what it thinks of it.
             if execution.attempt.lease.token in gone and not execution.attempt.finished:
                 self._drop(execution)
 
@@ -337,17 +349,16 @@ class WorkerLoop:
         self._executions.remove(execution)
         self._live.forget(execution.attempt.lease.run)
         execution.close()
-        execution.attempt.discard()
+        if execution.attempt.finished:  # in that very moment
+            self._outbox.append(execution.attempt)
+        else:
+            execution.attempt.discard()
 
     def _lease(self) -> None:
         slots = self._backend.slots
         held = len(self._executions) + len(self._leased)
         wanted = min(slots + self._pace.ahead(slots) - held, _MOST_LEASED)
         if slots <= 0 or wanted <= 0 or self._signals.drain or _LEASING in self._asks:
-            return
-        finished = any(execution.attempt.finished for execution in self._executions)
-        if self._overdue and (self._outbox or finished):
-            # Nobody waits for these results any more: else their runs would be leased again here.
             return
         if time.monotonic() < max(self._lease_at, self._trouble.until, self._undelivered.until):
             return
