@@ -263,7 +263,8 @@ class WorkerLoop:
             except Refused as error:
                 # Somebody else's by now, or forgotten: there is nothing left to give back.
                 self._log(f"{key.run}: {error}")
-            self._releases.remove(key)
+            if key in self._releases:  # else it was sent twice, while something was fetched
+                self._releases.remove(key)
         else:
             attempt = next((one for one in self._outbox if one.lease.token == key), None)
             if attempt is not None:
