@@ -8,6 +8,7 @@ first version have defaults, so that what was written before can still be read.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import StrEnum
 from typing import Final
 
@@ -153,6 +154,16 @@ class RunRow:
     def nondeterministic(self) -> bool:
         """Whether the run came out differently when the same was executed before."""
         return self.reason.partition(":")[0] == NONDETERMINISTIC
+
+    @property
+    def remark(self) -> str:
+        """The reason, and until when the run waits, by the clock of whoever reads it."""
+        if self.state is not RunState.QUEUED or not self.not_before:
+            return self.reason
+        words = f"waits until {datetime.fromtimestamp(self.not_before):%H:%M:%S}"
+        if self.setbacks:
+            words += f" after {self.setbacks} failed attempt{'s' if self.setbacks > 1 else ''}"
+        return f"{words}: {self.reason.strip()}" if self.reason else words
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,6 +72,10 @@ class StatusOutput(Output, schema="status"):
             last = overview.trouble.strip().splitlines()[-1]
             words = f"! no run can start: {last}"
             console.print(words, markup=False, style="yellow", soft_wrap=True)
+        for trouble in overview.troubles:
+            if trouble != overview.trouble:
+                words = f"! {trouble.strip().splitlines()[-1]}"
+                console.print(words, markup=False, style="yellow", soft_wrap=True)
 
 
 def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
@@ -216,13 +220,13 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     console = stdout_console()
     # Paths would be folded into columns of letters; below, the folder of all of them is said.
     paths = console.width >= _WIDE
-    remarks = paths or any(row.reason or row.cached for row in rows)
+    remarks = paths or any(row.remark or row.cached for row in rows)
     more = ("trace" if paths else "remark",) if remarks else ()
     table = plain_table("run", "", "verdict", "decided by", "margin", *more)
     for row in rows:
         word = Text(glyph_word(run_word(row)), style=TERMINAL_STYLES[run_word(row)])
         shown = margin(row.margin, row.unit) if row.oracle else ""
-        kept = (paths and row.trace) or row.reason
+        kept = (paths and row.trace) or row.remark
         if row.cached:
             kept += " (cached)" if kept else "cached"
         cells = (row.id, run_label(row), word, row.oracle, shown, *([kept] if remarks else ()))

@@ -148,8 +148,8 @@ def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOAR
     text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), styles[word]), "\n")
     if row.state is RunState.RUNNING:
         _running(text, seen, styles)
-    if row.reason:
-        text.append(f"{row.reason.strip()}\n", style=styles["inconclusive"])
+    if row.remark:
+        text.append(f"{row.remark.strip()}\n", style=styles["inconclusive"])
     text.append("\n")
     if detail.result is not None:
         _verdicts(text, detail.result, styles)

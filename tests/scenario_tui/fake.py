@@ -252,6 +252,7 @@ class FakeDaemon(DaemonClient):
     live: tuple[LiveSnapshot, ...] = ()
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
+    troubles: tuple[str, ...] = ()
     empty: bool = False
     away: bool = False
     declares: AssessmentRules = field(
@@ -287,6 +288,7 @@ class FakeDaemon(DaemonClient):
         return DaemonOverview(
             "0.1.0", "state", NOW - 3600.0, self.now, len(rows), 1, **total, rate=12.5,
             seconds_left=left, trouble=self.trouble,
+            troubles=tuple(filter(None, (self.trouble, *self.troubles))),
         )  # fmt: skip
 
     def _campaign_rows(self) -> tuple[CampaignRow, ...]:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         VerificationProgress,
         verify_contents,
     )
+    from daemon.batch.ledger._waiting import retry_delay
     from daemon.batch.ledger._wal import WalState, damaged_copies, read_wal, set_damaged_aside
     from daemon.batch.ledger._writer import LedgerWriter
 
@@ -54,6 +55,7 @@ __all__ = [
     "find_strays",
     "read_wal",
     "remove_strays",
+    "retry_delay",
     "set_damaged_aside",
     "stage_submission",
     "stored_bytes",
@@ -81,6 +83,7 @@ _MODULES: Final = {
     "remove_strays": "_strays",
     "set_damaged_aside": "_wal",
     "verify_contents": "_verification",
+    "retry_delay": "_waiting",
 }
 
 

@@ -273,6 +273,19 @@ def _answering(
     if overview.trouble:
         last = overview.trouble.strip().splitlines()[-1]
         yield problem("daemon", f"no run can start: {last}", f"see {paths.worker_log}")
+    for trouble in overview.troubles:
+        if trouble != overview.trouble:
+            remedy = _remedy(trouble, paths)
+            yield warning("trouble", trouble.strip().splitlines()[-1], remedy)
+
+
+def _remedy(trouble: str, paths: StatePaths) -> str:
+    """What to do about a trouble that does not say it itself."""
+    if trouble.startswith("worker "):
+        return "see to its machine; it tries again by itself, at least once a minute"
+    if "submit its campaign again" in trouble:
+        return f"`scenario submit` the same campaign; what was damaged lies aside in {paths.state}"
+    return f"see {paths.log}"
 
 
 def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterator[DoctorFinding]:

@@ -265,7 +265,8 @@ class WorkerLoop:
             except Refused as error:
                 # Somebody else's by now, or forgotten: there is nothing left to give back.
                 self._log(f"{key.run}: {error}")
-            self._releases.remove(key)
+            if key in self._releases:  # else it was sent twice, while something was fetched
+                self._releases.remove(key)
         else:
             attempt = next((one for one in self._outbox if one.lease.token == key), None)
             if attempt is not None:
@@ -391,17 +392,22 @@ class WorkerLoop:
         self._leased.extend(reply.grants)
         if len(reply.grants) == wanted:
             self._lease_at = 0.0
-        self._start_leased()
+        # Before anybody is heard who wants this worker to leave: these count as running.
+        self._fill_slots()
 
     def _start_leased(self) -> None:
         # A worker that leaves, or is in trouble, keeps no run from others that it has not begun.
         troubled = self._trouble.words and len(self._leased) > 1
         if self._leased and (self._signals.drain or troubled):
-            me = self._info(0).id
+            me, why = self._info(0).id, "" if troubled else "the worker was stopped"
             for lease in self._leased:
-                self._releases.append(ReleaseRequest(me, lease.run, lease.token, "", blame=False))
+                self._releases.append(ReleaseRequest(me, lease.run, lease.token, why, blame=False))
             self._leased.clear()
-        while self._leased and len(self._executions) < self._backend.slots:
+        self._fill_slots()
+
+    def _fill_slots(self) -> None:
+        slots = 0 if self._signals.abort else self._backend.slots
+        while self._leased and len(self._executions) < slots:
             lease = self._leased[0]
             self._begin(lease)
             if lease in self._leased:  # else a renewal meanwhile said that it is gone
@@ -436,8 +442,10 @@ class WorkerLoop:
                 self._give_back(execution.attempt, why, blame=False)
             execution.close()
         self._executions.clear()
-        self._start_leased()  # gives them back
         deadline = time.monotonic() + _LAST_WORDS
+        self._asks.wait(_LAST_WORDS)  # runs may be on their way here
+        self._take_answers()
+        self._start_leased()  # gives them back
         self._silent_until = 0.0
         while self._releases or self._outbox or _LEASING in self._asks:
             self._send_releases()

@@ -135,8 +135,8 @@ class BaseScreen(Screen[None]):
         if self.dashboard.read_only:
             text.append("  read-only", style=UNSURE)
         overview = self.dashboard.daemon_state.overview
-        if overview is not None and overview.trouble:
-            why = " ".join(overview.trouble.split())
+        if overview is not None and (overview.trouble or overview.troubles):
+            why = " ".join((overview.trouble or overview.troubles[0]).split())
             text.append(f"  {GLYPHS['lost']} {why}", style=DASHBOARD_STYLES["lost"])
         return text
 

@@ -60,7 +60,7 @@ def log_text(detail: RunDetail | None, playback: Playback | None, limit: int = _
     """Return everything there is to read about a run, at most ``limit`` lines of its log."""
     text = Text()
     if detail is not None:
-        for note in _notes(detail.row.reason, detail.result):
+        for note in _notes(detail.row.remark, detail.result):
             text.append(f"{note}\n", style=UNSURE)
         if detail.row.attempt > 1:
             text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)

@@ -56,9 +56,12 @@ class WorkersScreen(BaseScreen):
         table = self.query_one(KeyedTable)
         trouble = state.overview.trouble.strip() if state.overview else ""
         nobody = f"No run can start:\n\n{trouble}" if trouble else _NOBODY
-        show_message_or(
-            self.query_one("#empty"), table, "" if state.workers and not trouble else nobody
-        )
+        # Beside those that stop everything: what keeps one worker, or some runs, from it.
+        troubles = state.overview.troubles if state.overview else ()
+        others = [words for words in troubles if words.strip() != trouble]
+        message = "" if state.workers and not trouble else nobody
+        message = "\n\n".join(filter(None, (message, *(f"! {words}" for words in others))))
+        show_message_or(self.query_one("#empty"), table, message)
         table.display = bool(state.workers)
         table.fill([worker_cells(row, now) for row in state.workers])
         if self.focused is None:

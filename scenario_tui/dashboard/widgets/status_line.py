@@ -142,6 +142,10 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
     if overview.trouble:
         yield _Part(("! no run can start", "! no run can start", "! no run starts"),
                     DASHBOARD_STYLES["lost"], 9)  # fmt: skip
+    elif overview.troubles:
+        count = len(overview.troubles)
+        words = f"! {count} trouble{'s' if count > 1 else ''}"
+        yield _Part((words, words, f"! {count}"), DASHBOARD_STYLES["lost"], 8)
     elif overview.workers == 0:
         yield _Part(("! no worker",), DASHBOARD_STYLES["lost"], 8)
 

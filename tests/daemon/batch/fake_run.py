@@ -4,6 +4,7 @@ The parameters of the system under test say what to do: ``sleep`` [s], ``until``
 there is this file; ``{attempt}`` in its name is the attempt's number), ``outcome``, ``crash``
 (the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 0 is the
 guardian, 1 the fork server, 2 what started that), ``abort`` (say this and abort), ``raise``,
+``full`` (the disk quota is used up until there is this file),
 ``allocate`` [MiB], ``log`` (a file that gets a line per execution), ``leaves`` (a file that gets
 the numbers of the processes that are left behind), ``prints`` [MiB], ``evidence`` (characters of
 it), ``verdicts`` (so many), ``noise`` (makes the trace differ each time), ``size`` (of the trace,
@@ -13,6 +14,7 @@ bytes at least), ``reads`` (a file attached, its digest ends the trace). Systems
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import random
@@ -59,6 +61,8 @@ def execute(
         print(asked["abort"])
         sys.stdout.flush()
         os.abort()
+    if "full" in asked and not Path(asked["full"]).exists():
+        raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
     if "raise" in asked:
         raise RuntimeError(asked["raise"])
     ballast = bytearray(asked.get("allocate", 0) * 2**20)

@@ -207,3 +207,41 @@ def test_a_store_that_cannot_be_written_keeps_it_in_the_spool(
         eventually(delivered(uploader, attempt))
     assert attempt.finished
     assert not daemon.completions
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Attempt:
+    """A finished attempt whose trace is small."""
+    (tmp_path / "small").mkdir()
+    spec, data = make_spec(), DATA[:1000]
+    (tmp_path / "small" / TRACE).write_bytes(data)
+    info = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
+    (tmp_path / "small" / RESULT).write_bytes(codec.to_json(make_result(spec, trace=info)))
+    return Attempt(Lease("c.0", "c", 1, 7, "c/S1.pilot.0.mcap", spec), tmp_path / "small")
+
+
+def test_a_small_trace_travels_with_its_result(
+    uploader: ResultUploader, daemon: Daemon, small: Attempt
+) -> None:
+    assert uploader.deliver(small)
+    (completion,) = daemon.completions
+    sha256 = completion.result.trace.sha256
+    assert (completion.uploaded, daemon.sizes) == (True, [])
+    assert decode_chunk(completion.trace, sha256) == DATA[:1000]
+    assert uploader.moved == 1000
+
+
+def test_one_that_came_damaged_is_sent_part_by_part(
+    uploader: ResultUploader, daemon: Daemon, small: Attempt
+) -> None:
+    daemon.answers = [LedgerAnswer.MISSING]
+    eventually(delivered(uploader, small))
+    assert daemon.arrived == DATA[:1000]
+    assert [bool(one.trace) for one in daemon.completions] == [True, False]
+
+
+def test_one_that_is_too_large_for_a_slow_link_is_sent_part_by_part(
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
+) -> None:
+    eventually(delivered(uploader, attempt))
+    assert [one.trace for one in daemon.completions] == [""]

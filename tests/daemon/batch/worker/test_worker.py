@@ -1,5 +1,6 @@
 import hashlib
 import os
+import shutil
 import signal
 import sqlite3
 from collections.abc import Iterator
@@ -348,9 +349,15 @@ def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
         (scene,) = (daemon.state / "scenes").iterdir()
         scene.unlink()
         with worker_for(daemon, 1):
-            eventually(lambda: "is gone or was damaged" in client.run("c.0").row.reason)
+            words = f"the scene {scene.stem[:12]} is gone or was damaged: submit its campaign again"
+            eventually(lambda: client.run("c.0").row.reason == words)
             row = client.run("c.0").row
-            assert (row.state, row.attempt) == (RunState.QUEUED, 0)
+            assert (row.state, row.attempt, row.not_before > 0.0) == (RunState.QUEUED, 0, True)
+            assert client.overview().troubles == (words,)
+            # The good copy is in hand.
+            client.submit(make_submission("c", 1))
+            eventually(lambda: finished(client, 1))
+        assert client.overview().troubles == ()
 
 
 def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> None:
@@ -382,3 +389,55 @@ def test_a_worker_of_another_version_is_refused_with_the_remedy(
         with pytest.raises(Refused, match="worker w has scenario-tui"):
             bus.ask(session, daemon.endpoint, verbs.LEASE, lease, 30.0)
     assert "w" not in {row.id for row in client.workers()}
+
+
+def test_a_scene_damaged_on_the_daemons_disk_is_put_aside_and_healed(tmp_path: Path) -> None:
+    """By a worker on the same file system, which reads it there, and by one that asks for it."""
+    for number, options in enumerate(((), ("--state", str(tmp_path / "elsewhere")))):
+        with daemon_at(tmp_path / f"state{number}", attempts=1) as daemon:
+            with daemon.client() as client, worker_for(daemon, 1, *options):
+                client.submit(make_submission("c", 2, until=str(tmp_path / "no")))
+                eventually(lambda c=client: c.overview().running == 1)
+                client.cancel("c")
+                (scene,) = (daemon.state / "scenes").iterdir()
+            scene.write_text(scene.read_text().replace("4.0", "5.0"))
+            shutil.rmtree(tmp_path / "elsewhere", ignore_errors=True)
+            with daemon.client() as client, worker_for(daemon, 1, *options) as worker:
+                client.retry("c", only="cancelled")
+                eventually(lambda w=worker: "not started" in w.output)
+                eventually(lambda c=client: any("was damaged" in t for t in c.overview().troubles))
+                assert not scene.exists()
+                (tmp_path / "no").touch()
+                client.submit(make_submission("c", 2, until=str(tmp_path / "no")))
+                eventually(lambda c=client: finished(c, 2))
+                assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
+        (tmp_path / "no").unlink()
+
+
+def test_a_worker_in_trouble_leaves_off_and_says_why(tmp_path: Path) -> None:
+    """Its disk quota was used up: it executed 239 runs in 12 s, and nobody was told."""
+    log, room = tmp_path / "log", tmp_path / "room"
+
+    def executed() -> int:
+        return len(log.read_text().splitlines()) if log.exists() else 0
+
+    with (
+        daemon_at(tmp_path / "state", attempts=1) as daemon,
+        daemon.client() as client,
+        worker_for(daemon, 2),
+    ):
+        client.submit(make_submission("c", 30, full=str(room), log=str(log)))
+        trouble = eventually(lambda: client.overview().trouble)
+        assert "Disk quota exceeded" in trouble
+        assert client.workers()[0].trouble in trouble
+        # From the first pause on one run at a time finds out whether it is over.
+        eventually(lambda: executed() >= 4)
+        waiting = [row for row in client.runs("c").rows if row.setbacks]
+        assert waiting
+        assert all("Disk quota exceeded" in row.reason for row in waiting)
+        room.touch()
+        failed = executed()
+        eventually(lambda: finished(client, 30))
+        assert failed <= 8
+        assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
+        eventually(lambda: client.overview().troubles == ())

@@ -1,0 +1,117 @@
+"""Runs wait after attempts without a result, ever longer, and beside them others go on."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, retry_delay
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import Completion, Lease, ReleaseRequest, RetryRequest, RunQuery
+from daemon.model.status import RunRow
+from tests.daemon.batch.samples import make_result, make_submission
+
+NOW = 1_000_000.0
+
+
+@pytest.fixture
+def db(tmp_path: Path) -> Iterator[sqlite3.Connection]:
+    found = connect(tmp_path / "ledger.db")
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def book(db: sqlite3.Connection) -> LedgerWriter:
+    made = LedgerWriter(db, attempts=3)
+    made.submit(make_submission("c", 3), NOW)
+    return made
+
+
+def rows(tmp_path: Path) -> list[RunRow]:
+    with LedgerReader.open(StatePaths(tmp_path)) as reader:
+        return list(reader.runs(RunQuery("c")).rows)
+
+
+def give_back(book: LedgerWriter, grant: Lease, now: float, *, blame: bool = False) -> None:
+    book.release(ReleaseRequest("w", grant.run, grant.token, "no disk", blame), now)
+
+
+def test_the_delay_doubles_up_to_minutes_and_runs_differ() -> None:
+    delays = [retry_delay("c.0", setbacks) for setbacks in range(1, 20)]
+    for setbacks, delay in enumerate(delays):
+        whole = min(2.0**setbacks, 300.0)
+        assert 0.75 * whole <= delay <= 1.25 * whole
+    assert len({retry_delay(f"c.{i}", 3) for i in range(100)}) == 100
+    assert delays == [retry_delay("c.0", setbacks) for setbacks in range(1, 20)]
+
+
+@pytest.mark.parametrize("blame", [False, True])
+def test_a_run_without_a_result_waits_while_others_are_leased(
+    book: LedgerWriter, tmp_path: Path, blame: bool
+) -> None:
+    (first,) = book.lease("w", 1, NOW)
+    give_back(book, first, NOW, blame=blame)
+    assert [grant.run for grant in book.lease("w", 9, NOW)] == ["c.1", "c.2"]
+    row = rows(tmp_path)[0]
+    assert (row.setbacks, row.not_before) == (1, NOW + retry_delay("c.0", 1))
+    assert row.remark.startswith("waits until ")
+    assert row.remark.endswith(" after 1 failed attempt: no disk")
+    assert book.end_waits(NOW + 0.1) == 0
+    (again,) = book.lease("w", 9, row.not_before)
+    give_back(book, again, NOW + 10.0)
+    assert rows(tmp_path)[0].not_before == NOW + 10.0 + retry_delay("c.0", 2)
+
+
+def test_a_result_or_a_person_begins_anew(book: LedgerWriter, tmp_path: Path) -> None:
+    first, second, _ = book.lease("w", 3, NOW)
+    give_back(book, first, NOW)
+    book.expire_leases(NOW + 100.0)
+    assert [row.setbacks for row in rows(tmp_path)] == [1, 1, 1]
+    book.complete(Completion("w", second.run, 1, second.token, make_result(second.spec)), NOW)
+    book.cancel("c", NOW)
+    assert book.retry(RetryRequest("c", ("cancelled",)), NOW) == 2
+    assert [(row.setbacks, row.not_before) for row in rows(tmp_path)] == [(0, 0.0)] * 3
+    assert [grant.run for grant in book.lease("w", 9, NOW)] == ["c.0", "c.2"]
+
+
+def test_a_lease_that_nobody_began_is_no_failed_attempt(book: LedgerWriter) -> None:
+    book.lease("w", 3, NOW)
+    book.renew("w", (), NOW)
+    assert len(book.lease("w", 9, NOW)) == 3
+
+
+def test_a_clock_that_was_set_lets_nobody_wait_for_ever(book: LedgerWriter, tmp_path: Path) -> None:
+    (first,) = book.lease("w", 1, NOW)
+    give_back(book, first, NOW)
+    book.shift_leases(1000.0)
+    assert rows(tmp_path)[0].not_before == NOW + 1000.0 + retry_delay("c.0", 1)
+    assert book.end_waits(NOW) == 1  # it was set back while no daemon looked
+
+
+def test_what_lacks_something_waits_for_it_and_others_go_first(
+    book: LedgerWriter, tmp_path: Path
+) -> None:
+    lacks = {0: "its scene is gone", 1: "its scene is gone"}
+    grants = book.lease("w", 9, NOW, missing=lambda spec: lacks.get(spec.repeat, ""))
+    assert [grant.run for grant in grants] == ["c.2"]
+    assert [(r.attempt, r.setbacks, r.reason) for r in rows(tmp_path)[:2]] == [
+        (0, 0, "its scene is gone")
+    ] * 2
+    assert book.lease("w", 9, NOW) == ()
+    assert book.end_waits_for("its scene is gone") == 2
+    assert len(book.lease("w", 9, NOW)) == 2
+
+
+def test_runs_that_wait_are_not_looked_through(db: sqlite3.Connection, book: LedgerWriter) -> None:
+    asked: list[str] = []
+    db.set_trace_callback(asked.append)
+    book.lease("w", 1, NOW)
+    db.set_trace_callback(None)
+    (query,) = {query for query in asked if "FROM run JOIN spec" in query}
+    plan = [str(step[3]) for step in db.execute(f"EXPLAIN QUERY PLAN {query}")]
+    assert sum("run_ready" in step for step in plan) == 2
+    assert not any(step.startswith("SCAN run") for step in plan)

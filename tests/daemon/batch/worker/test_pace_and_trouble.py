@@ -1,0 +1,62 @@
+"""How far ahead a worker leases, and how long it leaves off after trouble."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from daemon.batch.worker import BackgroundAsks, LeasePace, WorkerTrouble
+
+
+@pytest.mark.parametrize(
+    ("way", "duration", "slots", "ahead"),
+    [(0.0, 0.5, 8, 0), (0.2, 0.5, 8, 6), (0.2, 60.0, 8, 0), (5.0, 0.5, 8, 8), (0.2, 0.0, 8, 0)],
+)
+def test_as_many_are_leased_ahead_as_end_during_two_round_trips(
+    monkeypatch: pytest.MonkeyPatch, way: float, duration: float, slots: int, ahead: int
+) -> None:
+    pace = LeasePace()
+    assert pace.ahead(slots) == 0
+    now = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+
+    def ask() -> str:
+        nonlocal now
+        now += way
+        return "answer"
+
+    assert pace.timed(ask) == "answer"
+    pace.ran(duration)
+    assert pace.ahead(slots) == ahead
+
+
+def test_pauses_double_until_a_success(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    trouble, whole = WorkerTrouble(), 1.0
+    for _ in range(12):
+        trouble.note("the disk is full")
+        assert 0.75 * whole <= trouble.until - now <= 1.25 * whole
+        until = trouble.until
+        trouble.note("the disk is full")  # of what had begun before the pause
+        assert trouble.until == until
+        now, whole = until, min(2.0 * whole, 60.0)
+    trouble.clear()
+    assert (trouble.words, trouble.until) == ("", 0.0)
+    trouble.note("no process")
+    assert trouble.until - now <= 1.25
+
+
+def test_answers_are_taken_once_and_wake_the_loop() -> None:
+    asks = BackgroundAsks()
+    asks.start("one", lambda: 1)
+    asks.start("two", lambda: 1 // 0)
+    assert ("one" in asks, len(asks)) == (True, 2)
+    asks.wait()
+    (_, good), (_, bad) = asks.take()
+    assert good.result() == 1
+    with pytest.raises(ZeroDivisionError):
+        bad.result()
+    assert (asks.take(), len(asks)) == ([], 0)
+    asks.close()
