@@ -233,6 +233,16 @@ class StatePaths:
             raise ValueError(f"{name!r} is not the name of a trace")
         return self.traces / campaign / file
 
+    def trace_sizes(self, campaign: str) -> tuple[int, ...]:
+        """Bytes of each trace that lies here of a campaign; raises ``ValueError`` for no id."""
+        if not is_id(campaign):
+            raise ValueError(f"{campaign!r} is not a campaign id")
+        try:
+            with os.scandir(self.traces / campaign) as found:
+                return tuple(entry.stat(follow_symlinks=False).st_size for entry in found)
+        except FileNotFoundError:
+            return ()
+
     def read_contact(self) -> DaemonContact | None:
         """Return who keeps this directory, or ``None`` when no daemon has said so."""
         from grammars.text import codec

@@ -53,11 +53,13 @@ class StatusOutput(Output, schema="status"):
         from scenario_tui.text.formatting import duration, pluralise, rate_text
 
         overview, console = self.overview, stdout_console()
-        slots = sum(worker.slots for worker in self.workers)
+        slots = sum(worker.slots for worker in self.workers if not worker.away)
+        away = sum(worker.away for worker in self.workers)
         console.print(
             f"daemon {overview.version} at {endpoint_text(self.endpoint)}, "
             f"up {duration(overview.now - overview.started_at)}, "
-            f"{pluralise(overview.workers, 'worker')} with {pluralise(slots, 'slot')}",
+            f"{pluralise(overview.workers, 'worker')} with {pluralise(slots, 'slot')}"
+            + (f", {away} away" if away else ""),
             soft_wrap=True,
         )
         parts = _tally_parts(overview) or ["no runs yet"]

@@ -140,7 +140,10 @@ def metrics(connect: Connect = "", state: State = None, as_json: AsJson = False)
 
     with DaemonTarget(connect, state).open() as daemon:
         standing = DaemonStatus(
-            daemon.overview(), daemon.campaigns(), daemon.workers(), daemon.disk()
+            daemon.overview(),
+            daemon.campaigns(unfinished=True),
+            daemon.workers(),
+            daemon.disk(),
         )
     MetricsOutput(standing).show(as_json)
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
         stored_bytes,
         sweep_traces,
     )
+    from daemon.batch.ledger._staging import stage_submission
+    from daemon.batch.ledger._steps import Steps
     from daemon.batch.ledger._strays import StrayFile, find_strays, remove_strays
     from daemon.batch.ledger._verification import (
         ContentReport,
@@ -40,6 +42,7 @@ __all__ = [
     "LedgerReader",
     "LedgerWriter",
     "RetentionPolicy",
+    "Steps",
     "StrayFile",
     "SweepResult",
     "VerificationProgress",
@@ -52,6 +55,7 @@ __all__ = [
     "read_wal",
     "remove_strays",
     "set_damaged_aside",
+    "stage_submission",
     "stored_bytes",
     "sweep_traces",
     "verify_contents",
@@ -63,9 +67,11 @@ _MODULES: Final = {
     "LedgerIntegrity": "_connection",
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
+    "Steps": "_steps",
     "StrayFile": "_strays",
     "VerificationProgress": "_verification",
     "WalState": "_wal",
+    "stage_submission": "_staging",
     "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",

@@ -289,10 +289,11 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
             yield warning(
                 "workers", f"{words}, version {worker.version}", f"install {overview.version} there"
             )
-        elif silent > _SILENCE:
+        elif worker.away or silent > _SILENCE:
+            told = "away, " if worker.away else ""
             yield warning(
                 "workers",
-                f"{words}, not heard of for {silent:.0f} s",
+                f"{words}, {told}not heard of for {silent:.0f} s",
                 "see whether its machine is well",
             )
         else:

@@ -9,16 +9,17 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version as installed_version
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerWriter, WalState, set_damaged_aside
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import secure_state
-from daemon.batch.server._dispatcher import LedgerlessThread, RequestDispatcher, VerbHandler
+from daemon.batch.server._dispatcher import RequestDispatcher, VerbHandler
 from daemon.batch.server._runtime import DaemonSettings, EventLog, ListenSettings
 from daemon.batch.server._stopping import StopRequest
+from daemon.batch.server._threads import LedgerlessThread
 from daemon.batch.stores import Marker, write_marker
 from daemon.model.messages import ASK, Empty
 from daemon.model.status import DaemonOverview, DiskUsage, RunState
@@ -61,7 +62,7 @@ def open_state(
     if damage:
         log.write("ledger damaged", problem=damage)
     ledger = stack.enter_context(
-        LedgerWriter.open(paths.ledger, attempts=settings.attempts, lease=settings.lease)
+        LedgerWriter.open(paths, attempts=settings.attempts, lease=settings.lease)
     )
     return OpenedState(ledger, marker, damage)
 
@@ -94,13 +95,14 @@ class WaitingDaemon:
         """
         with ExitStack() as stack:
             session = stack.enter_context(bus.open_router(listening.endpoints, listening.keys))
-            thread = LedgerlessThread()
+            thread = LedgerlessThread("without-ledger")
             thread.start()
             stack.callback(thread.finish)
             handlers = {verb: VerbHandler(self._refuse) for verb in VERBS.values()}
             for name in ("overview", "workers", "disk", "shutdown"):
                 handlers[VERBS[name]] = VerbHandler(getattr(self, name))
-            dispatcher = RequestDispatcher(handlers, self._log, thread, thread, thread, thread)
+            threads = (thread,) * 5
+            dispatcher = RequestDispatcher(handlers, self._log, *threads)
             stack.enter_context(session.declare_queryable(f"{ASK}/*", dispatcher.on_query))
             while True:
                 try:
@@ -122,7 +124,7 @@ class WaitingDaemon:
 
     def overview(self, _: object, __: object) -> DaemonOverview:
         """Nothing is known of the ledger; the trouble says so."""
-        counts = {state.value: 0 for state in RunState}
+        counts: dict[str, Any] = {state.value: 0 for state in RunState}
         return DaemonOverview(
             version=self._version,
             state=str(self._paths.state),
@@ -138,6 +140,7 @@ class WaitingDaemon:
             rate=0.0,
             seconds_left=None,
             trouble=self.trouble,
+            troubles=(self.trouble,) if self.trouble else (),
         )
 
     def workers(self, _: object, __: object) -> tuple[()]:

@@ -23,18 +23,17 @@ from daemon.batch.security import DaemonCredentials, find_daemon_credentials, ke
 class DaemonSettings:
     """Seconds and counts of the daemon.
 
-    A ``lease`` lasts this long and is renewed every third of it; a worker that lost its
-    connection keeps its runs for ``grace``; a run is lost after ``attempts`` bad endings; a
-    daemon told to stop lets its local worker finish for ``patience``. Traces belong into the
+    A ``lease`` lasts this long, whatever becomes of the connection, and is renewed every third of
+    it; a run is lost after ``attempts`` bad endings; a daemon told to stop lets its local worker
+    finish for ``patience``. Traces belong into the
     ``store``, a URL; into the state directory when it is empty, and take at most ``quota`` bytes
     there (0: as much as they like).
     """
 
     # Two renewals in a row may get lost. It is also what a run waits whose worker's machine is
-    # unplugged; one that dies is noticed at once, by its connection.
+    # unplugged: from here that looks like a cable that is pulled, and back in a moment. What a
+    # worker leaves that only died itself, the next one on its machine gives back at once.
     lease: float = 30.0
-    # Sessions reconnect within half a second: a network that hiccups costs no run.
-    grace: float = 5.0
     # A run may end badly because of its machine; one that does so three times on any of them is
     # taken for the cause, and is not to bring down every worker in turn.
     attempts: int = 3
@@ -49,11 +48,11 @@ class DaemonSettings:
 
     @property
     def tick(self) -> float:
-        """Seconds between two looks at the clock for expired leases and gone workers.
+        """Seconds between two looks at the clock for leases that have lapsed.
 
-        Small against both times, and not so small that an idle daemon keeps a core awake.
+        Small against a lease, and not so small that an idle daemon keeps a core awake.
         """
-        return min(0.5, self.lease / 10, max(self.grace / 4, 0.02))
+        return min(0.5, max(self.lease / 10, 0.02))
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +139,28 @@ class DaemonClock:
         self._offset = self._wall() - self._steady()
         moved = self._offset - before
         return moved if abs(moved) > _STEP else 0.0
+
+
+_LEAST_STALL: Final = 0.25
+"""Seconds; ticks that are late by less are late because something else had its turn."""
+
+
+class StallMeter:
+    """Measures for how long the writer did nothing of what waited, by how late its ticks are.
+
+    That is a transaction that took long, a process that was stopped, a machine that was too busy:
+    whatever it was, nobody could renew a lease meanwhile. ``tick`` is their period [s].
+    """
+
+    def __init__(self, tick: float) -> None:
+        self._tick = tick
+        self._last: float | None = None
+
+    def measure(self, now: float) -> float:
+        """Return how late this tick is [s], 0 when it is not; ``now`` is of a steady clock."""
+        late = 0.0 if self._last is None else now - self._last - self._tick
+        self._last = now
+        return late if late > max(_LEAST_STALL, self._tick) else 0.0
 
 
 class EventLog:

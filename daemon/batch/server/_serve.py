@@ -6,7 +6,7 @@ import fcntl
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -23,13 +23,7 @@ from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.permissions import open_private
 from daemon.batch.server._admission import Quota
 from daemon.batch.server._checkpoints import IdleCheckpoints
-from daemon.batch.server._dispatcher import (
-    LedgerJob,
-    OverloadReply,
-    ReaderThread,
-    RequestDispatcher,
-    WriterThread,
-)
+from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
@@ -38,9 +32,19 @@ from daemon.batch.server._runtime import (
     DaemonSettings,
     EventLog,
     ListenSettings,
+    StallMeter,
     prepare_endpoints,
 )
 from daemon.batch.server._stopping import StopRequest
+from daemon.batch.server._submissions import remove_remains
+from daemon.batch.server._threads import (
+    LedgerJob,
+    LedgerlessThread,
+    LedgerThread,
+    OverloadReply,
+    ReaderThread,
+    WriterThread,
+)
 from daemon.batch.server._workers import LocalWorker, WorkerRegistry
 from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
@@ -55,7 +59,9 @@ STOP_MARGIN: Final = 2 * _LAST_MOMENT
 """Seconds a daemon may need to leave after its patience has ended."""
 # What makes runs available, or unwanted where they are running: see WORK. All else changes nothing
 # for workers, and a hint for every finished run would have each worker ask thousands of times.
-_HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancelled", "resumed"})
+_HINTS: Final = frozenset(
+    {"submitted", "extended", "retried", "queued", "cancelled", "resumed", "superseded"}
+)
 
 
 def serve(
@@ -175,12 +181,15 @@ class _Daemon:
         self._stop = stop
         self._opened = opened
         self._clock = DaemonClock()
-        # Renewals come every third of a lease: who has missed nine is gone, even though Zenoh still
-        # has the connection (a suspended machine, a process stopped in a debugger).
-        self._registry = WorkerRegistry(settings.grace, 3 * settings.lease)
+        self._stalls = StallMeter(settings.tick)
+        self._removing = False
+        # Renewals come every third of a lease: who has missed three is away, even though Zenoh
+        # still has the connection (a suspended machine, a process stopped in a debugger).
+        self._registry = WorkerRegistry(settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
+        self._hint: Callable[[], None] | None = None
         self._handlers = Handlers(
             paths,
             settings,
@@ -190,14 +199,15 @@ class _Daemon:
             self._quota,
             version=self._version,
             stop=stop,
-            trouble=self._trouble,
+            troubles=self._troubles,
             marker=opened.marker,
         )
 
-    def _trouble(self) -> str:
+    def _troubles(self) -> tuple[str, ...]:
+        """Why no run can start here; the first is what to do first."""
         own = "" if self._local is None else self._local.trouble
-        shortage = self._paths.disk_shortage()
-        return shortage or self._quota.trouble or own or self._opened.damage
+        found = (self._paths.disk_shortage(), self._quota.trouble, own, self._opened.damage)
+        return tuple(words for words in found if words)
 
     def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
         """Open the bus, work, leave; ``stack`` closes what was opened."""
@@ -205,8 +215,9 @@ class _Daemon:
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        threads = self._start_threads(stack, self._opened.ledger, session)
-        writer = threads[0]
+        self._hint = lambda: _publish_hint(session)
+        remove_remains(self._paths)
+        writer, threads = self._start_threads(stack, self._opened.ledger, session)
         for keeper in (self._quota, Housekeeping(self._paths, self._log)):
             keeper.start()
             stack.callback(keeper.close)
@@ -220,7 +231,7 @@ class _Daemon:
                 local.supervise()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
-            writer.put(LedgerJob(self._tick, self._ticked))
+            writer.put(LedgerJob(partial(self._tick, writer), self._ticked))
             if not all(thread.is_alive() for thread in threads):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
             self._stop.wait(self._settings.tick)
@@ -229,7 +240,7 @@ class _Daemon:
 
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
-    ) -> tuple[WriterThread, ReaderThread, ReaderThread, OverloadReply]:
+    ) -> tuple[WriterThread, tuple[LedgerThread, ...]]:
         # Workers could renew nothing while there was no daemon: none of that is held against them.
         extended = ledger.extend_leases(self._clock.now())
         if extended:
@@ -242,19 +253,21 @@ class _Daemon:
             ledger, lambda problem: self._log.write("checkpoint", problem=problem)
         )
         writer = WriterThread(ledger, lambda events: _publish(session, events), checkpoints)
-        overload = OverloadReply()
-        for thread in (overload, reader, carrier, writer):
+        preparer, overload = LedgerlessThread("preparer"), OverloadReply()
+        # The writer before the preparer, which hands over to it: they finish the other way round.
+        threads = (overload, reader, carrier, writer, preparer)
+        for thread in threads:
             thread.start()
             stack.callback(thread.finish)
         dispatcher = RequestDispatcher(
-            self._handlers.by_verb, self._log, writer, reader, carrier, overload
+            self._handlers.by_verb, self._log, writer, reader, carrier, preparer, overload
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
             session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
         )
         stack.enter_context(session.declare_queryable(f"{ASK}/*", dispatcher.on_query))
-        return writer, reader, carrier, overload
+        return writer, threads
 
     def _reader(self, stack: ExitStack, name: str) -> ReaderThread:
         return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
@@ -266,25 +279,47 @@ class _Daemon:
         else:
             self._registry.disconnected(worker, self._clock.now())
 
-    def _tick(self, ledger: LedgerWriter) -> int:
+    def _tick(self, writer: WriterThread, ledger: LedgerWriter) -> int:
         moved = self._clock.follow_wall_clock()
         if moved:
             ledger.shift_leases(moved)
             self._registry.shift(moved)
             self._log.write("clock set", seconds=round(moved, 3))
+        stalled = self._stalls.measure(time.monotonic())
+        if stalled:
+            ledger.shift_leases(stalled)
+            self._registry.shift(stalled)
+            self._log.write("stalled", seconds=round(stalled, 3))
+        if ledger.hides_anything and not self._removing:
+            # Behind whatever is being entered, which is hidden as well until then.
+            self._removing = True
+            writer.put(LedgerJob(LedgerWriter.remove_hidden_in_steps, self._removed))
         now = self._clock.now()
-        taken = ledger.expire_leases(now)
+        ready = ledger.end_waits(now)
+        # A renewal that has come proves that its worker lives, whenever there is time to read it.
+        taken = 0 if writer.renewals_wait else ledger.expire_leases(now)
         if taken:
             self._log.write("leases lapsed", runs=taken)
-        for worker in self._registry.remove_gone(now):
-            runs = ledger.release_worker(worker, now)
-            ledger.record_event(now, "worker", worker, state="gone")
-            self._log.write("worker gone", worker=worker, runs=runs)
-        return taken
+        absent = self._registry.absent(now)
+        if absent:
+            # Who still has a lease may come back to it.
+            for worker in self._registry.forget(sorted(absent - ledger.busy_workers()), now):
+                ledger.record_event(now, "worker", worker, state="gone")
+                self._log.write("worker gone", worker=worker)
+        return ready
+
+    def _removed(self, value: object) -> None:
+        self._removing = False
+        if isinstance(value, Exception):
+            self._log.write("failure", key="remove", problem=repr(value))
+        elif value:
+            self._log.write("removed", campaigns=value)
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):
             self._log.write("failure", key="tick", problem=repr(value))
+        elif value and self._hint is not None:
+            self._hint()  # runs have waited long enough
 
     def _leave(self, local: LocalWorker | None) -> None:
         # Others are told that nothing more comes; the local worker is asked to finish what it has
@@ -333,4 +368,8 @@ def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:
         # Dropped rather than waited for: a listener that is behind sees the gap and asks again.
         session.put(EVENTS, codec.to_json(event), congestion_control=zenoh.CongestionControl.DROP)
     if any(event.state in _HINTS for event in events):
-        session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)
+        _publish_hint(session)
+
+
+def _publish_hint(session: zenoh.Session) -> None:
+    session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)
