@@ -13,6 +13,7 @@ from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerWriter, find_strays, remove_strays
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import admit_submission
+from daemon.model.packed_submission import pack_submission
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import SCENE, make_submission
@@ -31,7 +32,7 @@ def places(tmp_path: Path) -> StatePaths:
     needed = places.files / ("a" * 64)
     needed.touch()
     files = {"files": {"wheels": f"sha256:{needed.name}"}}
-    with LedgerWriter.open(places.ledger) as ledger:
+    with LedgerWriter.open(places) as ledger:
         ledger.submit(make_submission("known", 2, **files), time.time())
     return places
 
@@ -110,7 +111,7 @@ def test_a_campaign_on_its_way_keeps_what_it_needs(places: StatePaths) -> None:
         leave(places.scenes / name, 2 * HOUR)
     submission = make_submission("next", 1, files={"wheels": f"sha256:{UNKNOWN}"})
     leave(places.files / UNKNOWN, 2 * HOUR)
-    admit_submission(submission, places)
+    admit_submission(pack_submission(submission), places)
     gone = {stray.path for stray in remove_strays(places, time.time())}
     assert gone == {places.scenes / f"{UNKNOWN}.json"}
     assert (places.files / UNKNOWN).exists()

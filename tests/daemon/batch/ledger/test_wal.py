@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect, damaged_copies, read_wal, set_damaged_aside
+from daemon.batch.paths import StatePaths
 from tests.daemon.batch.samples import make_submission
 
 NOW = 1_700_000_000.0
@@ -27,7 +28,7 @@ def busy(tmp_path: Path) -> Iterator[Path]:
     """A ledger that somebody has open, with campaigns that are in its WAL only."""
     path = tmp_path / "busy" / "ledger.db"
     path.parent.mkdir()
-    with LedgerWriter.open(path) as ledger:
+    with LedgerWriter.open(StatePaths(path.parent)) as ledger:
         assert ledger.checkpoint()
         for number in range(CAMPAIGNS):
             with ledger.transaction():
@@ -97,7 +98,7 @@ def test_what_was_never_committed_is_not_lost(busy: Path) -> None:
     with wal(torn).open("ab") as file:
         file.write(wal(torn).read_bytes()[HEADER : HEADER + FRAME // 2])
     assert not read_wal(torn).damaged
-    with LedgerWriter.open(busy) as other, closing(connect(busy)) as reading:
+    with LedgerWriter.open(StatePaths(busy.parent)) as other, closing(connect(busy)) as reading:
         reading.execute("BEGIN")
         reading.execute("SELECT count(*) FROM run").fetchone()
         assert other.checkpoint() is False  # somebody reads an older state: nobody waits for that
@@ -132,11 +133,13 @@ def test_a_damaged_wal_is_put_aside_before_sqlite_drops_what_is_behind(busy: Pat
 
 
 def test_old_pages_of_a_damaged_wal_do_not_cover_newer_ones_of_the_ledger(busy: Path) -> None:
-    with closing(connect(busy)) as reading:
+    with (
+        LedgerWriter.open(StatePaths(busy.parent)) as ledger,
+        closing(connect(busy)) as reading,
+    ):
         reading.execute("BEGIN")
         reading.execute("SELECT count(*) FROM run").fetchone()
-        with LedgerWriter.open(busy) as ledger:
-            ledger.checkpoint()  # copied, and not emptied: somebody reads
+        ledger.checkpoint()  # copied, and not emptied: somebody reads
         left = killed(busy)
     flip(wal(left), HEADER + read_wal(left).sound // 2 * FRAME + 500)
     found, copy = set_damaged_aside(left, NOW)

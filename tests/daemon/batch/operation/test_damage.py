@@ -32,7 +32,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> StatePaths:
     places = StatePaths(tmp_path_factory.mktemp("recorded") / "state")
     places.make_folders()
     places.scene(SCENE.digest).write_bytes(codec.to_json(SCENE))
-    with LedgerWriter.open(places.ledger) as ledger:
+    with LedgerWriter.open(places) as ledger:
         ledger.submit(make_submission("c", 6), NOW)
         for lease in ledger.lease("w", 4, NOW):
             result = make_result(lease.spec)
@@ -142,7 +142,7 @@ def test_a_damaged_ledger_never_ends_the_examination_nor_the_daemon_in_a_traceba
         try:
             with LedgerReader.open(places) as reader:
                 reader.campaigns()
-            with LedgerWriter.open(places.ledger) as ledger:
+            with LedgerWriter.open(places) as ledger:
                 ledger.extend_leases(NOW)
                 ledger.checkpoint()
         except DaemonError:
