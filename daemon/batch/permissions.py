@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Final
 
-from daemon.batch.errors import DaemonError
+from daemon.batch.errors import DaemonError, KeysUnusable
 from daemon.batch.paths import StatePaths
 
 _WRITE: Final = stat.S_IWGRP | stat.S_IWOTH
@@ -84,6 +84,40 @@ def secure_state(paths: StatePaths) -> tuple[Path, ...]:
         with suppress(FileNotFoundError):
             path.chmod(0o600)
     return (*found.readable, *files.writable, *files.readable)
+
+
+def find_key_exposure(folder: Path) -> Exposure:
+    """Look at a folder of keys; secrets that others may read count as readable, nothing else does.
+
+    What root has put there is nobody's forgery, and where the sticky bit is set nobody can take
+    another's place: that is how a cluster mounts secrets.
+    """
+    inside = [folder, *(path for path in folder.rglob("*") if not path.is_symlink())]
+    found = find_exposure(inside)
+    secret = (path for path in found.readable if path.name in ("key.pem", "ca.key"))
+    return Exposure(
+        tuple(path for path in found.foreign if path.stat().st_uid),
+        tuple(path for path in found.writable if not _is_sticky(path)),
+        tuple(secret),
+    )
+
+
+def _is_sticky(path: Path) -> bool:
+    return path.is_dir() and bool(path.stat().st_mode & stat.S_ISVTX)
+
+
+def refuse_exposed_keys(folder: Path) -> None:
+    """Raise :class:`KeysUnusable` for keys in whose place others could put theirs."""
+    found = find_key_exposure(folder)
+    if found.foreign:
+        raise KeysUnusable(
+            f"{found.foreign[0]} belongs to somebody else: have keys of your own made"
+        )
+    if found.writable:
+        raise KeysUnusable(
+            f"others can write {found.writable[0]}, and so decide who is admitted: "
+            f"chmod -R go-rwx {folder}, and have new keys made"
+        )
 
 
 def open_private(path: Path, flags: int = os.O_WRONLY | os.O_APPEND) -> int:

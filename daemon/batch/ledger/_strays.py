@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from daemon.batch.errors import DaemonError
+from daemon.batch.inputs import DAMAGED
 from daemon.batch.ledger._connection import SCHEMA_VERSION, connect_reader, schema_version
 from daemon.batch.ledger._inputs import referenced_inputs
 from daemon.batch.locks import is_locked
@@ -39,7 +40,7 @@ _GRACE: Final = 3600.0
 _SPOOL_GRACE: Final = 7 * 86_400.0
 """Seconds during which a worker that starts may deliver what a dead one has left."""
 _COPY_GRACE: Final = 30 * 86_400.0
-"""Seconds without use after which a worker's copy of a scene or a file goes."""
+"""Seconds without use after which a worker's copy of a scene or a file goes, or a damaged one."""
 # Of grammars.text.files.replacing; of uploads and downloads; of a trace that is being written.
 _TEMPORARY: Final = re.compile(
     r"\..+\.[0-9a-f]{8}\.tmp|\.[0-9a-f]{64}(\.[0-9]+)?\.part|.+\.partial"
@@ -103,6 +104,8 @@ def _find(
         if folder.name not in unfinished and not any(folder.iterdir()):
             yield from _old("empty trace folder", [folder], now, _GRACE)
     yield from _find_spools(paths, now)
+    damaged = (p for p in (*_entries(paths.scenes), *_entries(paths.files)) if p.suffix == DAMAGED)
+    yield from _old("copy not used for long", damaged, now, _COPY_GRACE)
     # What workers keep here that have another daemon.
     for folder in _folders(paths.state / "work"):
         there = StatePaths(folder)

@@ -46,7 +46,7 @@ class WalState:
 
     ``sound`` is how many SQLite uses, ``committed`` how many are known to have been acknowledged,
     ``checkpointed`` how many of those are in the database as well. ``transactions`` counts the
-    commits between what is sound and what was acknowledged.
+    commits that were acknowledged behind all that is sound or in the database.
     """
 
     size: int = 0
@@ -293,5 +293,6 @@ class _Scan:
             # by a power cut: that was never acknowledged.
             certain = [at for at in self._commits if at < self._last_ours]
             committed, checkpointed = max([self._sound, *certain]), 0
-        behind = sum(1 for at in self._commits if self._sound < at <= committed)
+        had = max(self._sound, checkpointed)
+        behind = sum(1 for at in self._commits if had < at <= committed)
         return WalState(size, self._sound, committed, checkpointed, behind)

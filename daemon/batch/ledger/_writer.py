@@ -118,7 +118,7 @@ class LedgerWriter(LeaseUpdates):
             try:
                 # TRUNCATE: in a WAL that is only copied, frames stay that would be used again
                 # after a kill, up to a damaged one, and cover what is newer in the database.
-                busy, *_ = self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+                busy, *_ = self._db.execute("PRAGMA main.wal_checkpoint(TRUNCATE)").fetchone()
             finally:
                 self._db.execute(f"PRAGMA busy_timeout = {waited}")
         except UNREADABLE as error:

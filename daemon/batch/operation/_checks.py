@@ -14,7 +14,7 @@ from daemon.batch.ledger import LedgerReader, StrayFile, find_strays, read_wal
 from daemon.batch.locks import is_locked
 from daemon.batch.operation._findings import DoctorFinding, ok, problem, warning
 from daemon.batch.paths import StatePaths
-from daemon.batch.permissions import find_exposure
+from daemon.batch.permissions import find_key_exposure
 from daemon.batch.security import IssuedKey, find_credentials, is_authority, load_register
 from daemon.model.ids import is_id
 from daemon.model.verbs import Role
@@ -44,19 +44,17 @@ def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFind
 
 def _exposed_keys(folder: Path) -> Iterator[DoctorFinding]:
     """Look who else may write or read keys: whoever can put one there decides who is admitted."""
-    inside = [folder, *(path for path in folder.rglob("*") if not path.is_symlink())]
-    found = find_exposure(inside)
-    secrets = [path for path in found.readable if path.suffix == ".key" or path.name == "key.pem"]
+    found, remedy = find_key_exposure(folder), f"chmod -R go-rwx {folder}, have new keys made"
     if found.foreign:
         words = f"{found.foreign[0]} belongs to somebody else"
         yield problem("keys", words, "have keys of your own made: `scenario keys --help`")
     if found.writable:
         words = f"others can write {', '.join(map(str, found.writable[:_SHOWN]))}"
-        yield problem("keys", words, f"chmod -R go-rwx {folder}, have new keys made")
-    if secrets:
-        words = f"others can read {', '.join(map(str, secrets[:_SHOWN]))}"
-        yield problem("keys", words, f"chmod -R go-rwx {folder}, have new keys made")
-    elif folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO) and not found.writable:
+        yield problem("keys", words, remedy)
+    if found.readable:
+        words = f"others can read {', '.join(map(str, found.readable[:_SHOWN]))}"
+        yield problem("keys", words, remedy)
+    elif not found.writable and folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         yield warning("keys", f"others can look into {folder}", f"chmod 700 {folder}")
 
 

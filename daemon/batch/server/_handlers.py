@@ -92,6 +92,7 @@ class Handlers:
     stop: Callable[[], None]
     troubles: Callable[[], tuple[str, ...]]
     marker: Marker
+    damage: str = ""
     draining: bool = False
 
     def __post_init__(self) -> None:
@@ -138,8 +139,9 @@ class Handlers:
         idle = [f"worker {row.id}: {row.trouble}" for row in workers if row.trouble]
         if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
             halting += idle[:1]
-        troubles = tuple(dict.fromkeys((*halting, *idle, *self._inputs.troubles())))
-        return (halting[0] if halting else ""), troubles[:_MOST_TROUBLES]
+        troubles = tuple(dict.fromkeys((*halting, self.damage, *idle, *self._inputs.troubles())))
+        named = tuple(words for words in troubles if words)
+        return (halting[0] if halting else ""), named[:_MOST_TROUBLES]
 
     def runs(self, ledger: LedgerReader, query: RunQuery) -> RunPage:
         return ledger.runs(query)

@@ -15,8 +15,8 @@ from typing import Final
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.paths import INSECURE_VARIABLE, StatePaths, is_encrypted, is_local
-from daemon.batch.permissions import open_private
-from daemon.batch.security import DaemonCredentials, find_daemon_credentials
+from daemon.batch.permissions import open_private, refuse_exposed_keys
+from daemon.batch.security import DaemonCredentials, find_daemon_credentials, keys_folder
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,9 @@ def prepare_endpoints(
         words = f"cannot listen at {paths.socket}: {error.filename}: {error.strerror}"
         raise DaemonError(words) from error
     if listen and is_encrypted(listen):
-        return ListenSettings(paths.endpoint, listen, find_daemon_credentials(keys))
+        credentials = find_daemon_credentials(keys)
+        refuse_exposed_keys(keys_folder(keys))
+        return ListenSettings(paths.endpoint, listen, credentials)
     if listen and not (is_local(listen) or insecure or os.environ.get(INSECURE_VARIABLE)):
         raise DaemonError(
             f"{listen} would be open to every machine of the network: listen at tls/ with keys "

@@ -201,12 +201,13 @@ class _Daemon:
             stop=stop,
             troubles=self._troubles,
             marker=opened.marker,
+            damage=opened.damage,
         )
 
     def _troubles(self) -> tuple[str, ...]:
         """Why no run can start here; the first is what to do first."""
         own = "" if self._local is None else self._local.trouble
-        found = (self._paths.disk_shortage(), self._quota.trouble, own, self._opened.damage)
+        found = (self._paths.disk_shortage(), self._quota.trouble, own)
         return tuple(words for words in found if words)
 
     def run(self, stack: ExitStack, local: LocalWorker | None) -> None:

@@ -133,11 +133,13 @@ def test_a_damaged_wal_is_put_aside_before_sqlite_drops_what_is_behind(busy: Pat
 
 
 def test_old_pages_of_a_damaged_wal_do_not_cover_newer_ones_of_the_ledger(busy: Path) -> None:
-    with closing(connect(busy)) as reading:
+    with (
+        LedgerWriter.open(StatePaths(busy.parent)) as ledger,
+        closing(connect(busy)) as reading,
+    ):
         reading.execute("BEGIN")
         reading.execute("SELECT count(*) FROM run").fetchone()
-        with LedgerWriter.open(StatePaths(busy.parent)) as ledger:
-            ledger.checkpoint()  # copied, and not emptied: somebody reads
+        ledger.checkpoint()  # copied, and not emptied: somebody reads
         left = killed(busy)
     flip(wal(left), HEADER + read_wal(left).sound // 2 * FRAME + 500)
     found, copy = set_damaged_aside(left, NOW)

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from daemon.batch.errors import DaemonError
+from daemon.batch.errors import DaemonError, KeysUnusable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.operation import DoctorFinding, FindingLevel, examine
 from daemon.batch.operation._checks import check_keys
 from daemon.batch.paths import Endpoint, StatePaths, find_endpoint
+from daemon.batch.permissions import refuse_exposed_keys
 from daemon.model.messages import Completion
 from grammars.text import codec
 from tests.daemon.batch.samples import SCENE, make_result, make_submission
@@ -196,3 +197,7 @@ def test_keys_that_others_could_put_there_are_a_problem(tmp_path: Path) -> None:
     told = [f.message for f in check_keys(keys, NOW, needed=True)]
     assert any(words.startswith(f"others can write {keys}") for words in told)
     assert any(words.startswith("others can read") for words in told)
+    with pytest.raises(KeysUnusable, match="others can write"):
+        refuse_exposed_keys(keys)
+    keys.chmod(0o1777)  # as a cluster mounts secrets
+    refuse_exposed_keys(keys)
