@@ -41,8 +41,8 @@ class Case:
     ``cuts`` [s] follow each other ``gap`` seconds apart, the first when as many runs as there are
     ``slots`` have begun. With ``spare`` another worker, never cut off, waits for runs. The daemon
     is killed and started again ``restarts`` times. ``loss`` is a share of packets, ``delay`` [s]
-    and ``rate`` [bytes/s] are of each direction, ``ballast`` are bytes of a trace. One that ``breaks``
-    ends its connections when it is cut; others go silent.
+    and ``rate`` [bytes/s] are of each direction, ``ballast`` are bytes of a trace. A line that
+    ``breaks`` ends its connections when it is cut; others go silent.
     """
 
     name: str
