@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.options import AsJson, PlainFlagsCommand, PlainFlagsGroup
 from scenario_tui.cli.output import Output, say, stdout_console
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 keys_app = typer.Typer(
     name="keys",
+    cls=PlainFlagsGroup,
     help="Make the keys with which machines prove to each other who they are.",
     no_args_is_help=True,
 )
@@ -45,7 +46,7 @@ KeyName: TypeAlias = Annotated[
 ]
 
 
-@keys_app.command()
+@keys_app.command(cls=PlainFlagsCommand)
 def init(
     folder: Annotated[
         Path | None,
@@ -69,7 +70,7 @@ def init(
     say(f"keys in {place}; next: `{next_step}` for another machine")
 
 
-@keys_app.command()
+@keys_app.command(cls=PlainFlagsCommand)
 def issue(
     role: Annotated[
         str, typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon.")
@@ -104,7 +105,7 @@ class KeysOutput(Output, schema="keys"):
         _print_keys(self.keys)
 
 
-@keys_app.command("list")
+@keys_app.command("list", cls=PlainFlagsCommand)
 def list_(keys: KeysFolder = None, as_json: AsJson = False) -> None:
     """List who has a key, for what, until when, and its fingerprint."""
     from daemon.batch.security import keys_folder, load_register
@@ -113,7 +114,7 @@ def list_(keys: KeysFolder = None, as_json: AsJson = False) -> None:
     KeysOutput(str(place), load_register(place).issued).show(as_json)
 
 
-@keys_app.command()
+@keys_app.command(cls=PlainFlagsCommand)
 def revoke(key: KeyName, keys: KeysFolder = None) -> None:
     """Take a key's rights away, from the daemon's next start on."""
     from daemon.batch.security import keys_folder
@@ -124,7 +125,7 @@ def revoke(key: KeyName, keys: KeysFolder = None) -> None:
     say(f'"{key}" is revoked; a daemon that runs still admits it until it is started again')
 
 
-@keys_app.command()
+@keys_app.command(cls=PlainFlagsCommand)
 def bundle(
     key: KeyName,
     output: Annotated[

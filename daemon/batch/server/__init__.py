@@ -1,6 +1,5 @@
 """The daemon itself: the ledger behind a Zenoh router, and a local worker."""
 
-from daemon.batch.server._admission import admit_submission
 from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
@@ -9,7 +8,9 @@ from daemon.batch.server._runtime import (
     prepare_endpoints,
 )
 from daemon.batch.server._serve import STOP_MARGIN, serve
+from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._uploads import FileUploads, TraceUploads
+from daemon.batch.server._workers import WorkerRegistry
 
 __all__ = [
     "STOP_MARGIN",
@@ -18,6 +19,7 @@ __all__ = [
     "EventLog",
     "FileUploads",
     "TraceUploads",
+    "WorkerRegistry",
     "admit_submission",
     "exposure_warning",
     "prepare_endpoints",

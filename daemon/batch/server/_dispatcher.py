@@ -7,169 +7,26 @@ error reply, never more.
 
 from __future__ import annotations
 
-import queue
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 import zenoh
 
-from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
-from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.errors import DaemonError, Refused, Unreachable
+from daemon.batch.ledger import Steps
 from daemon.batch.security import strip_control_characters
 from daemon.batch.server._runtime import EventLog
+from daemon.batch.server._threads import (
+    LedgerJob,
+    LedgerThread,
+)
 from daemon.model.messages import ErrorReply
-from daemon.model.status import ChangeEvent
-from daemon.model.verbs import VERBS, AnyVerb, ServerThread
+from daemon.model.verbs import RENEW, VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
-_BATCH: Final = 64
-"""Jobs that share a commit. Its fsync is what costs: measured on one disk, 2 950 runs a second with
-one for each job, 9 470 without any; and nobody waits for more than 64 others' jobs."""
-_MOST: Final = 2048
-_MOST_BYTES: Final = 256 * 2**20
-"""Requests that may wait for a thread, and their bytes, four of the largest submissions: what comes
-then is told to come again."""
-BUSY: Final = Unavailable(
-    f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class LedgerJob:
-    """Something to do with the ledger; ``done`` gets its value, or the exception it raised.
-
-    ``size`` is what it holds in memory until it is done [bytes].
-    """
-
-    act: Callable[[Any], object]
-    done: Callable[[object], None]
-    size: int = 0
-
-
-class _LedgerThread(threading.Thread):
-    """A thread with a queue of jobs, done one after the other.
-
-    ``put`` takes what the daemon itself wants, ``offer`` what others want, within limits: a flood
-    of questions must not keep leases from expiring.
-    """
-
-    def __init__(self, name: str) -> None:
-        super().__init__(name=name, daemon=True)
-        self._jobs: queue.SimpleQueue[LedgerJob | None] = queue.SimpleQueue()
-        self._load = threading.Lock()
-        self._offered = 0
-        self._bytes = 0
-
-    def put(self, job: LedgerJob) -> None:
-        """Queue a job; returns at once."""
-        self._jobs.put(job)
-
-    def offer(self, job: LedgerJob) -> bool:
-        """Queue a job unless too much waits already; returns at once, whether it is queued."""
-        with self._load:
-            full = self._offered >= _MOST or self._bytes + job.size > _MOST_BYTES
-            # One that is larger than all the room there is has its turn when nothing else waits.
-            if full and self._offered:
-                return False
-            self._offered += 1
-            self._bytes += job.size
-
-        def done(value: object) -> None:
-            with self._load:
-                self._offered -= 1
-                self._bytes -= job.size
-            job.done(value)
-
-        self._jobs.put(LedgerJob(job.act, done, job.size))
-        return True
-
-    def finish(self) -> None:
-        """Do what is queued, then end the thread."""
-        self._jobs.put(None)
-        self.join()
-
-
-class WriterThread(_LedgerThread):
-    """Owns the writing connection: runs jobs in transactions, answers after the commit.
-
-    Jobs that wait together share a commit (the fsync is what costs); each has a savepoint, so a
-    refused one undoes only itself.
-    """
-
-    def __init__(self, ledger: LedgerWriter, publish: Callable[[list[ChangeEvent]], None]) -> None:
-        super().__init__("ledger-writer")
-        self._ledger = ledger
-        self._publish = publish
-
-    def run(self) -> None:
-        """Work until told to finish."""
-        running = True
-        while running:
-            batch, running = self._take()
-            if batch:
-                self._work(batch)
-
-    def _take(self) -> tuple[list[LedgerJob], bool]:
-        batch: list[LedgerJob] = []
-        job = self._jobs.get()
-        while job is not None:
-            batch.append(job)
-            if len(batch) == _BATCH or self._jobs.empty():
-                return batch, True
-            job = self._jobs.get()
-        return batch, False
-
-    def _work(self, batch: list[LedgerJob]) -> None:
-        try:
-            with self._ledger.transaction():
-                # An error is its value: the asker is told; what is no refusal goes to the log too.
-                values = [self._ledger.attempt(job.act) for job in batch]
-        except Unavailable as failure:
-            values = [failure for _ in batch]
-        for job, value in zip(batch, values, strict=True):
-            job.done(value)
-        if self._ledger.events:
-            self._publish(self._ledger.events)
-
-
-class ReaderThread(_LedgerThread):
-    """Owns the reading connection: answers questions one by one, each from one snapshot."""
-
-    def __init__(self, name: str, reader: LedgerReader) -> None:
-        super().__init__(name)
-        self._reader = reader
-
-    def run(self) -> None:
-        """Answer until told to finish."""
-        while (job := self._jobs.get()) is not None:
-            job.done(self._answer(job))
-
-    def _answer(self, job: LedgerJob) -> object:
-        try:
-            with self._reader.snapshot():
-                return job.act(self._reader)
-        except Exception as error:
-            return error  # the asker is told; what is no refusal goes to the log too
-
-
-class OverloadReply(_LedgerThread):
-    """Tells those to come again for whom there is no room; so that nobody else waits for that.
-
-    A thread, since a reply from within Zenoh's callback may deadlock (eclipse-zenoh/zenoh#1092).
-    """
-
-    def __init__(self) -> None:
-        super().__init__("overload-reply")
-
-    def run(self) -> None:
-        """Turn away until told to finish."""
-        while (job := self._jobs.get()) is not None:
-            job.done(BUSY)
-
-
+_RENEWS: Final = f"/{RENEW}"
 _LONGEST_PROBLEM: Final = 4000
 _LONGEST_KEY: Final = 200
 
@@ -178,12 +35,13 @@ _LONGEST_KEY: Final = 200
 class VerbHandler:
     """What is done about a verb: ``act`` gets what the verb's thread owns of the ledger.
 
-    What takes long and needs no ledger, the carrier does first: then ``prepare`` makes of the
-    request what ``act`` gets.
+    What takes long in the writer is done in :class:`daemon.batch.ledger.Steps`, which ``act``
+    returns. What takes long and needs no ledger a thread for that does first: then ``prepare``
+    makes of the request, as it came, what ``act`` gets.
     """
 
     act: Callable[[Any, Any], object]
-    prepare: Callable[[Any], object] | None = None
+    prepare: Callable[[bytes], object] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,10 +53,11 @@ class RequestDispatcher:
 
     handlers: Mapping[AnyVerb, VerbHandler]
     log: EventLog
-    writer: WriterThread
-    reader: ReaderThread
-    carrier: ReaderThread
-    overload: OverloadReply
+    writer: LedgerThread
+    reader: LedgerThread
+    carrier: LedgerThread
+    preparer: LedgerThread
+    overload: LedgerThread
 
     def on_query(self, query: zenoh.Query) -> None:
         """Find the thread and enqueue: the callback of the queryable."""
@@ -215,23 +74,26 @@ class RequestDispatcher:
             self._queue(
                 self._thread(verb),
                 query,
-                lambda ledger: _answer(verb, handler, ledger, _request(verb, query)),
+                lambda ledger: _answer(
+                    verb, handler, ledger, read_request(verb, _payload(verb, query))
+                ),
             )
 
-    def _thread(self, verb: AnyVerb) -> _LedgerThread:
+    def _thread(self, verb: AnyVerb) -> LedgerThread:
         if verb.thread is ServerThread.WRITER:
             return self.writer
         return self.carrier if verb.thread is ServerThread.CARRIER else self.reader
 
     def _queue(
         self,
-        thread: _LedgerThread,
+        thread: LedgerThread,
         query: zenoh.Query,
         act: Callable[[Any], object],
         done: Callable[[object], None] | None = None,
     ) -> None:
         size = 0 if query.payload is None else len(query.payload)
-        job = LedgerJob(act, done or (lambda value: self._reply(query, value)), size)
+        renews = str(query.key_expr).endswith(_RENEWS)
+        job = LedgerJob(act, done or (lambda value: self._reply(query, value)), size, renews)
         if not thread.offer(job):
             self.overload.offer(job)
 
@@ -239,7 +101,7 @@ class RequestDispatcher:
         self,
         verb: AnyVerb,
         handler: VerbHandler,
-        prepare: Callable[[Any], object],
+        prepare: Callable[[bytes], object],
         query: zenoh.Query,
     ) -> None:
         def go_on(value: object) -> None:
@@ -250,7 +112,7 @@ class RequestDispatcher:
                     self._thread(verb), query, partial(_answer, verb, handler, request=value)
                 )
 
-        self._queue(self.carrier, query, lambda _: prepare(_request(verb, query)), go_on)
+        self._queue(self.preparer, query, lambda _: prepare(_payload(verb, query)), go_on)
 
     def _reply(self, query: zenoh.Query, value: object) -> None:
         # The asker waits until the query is closed, whatever was replied.
@@ -278,20 +140,32 @@ def _refuse_unknown(query: zenoh.Query) -> object:
     raise Refused(f"this daemon does not know how to {str(query.key_expr)[:_LONGEST_KEY]}")
 
 
-def _request(verb: AnyVerb, query: zenoh.Query) -> object:
-    """The request, validated; raises :class:`Refused`."""
+def _payload(verb: AnyVerb, query: zenoh.Query) -> bytes:
+    """The request as it came; raises :class:`Refused` when it is too large."""
     payload = query.payload
     if payload is not None and len(payload) > verb.largest:
         raise Refused(f"the request has {len(payload)} bytes, at most {verb.largest} are taken")
-    data = b"{}" if payload is None else payload.to_bytes()
+    return b"{}" if payload is None else payload.to_bytes()
+
+
+def read_request(verb: AnyVerb, payload: bytes) -> object:
+    """The request, validated; raises :class:`Refused`."""
     try:
         kind: Any = verb.request
-        request: object = codec.from_json(kind, strip_control_characters(data), exactly=True)
+        request: object = codec.from_json(kind, strip_control_characters(payload), exactly=True)
     except ValueError as error:
         raise Refused(f"the request is malformed: {error}") from error
     return request
 
 
-def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> bytes:
+def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> object:
     # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
-    return codec.to_json(handler.act(ledger, request), verb.answer)
+    value = handler.act(ledger, request)
+    if isinstance(value, Generator):
+        return _answer_in_steps(verb, value)
+    return codec.to_json(value, verb.answer)
+
+
+def _answer_in_steps(verb: AnyVerb, steps: Steps[object]) -> Steps[bytes]:
+    value = yield from steps
+    return codec.to_json(value, verb.answer)
