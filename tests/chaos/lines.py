@@ -125,7 +125,6 @@ class BreakingLine(Relay):
         for one in self._sockets:
             with suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
-        self._sockets.clear()
 
 
 @contextmanager

@@ -41,7 +41,7 @@ class Case:
     ``cuts`` [s] follow each other ``gap`` seconds apart, the first when as many runs as there are
     ``slots`` have begun. With ``spare`` another worker, never cut off, waits for runs. The daemon
     is killed and started again ``restarts`` times. ``loss`` is a share of packets, ``delay`` [s]
-    and ``rate`` [bytes/s] are of each direction, ``ballast`` are bytes of a trace. One that
+    and ``rate`` [bytes/s] are of each direction, ``ballast`` are bytes of a trace. A line that
     ``breaks`` ends its connections when it is cut; others go silent.
     """
 
@@ -87,7 +87,6 @@ def network(
     *,
     cases: Sequence[Case] = CASES,
     lease: float = LEASE,
-    grace: float = 5.0,
     isolated: bool | None = None,
 ) -> Report:
     """Perform all cases at once.
@@ -102,7 +101,7 @@ def network(
         # Relays cannot lose packets: where there are no namespaces, those cases are left out.
         chosen = [case for case in cases if isolated or not case.loss]
         scenes = [
-            _Scene(stack, folder / f"{i}", case, lease, grace, isolated=isolated)
+            _Scene(stack, folder / f"{i}", case, lease, isolated=isolated)
             for i, case in enumerate(chosen)
         ]
         with ThreadPoolExecutor(len(scenes)) as threads:
@@ -120,14 +119,13 @@ class _Scene:
         folder: Path,
         case: Case,
         lease: float,
-        grace: float,
         *,
         isolated: bool,
     ) -> None:
         self._case, self._lease = case, lease
         self._folder = folder
         self._log = Executions(folder / "executions")
-        settings: dict[str, float | str] = {"lease": lease, "grace": grace, "attempts": 3}
+        settings: dict[str, float | str] = {"lease": lease, "attempts": 3}
         if case.shaped:
             endpoint = free_endpoint()
             line: Link = stack.enter_context(

@@ -45,12 +45,16 @@ class Attempt:
 
     @classmethod
     def prepare(cls, folder: Path, lease: Lease) -> Attempt:
-        """Make the folder of a leased run, in place of one of the same name."""
+        """Make the folder of a leased run, in place of one of the same name; raises ``OSError``."""
         if folder.exists():
             shutil.rmtree(folder)
         folder.mkdir(parents=True)
         # Not synchronised: what a power cut takes from here runs again.
-        (folder / LEASE).write_bytes(codec.to_json(lease))
+        try:
+            (folder / LEASE).write_bytes(codec.to_json(lease))
+        except OSError:
+            shutil.rmtree(folder, ignore_errors=True)  # no room: nobody would come back for it
+            raise
         return cls(lease, folder)
 
     @classmethod

@@ -327,7 +327,8 @@ class WorkerLoop:
                 attempt.discard()
 
     def _busy(self) -> WorkerInfo:
-        words = (self._shortage, self._trouble.words, self._undelivered.words)
+        own = (self._shortage, self._trouble.words, self._undelivered.words)
+        words = (*own, self._backend.trouble)
         trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
         return replace(self._info(len(self._executions)), trouble=trouble)
 

@@ -51,7 +51,7 @@ def test_of_stacks_nothing_is_left_whoever_is_killed(tmp_path: Path) -> None:
 
 def test_a_line_that_breaks_for_less_than_a_lease_starts_nothing_over(tmp_path: Path) -> None:
     case = Case("broken", (4.0,), (2.0,), slots=1, breaks=True, spare=True)
-    held(network(tmp_path, cases=[case], lease=30.0, grace=0.2))
+    held(network(tmp_path, cases=[case]))
 
 
 def test_of_a_tree_of_processes_nothing_is_left(tmp_path: Path) -> None:

@@ -218,7 +218,9 @@ def test_workers_of_the_recipe_come_back_when_their_scheduler_does(
             gate.touch()
             with program(tmp_path, *scheduler, *tls("scheduler")):
                 eventually(lambda: finished(client, 4))
-                assert {row.state for row in client.runs("c").rows} == {"done"}
+                rows = client.runs("c").rows
+                assert {row.state for row in rows} == {"done"}
+                assert max(row.attempt for row in rows) > 1
                 kept.send_signal(signal.SIGTERM)
                 assert kept.wait(DEADLINE) == 0
         finally:

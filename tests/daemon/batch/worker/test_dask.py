@@ -167,23 +167,6 @@ def test_a_dask_worker_that_dies_costs_its_runs_nothing_but_time(
     eventually(lambda: client.workers()[0].slots == 2)
 
 
-def test_a_scheduler_that_dies_under_load_costs_no_run_anything(
-    dask: Dask, client: Client, tmp_path: Path
-) -> None:
-    gate = tmp_path / "gate"
-    client.submit(make_submission("c", 6, until=str(gate)))
-    eventually(lambda: client.overview().running >= 2)
-    dask.scheduler.kill()
-    eventually(lambda: client.overview().running == 0)
-    gate.touch()
-    dask.start_scheduler()
-    dask.start_workers(2)
-    eventually(lambda: done(client, "c"))
-    rows = client.runs("c").rows
-    assert {row.state for row in rows} == {RunState.DONE}
-    assert max(row.attempt for row in rows) > 1
-
-
 def test_dask_workers_of_another_version_are_left_out(
     dask: Dask, client: Client, worker: Part
 ) -> None:
