@@ -26,6 +26,7 @@ from daemon.model.messages import (
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
+    KeyRequest,
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
@@ -48,6 +49,7 @@ from daemon.model.status import (
     ChangeEvent,
     DaemonOverview,
     DiskUsage,
+    KeyDeliveries,
     LiveSnapshot,
     RunDetail,
     RunPage,
@@ -162,6 +164,11 @@ PRIORITISE: Final = Verb("prioritise", PriorityRequest, Empty,
     STEERING, WRITER)
 SHUTDOWN: Final = Verb("shutdown", Empty, Empty,
     "Ask the daemon to leave; what is running gets a while to finish.", STEERING)
+DELIVERIES: Final = Verb("deliveries", KeyRequest, KeyDeliveries,
+    "What a key has brought: of which campaigns, how many runs, since when.", STEERING, slow=True)
+VOID: Final = Verb("void", KeyRequest, Count,
+    "Let nothing count that a key has brought, and run it again; returns the number of runs.",
+    STEERING, WRITER, slow=True)
 WELCOME: Final = Verb("welcome", WorkerInfo, WelcomeReply,
     "What a worker must know before it starts.", WORKING)
 LEASE: Final = Verb("lease", LeaseRequest, LeaseReply,
@@ -242,6 +249,8 @@ class DaemonClient(ABC):
     resume = _counting(RESUME)
     prioritise = _question(PRIORITISE)
     shutdown = _question(SHUTDOWN)
+    deliveries = _question(DELIVERIES)
+    void = _counting(VOID)
 
     def records(self, campaign: str) -> tuple[RunRecord, ...]:
         """Every run of a campaign with its verdicts, in order: what assessments are made of."""

@@ -14,6 +14,7 @@ from daemon.model.messages import (
     DownloadChunk,
     Empty,
     IdRequest,
+    KeyRequest,
     PriorityRequest,
     RecordQuery,
     RetryRequest,
@@ -35,6 +36,7 @@ from daemon.model.status import (
     ChangeEvent,
     DaemonOverview,
     DiskUsage,
+    KeyDeliveries,
     LiveSnapshot,
     RunDetail,
     RunPage,
@@ -349,6 +351,12 @@ class FakeDaemon(DaemonClient):
 
     def _prioritise(self, _: PriorityRequest) -> Empty:
         return Empty()
+
+    def _deliveries(self, request: KeyRequest) -> KeyDeliveries:
+        return KeyDeliveries(request.id, (), 0)
+
+    def _void(self, _: KeyRequest) -> Count:
+        return Count(3)
 
     def _shutdown(self, _: Empty) -> Empty:
         return Empty()

@@ -151,7 +151,14 @@ class LeaseUpdates(RunUpdates):
         self._specs = SpecReader(connection)
 
     def lease(
-        self, worker: str, count: int, now: float, *, store: str = "", lacks: Sequence[str] = ()
+        self,
+        worker: str,
+        count: int,
+        now: float,
+        *,
+        store: str = "",
+        lacks: Sequence[str] = (),
+        holder: str = "",
     ) -> tuple[Lease, ...]:
         """Give up to ``count`` queued runs to ``worker``, whose traces belong into ``store``.
 
@@ -170,8 +177,12 @@ class LeaseUpdates(RunUpdates):
             change = self._apply(run, Leased(worker, token, now + self._lease), now)
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
             self._db.execute("UPDATE run SET granted = ? WHERE id = ?", (token, run))
-            spec = self._specs.read(body)
-            leases.append(Lease(run, campaign, change.run.attempt, token, trace, spec, store))
+            attempt, spec = change.run.attempt, self._specs.read(body)
+            self._db.execute(
+                "INSERT INTO lease VALUES (?, ?, ?, ?, ?, ?)",
+                (token, run, attempt, worker, holder, now),
+            )
+            leases.append(Lease(run, campaign, attempt, token, trace, spec, store))
         return tuple(leases)
 
     def _next_token(self) -> int:
@@ -181,7 +192,9 @@ class LeaseUpdates(RunUpdates):
         ).fetchone()
         return int(row[0])
 
-    def renew(self, worker: str, holds: Iterable[LeaseRef], now: float) -> tuple[LeaseRef, ...]:
+    def renew(
+        self, worker: str, holds: Iterable[LeaseRef], now: float, *, holder: str = ""
+    ) -> tuple[LeaseRef, ...]:
         """Extend the leases a worker holds and return those that are not its own any more.
 
         Runs leased to the worker that it does not claim were granted in an answer it never got:
@@ -211,19 +224,20 @@ class LeaseUpdates(RunUpdates):
         """Refuse what is no result of a run of ours; returns the run's campaign."""
         return check_result(self._db, completion)
 
-    def complete(self, completion: Completion, now: float) -> LedgerAnswer:
+    def complete(self, completion: Completion, now: float, *, holder: str = "") -> LedgerAnswer:
         """Record a result, exactly one per run, whoever brings it and however late."""
         campaign = self.check_completion(completion)
         digest = completion.result.digest
         event, before = Completed(completion.token, digest), self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
-            store_result(self._db, completion, digest, now)
+            store_result(self._db, completion, digest, now, holder)
         change = self._apply(completion.run, event, now, before)
         if change.record and change.run.repeatable:
             self._check_determinism(completion, digest, campaign, now)
         if change.answer is LedgerAnswer.DIFFERS:
             reason = change.run.reason
+            self._doubt(completion.run)
             self.record_event(now, "alarm", completion.run, campaign, NONDETERMINISTIC, reason)
         return change.answer
 
@@ -241,7 +255,12 @@ class LeaseUpdates(RunUpdates):
         run = completion.run
         reason = f"{NONDETERMINISTIC}: this gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
         self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (reason, run))
+        self._doubt(run, other[0])
         self.record_event(now, "alarm", run, campaign, NONDETERMINISTIC, reason)
+
+    def _doubt(self, *runs: str) -> None:
+        """Let no result of these runs' specification be used again: it came out differently."""
+        self._db.executemany("UPDATE run SET doubted = 1 WHERE id = ?", ((run,) for run in runs))
 
     def awaits_result(self, run: str) -> bool:
         """Whether a result of the run would be recorded now, its first."""
@@ -260,7 +279,7 @@ class LeaseUpdates(RunUpdates):
         """Record that the trace of a run lies at a URL now, empty for the state directory."""
         self._db.execute("UPDATE run SET trace_at = ? WHERE id = ?", (location, run))
 
-    def release(self, release: ReleaseRequest, now: float) -> LedgerAnswer:
+    def release(self, release: ReleaseRequest, now: float, *, holder: str = "") -> LedgerAnswer:
         """Take a run back without a result."""
         if self._execution_state(release.run) is None:
             raise Refused(f"there is no run {release.run}")

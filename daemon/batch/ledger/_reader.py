@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import connect_reader
+from daemon.batch.ledger._keys import read_deliveries
 from daemon.batch.ledger._results import (
     SpecReader,
     find_trace,
@@ -24,7 +25,14 @@ from daemon.batch.stores import TraceReference
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import RecordQuery, RunQuery
 from daemon.model.spec import RunResult
-from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, RunState
+from daemon.model.status import (
+    CampaignRow,
+    KeyDeliveries,
+    RunDetail,
+    RunPage,
+    RunRow,
+    RunState,
+)
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 from grammars.text.diagnostics import did_you_mean
@@ -259,7 +267,11 @@ class LedgerReader:
         info = codec.from_json(RunResult, row[3]).trace
         return TraceReference(run, location, info.sha256, info.size)
 
-    def expected_upload(self, run: str, token: int) -> ExpectedUpload:
+    def deliveries(self, key: str) -> KeyDeliveries:
+        """What a key has brought."""
+        return read_deliveries(self._db, key)
+
+    def expected_upload(self, run: str, token: int, *, holder: str = "") -> ExpectedUpload:
         """Return what the ledger has to say to an upload under a lease.
 
         Refuses when it is not the latest lease of the run, which nobody else has taken since.

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger._connection import connect
-from daemon.batch.ledger._leases import LeaseUpdates
+from daemon.batch.ledger._keys import KeyUpdates
 from daemon.batch.ledger._results import (
     insert_runs,
     note_of_result,
@@ -29,7 +29,7 @@ from grammars.text import codec
 T = TypeVar("T")
 
 
-class LedgerWriter(LeaseUpdates):
+class LedgerWriter(KeyUpdates):
     """The write side of the ledger on one connection, used by one thread, in transactions.
 
     A run is lost after ``attempts`` leases that ended badly; a lease lasts ``lease`` seconds.

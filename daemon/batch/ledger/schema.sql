@@ -72,6 +72,7 @@ CREATE INDEX run_waiting ON run (campaign, serial) WHERE state = 'queued';
 CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 -- The first lets a new run find an old result of the same specification.
 CREATE INDEX run_result ON run (digest) WHERE result <> '';
+CREATE INDEX run_doubted ON run (digest) WHERE doubted = 1;
 CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
 
 -- Stores that traces were ever kept in, besides the state directory.

@@ -4,6 +4,7 @@
        ▲                │
        └─release/expire─┘   after ``attempts`` strikes ──▶ lost
     queued, running ──cancel──▶ cancelled          lost, cancelled, done ──retry──▶ queued
+                                                   done ──void──▶ queued
 
 Execution is at least once, the result is exactly one: the first one wins, also a late one from
 a lease that expired. Runs are deterministic, so a second result that differs raises an alarm; for
@@ -85,7 +86,14 @@ class Retried:
     stopped: bool = False
 
 
-RunEvent: TypeAlias = Leased | Renewed | Completed | Released | Cancelled | Retried
+@dataclass(frozen=True, slots=True)
+class Voided:
+    """The result does not count any more, for a ``reason``: the run wants another one."""
+
+    reason: str
+
+
+RunEvent: TypeAlias = Leased | Renewed | Completed | Released | Cancelled | Retried | Voided
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +135,18 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
             result = run.result if run.repeatable and not stopped else ""
             queued = replace(_at_rest(run, RunState.QUEUED, ""), strikes=0, result=result)
             return RunTransition(queued, LedgerAnswer.DONE)
+        case Voided(reason):
+            return _void(run, reason)
+
+
+def _void(run: ExecutionState, reason: str) -> RunTransition:
+    """Forget the result: a repetition under way, or waiting, brings the one that counts."""
+    if not run.result:
+        return RunTransition(run, LedgerAnswer.STALE)
+    forgotten = replace(run, result="", strikes=0, reason=reason)
+    if run.state in (RunState.QUEUED, RunState.RUNNING):
+        return RunTransition(forgotten, LedgerAnswer.DONE)
+    return RunTransition(_at_rest(forgotten, RunState.QUEUED, reason), LedgerAnswer.DONE)
 
 
 def _holds(run: ExecutionState, token: int) -> bool:

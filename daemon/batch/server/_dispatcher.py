@@ -1,15 +1,15 @@
 """From the bus to the ledger: requests are queued for the ledger's threads, done there, answered.
 
 Zenoh's callbacks only enqueue. One thread writes the ledger, two read it; everybody else queues
-up, to a limit. A request is validated by the thread that does it; whatever is wrong with it is its
-error reply, never more.
+up, to a limit, and the names of keys take turns. A request is validated by the thread that does
+it; whatever is wrong with it is its error reply, never more.
 """
 
 from __future__ import annotations
 
-import queue
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -19,8 +19,9 @@ import zenoh
 from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.security import strip_control_characters
+from daemon.batch.server._askers import Askers, TurnQueue, holder_of, split_key
 from daemon.batch.server._runtime import EventLog
-from daemon.model.messages import ErrorReply
+from daemon.model.messages import OWNER, ErrorReply
 from daemon.model.status import ChangeEvent
 from daemon.model.verbs import VERBS, AnyVerb, ServerThread
 from grammars.text import codec
@@ -41,12 +42,13 @@ BUSY: Final = Unavailable(
 class LedgerJob:
     """Something to do with the ledger; ``done`` gets its value, or the exception it raised.
 
-    ``size`` is what it holds in memory until it is done [bytes].
+    ``size`` is what it holds in memory until it is done [bytes], ``name`` whose turn it takes.
     """
 
     act: Callable[[Any], object]
     done: Callable[[object], None]
     size: int = 0
+    name: str = OWNER
 
 
 class _LedgerThread(threading.Thread):
@@ -58,14 +60,14 @@ class _LedgerThread(threading.Thread):
 
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
-        self._jobs: queue.SimpleQueue[LedgerJob | None] = queue.SimpleQueue()
+        self._jobs: TurnQueue[LedgerJob] = TurnQueue()
         self._load = threading.Lock()
         self._offered = 0
         self._bytes = 0
 
     def put(self, job: LedgerJob) -> None:
         """Queue a job; returns at once."""
-        self._jobs.put(job)
+        self._jobs.put(job, job.name)
 
     def offer(self, job: LedgerJob) -> bool:
         """Queue a job unless too much waits already; returns at once, whether it is queued."""
@@ -83,12 +85,12 @@ class _LedgerThread(threading.Thread):
                 self._bytes -= job.size
             job.done(value)
 
-        self._jobs.put(LedgerJob(job.act, done, job.size))
+        self._jobs.put(LedgerJob(job.act, done, job.size), job.name)
         return True
 
     def finish(self) -> None:
         """Do what is queued, then end the thread."""
-        self._jobs.put(None)
+        self._jobs.close()
         self.join()
 
 
@@ -156,7 +158,7 @@ class ReaderThread(_LedgerThread):
 
 
 class OverloadReply(_LedgerThread):
-    """Tells those to come again for whom there is no room; so that nobody else waits for that.
+    """Tells those no for whom there is no room, or who ask too much; nobody else waits for that.
 
     A thread, since a reply from within Zenoh's callback may deadlock (eclipse-zenoh/zenoh#1092).
     """
@@ -167,7 +169,7 @@ class OverloadReply(_LedgerThread):
     def run(self) -> None:
         """Turn away until told to finish."""
         while (job := self._jobs.get()) is not None:
-            job.done(BUSY)
+            job.done(job.act(None))
 
 
 _LONGEST_PROBLEM: Final = 4000
@@ -178,12 +180,26 @@ _LONGEST_KEY: Final = 200
 class VerbHandler:
     """What is done about a verb: ``act`` gets what the verb's thread owns of the ledger.
 
+    Its second argument is the request, its third the name of the asker's key, empty for the owner.
     What takes long and needs no ledger, the carrier does first: then ``prepare`` makes of the
     request what ``act`` gets.
     """
 
-    act: Callable[[Any, Any], object]
+    act: Callable[[Any, Any, str], object]
     prepare: Callable[[Any], object] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """A question under way: under which name it came, and its bytes."""
+
+    query: zenoh.Query
+    name: str
+    size: int
+
+    @property
+    def holder(self) -> str:
+        return holder_of(self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,24 +215,41 @@ class RequestDispatcher:
     reader: ReaderThread
     carrier: ReaderThread
     overload: OverloadReply
+    askers: Askers
 
     def on_query(self, query: zenoh.Query) -> None:
         """Find the thread and enqueue: the callback of the queryable."""
         # Nothing is parsed or refused here: Zenoh calls from the thread that reads its sockets,
         # and whatever takes long in it delays everybody, heartbeats included.
-        verb = VERBS.get(str(query.key_expr).rpartition("/")[2])
+        name, word = split_key(str(query.key_expr))
+        size = 0 if query.payload is None else len(query.payload)
+        no = self.askers.admit(name, size) if name else None
+        if no is not None:
+            self._turn_away(query, no)
+            return
+        asked = _Question(query, name or OWNER, size)
+        verb = VERBS.get(word) if name else None
         if verb is None:
-            self._queue(self.reader, query, lambda _: _refuse_unknown(query))
+            self._queue(self.reader, asked, lambda _: _refuse_unknown(query))
             return
         handler = self.handlers[verb]
         if handler.prepare is not None:
-            self._prepare(verb, handler, handler.prepare, query)
+            self._prepare(verb, handler, handler.prepare, asked)
         else:
             self._queue(
                 self._thread(verb),
-                query,
-                lambda ledger: _answer(verb, handler, ledger, _request(verb, query)),
+                asked,
+                lambda ledger: _answer(verb, handler, ledger, _request(verb, query), asked.holder),
             )
+
+    def _turn_away(self, query: zenoh.Query, problem: DaemonError) -> None:
+        """Say no at once; not in the log, which a flood would fill."""
+
+        def answer(_: object) -> None:
+            with query, suppress(zenoh.ZError):
+                query.reply_err(_error_reply(str(problem), problem))
+
+        self.overload.offer(LedgerJob(lambda _: problem, answer))
 
     def _thread(self, verb: AnyVerb) -> _LedgerThread:
         if verb.thread is ServerThread.WRITER:
@@ -226,42 +259,45 @@ class RequestDispatcher:
     def _queue(
         self,
         thread: _LedgerThread,
-        query: zenoh.Query,
+        asked: _Question,
         act: Callable[[Any], object],
         done: Callable[[object], None] | None = None,
     ) -> None:
-        size = 0 if query.payload is None else len(query.payload)
-        job = LedgerJob(act, done or (lambda value: self._reply(query, value)), size)
-        if not thread.offer(job):
-            self.overload.offer(job)
+        answer = done or (lambda value: self._reply(asked, value))
+        if thread.offer(LedgerJob(act, answer, asked.size, asked.name)):
+            return
+        busy = LedgerJob(lambda _: BUSY, answer, asked.size, asked.name)
+        if not self.overload.offer(busy):
+            self.askers.answered(asked.name, asked.size)
 
     def _prepare(
         self,
         verb: AnyVerb,
         handler: VerbHandler,
         prepare: Callable[[Any], object],
-        query: zenoh.Query,
+        asked: _Question,
     ) -> None:
         def go_on(value: object) -> None:
             if isinstance(value, Exception):
-                self._reply(query, value)
+                self._reply(asked, value)
             else:
                 self._queue(
-                    self._thread(verb), query, partial(_answer, verb, handler, request=value)
+                    self._thread(verb),
+                    asked,
+                    partial(_answer, verb, handler, request=value, asker=asked.holder),
                 )
 
-        self._queue(self.carrier, query, lambda _: prepare(_request(verb, query)), go_on)
+        self._queue(self.carrier, asked, lambda _: prepare(_request(verb, asked.query)), go_on)
 
-    def _reply(self, query: zenoh.Query, value: object) -> None:
+    def _reply(self, asked: _Question, value: object) -> None:
+        self.askers.answered(asked.name, asked.size)
         # The asker waits until the query is closed, whatever was replied.
-        with query:
+        with asked.query as query:
             try:
                 if isinstance(value, bytes):
                     query.reply(query.key_expr, value)
                 else:
-                    passing = isinstance(value, Unreachable)
-                    problem = ErrorReply(self._error_text(query, value), passing)
-                    query.reply_err(codec.to_json(problem))
+                    query.reply_err(_error_reply(self._error_text(query, value), value))
             except zenoh.ZError as error:
                 self.log.write("unanswered", key=str(query.key_expr), problem=str(error))
 
@@ -274,8 +310,13 @@ class RequestDispatcher:
         return str(value)[:_LONGEST_PROBLEM]
 
 
+def _error_reply(words: str, error: object) -> bytes:
+    return codec.to_json(ErrorReply(words, passing=isinstance(error, Unreachable)))
+
+
 def _refuse_unknown(query: zenoh.Query) -> object:
-    raise Refused(f"this daemon does not know how to {str(query.key_expr)[:_LONGEST_KEY]}")
+    key = str(query.key_expr)[:_LONGEST_KEY]
+    raise Refused(f"this daemon does not know how to {key}: versions differ?")
 
 
 def _request(verb: AnyVerb, query: zenoh.Query) -> object:
@@ -292,6 +333,8 @@ def _request(verb: AnyVerb, query: zenoh.Query) -> object:
     return request
 
 
-def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> bytes:
+def _answer(
+    verb: AnyVerb, handler: VerbHandler, ledger: object, request: object, asker: str
+) -> bytes:
     # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
-    return codec.to_json(handler.act(ledger, request), verb.answer)
+    return codec.to_json(handler.act(ledger, request, asker), verb.answer)

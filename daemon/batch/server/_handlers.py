@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Final
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, count_states
@@ -24,6 +25,7 @@ from daemon.model.messages import (
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
+    KeyRequest,
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
@@ -52,15 +54,29 @@ from daemon.model.status import (
     CampaignRow,
     DaemonOverview,
     DiskUsage,
+    KeyDeliveries,
     RunDetail,
     RunPage,
     Submission,
     SubmissionReceipt,
     WorkerRow,
 )
-from daemon.model.verbs import SUBMIT, VERBS
+from daemon.model.verbs import (
+    COMPLETE,
+    LEASE,
+    RELEASE,
+    RENEW,
+    SUBMIT,
+    UPLOAD,
+    VERBS,
+    WELCOME,
+    AnyVerb,
+)
 from grammars.model.scene import Scene
 from grammars.text import codec
+
+_NAMED: Final = frozenset({WELCOME, LEASE, RENEW, COMPLETE, RELEASE, UPLOAD})
+"""What is done only for the key it was done for before: their methods get its name as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +110,16 @@ class Handlers:
         self._traces = TraceUploads(self.paths, self.log)
         self._files = FileUploads(self.paths, self.log)
         self._started_at = self.clock.now()
-        self.by_verb = {verb: VerbHandler(getattr(self, name)) for name, verb in VERBS.items()}
+        self.by_verb = {verb: VerbHandler(self._method(verb)) for verb in VERBS.values()}
         # To unpack and check 100,000 runs takes seconds: not the writer's, leases wait for those.
-        self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
+        self.by_verb[SUBMIT] = VerbHandler(self._method(SUBMIT), prepare=self._admit)
+
+    def _method(self, verb: AnyVerb) -> Callable[[Any, Any, str], object]:
+        """Return what is done about a verb; few of them depend on whose key asks."""
+        method: Callable[..., object] = getattr(self, verb.name)
+        if verb in _NAMED:
+            return method
+        return lambda ledger, request, _: method(ledger, request)
 
     # Questions, each answered from one snapshot of the ledger
 
@@ -143,8 +166,9 @@ class Handlers:
             raise Refused(f"there is no scene {request.id}") from error
         return codec.from_json(Scene, data)
 
-    def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
+    def welcome(self, _: LedgerReader, worker: WorkerInfo, asker: str) -> WelcomeReply:
         self._check_version(worker)
+        self._check_holder(worker, asker)
         settings = self.settings
         return WelcomeReply(
             str(self.paths.state),
@@ -165,6 +189,9 @@ class Handlers:
         self.stop()
         return Empty()
 
+    def deliveries(self, ledger: LedgerReader, request: KeyRequest) -> KeyDeliveries:
+        return ledger.deliveries(request.id)
+
     # Megabytes, carried in a thread of their own
 
     def fetch(self, ledger: LedgerReader, request: TraceDownloadRequest) -> DownloadChunk:
@@ -179,8 +206,8 @@ class Handlers:
             self.log.write("trace fetched", run=request.run, bytes=trace.size)
         return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
 
-    def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
-        return self._traces.add_chunk(ledger, chunk)
+    def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk, asker: str) -> UploadProgress:
+        return self._traces.add_chunk(ledger, chunk, asker)
 
     def keep(self, ledger: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
         return self._files.add_chunk(ledger, chunk)
@@ -226,31 +253,46 @@ class Handlers:
         self.log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
-    def lease(self, ledger: LedgerWriter, request: LeaseRequest) -> LeaseReply:
+    def void(self, ledger: LedgerWriter, request: KeyRequest) -> Count:
+        runs = 0
+        for names in ledger.void_key(request.id, self.clock.now()):
+            # Before the commit: afterwards the next result's trace may lie there already.
+            for name in filter(None, names):
+                self.paths.trace(name).unlink(missing_ok=True)
+            runs += len(names)
+        self.log.write("voided", key=request.id, runs=runs)
+        return Count(runs)
+
+    def lease(self, ledger: LedgerWriter, request: LeaseRequest, asker: str) -> LeaseReply:
         now = self.clock.now()
-        self._register_worker(ledger, request.worker, now)
+        ledger.check_trusted(asker)
+        self._register_worker(ledger, request.worker, asker, now)
         if self.draining:
             return LeaseReply((), draining=True)
         if self.quota.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
-        store = self.settings.store
-        return LeaseReply(
-            ledger.lease(request.worker.id, request.count, now, store=store, lacks=request.lacks)
-        )
+        worker, store = request.worker.id, self.settings.store
+        slots = self.registry.slots(worker), self.registry.slots_of_holder(asker)
+        count = min(request.count, ledger.room_for_leases(worker, asker, slots))
+        leases = ledger.lease(worker, count, now, store=store, lacks=request.lacks, holder=asker)
+        return LeaseReply(leases)
 
-    def renew(self, ledger: LedgerWriter, request: RenewRequest) -> RenewReply:
+    def renew(self, ledger: LedgerWriter, request: RenewRequest, asker: str) -> RenewReply:
         now = self.clock.now()
-        self._register_worker(ledger, request.worker, now)
-        return RenewReply(ledger.renew(request.worker.id, request.holds, now))
+        self._register_worker(ledger, request.worker, asker, now)
+        return RenewReply(ledger.renew(request.worker.id, request.holds, now, holder=asker))
 
-    def complete(self, ledger: LedgerWriter, completion: Completion) -> LedgerAcknowledgement:
+    def complete(
+        self, ledger: LedgerWriter, completion: Completion, asker: str
+    ) -> LedgerAcknowledgement:
+        ledger.check_trusted(asker)
         # First the trace, then the result: a result in the ledger is a promise that its trace is
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
         ledger.check_completion(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
-        answer = ledger.complete(completion, self.clock.now())
+        answer = ledger.complete(completion, self.clock.now(), holder=asker)
         self._traces.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED and not completion.location:
             self.quota.add_bytes(completion.result.trace.size)
@@ -258,8 +300,10 @@ class Handlers:
             self.log.write("nondeterminism", run=completion.run, worker=completion.worker)
         return LedgerAcknowledgement(answer)
 
-    def release(self, ledger: LedgerWriter, request: ReleaseRequest) -> LedgerAcknowledgement:
-        answer = ledger.release(request, self.clock.now())
+    def release(
+        self, ledger: LedgerWriter, request: ReleaseRequest, asker: str
+    ) -> LedgerAcknowledgement:
+        answer = ledger.release(request, self.clock.now(), holder=asker)
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)
 
@@ -272,12 +316,19 @@ class Handlers:
                 f"{install_hint(self._identity)}"
             )
 
-    def _register_worker(self, ledger: LedgerWriter, worker: WorkerInfo, now: float) -> None:
+    def _check_holder(self, worker: WorkerInfo, asker: str) -> None:
+        if not self.registry.may_be(worker.id, asker):
+            raise Refused(f"worker {worker.id} belongs to another key: choose another name for it")
+
+    def _register_worker(
+        self, ledger: LedgerWriter, worker: WorkerInfo, asker: str, now: float
+    ) -> None:
         # With every request rather than once: after a restart the registry is empty, and workers
         # do not notice restarts.
         self._check_version(worker)
+        self._check_holder(worker, asker)
         if self.registry.is_full(worker.id):
             raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
-        if self.registry.record_contact(worker, now):
+        if self.registry.record_contact(worker, now, asker):
             ledger.record_event(now, "worker", worker.id, state="came")
             self.log.write("worker came", worker=worker.id, slots=worker.slots)

@@ -23,6 +23,7 @@ from daemon.batch.errors import AlreadyRunning, DaemonError
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._admission import Quota
+from daemon.batch.server._askers import Askers, holder_of
 from daemon.batch.server._dispatcher import (
     LedgerJob,
     OverloadReply,
@@ -144,6 +145,7 @@ class _Daemon:
         self._clock = DaemonClock()
         # Renewals come every third of a lease: who has missed nine is gone, even though Zenoh still
         # has the connection (a suspended machine, a process stopped in a debugger).
+        self._askers = Askers(log, listening.keys)
         self._registry = WorkerRegistry(settings.grace, 3 * settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
@@ -205,6 +207,7 @@ class _Daemon:
         while not self._stopped.is_set():
             if local is not None:
                 local.supervise()
+            self._askers.look()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
             writer.put(LedgerJob(self._tick, self._ticked))
@@ -237,24 +240,28 @@ class _Daemon:
             thread.start()
             stack.callback(thread.finish)
         dispatcher = RequestDispatcher(
-            self._handlers.by_verb, self._log, writer, reader, carrier, overload
+            self._handlers.by_verb, self._log, writer, reader, carrier, overload, self._askers
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
-            session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
+            session.liveliness().declare_subscriber(
+                f"{ALIVE}/*/*", self._on_liveliness, history=True
+            )
         )
-        stack.enter_context(session.declare_queryable(f"{ASK}/*", dispatcher.on_query))
+        # The second is how versions before this one asked: they shall hear that they are refused.
+        for keys in (f"{ASK}/*/*", f"{ASK}/*"):
+            stack.enter_context(session.declare_queryable(keys, dispatcher.on_query))
         return writer, reader, carrier, overload
 
     def _reader(self, stack: ExitStack, name: str) -> ReaderThread:
         return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
-        worker = str(sample.key_expr).rpartition("/")[2]
+        name, worker = str(sample.key_expr).split("/")[-2:]
         if sample.kind == zenoh.SampleKind.PUT:
-            self._registry.connected(worker)
+            self._registry.connected(worker, holder_of(name))
         else:
-            self._registry.disconnected(worker, self._clock.now())
+            self._registry.disconnected(worker, self._clock.now(), holder_of(name))
 
     def _publish_contact(self, stack: ExitStack) -> None:
         contact = DaemonContact(self._listening.socket, os.getpid(), self._version, time.time())

@@ -123,7 +123,9 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         self._begun: dict[str, float] = {}
         self._sweep_at = 0.0
 
-    def add_chunk(self, reader: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
+    def add_chunk(
+        self, reader: LedgerReader, chunk: TraceUploadChunk, holder: str = ""
+    ) -> UploadProgress:
         """Add a chunk to its upload; the answer says where to go on.
 
         Refuses what comes under no lease, or a stale one; raises :class:`Unavailable` while there
@@ -132,7 +134,7 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         if not is_run_id(chunk.run) or not is_digest(chunk.sha256):
             raise Refused(f"{chunk.run!r} is not the id of a run")
         self._sweep()
-        expected = reader.expected_upload(chunk.run, chunk.token)
+        expected = reader.expected_upload(chunk.run, chunk.token, holder=holder)
         whole = self._whole(chunk.run, chunk.token, chunk.sha256)
         if not expected.wanted or whole.exists():
             return UploadProgress(chunk.size, complete=True)

@@ -20,6 +20,8 @@ from daemon.model.messages import WorkerInfo
 from daemon.model.status import WorkerRow
 
 MOST_WORKERS: Final = 4096
+MOST_SLOTS: Final = 1024
+"""Slots a worker is believed to have, when it is asked how many runs it may hold."""
 
 # Seconds. A worker that dies at once is started again after twice the time, up to the longest; one
 # that ran steadily died of something new and is started without delay.
@@ -38,6 +40,7 @@ class _ConnectedWorker:
     connected_at: float
     last_seen_at: float
     gone_at: float | None = None
+    holder: str = ""
 
 
 @dataclass(slots=True)
@@ -58,26 +61,43 @@ class WorkerRegistry:
         with self._lock:
             return worker not in self._entries and len(self._entries) >= MOST_WORKERS
 
-    def record_contact(self, info: WorkerInfo, now: float) -> bool:
-        """A request came from this worker; returns whether it is a new one."""
+    def may_be(self, worker: str, holder: str) -> bool:
+        """Whether ``holder`` may call a worker so: nobody else does, or did until lately."""
+        with self._lock:
+            return worker not in self._entries or self._entries[worker].holder == holder
+
+    def slots(self, worker: str) -> int:
+        """Return how many slots a worker says it has, as far as that is believed."""
+        with self._lock:
+            entry = self._entries.get(worker)
+            return 0 if entry is None else min(entry.info.slots, MOST_SLOTS)
+
+    def slots_of_holder(self, holder: str) -> int:
+        """Return the slots of all workers of a key together, as far as they are believed."""
+        with self._lock:
+            mine = (e.info.slots for e in self._entries.values() if e.holder == holder)
+            return sum(min(slots, MOST_SLOTS) for slots in mine)
+
+    def record_contact(self, info: WorkerInfo, now: float, holder: str = "") -> bool:
+        """A request came from this worker of ``holder``; returns whether it is a new one."""
         with self._lock:
             entry = self._entries.get(info.id)
             if entry is None:
-                self._entries[info.id] = _ConnectedWorker(info, now, now)
+                self._entries[info.id] = _ConnectedWorker(info, now, now, holder=holder)
                 return True
             entry.info, entry.last_seen_at, entry.gone_at = info, now, None
             return False
 
-    def connected(self, worker: str) -> None:
-        """The worker's liveliness token appeared."""
+    def connected(self, worker: str, holder: str = "") -> None:
+        """The worker's liveliness token appeared, under the key of ``holder``."""
         with self._lock:
-            if worker in self._entries:
+            if worker in self._entries and self._entries[worker].holder == holder:
                 self._entries[worker].gone_at = None
 
-    def disconnected(self, worker: str, now: float) -> None:
+    def disconnected(self, worker: str, now: float, holder: str = "") -> None:
         """The worker's liveliness token vanished."""
         with self._lock:
-            if worker in self._entries:
+            if worker in self._entries and self._entries[worker].holder == holder:
                 self._entries[worker].gone_at = now
 
     def shift(self, seconds: float) -> None:

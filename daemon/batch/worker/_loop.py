@@ -34,6 +34,7 @@ from daemon.batch.worker._uploader import ResultUploader
 from daemon.model.execution import RunLimits
 from daemon.model.messages import (
     LIVE,
+    OWNER,
     Lease,
     LeaseRef,
     LeaseRequest,
@@ -59,15 +60,16 @@ class _WatchedRun:
 
 @dataclass(slots=True)
 class LivePublisher:
-    """Publishes what executions tell of themselves under the name of their ``worker``."""
+    """Publishes what executions tell of themselves, under ``worker`` and the name of its key."""
 
     session: zenoh.Session
     worker: str
+    name: str = OWNER
     _all: zenoh.Publisher = field(init=False)
     _runs: dict[str, _WatchedRun] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._all = self._publisher(f"{LIVE}/{self.worker}")
+        self._all = self._publisher(f"{LIVE}/{self.name}/{self.worker}")
 
     def _publisher(self, key: str) -> zenoh.Publisher:
         # Telemetry, never the record. With BLOCK a frozen daemon stops this loop for 5 s, and then
@@ -93,7 +95,7 @@ class LivePublisher:
         watch = self._runs.get(run)
         if watch is None or watch.folder != folder:
             self.forget(run)
-            key = f"{LIVE}/{self.worker}/{run}"
+            key = f"{LIVE}/{self.name}/{self.worker}/{run}"
             watch = self._runs[run] = _WatchedRun(self._publisher(key), folder)
         watched = _has_subscribers(watch.publisher)
         if watched != watch.watched:
@@ -178,7 +180,7 @@ class WorkerLoop:
         self._refusal = ""
         # Kinds of systems under test that are not installed here: no run of them is leased again.
         self._missing_suts: dict[str, None] = {}
-        self._live = LivePublisher(daemon.session, info(0).id)
+        self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
 
     def run(self) -> None:
         """Work until told to leave, then finish or give back what is under way."""

@@ -25,12 +25,14 @@ from daemon.model import verbs
 from daemon.model.messages import (
     ASK,
     LARGEST_SUBMISSION,
+    OWNER,
     Completion,
     Empty,
     ErrorReply,
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
+    KeyRequest,
     Lease,
     LeaseRef,
     LeaseRequest,
@@ -88,7 +90,7 @@ class Target:
         return codec.from_json(ErrorReply, words).problem
 
     def send(self, verb: AnyVerb | str, body: bytes) -> tuple[bool, bytes]:
-        replies = list(self.session.get(f"{ASK}/{verb}", payload=body, timeout=60.0))
+        replies = list(self.session.get(f"{ASK}/{OWNER}/{verb}", payload=body, timeout=60.0))
         assert len(replies) == 1, (verb, body[:200])
         reply = replies[0]
         if reply.err is not None:
@@ -197,6 +199,8 @@ def valid(target: Target) -> dict[AnyVerb, object]:
         verbs.PAUSE: IdRequest("camp"),
         verbs.RESUME: IdRequest("camp"),
         verbs.PRIORITISE: PriorityRequest("camp", 3),
+        verbs.DELIVERIES: KeyRequest("worker.spare"),
+        verbs.VOID: KeyRequest("worker.spare"),
         verbs.WELCOME: ME,
         verbs.LEASE: LeaseRequest(ME, 1),
         verbs.RENEW: RenewRequest(ME, ()),
@@ -338,11 +342,16 @@ def test_keys_that_are_no_verbs_are_refused(target: Target) -> None:
     for key in ("*", "evaluate", "Submit", "submit%20", "__init__", "x" * 5000, "ＳＵＢＭＩＴ"):
         assert "does not know how to" in target.complaint(key, b"{}")
     replies: list[zenoh.Reply] = []
-    for key in ("submit/..", "../ask/submit", "a/b"):
+    for key in ("../ask/submit", "a/b/c"):
         target.session.get(f"{ASK}/{key}", replies.append, payload=b"{}", timeout=60.0)
         # What is asked later is answered: nothing else will be.
         assert "does not know how to" in target.complaint("later", b"{}")
     assert replies == []
+    # Names of keys are for those who have keys, and this daemon knows none.
+    for key in ("a/b", "submit/..", "worker.spare/lease", f"*/{OWNER}", "a/*"):
+        (reply,) = target.session.get(f"{ASK}/{key}", payload=b"{}", timeout=60.0)
+        assert reply.err is not None
+        assert "knows no key" in codec.from_json(ErrorReply, reply.err.payload.to_bytes()).problem
 
 
 def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) -> None:
@@ -352,7 +361,7 @@ def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) 
         lock.execute("BEGIN IMMEDIATE")
         for _ in range(2300):
             target.session.get(
-                f"{ASK}/cancel", replies.append, payload=b'{"id":"no"}', timeout=60.0
+                f"{ASK}/{OWNER}/cancel", replies.append, payload=b'{"id":"no"}', timeout=60.0
             )
         eventually(lambda: replies)
         first = codec.from_json(ErrorReply, replies[0].err.payload.to_bytes())
