@@ -21,7 +21,7 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import AlreadyRunning, DaemonError
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.paths import DaemonContact, StatePaths
+from daemon.batch.paths import DaemonContact, StatePaths, is_encrypted
 from daemon.batch.server._admission import Quota
 from daemon.batch.server._askers import Askers, holder_of
 from daemon.batch.server._dispatcher import (
@@ -31,6 +31,7 @@ from daemon.batch.server._dispatcher import (
     RequestDispatcher,
     WriterThread,
 )
+from daemon.batch.server._door import Door
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._runtime import (
     DaemonClock,
@@ -194,10 +195,13 @@ class _Daemon:
         ledger = stack.enter_context(
             LedgerWriter.open(self._paths.ledger, attempts=settings.attempts, lease=settings.lease)
         )
+        door = self._open_door(stack)
         session = stack.enter_context(
-            bus.open_router(self._listening.endpoints, self._listening.keys)
+            bus.open_router(self._zenoh_endpoints(door), self._listening.keys)
         )
         threads = self._start_threads(stack, ledger, session)
+        if door is not None:
+            door.supervise()
         writer = threads[0]
         self._quota.start()
         stack.callback(self._quota.close)
@@ -208,6 +212,8 @@ class _Daemon:
             if local is not None:
                 local.supervise()
             self._askers.look()
+            if door is not None:
+                door.supervise()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
             writer.put(LedgerJob(self._tick, self._ticked))
@@ -216,6 +222,20 @@ class _Daemon:
             self._stopped.wait(self._settings.tick)
         self._leave(local)
         self._log.write("stopped")
+
+    def _open_door(self, stack: ExitStack) -> Door | None:
+        """Listen where keys are asked for; Zenoh does so behind it."""
+        address = self._listening.address
+        if not is_encrypted(address):
+            return None
+        door = Door(address, self._log)
+        stack.callback(door.close)
+        return door
+
+    def _zenoh_endpoints(self, door: Door | None) -> tuple[str, ...]:
+        if door is None:
+            return self._listening.endpoints
+        return (self._listening.socket, door.behind)
 
     def _watch_tether(self) -> None:
         while os.read(sys.stdin.fileno(), 4096):
