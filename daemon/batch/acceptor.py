@@ -47,19 +47,19 @@ MOST_SILENT: Final = 512
 MOST_SILENT_EACH: Final = 128
 HELLO_TIME: Final = 5.0
 """Seconds until a ClientHello must have come, also over a line that loses packets."""
-HANDSHAKE_TIME: Final = 5.0
+HANDSHAKE_TIME: Final = 3.0
 GRACE: Final = 0.2
 _GRACE_TRIPS: Final = 4
 """A handshake goes on although others wait for so long [s], or for so many round trips."""
 _RTT_AT: Final = 68
 """Where the kernel's ``struct tcp_info`` has the smoothed round trip time [us]: linux/tcp.h."""
 _REPORT_EVERY: Final = 10.0
-FAULTS_EACH: Final = 32.0
-FAULTS: Final = 32.0
+FAULTS_EACH: Final = 10.0
+FAULTS: Final = 12.0
 """Handshakes that fail at once, of one address and of all whose handshakes never succeeded; each
-second gives back four. Zenoh stands ten a second, and a worker with a bad key tries twice."""
-_FORGIVEN_EACH: Final = 4.0
-_FORGIVEN: Final = 4.0
+second gives back so many. Zenoh stands ten a second, and a worker with a bad key tries twice."""
+_FORGIVEN_EACH: Final = 3.0
+_FORGIVEN: Final = 5.0
 _MOST_KNOWN: Final = 4096
 """Addresses that are remembered, those with faults and those known for a handshake."""
 _LARGEST_RECORD: Final = 5 + 2**14 + 256
@@ -136,11 +136,11 @@ class _Patience:
     def __post_init__(self) -> None:
         self.left = self.most
 
-    def remains(self, now: float) -> bool:
-        """Whether another failure is let through."""
+    def remaining(self, now: float) -> float:
+        """Return how many more are let through now."""
         self.left = min(self.most, self.left + (now - self.at) * self.rate)
         self.at = now
-        return self.left >= 1.0
+        return self.left
 
 
 class Acceptor:
@@ -261,30 +261,32 @@ class Acceptor:
         if not data or not _may_be_hello(link.hello):
             self._drop(link)
         elif len(link.hello) >= 5 + int.from_bytes(link.hello[3:5], "big"):
-            if not self._is_borne(link.address):
-                self._drop(link)
-                return
             self._selector.unregister(link.client)
             self._enter(link, _State.WAITING)
             self._promote()
             if len(self._links[_State.WAITING]) > MOST_WAITING:
                 self._drop_oldest(_State.WAITING, self._most(_State.WAITING))
 
-    def _is_borne(self, address: str) -> bool:
-        """Whether an address may try a handshake: it, or strangers, failed too often lately."""
-        now = self._clock()
+    def _bearable(self, address: str) -> int:
+        """Return how many handshakes of an address may be under way: each of them may fail.
+
+        None when it, or all strangers together, failed too often lately.
+        """
+        now, counts = self._clock(), self._counts[_State.GREETED]
         own = self._patience.get(address)
-        if own is not None and not own.remains(now):
-            return False
-        return address in self._known or self._common_patience.remains(now)
+        most = int(FAULTS_EACH if own is None else own.remaining(now))
+        if address in self._known:
+            return most
+        common = int(self._common_patience.remaining(now))
+        others = sum(n for one, n in counts.items() if one not in self._known and one != address)
+        return min(most, max(1, common - others) if common else 0)
 
     def _blame(self, address: str) -> None:
         now = self._clock()
         own = self._patience.pop(address, None) or _Patience(FAULTS_EACH, _FORGIVEN_EACH, now)
         concerned = (own,) if address in self._known else (own, self._common_patience)
         for patience in concerned:
-            patience.remains(now)
-            patience.left = max(0.0, patience.left - 1.0)
+            patience.left = max(0.0, patience.remaining(now) - 1.0)
         self._patience[address] = own  # at the end: the one that failed longest ago goes first
         if len(self._patience) > _MOST_KNOWN:
             del self._patience[next(iter(self._patience))]
@@ -302,9 +304,13 @@ class Acceptor:
             greeted = self._counts[_State.GREETED]
             # The newest of the address with the fewest: who came long ago may have given up.
             link = min(reversed(waiting), key=lambda one: greeted[one.address])
-            if not self._make_room(link.address):
+            bearable = self._bearable(link.address)
+            if not bearable:
+                self._drop(link)
+            elif greeted[link.address] < bearable and self._make_room(link.address):
+                self._greet(link)
+            else:
                 return
-            self._greet(link)
 
     def _make_room(self, address: str) -> bool:
         counts = self._counts[_State.GREETED]

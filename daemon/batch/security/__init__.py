@@ -11,6 +11,7 @@ from daemon.batch.security._access_control import (
     strip_control_characters,
 )
 from daemon.batch.security._keys import (
+    KEYS_VARIABLE,
     REGISTER_FILE,
     Credentials,
     DaemonCredentials,
@@ -26,6 +27,7 @@ from daemon.model.verbs import Role
 
 __all__ = [
     "CLIENT_ROLES",
+    "KEYS_VARIABLE",
     "REGISTER_FILE",
     "Credentials",
     "DaemonCredentials",

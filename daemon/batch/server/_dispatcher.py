@@ -8,7 +8,7 @@ it; whatever is wrong with it is its error reply, never more.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -337,4 +337,16 @@ def _answer(
     verb: AnyVerb, handler: VerbHandler, ledger: object, request: object, asker: str
 ) -> bytes:
     # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
-    return codec.to_json(handler.act(ledger, request, asker), verb.answer)
+    value = handler.act(ledger, request, asker)
+    if isinstance(value, Generator):
+        value = _finish(value)
+    return codec.to_json(value, verb.answer)
+
+
+def _finish(steps: Generator[None, None, object]) -> object:
+    """Do what is done step by step, and return what it returns."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value

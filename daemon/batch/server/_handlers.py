@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -253,13 +253,14 @@ class Handlers:
         self.log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
-    def void(self, ledger: LedgerWriter, request: KeyRequest) -> Count:
+    def void(self, ledger: LedgerWriter, request: KeyRequest) -> Generator[None, None, Count]:
         runs = 0
         for names in ledger.void_key(request.id, self.clock.now()):
             # Before the commit: afterwards the next result's trace may lie there already.
             for name in filter(None, names):
                 self.paths.trace(name).unlink(missing_ok=True)
             runs += len(names)
+            yield
         self.log.write("voided", key=request.id, runs=runs)
         return Count(runs)
 
