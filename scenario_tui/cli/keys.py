@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from grammars.text.diagnostics import printable
 from scenario_tui.cli.options import AsJson, Connect, State
 from scenario_tui.cli.output import Output, plain_table, say, stdout_console
-from scenario_tui.text.formatting import pluralise
 
 if TYPE_CHECKING:
     from daemon.batch.security import IssuedKey
@@ -161,6 +159,7 @@ def revoke(
         return
     from daemon.batch.security import KEYS_VARIABLE, load_register
     from scenario_tui.cli.target import DaemonTarget
+    from scenario_tui.text.formatting import pluralise
 
     if load_register(place).find(key) is None:
         withdraw(place, key, utc_now())  # says which keys there are
@@ -205,6 +204,8 @@ def bundle(
 
 def _print_deliveries(campaigns: tuple[CampaignDeliveries, ...]) -> None:
     from datetime import datetime
+
+    from grammars.text.diagnostics import printable
 
     table = plain_table("CAMPAIGN", "NAME", "RUNS", "TAKEN AGAIN", "SINCE", "UNTIL")
     for one in campaigns:

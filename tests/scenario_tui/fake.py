@@ -32,6 +32,7 @@ from daemon.model.spec import (
     TraceInfo,
 )
 from daemon.model.status import (
+    CampaignDeliveries,
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
@@ -353,7 +354,8 @@ class FakeDaemon(DaemonClient):
         return Empty()
 
     def _deliveries(self, request: KeyRequest) -> KeyDeliveries:
-        return KeyDeliveries(request.id, (), 0)
+        brought = CampaignDeliveries(CAMPAIGN, "first", 3, 1, NOW - 60.0, NOW)
+        return KeyDeliveries(request.id, (brought,), 1)
 
     def _void(self, _: KeyRequest) -> Count:
         return Count(3)
