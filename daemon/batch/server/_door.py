@@ -53,7 +53,7 @@ class Door:
 
     def _start(self) -> None:
         descriptor = self._listener.fileno()
-        command = python_command("-m", "daemon.batch.acceptor", str(descriptor), str(self.port))
+        command = python_command("-m", "daemon.batch.port", str(descriptor), str(self.port))
         process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,  # its end tells the process that the daemon is gone

@@ -18,10 +18,10 @@ import pytest
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.acceptor import MOST_GREETED, MOST_SILENT_EACH
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.paths import StatePaths
+from daemon.batch.port import MOST_GREETED, MOST_SILENT_EACH
 from daemon.batch.security import Credentials, Role, find_credentials, find_daemon_credentials
 from daemon.batch.security.authority import create_authority, issue_key, revoke_key
 from daemon.batch.server import MOST_WAITING, Door, EventLog

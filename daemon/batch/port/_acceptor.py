@@ -1,33 +1,9 @@
-"""The daemon's door: accepts TLS connections and lets in those that get on with their handshake.
-
-Zenoh 1.10.2 lets 64 handshakes wait for ten seconds each and accepts nobody else meanwhile: seven
-silent connections a second close its port. After each handshake that failed it rests 0.1 s, so ten
-failures a second close it too. Therefore the port is this process's, and Zenoh listens behind it,
-on loopback: silence stays here, and few failures of one address are let through. A connection
-goes through these states:
-
-silent    accepted; its ClientHello has not come, and Zenoh does not know of it
-waiting   its ClientHello has come, others are at their handshakes
-greeted   its ClientHello was passed on; few at a time, fairly among addresses
-open      the handshake is done, which takes a certificate of the authority: bytes pass both ways
-
-Nothing is decrypted: certificates are shown to Zenoh, and it is Zenoh that trusts them. Whether a
-handshake is done shows in the types of records (RFC 8446, 5.1): the daemon's side has said
-something after the client's first encrypted record.
-
-A process of its own, so that neither a busy daemon nor Python's lock delays a link; it imports the
-standard library only. ``python -m daemon.batch.acceptor FD PORT`` serves the listening socket FD
-until standard input ends.
-"""
+"""The connections at the port, from their first byte to their last."""
 
 from __future__ import annotations
 
-import ipaddress
-import json
-import resource
 import selectors
 import socket
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -35,6 +11,15 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
+
+from daemon.batch.port._handshake import (
+    HANDSHAKE_TIME,
+    LARGEST_RECORD,
+    Records,
+    grace_of,
+    may_be_hello,
+)
+from daemon.batch.port._patience import Patience, address_key
 
 MOST_OPEN: Final = 960
 """Links that are open; Zenoh takes 1000 sessions, those through the owner's socket included."""
@@ -47,23 +32,7 @@ MOST_SILENT: Final = 512
 MOST_SILENT_EACH: Final = 128
 HELLO_TIME: Final = 5.0
 """Seconds until a ClientHello must have come, also over a line that loses packets."""
-HANDSHAKE_TIME: Final = 3.0
-GRACE: Final = 0.2
-_GRACE_TRIPS: Final = 4
-"""A handshake goes on although others wait for so long [s], or for so many round trips."""
-_RTT_AT: Final = 68
-"""Where the kernel's ``struct tcp_info`` has the smoothed round trip time [us]: linux/tcp.h."""
 _REPORT_EVERY: Final = 10.0
-FAULTS_EACH: Final = 10.0
-FAULTS: Final = 12.0
-"""Handshakes that fail at once, of one address and of all whose handshakes never succeeded; each
-second gives back so many. Zenoh stands ten a second, and a worker with a bad key tries twice."""
-_FORGIVEN_EACH: Final = 3.0
-_FORGIVEN: Final = 5.0
-_MOST_KNOWN: Final = 4096
-"""Addresses that are remembered, those with faults and those known for a handshake."""
-_LARGEST_RECORD: Final = 5 + 2**14 + 256
-_HANDSHAKE, _APPLICATION_DATA, _CLIENT_HELLO = 22, 23, 1
 _PROMOTE_EVERY: Final = 0.02
 _CHUNK: Final = 2**18
 
@@ -94,53 +63,8 @@ class _Link:
     hello: bytearray = field(default_factory=bytearray)
     server: socket.socket | None = None
     streams: tuple[_Stream, ...] = ()
-    records: _Records = field(default_factory=lambda: _Records())
+    records: Records = field(default_factory=Records)
     answered: bool = False
-
-
-@dataclass(slots=True)
-class _Records:
-    """Finds the end of the first encrypted record in a stream of records."""
-
-    head: bytearray = field(default_factory=bytearray)
-    left: int = 0
-    encrypted: bool = False
-
-    def feed(self, data: memoryview) -> None:
-        """Go on with what came."""
-        at = 0
-        while at < len(data) and not self.encrypted:
-            if self.left:
-                step = min(self.left, len(data) - at)
-                self.left -= step
-            else:
-                step = min(5 - len(self.head), len(data) - at)
-                self.head += data[at : at + step]
-                if len(self.head) == 5:
-                    self.left = int.from_bytes(self.head[3:5], "big")
-            at += step
-            if len(self.head) == 5 and not self.left:
-                self.encrypted = self.head[0] == _APPLICATION_DATA
-                self.head.clear()
-
-
-@dataclass(slots=True)
-class _Patience:
-    """How many more failures are let through: up to ``most``, ``rate`` come back each second."""
-
-    most: float
-    rate: float
-    at: float
-    left: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.left = self.most
-
-    def remaining(self, now: float) -> float:
-        """Return how many more are let through now."""
-        self.left = min(self.most, self.left + (now - self.at) * self.rate)
-        self.at = now
-        return self.left
 
 
 class Acceptor:
@@ -161,10 +85,7 @@ class Acceptor:
         self._links: dict[_State, dict[_Link, None]] = {state: {} for state in _State}
         self._counts: dict[_State, Counter[str]] = {state: Counter() for state in _State}
         self._dropped: Counter[str] = Counter()
-        self._patience: dict[str, _Patience] = {}
-        self._common_patience = _Patience(FAULTS, _FORGIVEN, clock())
-        # Addresses whose handshakes have succeeded: strangers who fail do not keep them out.
-        self._known: dict[str, None] = {}
+        self._patience = Patience(clock())
         self._report_at = clock() + _REPORT_EVERY
         self._buffer = bytearray(_CHUNK)
         listener.setblocking(False)
@@ -201,7 +122,7 @@ class Acceptor:
             client.setblocking(False)
             with suppress(OSError):
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            link = _Link(client, _address_key(found[0]), self._clock())
+            link = _Link(client, address_key(found[0]), self._clock())
             self._enter(link, _State.SILENT)
             self._selector.register(client, selectors.EVENT_READ, lambda one=link: self._hear(one))
             if self._counts[_State.SILENT][link.address] > MOST_SILENT_EACH:
@@ -242,7 +163,7 @@ class Acceptor:
         if not self._leave(link):
             return
         if link.state is _State.GREETED:
-            self._blame(link.address)
+            self._patience.blame(link.address, self._clock())
         for end in (link.client, link.server):
             if end is not None:
                 with suppress(KeyError, ValueError):
@@ -252,13 +173,13 @@ class Acceptor:
     def _hear(self, link: _Link) -> None:
         """Take what a client says first, until it is a ClientHello or can be none."""
         try:
-            data = link.client.recv(_LARGEST_RECORD - len(link.hello))
+            data = link.client.recv(LARGEST_RECORD - len(link.hello))
         except BlockingIOError:
             return
         except OSError:
             data = b""
         link.hello += data
-        if not data or not _may_be_hello(link.hello):
+        if not data or not may_be_hello(link.hello):
             self._drop(link)
         elif len(link.hello) >= 5 + int.from_bytes(link.hello[3:5], "big"):
             self._selector.unregister(link.client)
@@ -267,50 +188,22 @@ class Acceptor:
             if len(self._links[_State.WAITING]) > MOST_WAITING:
                 self._drop_oldest(_State.WAITING, self._most(_State.WAITING))
 
-    def _bearable(self, address: str) -> int:
-        """Return how many handshakes of an address may be under way: each of them may fail.
-
-        None when it, or all strangers together, failed too often lately.
-        """
-        now, counts = self._clock(), self._counts[_State.GREETED]
-        own = self._patience.get(address)
-        most = int(FAULTS_EACH if own is None else own.remaining(now))
-        if address in self._known:
-            return most
-        common = int(self._common_patience.remaining(now))
-        others = sum(n for one, n in counts.items() if one not in self._known and one != address)
-        return min(most, max(1, common - others) if common else 0)
-
-    def _blame(self, address: str) -> None:
-        now = self._clock()
-        own = self._patience.pop(address, None) or _Patience(FAULTS_EACH, _FORGIVEN_EACH, now)
-        concerned = (own,) if address in self._known else (own, self._common_patience)
-        for patience in concerned:
-            patience.left = max(0.0, patience.remaining(now) - 1.0)
-        self._patience[address] = own  # at the end: the one that failed longest ago goes first
-        if len(self._patience) > _MOST_KNOWN:
-            del self._patience[next(iter(self._patience))]
-
-    def _remember(self, address: str) -> None:
-        self._known.pop(address, None)
-        self._known[address] = None
-        if len(self._known) > _MOST_KNOWN:
-            del self._known[next(iter(self._known))]
-
     def _promote(self) -> None:
         """Let those begin their handshakes who have said hello, as far as there is room."""
-        waiting = self._links[_State.WAITING]
-        while waiting:
-            greeted = self._counts[_State.GREETED]
-            # The newest of the address with the fewest: who came long ago may have given up.
-            link = min(reversed(waiting), key=lambda one: greeted[one.address])
-            bearable = self._bearable(link.address)
+        while (link := self._next_waiting()) is not None:
+            self._greet(link)
+
+    def _next_waiting(self) -> _Link | None:
+        counts = self._counts[_State.GREETED]
+        # The newest of each address, those with the fewest first: who came long ago may be gone.
+        newest = {link.address: link for link in self._links[_State.WAITING]}
+        for address in sorted(newest, key=lambda one: counts[one]):
+            bearable = self._patience.bearable(address, counts, self._clock())
             if not bearable:
-                self._drop(link)
-            elif greeted[link.address] < bearable and self._make_room(link.address):
-                self._greet(link)
-            else:
-                return
+                self._drop(newest[address])
+            elif counts[address] < bearable and self._make_room(address):
+                return newest[address]
+        return None
 
     def _make_room(self, address: str) -> bool:
         counts = self._counts[_State.GREETED]
@@ -321,7 +214,7 @@ class Acceptor:
         else:
             return True
         oldest = next(one for one in self._links[_State.GREETED] if one.address == whose)
-        if self._clock() - oldest.since < _grace(oldest.client):
+        if self._clock() - oldest.since < grace_of(oldest.client):
             return False
         self._drop(oldest)
         return True
@@ -387,7 +280,7 @@ class Acceptor:
                 link.records.feed(data)
         elif link.records.encrypted:
             self._enter(link, _State.OPEN)
-            self._remember(link.address)
+            self._patience.remember(link.address)
             self._promote()
         else:
             link.answered = True
@@ -438,59 +331,3 @@ class Acceptor:
             if link.since > before:
                 return  # they are in the order of their beginning
             yield link
-
-
-def _grace(client: socket.socket) -> float:
-    """Return how long a handshake may take while others wait [s]: who is far away needs longer."""
-    try:
-        found = client.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _RTT_AT + 4)
-    except OSError:
-        return GRACE
-    trip = int.from_bytes(found[_RTT_AT : _RTT_AT + 4], sys.byteorder) / 1e6
-    return min(max(GRACE, _GRACE_TRIPS * trip), HANDSHAKE_TIME)
-
-
-def _may_be_hello(data: bytearray) -> bool:
-    """Whether this begins a record with a ClientHello."""
-    if data[0] != _HANDSHAKE or (len(data) > 1 and data[1] != 3):
-        return False
-    if len(data) >= 5 and not 4 < int.from_bytes(data[3:5], "big") <= _LARGEST_RECORD - 5:
-        return False
-    return len(data) < 6 or data[5] == _CLIENT_HELLO
-
-
-def _address_key(host: str) -> str:
-    """Return what counts as one address: an IPv4 address, or the network of an IPv6 one."""
-    found = ipaddress.ip_address(host.partition("%")[0])
-    if isinstance(found, ipaddress.IPv4Address):
-        return str(found)
-    if found.ipv4_mapped is not None:
-        return str(found.ipv4_mapped)
-    # Whoever has an address has its /64 (RFC 4291, 2.5.4).
-    return str(ipaddress.ip_network((int(found), 64), strict=False))
-
-
-def _raise_descriptor_limit() -> None:
-    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    with suppress(ValueError, OSError):
-        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
-
-
-def _report_line(dropped: dict[str, int]) -> None:
-    with suppress(OSError):
-        sys.stdout.write(json.dumps(dropped) + "\n")
-        sys.stdout.flush()
-
-
-def main(descriptor: int, port: int) -> None:
-    """Serve until standard input ends: then the daemon is gone."""
-    _raise_descriptor_limit()
-    acceptor = Acceptor(socket.socket(fileno=descriptor), port, _report_line)
-    ended: list[bool] = []
-    acceptor.watch(sys.stdin.fileno(), lambda: ended.append(True))
-    while not ended:
-        acceptor.step(0.25)
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]))
