@@ -18,20 +18,22 @@ from daemon.batch.errors import (
     WorkerBroken,
 )
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits
+from grammars.text.terminal_text import printable_streams
 
-_SETTINGS: Final = {"lease": float, "grace": float, "attempts": int, "patience": float}
+_SETTINGS: Final = {"lease": float, "attempts": int, "patience": float}
 
 
 def main() -> int:
     """Parse the command line and run the chosen process."""
-    options = _parser().parse_args()
-    try:
-        options.run(options)
-    except DaemonError as error:
-        print(error, file=sys.stderr)
-        if isinstance(error, AlreadyRunning):
-            return EXIT_ALREADY_RUNNING
-        return EXIT_BROKEN if isinstance(error, WorkerBroken) else EXIT_FAILED
+    with printable_streams():
+        options = _parser().parse_args()
+        try:
+            options.run(options)
+        except DaemonError as error:
+            print(error, file=sys.stderr)
+            if isinstance(error, AlreadyRunning):
+                return EXIT_ALREADY_RUNNING
+            return EXIT_BROKEN if isinstance(error, WorkerBroken) else EXIT_FAILED
     return 0
 
 

@@ -49,6 +49,7 @@ from daemon.trace import Recorder, TraceWriter, read_trace
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text.codec import warm_up as warm_up_codec
+from grammars.text.terminal_text import printable
 
 STATE_RATE: Final = 20.0
 """Ground truth and joint states are recorded this often [Hz]."""
@@ -421,5 +422,4 @@ class RunLoop:
 
 def _one_line(waiting: str) -> str:
     """Return what is waited for as a line that any terminal and any JSON can hold."""
-    line = " ".join(waiting[: 2 * _WAITING_LENGTH].split())[:_WAITING_LENGTH]
-    return "".join(sign if sign.isprintable() else "?" for sign in line)
+    return printable(" ".join(waiting[: 2 * _WAITING_LENGTH].split())[:_WAITING_LENGTH])

@@ -5,10 +5,15 @@ The command line and the dashboard do the same things and say them in the same w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
 
+from daemon.batch.amounts import size_text
 from scenario_tui.text.formatting import pluralise
+
+if TYPE_CHECKING:
+    from daemon.model.status import DeletedCampaign
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +61,30 @@ PRIORITY: Final = CampaignAction(
     "Priority",
     "Which campaign goes first",
 )
+DELETE: Final = CampaignAction(
+    "delete",
+    "deleted {campaign}: {runs}, {traces}",
+    "D",
+    "Delete",
+    "Remove a finished campaign with results and traces, after a question",
+)
 
-ACTIONS: Final = {action.command: action for action in (PAUSE, RESUME, CANCEL, RETRY, PRIORITY)}
+ACTIONS: Final = {
+    action.command: action for action in (PAUSE, RESUME, CANCEL, RETRY, PRIORITY, DELETE)
+}
 """All of them by command."""
-KEYED: Final = (PAUSE, CANCEL, RETRY, PRIORITY)
+KEYED: Final = (PAUSE, CANCEL, RETRY, PRIORITY, DELETE)
 """Those with a key, in the order the keys are listed."""
+
+
+def deletion_text(gone: Sequence[DeletedCampaign], *, dry: bool = False) -> str:
+    """Say what goes with campaigns, or would go, a line for each."""
+    outcome = replace(DELETE, outcome=f"would have {DELETE.outcome}") if dry else DELETE
+    return "\n".join(
+        outcome.outcome_text(
+            one.campaign,
+            one.runs,
+            traces=f"{pluralise(one.traces, 'trace')}, {size_text(one.bytes)}",
+        )
+        for one in gone
+    )

@@ -7,6 +7,8 @@ import re
 from collections.abc import Container
 from typing import Final
 
+from grammars.text.terminal_text import printable
+
 _SAFE: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._@-]{0,99}")
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9._-]+")
 _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -35,5 +37,8 @@ def free_name(name: str, taken: Container[str], separator: str = "-") -> str:
 
 
 def xml_text(text: str) -> str:
-    """Return ``text`` with the characters XML 1.0 cannot hold replaced (section 2.2)."""
-    return _NOT_XML.sub("\ufffd", text)
+    """Return ``text`` with the characters XML 1.0 cannot hold replaced (section 2.2).
+
+    And those that would turn text around or steer the terminal somebody reads the file on.
+    """
+    return _NOT_XML.sub("\ufffd", printable(text))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -11,6 +12,7 @@ from typing import Final, TypeVar
 
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import available_cores
+from daemon.supervision.child import die_with_parent
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -36,7 +38,9 @@ def parallel_map(
         return
     # Forked: children start with oracles loaded and kernels compiled, not each by itself.
     context = multiprocessing.get_context("fork")
-    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
+    executor = ProcessPoolExecutor(
+        count, mp_context=context, initializer=_prepare_child, initargs=(os.getpid(),)
+    )
     try:
         yield from executor.map(task, items, chunksize=min(_CHUNK, 1 + len(items) // (4 * count)))
     except BrokenProcessPool as error:
@@ -47,6 +51,7 @@ def parallel_map(
         executor.shutdown(cancel_futures=True)
 
 
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the process that people see."""
+def _prepare_child(parent: int) -> None:
+    """Leave Ctrl-C to the process that people see, and end with it however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent(parent)

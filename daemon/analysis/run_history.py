@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import OUTPUT
+from daemon.batch.run_process import OUTPUT, read_output
 
 if TYPE_CHECKING:
     from daemon.trace import Trace
@@ -54,9 +54,12 @@ def read_steps(paths: StatePaths, run: str) -> tuple[RunStep, ...]:
 
 
 def read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
-    """Return what attempts on this machine printed that are running or not yet handed over."""
+    """Return what attempts on this machine printed that are running or not yet handed over.
+
+    Of each the first and the last part, about a MiB at most.
+    """
     files = sorted(paths.spool.glob(f"*/{run}/attempt-*/{OUTPUT}"))
-    texts = (file.read_text(encoding="utf-8", errors="replace").strip() for file in files)
+    texts = (read_output(file.parent).decode("utf-8", "replace").strip() for file in files)
     return tuple(filter(None, texts))
 
 

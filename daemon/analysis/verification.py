@@ -28,6 +28,7 @@ from daemon.model.execution import RunLimits
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec, package_versions
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import execute, warm_up
+from daemon.supervision.guardian import end_guarded, guard
 from daemon.trace import Trace, TraceDifference, TraceError, first_difference, read_trace
 from grammars.model.scene import Scene
 from grammars.text import codec
@@ -284,9 +285,7 @@ def _execute_in_child(task: _Task, folder: Path) -> ExecutedRun:
         process.join(task.limit + spare_time(task.limit))
         late = process.is_alive()
     finally:
-        if process.is_alive():
-            process.kill()
-        process.join()
+        end_guarded(process)
     file = folder / _EXECUTION
     if file.is_file():
         return codec.from_json(ExecutedRun, file.read_bytes())
@@ -296,6 +295,7 @@ def _execute_in_child(task: _Task, folder: Path) -> ExecutedRun:
 
 
 def _execute(task: _Task, folder: Path) -> None:
+    guard(niceness=_NICENESS)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
     os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
     # By descriptors too: what a system under test starts prints to those.

@@ -31,7 +31,7 @@ T = TypeVar("T")
 _EVENTS_KEPT: Final = 4096
 _LIVE_KEPT: Final = 256
 _WATCHED_KEPT: Final = 4
-_SLOW_TIMEOUT: Final = 60.0
+_SLOW_TIMEOUT: Final = 600.0
 """Seconds to wait for the answer to a slow verb."""
 _FAULTS: Final = 5
 """Parts of a file that may not be taken (damaged, or sent by two at once) until it is given up."""

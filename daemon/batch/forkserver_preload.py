@@ -11,6 +11,7 @@ import gc
 import importlib
 import os
 import traceback
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,7 @@ from daemon.model.execution import EXECUTOR_VARIABLE, forget_safe_path
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult
 from daemon.model.status import LiveSnapshot
+from daemon.supervision.child import adopt_orphans
 from grammars.model.scene import Scene
 from grammars.text import codec
 
@@ -38,6 +40,9 @@ def _load(name: str) -> Callable[..., Any]:
 def _prepare() -> None:
     global execute, problem
     forget_safe_path()
+    # What a guardian that was killed leaves behind comes to this process, where a worker finds it.
+    adopt_orphans()
+    warnings.filterwarnings("ignore", "forkserver: waitpid returned unexpected")
     # Decoders are built once here, not once in every child.
     codec.warm_up(Lease, Scene, RunResult, LiveSnapshot)
     try:

@@ -14,6 +14,7 @@ from typing import IO, Final
 from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
 from daemon.batch.paths import StatePaths
+from daemon.batch.permissions import open_private_log
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
 _START_LIMIT: Final = 20.0
@@ -26,13 +27,13 @@ _LOG_TAIL: Final = 20
 def running_daemon(state: Path) -> str | None:
     """Return the endpoint of the daemon that keeps ``state``, or ``None`` when none answers."""
     paths = StatePaths.find(state)
-    contact = paths.read_contact()
-    if contact is None:
+    endpoint = paths.known_endpoint()
+    if endpoint is None:
         return None
     try:
-        with Client.open(contact.endpoint, timeout=2.0) as client:
+        with Client.open(endpoint, timeout=2.0) as client:
             # Another directory's daemon may have taken the port since.
-            return contact.endpoint if Path(client.overview().state) == paths.state else None
+            return endpoint if Path(client.overview().state) == paths.state else None
     except DaemonError:
         return None
 
@@ -51,7 +52,7 @@ def ensure_daemon(
     paths = StatePaths.find(state)
     paths.make_folders()
     command = _command(paths, slots, executor)
-    with paths.worker_log.open("ab") as output:
+    with open_private_log(paths.worker_log) as output:
         process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,

@@ -241,6 +241,16 @@ class StatePaths:
             raise ValueError(f"{name!r} is not the name of a trace")
         return self.traces / campaign / file
 
+    def trace_sizes(self, campaign: str) -> tuple[int, ...]:
+        """Bytes of each trace that lies here of a campaign; raises ``ValueError`` for no id."""
+        if not is_id(campaign):
+            raise ValueError(f"{campaign!r} is not a campaign id")
+        try:
+            with os.scandir(self.traces / campaign) as found:
+                return tuple(entry.stat(follow_symlinks=False).st_size for entry in found)
+        except FileNotFoundError:
+            return ()
+
     def read_contact(self) -> DaemonContact | None:
         """Return who keeps this directory, or ``None`` when no daemon has said so."""
         from grammars.text import codec
@@ -249,6 +259,14 @@ class StatePaths:
             return codec.from_json(DaemonContact, self.contact_file.read_bytes())
         except (OSError, ValueError):
             return None
+
+    def known_endpoint(self) -> str | None:
+        """Return where the daemon of this directory listens, or ``None`` when there is no trace."""
+        contact = self.read_contact()
+        if contact is not None:
+            return contact.endpoint
+        # A daemon whose disk is full cannot say where it is; its socket is where it always is.
+        return self.endpoint if self.socket.is_socket() else None
 
 
 def _make_private(folder: Path) -> None:
@@ -284,7 +302,7 @@ def find_endpoint(
     if environ.get("SCENARIO_CONNECT"):
         return Endpoint(parse_endpoint(environ["SCENARIO_CONNECT"]), "SCENARIO_CONNECT")
     paths = StatePaths.find(state, environ)
-    contact = paths.read_contact()
-    if contact is not None:
-        return Endpoint(contact.endpoint, "daemon.json")
+    known = paths.known_endpoint()
+    if known is not None:
+        return Endpoint(known, "daemon.json")
     return Endpoint(paths.endpoint, "default")

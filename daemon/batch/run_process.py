@@ -2,7 +2,8 @@
 
 It reads ``grant.json`` and the scene, executes the run, and leaves ``trace.mcap`` and, last,
 ``result.json`` in its attempt's folder: where there is a result, the trace is complete. What it
-prints, and where it was when it crashed, goes to ``output.txt``.
+prints, and where it was when it crashed, goes to ``output.txt``; a guardian above it
+(:mod:`daemon.supervision.guardian`) ends with it whatever it has started.
 """
 
 from __future__ import annotations
@@ -14,13 +15,11 @@ import resource
 import select
 import signal
 import sys
-import threading
 import time
 import traceback
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from multiprocessing import parent_process
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final, Literal, NoReturn
 
@@ -29,6 +28,8 @@ from daemon.model.deadline import spare_time, wall_clock_limit
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, Snapshot
 from daemon.model.status import LiveSnapshot
+from daemon.supervision.guardian import guard
+from daemon.supervision.output_file import OutputFile
 from grammars.model.scene import Scene
 from grammars.text import codec
 from grammars.text.files import sync_directory, write_atomically
@@ -55,6 +56,8 @@ _DISK_FULL_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT)
 # Seconds between two snapshots: five a second are enough for a list, ten for a picture that moves.
 _LIVE_PERIOD: Final = 0.2
 _WATCHED_PERIOD: Final = 0.1
+_LONGEST_WORDS: Final = 16_000
+"""Characters of the reason why there is no result: an exception may have megabytes of them."""
 _OOM_SCORE: Final = "500"
 """Half of the way to certain death (proc(5)): a run goes before the worker that can start it again,
 and before what people work with beside it."""
@@ -73,6 +76,11 @@ class RunTask:
     wall: float
 
 
+def read_output(folder: Path) -> bytes:
+    """Return what an attempt has printed, its first and last part if that is more than a MiB."""
+    return OutputFile.read(folder / OUTPUT)
+
+
 def report_readiness(wire: Connection) -> None:
     """Report whether runs can be executed at all: nothing, or what is wrong."""
     from daemon.batch import forkserver_preload
@@ -87,6 +95,12 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
     # The fork server has loaded it, at a moment it chooses itself: nobody else may.
     from daemon.batch import forkserver_preload
 
+    try:
+        # Before anything else: what goes wrong from here on, in C++ too, is to be read there.
+        guard(task.folder / OUTPUT, niceness=task.nice)
+    except OSError as error:
+        wire.send_bytes(DISK_FULL + f"there is no room for a process: {error}".encode())
+        _exit(1)
     _prepare_process(task)
     try:
         if forkserver_preload.execute is None:
@@ -105,12 +119,13 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
             )
         _write_result(result, trace, task.folder)
     except SutMissing as error:
-        wire.send_bytes(SUT_MISSING + str(error).encode())
+        wire.send_bytes(SUT_MISSING + str(error)[:_LONGEST_WORDS].encode("utf-8", "replace"))
         _exit(1)
     except Exception as error:
         # No verdict comes of this: the worker gives the run back with these words.
         no_room = isinstance(error, OSError) and error.errno in _DISK_FULL_ERRORS
-        wire.send_bytes((DISK_FULL if no_room else FAILED) + traceback.format_exc().encode())
+        words = traceback.format_exc()[-_LONGEST_WORDS:]
+        wire.send_bytes((DISK_FULL if no_room else FAILED) + words.encode("utf-8", "replace"))
         _exit(1)
     _exit(0)
 
@@ -136,12 +151,6 @@ def _write_result(result: RunResult, trace: Path, folder: Path) -> None:
 
 
 def _prepare_process(task: RunTask) -> None:
-    # Output first: what goes wrong from here on, in C++ too, is to be read there. By descriptors,
-    # not by sys.stdout: pymunk, numba and faulthandler write to those.
-    output = os.open(task.folder / OUTPUT, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-    os.dup2(output, 1)
-    os.dup2(output, 2)
-    os.close(output)
     if (task.folder / FILES).exists():
         os.environ[FILES_VARIABLE] = str(task.folder / FILES)
     faulthandler.enable()
@@ -162,17 +171,6 @@ def _prepare_process(task: RunTask) -> None:
         _, most = resource.getrlimit(resource.RLIMIT_AS)
         memory = task.memory if most == resource.RLIM_INFINITY else min(task.memory, most)
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
-    threading.Thread(target=_die_with_worker, daemon=True).start()
-
-
-def _die_with_worker() -> None:
-    # A thread, not PR_SET_PDEATHSIG: to the kernel the fork server is the parent, not the worker.
-    # Nobody would take the result of an orphan, and its run is leased again: it ends within 20 ms
-    # of a worker that was killed, instead of after its whole run.
-    worker = parent_process()
-    if worker is not None:
-        wait([worker.sentinel])
-        os._exit(1)
 
 
 class SnapshotSender:

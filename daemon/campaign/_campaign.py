@@ -42,7 +42,7 @@ from daemon.campaign._scenarios import (
 from daemon.campaign._survey import survey_campaign
 from daemon.campaign._unused import CampaignUse, find_unused
 from daemon.model.assessments import AssessmentRules
-from daemon.model.packed_submission import fingerprint
+from daemon.model.packed_submission import pack_submission, submission_digest
 from daemon.model.spec import OracleText, RunSpec, SutReference
 from daemon.model.status import Submission
 from grammars.floorplan import FloorPlan
@@ -394,8 +394,12 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
         fresh=fresh,
     )
     # By content, so that a client that got no answer may submit once more.
-    identity = secrets.token_hex(4) if fresh else fingerprint(submission)[0][:8]
+    identity = secrets.token_hex(4) if fresh else _content_digest(submission)[:8]
     return replace(submission, campaign=f"{campaign.name}-{identity}")
+
+
+def _content_digest(submission: Submission) -> str:
+    return submission_digest(pack_submission(submission))
 
 
 def _specs(campaign: Campaign) -> Iterator[RunSpec]:

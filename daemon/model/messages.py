@@ -36,6 +36,10 @@ LARGEST_CHUNK: Final = 2**20
 """Bytes of a trace in one request; they travel as base64, a third more."""
 LARGEST_TRACE: Final = 4 * 2**30
 HIGHEST_PRIORITY: Final = 1000
+LONGEST_TROUBLE: Final = 2000
+"""Characters."""
+LARGEST_ENCLOSED_TRACE: Final = 256 * 2**10
+"""Bytes of a trace that may come along with its result, in one request."""
 
 IdText = Annotated[str, Field(max_length=128)]
 WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
@@ -84,6 +88,29 @@ class Count:
 
 
 @dataclass(frozen=True, slots=True)
+class CampaignQuery:
+    """A page of campaigns, the newest first; empty strings filter nothing.
+
+    ``beginning`` is that of the id. With ``unfinished`` only those of which runs wait or run.
+    """
+
+    id: IdText = ""
+    name: IdText = ""
+    beginning: IdText = ""
+    unfinished: bool = False
+    offset: NonNegativeInt = 0
+    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = LARGEST_PAGE
+
+
+@dataclass(frozen=True, slots=True)
+class DeleteRequest:
+    """Remove campaigns for good, all or none; a ``dry`` one only asks what would go."""
+
+    campaigns: Annotated[tuple[IdText, ...], Field(min_length=1, max_length=100)]
+    dry: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class RunQuery:
     """A page of runs: empty strings filter nothing; ``sort`` names a column of the row."""
 
@@ -126,7 +153,10 @@ class PriorityRequest:
 
 @dataclass(frozen=True, slots=True)
 class WorkerInfo:
-    """Who a worker is, sent with every request so that a new daemon knows it at once."""
+    """Who a worker is, sent with every request so that a new daemon knows it at once.
+
+    ``trouble`` says what keeps it from working: its disk is full, it cannot start processes.
+    """
 
     id: WorkerId
     host: ShortText
@@ -135,6 +165,7 @@ class WorkerInfo:
     slots: NonNegativeInt
     busy: NonNegativeInt
     engine: ShortText = ENGINE_VERSION
+    trouble: Annotated[str, Field(max_length=LONGEST_TROUBLE)] = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +242,10 @@ class RenewRequest:
 
 @dataclass(frozen=True, slots=True)
 class RenewReply:
-    """Leases that are not the worker's any more: stop those runs."""
+    """Leases whose runs are not wanted any more: stop those runs.
+
+    They have a result, are cancelled, or were never leased under the name of who asks.
+    """
 
     gone: tuple[LeaseRef, ...]
 
@@ -220,7 +254,8 @@ class RenewReply:
 class Completion:
     """A finished run; its trace lies where the lease said, or was ``uploaded`` before.
 
-    ``location`` is the URL of the trace, empty when it lies in the daemon's state directory.
+    ``location`` is the URL of the trace, empty when it lies in the daemon's state directory. A
+    small trace may come along as ``trace``, in base64: one question instead of three.
     """
 
     worker: WorkerId
@@ -230,6 +265,7 @@ class Completion:
     result: RunResult
     location: Annotated[str, Field(max_length=2000)] = ""
     uploaded: bool = False
+    trace: Annotated[str, Field(max_length=LARGEST_ENCLOSED_TRACE * 4 // 3 + 4)] = ""
 
 
 class LedgerAnswer(StrEnum):
@@ -237,9 +273,9 @@ class LedgerAnswer(StrEnum):
 
     ``recorded``: this is the result. ``known``: the same result was there. ``differs``: another
     result was there, a nondeterminism alarm. ``redundant``: another result was there of a system
-    that is not repeatable, and one is enough. ``dropped``: the run is cancelled. ``stale``: the
-    lease is not the sender's any more. ``missing``: nothing was recorded, since the trace is not
-    there: bring it again. ``done``: as asked.
+    that is not repeatable, and one is enough; or it was executed before somebody asked for another
+    one. ``dropped``: the run is cancelled. ``stale``: the lease is over. ``missing``: nothing was
+    recorded, since the trace is not there: bring it again. ``done``: as asked.
     """
 
     RECORDED = "recorded"
@@ -261,13 +297,17 @@ class LedgerAcknowledgement:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseRequest:
-    """A run given back without a result; ``blame`` counts it against the run's attempts."""
+    """A run given back without a result; ``blame`` counts it against the run's attempts.
+
+    ``damaged`` is the digest of a scene or file of the daemon's that is not what its name says.
+    """
 
     worker: WorkerId
     run: IdText
     token: NonNegativeInt
     reason: Annotated[str, Field(max_length=20_000)]
     blame: bool
+    damaged: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")] = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ A run is a *cell* (everything that is the same for all repeats of a scenario wit
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Final, NamedTuple, TypeAlias, get_type_hints
 
@@ -26,7 +26,6 @@ MOST_RUNS: Final = 1_000_000
 Script: TypeAlias = tuple[Behaviour, ...]
 _Index: TypeAlias = Annotated[int, Field(ge=0)]
 _LISTS: Final = ("runs", "reserve")
-_MOST_CACHED: Final = 4096
 
 
 class PackedRun(NamedTuple):
@@ -136,35 +135,8 @@ def _unpack_runs(packed: PackedSubmission, runs: Iterable[PackedRun]) -> Iterato
         yield replace(cells[cell], repeat=repeat, seed=seed, behaviours=scripts[script])
 
 
-class _JsonWriter:
-    """Writes runs as :func:`grammars.text.codec.to_json` does, byte by byte, and faster.
-
-    The text of what runs share is kept: parts are known again by being the same object.
-    """
-
-    # Measured with 20,000 runs of the campaign of the paper, 6.4 kB each: 0.43 s instead of 0.93 s.
-    # A submission is fingerprinted twice, by whoever submits and by the daemon.
-
-    def __init__(self) -> None:
-        self._texts: dict[object, tuple[object, bytes]] = {}
-
-    def text(self, run: RunSpec) -> bytes:
-        """The canonical JSON of a run."""
-        return b"{%s}" % b",".join([self._field(run, *field) for field in _RUN_FIELDS])
-
-    def _field(self, run: RunSpec, name: str, title: bytes, kind: Any) -> bytes:
-        value = getattr(run, name)
-        # Not isinstance: a bool is an int as well and is written otherwise.
-        if type(value) is int:
-            return title + b"%d" % value
-        key = (name, value) if isinstance(value, float | str) else id(value)
-        known = self._texts.get(key)
-        if known is None:
-            if len(self._texts) >= _MOST_CACHED:
-                self._texts.clear()
-            # With the value itself, so that its id stays its own.
-            known = self._texts[key] = (value, title + codec.to_json(value, kind))
-        return known[1]
+_VARYING: Final = frozenset({"repeat", "behaviours", "seed"})
+"""Fields of a run that are not its cell's, in the order of their declaration."""
 
 
 def _typed_fields(kind: type) -> tuple[tuple[str, bytes, Any], ...]:
@@ -177,33 +149,75 @@ _RUN_FIELDS: Final = _typed_fields(RunSpec)
 _SUBMISSION_FIELDS: Final = _typed_fields(Submission)
 
 
-Fingerprint: TypeAlias = tuple[str, tuple[str, ...]]
+class RunTexts:
+    """The canonical JSON of packed runs, byte for byte what the codec makes of each ``RunSpec``.
+
+    Put together from the texts of cells and scripts, each of which is written once: no run is ever
+    made. Measured with the campaign of the paper, 6.4 kB a run, see ``tests/benchmarks``.
+    """
+
+    def __init__(self, packed: PackedSubmission) -> None:
+        self._cells = [_chunks(cell) for cell in packed.cells]
+        self._scripts = [codec.to_json(script, Script) for script in packed.scripts]
+
+    def text(self, run: PackedRun) -> bytes:
+        """The text of a run; raises ``ValueError`` for a number that stands for nothing."""
+        cell, script, repeat, seed = run
+        if cell >= len(self._cells) or script >= len(self._scripts):
+            raise ValueError(f"there is no cell {cell} or no script {script} in the parcel")
+        head, middle, tail, end = self._cells[cell]
+        return b"%b%d%b%b%b%d%b" % (head, repeat, middle, self._scripts[script], tail, seed, end)
 
 
-def fingerprint(submission: Submission) -> Fingerprint:
-    """Return ``codec.digest(submission)`` and the digest of each of its runs, in order."""
+def _chunks(cell: RunSpec) -> tuple[bytes, bytes, bytes, bytes]:
+    """What stands before, between and behind the fields of a run that are not its cell's."""
+    chunks, text = [], b"{"
+    for i, (name, title, kind) in enumerate(_RUN_FIELDS):
+        text += (b"," if i else b"") + title
+        if name in _VARYING:
+            chunks.append(text)
+            text = b""
+        else:
+            text += codec.to_json(getattr(cell, name), kind)
+    head, middle, tail = chunks
+    return head, middle, tail, text + b"}"
+
+
+def submission_digest(
+    packed: PackedSubmission, each: Callable[[PackedRun, str], object] | None = None
+) -> str:
+    """Return what ``codec.digest`` says of the submission written out.
+
+    ``each`` is called with every run (not those in reserve) and its digest, in order. Raises
+    ``ValueError`` for a number that stands for nothing.
+    """
     # Run by run into the hash, in the very form the codec gives the whole: all of it at once would
     # be the 630 MB that packing saves.
-    writer, whole = _JsonWriter(), hashlib.sha256()
-    digests: list[str] = []
+    texts, whole = RunTexts(packed), hashlib.sha256()
     for i, (name, title, kind) in enumerate(_SUBMISSION_FIELDS):
         whole.update((b"," if i else b"{") + title)
-        value = getattr(submission, name)
         if name in _LISTS:
-            found = _update_with_runs(whole, writer, value)
-            digests += found if name == "runs" else ()
+            told = each if name == "runs" else None
+            _update_with_runs(whole, texts, getattr(packed, name), told)
         else:
-            whole.update(codec.to_json(value, kind))
+            whole.update(codec.to_json(getattr(packed, name), kind))
     whole.update(b"}")
-    return whole.hexdigest(), tuple(digests)
+    return whole.hexdigest()
 
 
-def _update_with_runs(whole: Any, writer: _JsonWriter, runs: Iterable[RunSpec]) -> list[str]:
-    digests = []
+def _update_with_runs(
+    whole: Any,
+    texts: RunTexts,
+    runs: Iterable[PackedRun],
+    each: Callable[[PackedRun, str], object] | None,
+) -> None:
     whole.update(b"[")
-    for i, run in enumerate(runs):
-        text = writer.text(run)
-        whole.update(b"," + text if i else text)
-        digests.append(hashlib.sha256(text).hexdigest())
+    comma = b""
+    for run in runs:
+        text = texts.text(run)
+        whole.update(comma)
+        whole.update(text)
+        comma = b","
+        if each is not None:
+            each(run, hashlib.sha256(text).hexdigest())
     whole.update(b"]")
-    return digests

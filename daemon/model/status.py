@@ -137,6 +137,16 @@ class CampaignRow:
 
 
 @dataclass(frozen=True, slots=True)
+class DeletedCampaign:
+    """What goes with a campaign: its runs, and traces of so many ``bytes`` here."""
+
+    campaign: str
+    runs: int
+    traces: int
+    bytes: int
+
+
+@dataclass(frozen=True, slots=True)
 class RunRow:
     """One run as a list shows it.
 
@@ -144,7 +154,9 @@ class RunRow:
     else the one with the smallest margin) and its margin in ``unit``. ``trace`` is the path of
     the trace on the machine that keeps it, empty while there is none. ``cached`` is the earlier
     run whose result this is, empty when it was executed itself. Of a system that is not
-    ``repeatable`` the same run gives something else each time.
+    ``repeatable`` the same run gives something else each time. After ``setbacks`` attempts in a
+    row without a result a queued run waits until ``not_before`` (0: it may start at once), for the
+    ``reason`` given.
     """
 
     id: str
@@ -167,6 +179,8 @@ class RunRow:
     reason: str = ""
     cached: str = ""
     repeatable: bool = True
+    not_before: float = 0.0
+    setbacks: int = 0
 
     @property
     def nondeterministic(self) -> bool:
@@ -193,7 +207,11 @@ class RunDetail:
 
 @dataclass(frozen=True, slots=True)
 class WorkerRow:
-    """A worker connected to the daemon: ``busy`` of ``slots`` are running something."""
+    """A worker the daemon knows: ``busy`` of ``slots`` are running something.
+
+    One that is ``away`` has lost its connection or is silent; what it runs is still its own.
+    ``trouble`` says what keeps it from working, empty when nothing does.
+    """
 
     id: str
     host: str
@@ -203,6 +221,8 @@ class WorkerRow:
     busy: int
     connected_at: float
     last_seen_at: float
+    away: bool = False
+    trouble: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,8 +243,9 @@ class DiskUsage:
 class DaemonOverview:
     """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately.
 
-    ``trouble`` says why runs cannot be executed here (the daemon's own worker broke, the disk is
-    full), empty when they can.
+    ``trouble`` says why no run can start (the daemon's own worker broke, the disk is full, every
+    worker is in trouble), empty when some can. ``troubles`` are all there are, that one first, also
+    those of single workers and of inputs that runs wait for.
     """
 
     version: str
@@ -245,6 +266,7 @@ class DaemonOverview:
     rate: float
     seconds_left: float | None
     trouble: str = ""
+    troubles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,8 +274,9 @@ class ChangeEvent:
     """Something changed: ``seq`` grows by one each; a gap means: ask for the whole again.
 
     ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
-    finished), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt of the
-    run gave another result). ``id`` names it.
+    finished, deleted), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt
+    of the run gave another result), ``lease`` (superseded: an attempt of the run is not needed any
+    more, another one was first). ``id`` names it.
     """
 
     seq: int

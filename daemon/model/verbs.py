@@ -17,10 +17,13 @@ from typing import Any, Concatenate, Final, Generic, ParamSpec, Protocol, TypeAl
 
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import (
+    LARGEST_PAGE,
     LARGEST_REQUEST,
     LARGEST_SUBMISSION,
+    CampaignQuery,
     Completion,
     Count,
+    DeleteRequest,
     DownloadChunk,
     Empty,
     FileDownloadRequest,
@@ -48,6 +51,7 @@ from daemon.model.status import (
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
+    DeletedCampaign,
     DiskUsage,
     KeyDeliveries,
     LiveSnapshot,
@@ -102,8 +106,8 @@ class Verb(Generic[P, A]):
 
     Who may ask it has no default: what nobody thought about must not be everybody's. ``request``
     makes the request (its parameters are those of the client's method), ``largest`` are the bytes
-    it may have, and ``advice`` says what to do about one that is larger. A ``slow`` one may take up
-    to a minute, with 100,000 runs say.
+    it may have, and ``advice`` says what to do about one that is larger. A ``slow`` one may take
+    minutes, with a million runs say; its answer is waited for as long as the daemon is there.
     """
 
     name: str
@@ -125,8 +129,8 @@ AnyVerb: TypeAlias = Verb[..., Any]
 # fmt: off
 OVERVIEW: Final = Verb("overview", Empty, DaemonOverview,
     "How everything stands, in one line.", VIEWING)
-CAMPAIGNS: Final = Verb("campaigns", Empty, tuple[CampaignRow, ...],
-    "All campaigns, the newest first.", VIEWING)
+CAMPAIGNS: Final = Verb("campaigns", CampaignQuery, tuple[CampaignRow, ...],
+    "A page of at most 1000 campaigns, the newest first.", VIEWING)
 RUNS: Final = Verb("runs", RunQuery, RunPage,
     "A page of at most 1000 runs; ``text`` is looked for in label, oracle, reason and id.",
     VIEWING)
@@ -138,7 +142,7 @@ RECORDS: Final = Verb("records", RecordQuery, tuple[RunRecord, ...],
 SCENE: Final = Verb("scene", IdRequest, Scene,
     "A compiled scene, by its digest.", VIEWING | WORKING)
 WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...],
-    "The workers connected now.", VIEWING)
+    "The workers that are here, and those that are away and have leases.", VIEWING)
 DISK: Final = Verb("disk", Empty, DiskUsage,
     "How much space there is where the daemon keeps things.", VIEWING)
 FETCH: Final = Verb("fetch", TraceDownloadRequest, DownloadChunk,
@@ -159,6 +163,9 @@ PAUSE: Final = Verb("pause", IdRequest, Count,
     STEERING, WRITER)
 RESUME: Final = Verb("resume", IdRequest, Count,
     "Go on with a paused campaign; returns how many of its runs are queued.", STEERING, WRITER)
+DELETE: Final = Verb("delete", DeleteRequest, tuple[DeletedCampaign, ...],
+    "Remove campaigns of which nothing waits or runs, with results and traces; returns what goes.",
+    STEERING, WRITER, 2 * _SMALL, slow=True)
 PRIORITISE: Final = Verb("prioritise", PriorityRequest, Empty,
     "Let a campaign go before those of lower priority (-1000 to 1000, 0 is usual).",
     STEERING, WRITER)
@@ -236,7 +243,7 @@ class DaemonClient(ABC):
         """
 
     overview = _question(OVERVIEW)
-    campaigns = _question(CAMPAIGNS)
+    campaign_page = _question(CAMPAIGNS)
     runs = _question(RUNS)
     run = _question(RUN)
     declared = _question(DECLARED)
@@ -248,9 +255,29 @@ class DaemonClient(ABC):
     pause = _counting(PAUSE)
     resume = _counting(RESUME)
     prioritise = _question(PRIORITISE)
+    delete = _question(DELETE)
     shutdown = _question(SHUTDOWN)
     deliveries = _question(DELIVERIES)
     void = _counting(VOID)
+
+    def campaigns(self, *, unfinished: bool = False) -> tuple[CampaignRow, ...]:
+        """All campaigns, the newest first; or all of which runs wait or run.
+
+        There may be thousands: who wants one or a few asks for a page.
+        """
+        found: list[CampaignRow] = []
+        while True:
+            page = self.campaign_page(unfinished=unfinished, offset=len(found), limit=LARGEST_PAGE)
+            # One that came meanwhile has moved the others on.
+            known = {row.id for row in found}
+            found.extend(row for row in page if row.id not in known)
+            if len(page) < LARGEST_PAGE:
+                return tuple(found)
+
+    def campaign(self, id: str) -> CampaignRow | None:
+        """The campaign of an id, if there is one."""
+        page = self.campaign_page(id=id, limit=1)
+        return page[0] if page else None
 
     def records(self, campaign: str) -> tuple[RunRecord, ...]:
         """Every run of a campaign with its verdicts, in order: what assessments are made of."""

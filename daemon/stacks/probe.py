@@ -16,7 +16,6 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -26,7 +25,10 @@ from typing import IO, Any, Final
 
 from daemon.model.attachments import SutMissing
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
+from daemon.supervision.guardian import end_guarded, guard
+from daemon.supervision.output_file import OutputFile
 from grammars.text import codec
+from grammars.text.terminal_text import printable
 
 PATIENCE: Final = 10.0
 """Seconds of wall clock in which it has to be made."""
@@ -72,7 +74,8 @@ def check_plugged(
     """
     context = get_context("fork")
     ours, theirs = context.Pipe(duplex=False)
-    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as places:
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as places:
+        output = Path(folder) / "output"
         process = context.Process(
             target=_probe, args=(make, parameters, theirs, output, places, patience), daemon=True
         )
@@ -107,15 +110,13 @@ def _probe(
     make: Callable[[Mapping[str, Any]], object],
     parameters: Mapping[str, Any],
     wire: Connection,
-    output: IO[bytes],
+    output: Path,
     places: IO[bytes],
     patience: float,
 ) -> None:
     """Try it in this process, which is one of its own; answer through ``wire``."""
-    os.setpgid(0, 0)  # what it starts is ended with it
+    guard(output)  # what it starts is ended with it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for descriptor in (1, 2):
-        os.dup2(output.fileno(), descriptor)
     sys.stdout = sys.stderr = os.fdopen(os.dup(1), "w", buffering=1, errors="replace")
     faulthandler.enable(places)
     faulthandler.dump_traceback_later(max(patience - _LOOK, 0.5 * patience), file=places)
@@ -155,11 +156,7 @@ def _ends(process: BaseProcess) -> bool:
 
 def _end(process: BaseProcess) -> int:
     """End the child with all it has started; return its exit code, SIGKILL's if it still ran."""
-    assert process.pid is not None
-    with suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.kill()
-    process.join()
+    end_guarded(process)
     code = process.exitcode
     process.close()
     return code or 0
@@ -185,13 +182,9 @@ def _place(places: IO[bytes]) -> str:
     return ""
 
 
-def _lines(output: IO[bytes]) -> list[str]:
-    output.seek(0)
-    text = output.read(_SHOWN_OUTPUT).decode("utf-8", "replace")
-    printable = (
-        "".join(sign if sign.isprintable() else "?" for sign in line) for line in text.splitlines()
-    )
-    return [line.strip() for line in printable if line.strip()]
+def _lines(output: Path) -> list[str]:
+    text = OutputFile.read(output)[:_SHOWN_OUTPUT].decode("utf-8", "replace")
+    return [line.strip() for line in printable(text).splitlines() if line.strip()]
 
 
 def _noise(name: str, said: list[str]) -> ParameterFinding:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from grammars.model.geometry import Point2
+from grammars.text.terminal_text import printable
 
 _DEEPEST: Final = 8
 """Blocks in blocks that are looked into."""
@@ -58,11 +59,6 @@ class DrawnLines:
 
 class TooManyEntitiesError(ValueError):
     """A drawing holds more than any floor plan does."""
-
-
-def printable(text: str) -> str:
-    """Return text of a damaged file without what no terminal and no file takes."""
-    return text.encode("utf-8", "replace").decode("utf-8")
 
 
 def is_named_like(name: str, patterns: Iterable[str]) -> bool:

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final, TypeAlias
 
+from grammars.text.terminal_text import printable as printable
+from grammars.text.terminal_text import spell_out
+
 
 class Severity(StrEnum):
     """How bad a diagnostic is: an error stops, a warning does not."""
@@ -35,19 +38,6 @@ class Where:
         return ":".join(parts)
 
 
-# What is shown of a file must not steer the terminal it is shown on, nor turn text around in it.
-_STEERING: Final = re.compile(
-    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
-)
-
-
-def printable(text: str) -> str:
-    """Return ``text`` with signs that steer a terminal spelt out: ``\\x1b``; line ends stay."""
-    if text.isprintable():
-        return text
-    return _STEERING.sub(lambda sign: ascii(sign[0])[1:-1], text)
-
-
 _LONGEST_SHOWN: Final = 4_000
 
 
@@ -69,13 +59,13 @@ class Diagnostic:
     severity: Severity = Severity.ERROR
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "message", _shortened(printable(self.message)))
-        object.__setattr__(self, "hint", _shortened(printable(self.hint)))
+        object.__setattr__(self, "message", _shortened(spell_out(self.message)))
+        object.__setattr__(self, "hint", _shortened(spell_out(self.hint)))
 
     def __str__(self) -> str:
         label = "warning: " if self.severity is Severity.WARNING else ""
         hint = f"\n    {self.hint}" if self.hint else ""
-        return f"{printable(str(self.where))}: {label}{self.message}{hint}"
+        return f"{spell_out(str(self.where))}: {label}{self.message}{hint}"
 
 
 class InputError(Exception):

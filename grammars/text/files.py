@@ -11,13 +11,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
-def write_atomically(path: Path, data: bytes, *, durable: bool = True) -> None:
+def write_atomically(
+    path: Path, data: bytes, *, durable: bool = True, mode: int | None = None
+) -> None:
     """Write ``data`` so that ``path`` holds either all of it or what it held before.
 
     Also after a power cut, unless ``durable`` is off: that saves waiting for the disk where
-    what is written can be made again. Raises ``OSError``.
+    what is written can be made again. ``mode`` are the permissions of the file. Raises ``OSError``.
     """
-    with replacing(path, durable=durable) as temporary:
+    with replacing(path, mode=mode, durable=durable) as temporary:
         temporary.write_bytes(data)
 
 

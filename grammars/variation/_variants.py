@@ -13,6 +13,7 @@ from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.files import write_atomically
 from grammars.text.quantity import RATIO, Dimension
+from grammars.text.terminal_text import printable
 from grammars.variation._expressions import Expression, Requirement, evaluate
 from grammars.variation._load import Variant, VariantValue, Variation
 from grammars.variation._soundness import Defect, check_soundness, defects
@@ -112,7 +113,7 @@ class VariantBuilder:
         plan, newline = self.variation.plan_text, self.variation.plan_text.newline
         how = f", {self.method} design {self.seed}" if self.method != "random" else ""
         # A file name may hold anything, but must not end the comment it stands in.
-        file = "".join(c if c.isprintable() else "?" for c in self.variation.plan_file.name)
+        file = printable(" ".join(self.variation.plan_file.name.splitlines()))
         source = f"{plan.name} ({file})"
         return f"// Source plan: {source}{newline}// Seed: {seed}{how}{newline}"
 

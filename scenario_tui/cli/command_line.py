@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final
 import typer
 
 from grammars.text.diagnostics import InputError
+from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli import (
     begin,
     blame,
@@ -75,6 +76,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
         steer.pause,
         steer.resume,
         steer.priority,
+        steer.delete,
         steer.stop,
     ),
     "Machines": (machines.daemon, machines.worker),
@@ -142,6 +144,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def invoke(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code; every error has been reported."""
+    with printable_streams():
+        return _invoke(arguments)
+
+
+def _invoke(arguments: Sequence[str]) -> int:
     # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
     # tests and the dashboard can call this.
     try:

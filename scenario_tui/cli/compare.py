@@ -141,13 +141,13 @@ def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None
     """Return the newest campaign of that name, submitted before, with everything as expected."""
     from daemon.judging.assessment import JudgedCampaign, assess
 
-    rows = daemon.campaigns()
+    rows = daemon.campaign_page(name=row.name)
     ids = [candidate.id for candidate in rows]
     # Rows come newest first: what stands behind it was submitted before.
     older = rows[ids.index(row.id) + 1 :] if row.id in ids else rows
     for candidate in older:
         # Judged anew each time: green is what the rules of that campaign say, nobody stores it.
-        if candidate.name == row.name and candidate.finished:
+        if candidate.finished:
             declared, records = daemon.declared(candidate.id), daemon.records(candidate.id)
             if assess(declared, records).exit_code == ExitCode.EXPECTED:
                 return JudgedCampaign(candidate.id, declared, records)

@@ -294,7 +294,9 @@ def _campaigns(ctx: typer.Context) -> Sequence[CampaignName]:
     endpoint = _named_endpoint(ctx)
     if not endpoint:
         return ledger_names.campaigns(_ledger(ctx))
-    rows = _ask_in_thread(ctx, endpoint, lambda daemon: daemon.campaigns())
+    rows = _ask_in_thread(
+        ctx, endpoint, lambda daemon: daemon.campaign_page(limit=ledger_names.MOST_NAMES)
+    )
     return tuple(ledger_names.CampaignName(row.id, row.name, f"{row.total} runs") for row in rows)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, PlainFlagsCommand, PlainFlagsGroup, State
 from scenario_tui.cli.output import Output, plain_table, say, stdout_console
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ keys_app = typer.Typer(
     name="keys",
     help="Make the keys with which machines prove to each other who they are.",
     no_args_is_help=True,
+    cls=PlainFlagsGroup,
 )
 
 Hosts: TypeAlias = Annotated[
@@ -47,7 +48,7 @@ KeyName: TypeAlias = Annotated[
 ]
 
 
-@keys_app.command()
+@keys_app.command(cls=PlainFlagsCommand)
 def init(
     folder: Annotated[
         Path | None,
@@ -71,7 +72,7 @@ def init(
     say(f"keys in {place}; next: `{next_step}` for another machine")
 
 
-@keys_app.command()
+@keys_app.command(cls=PlainFlagsCommand)
 def issue(
     role: Annotated[
         str, typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon.")
@@ -106,7 +107,7 @@ class KeysOutput(Output, schema="keys"):
         _print_keys(self.keys)
 
 
-@keys_app.command("list")
+@keys_app.command("list", cls=PlainFlagsCommand)
 def list_(keys: KeysFolder = None, as_json: AsJson = False) -> None:
     """List who has a key, for what, until when, and its fingerprint."""
     from daemon.batch.security import keys_folder, load_register
@@ -129,7 +130,7 @@ class VoidOutput(Output, schema="void"):
         _print_deliveries(self.campaigns)
 
 
-@keys_app.command()
+@keys_app.command(cls=PlainFlagsCommand)
 def revoke(
     key: KeyName,
     keys: KeysFolder = None,
@@ -182,7 +183,7 @@ def revoke(
     say(f'"{key}" is revoked; {pluralise(runs, "run")} queued again')
 
 
-@keys_app.command()
+@keys_app.command(cls=PlainFlagsCommand)
 def bundle(
     key: KeyName,
     output: Annotated[

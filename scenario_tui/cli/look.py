@@ -39,6 +39,8 @@ class StatusOutput(Output, schema="status"):
         """Print the daemon on two lines, and the newest campaigns."""
         console, now = stdout_console(), self.overview.now
         self._print_overview()
+        if not self.campaigns and self.overview.trouble:
+            return  # there may be some that cannot be read just now
         if not self.campaigns:
             console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
             return
@@ -51,11 +53,13 @@ class StatusOutput(Output, schema="status"):
         from scenario_tui.text.formatting import duration, pluralise, rate_text
 
         overview, console = self.overview, stdout_console()
-        slots = sum(worker.slots for worker in self.workers)
+        slots = sum(worker.slots for worker in self.workers if not worker.away)
+        away = sum(worker.away for worker in self.workers)
         console.print(
             f"daemon {overview.version} at {endpoint_text(self.endpoint)}, "
             f"up {duration(overview.now - overview.started_at)}, "
-            f"{pluralise(overview.workers, 'worker')} with {pluralise(slots, 'slot')}",
+            f"{pluralise(overview.workers, 'worker')} with {pluralise(slots, 'slot')}"
+            + (f", {away} away" if away else ""),
             soft_wrap=True,
         )
         parts = _tally_parts(overview) or ["no runs yet"]
@@ -72,13 +76,19 @@ class StatusOutput(Output, schema="status"):
 
 def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
     """Say how everything stands: daemon, workers, campaigns."""
+    from contextlib import suppress
+
+    from daemon.batch.errors import Unavailable
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
     endpoint = target.endpoint
     with target.open() as daemon:
-        overview, campaigns = daemon.overview(), daemon.campaigns()
-        workers = daemon.workers()
+        overview, workers = daemon.overview(), daemon.workers()
+        campaigns: tuple[CampaignRow, ...] = ()
+        # A daemon whose disk is full has no more to say than that.
+        with suppress(Unavailable):
+            campaigns = daemon.campaigns()
     StatusOutput(endpoint, overview, campaigns, workers).show(as_json)
 
 

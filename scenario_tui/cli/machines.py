@@ -12,6 +12,7 @@ from typing import Annotated, Final, TypeAlias
 import typer
 
 from daemon.model.execution import DaskScheduler, RunLimits, decide_on_commands
+from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import (
     Connect,
@@ -194,8 +195,9 @@ def _connecting_screen() -> Iterator[None]:
     import sys
 
     def write(text: str) -> None:
-        sys.stderr.write(text)
-        sys.stderr.flush()
+        stream = unfiltered(sys.stderr)
+        stream.write(text)
+        stream.flush()
 
     # Alternate screen, no cursor, cleared; first line, second column.
     write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")

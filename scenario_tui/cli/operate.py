@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -10,10 +12,10 @@ import typer
 
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, Connect, State, read_age, read_size
-from scenario_tui.cli.output import Output, OutputPart, stdout_console
+from scenario_tui.cli.output import Output, OutputPart, stderr_console, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.batch.ledger import SweepResult
+    from daemon.batch.ledger import StrayFile, SweepResult, VerificationProgress
     from daemon.batch.operation import DaemonStatus, DoctorFinding
     from daemon.batch.paths import Endpoint
 
@@ -40,20 +42,50 @@ class DoctorOutput(Output, schema="doctor"):
             stdout_console().print(line, soft_wrap=True)
 
 
-def doctor(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
+def doctor(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Verify the newest results only, and no files.")
+    ] = False,
+    traces: Annotated[
+        bool, typer.Option("--traces", help="Read every trace and verify its digest too.")
+    ] = False,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
     """Say what is configured, what answers, and what is wrong, each with its remedy.
 
-    Changes nothing. Leaves with 3 when there is a problem.
+    Every result is held against its digest. Changes nothing. Leaves with 3 when there is a problem.
     """
-    from daemon.batch.operation import FindingLevel, examine
+    from daemon.batch.operation import FindingLevel, examine, guarded
     from daemon.batch.paths import StatePaths, find_endpoint
 
+    if quick and traces:
+        raise typer.BadParameter("cannot be quick: leave one out", param_hint="--traces")
     paths, endpoint = StatePaths.find(state), find_endpoint(connect, state)
+    with _verification_progress() as progress:
+        found = examine(paths, endpoint, Path.cwd(), quick=quick, traces=traces, progress=progress)
     # The settings of the dashboard are examined here: the daemon's side knows no dashboard.
-    findings = (*examine(paths, endpoint, Path.cwd()), _check_settings())
+    findings = (*found, *guarded("config", lambda: [_check_settings()]))
     DoctorOutput(str(paths.state), endpoint, findings).show(as_json)
     if any(finding.level is FindingLevel.PROBLEM for finding in findings):
         raise typer.Exit(ExitCode.INFRASTRUCTURE)
+
+
+@contextmanager
+def _verification_progress() -> Iterator[VerificationProgress]:
+    """Show on a terminal how much has been verified: a large ledger takes a while."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    console = stderr_console()
+    columns = (TextColumn("verifying {task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as shown:
+        task = shown.add_task("", total=None)
+        yield lambda what, done, total: shown.update(
+            task, description=what, completed=done, total=total
+        )
 
 
 def _check_settings() -> DoctorFinding:
@@ -108,7 +140,10 @@ def metrics(connect: Connect = "", state: State = None, as_json: AsJson = False)
 
     with DaemonTarget(connect, state).open() as daemon:
         standing = DaemonStatus(
-            daemon.overview(), daemon.campaigns(), daemon.workers(), daemon.disk()
+            daemon.overview(),
+            daemon.campaigns(unfinished=True),
+            daemon.workers(),
+            daemon.disk(),
         )
     MetricsOutput(standing).show(as_json)
 
@@ -123,13 +158,17 @@ class SweptCampaign(OutputPart):
 
 
 class GcOutput(Output, schema="gc"):
-    """Traces that were removed, or would be; ``freed`` and ``kept`` are bytes."""
+    """Traces that were removed, or would be; ``freed`` and ``kept`` are bytes.
+
+    ``strays`` are files and folders nobody needs, which went, or would go, as well.
+    """
 
     state: str
     dry_run: bool
     freed: int
     kept: int
     campaigns: list[SweptCampaign]
+    strays: tuple[StrayFile, ...] = ()
 
     def print(self) -> None:
         """Print a line for each campaign and one for all."""
@@ -140,12 +179,16 @@ class GcOutput(Output, schema="gc"):
         for one in self.campaigns:
             line = f"{one.campaign}  {pluralise(one.traces, 'trace')}  {size_text(one.bytes)}"
             console.print(line, markup=False, soft_wrap=True)
+        for stray in self.strays:
+            line = f"{stray.what}  {stray.path}  {size_text(stray.bytes)}"
+            console.print(line, markup=False, soft_wrap=True)
         verb = "would remove" if self.dry_run else "removed"
         gone = pluralise(sum(one.traces for one in self.campaigns), "trace")
-        console.print(
-            f"{verb} {gone}, {size_text(self.freed)}; {size_text(self.kept)} of traces stay",
-            soft_wrap=True,
-        )
+        words = f"{verb} {gone}, {size_text(self.freed)}; {size_text(self.kept)} of traces stay"
+        if self.strays:
+            taken = size_text(sum(stray.bytes for stray in self.strays))
+            words += f"; {pluralise(len(self.strays), 'stray')}, {taken}"
+        console.print(words, soft_wrap=True)
 
 
 def gc(
@@ -165,19 +208,17 @@ def gc(
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
-    """Remove traces of finished campaigns, the oldest first.
+    """Remove what nobody needs, and traces of finished campaigns, the oldest first.
 
     Results stay, and say that the trace is gone; a daemon may be running. A trace goes when any
-    of the options says so.
+    of the options says so; without one no trace goes, only strays: temporary files, uploads
+    given up, scenes and files of no campaign, spools of workers long dead.
     """
     import time
 
-    from daemon.batch.ledger import RetentionPolicy, sweep_traces
+    from daemon.batch.ledger import RetentionPolicy, find_strays, remove_strays, sweep_traces
     from daemon.batch.paths import StatePaths
 
-    # There is no usual amount: what goes is the only copy.
-    if keep is None and not older_than and not max_size:
-        raise typer.BadParameter("say what to keep: --keep, --older-than or --max-size")
     keeping = RetentionPolicy(
         keep,
         read_age(older_than) if older_than else None,
@@ -185,7 +226,10 @@ def gc(
     )
     paths = StatePaths.find(state)
     swept = sweep_traces(paths, keeping, time.time(), dry=dry_run)
-    GcOutput(str(paths.state), dry_run, swept.freed, swept.kept, _by_campaign(swept)).show(as_json)
+    strays = (find_strays if dry_run else remove_strays)(paths, time.time())
+    GcOutput(str(paths.state), dry_run, swept.freed, swept.kept, _by_campaign(swept), strays).show(
+        as_json
+    )
 
 
 def _by_campaign(swept: SweepResult) -> list[SweptCampaign]:

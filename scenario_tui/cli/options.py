@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 import inspect
 import os
+import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar
 
@@ -13,6 +15,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from daemon.batch.amounts import parse_size, parse_time
+from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import campaign_files
 
@@ -160,7 +163,7 @@ RunOrTrace: TypeAlias = Annotated[
 
 
 class _PlainFlags:
-    """Shows flags without the ``<bool>`` that typer puts behind them."""
+    """Shows flags without the ``<bool>`` that typer puts behind them, and help in colours."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters as help shows them."""
@@ -169,6 +172,12 @@ class _PlainFlags:
             if isinstance(one, TyperOption) and one.is_flag and one.metavar is None:
                 one.metavar = ""
         return parameters
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help, whose words are all ours, in colours."""
+        # rich, which typer prints it with, writes its styles as text of this stream.
+        with redirect_stdout(unfiltered(sys.stdout)):
+            super().format_help(ctx, formatter)  # type: ignore[misc]
 
 
 class PlainFlagsCommand(_PlainFlags, TyperCommand):

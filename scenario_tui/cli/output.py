@@ -19,6 +19,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
 from grammars.text.diagnostics import Diagnostic
+from grammars.text.terminal_text import escape_json, printable, unfiltered
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -66,12 +67,15 @@ def stderr_console() -> Console:
 
 
 def _console(*, stderr: bool) -> Console:
-    from rich.console import Console
+    from scenario_tui.terminal.printable_console import PrintableConsole
 
-    # A pipe has no width; 80 columns would cut identifiers that scripts look for.
     stream = sys.stderr if stderr else sys.stdout
+    # A pipe has no width; 80 columns would cut identifiers that scripts look for.
     width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else 160
-    return Console(stderr=stderr, highlight=False, soft_wrap=False, width=width)
+    # The console filters what it prints, and its styles must pass; while it draws progress, rich
+    # has a stream of its own in front.
+    file = unfiltered(getattr(stream, "rich_proxied_file", stream))
+    return PrintableConsole(file=file, soft_wrap=False, width=width)
 
 
 def track_progress(found: Iterable[T], total: int, description: str) -> Iterable[T]:
@@ -116,7 +120,7 @@ def plain_table(*titles: str, figures: bool = False) -> Table:
 def say(message: str) -> None:
     """Write a message for people to standard error; that nobody reads it changes nothing."""
     with suppress(BrokenPipeError):
-        sys.stderr.write(message + "\n")
+        sys.stderr.write(printable(message) + "\n")
         sys.stderr.flush()
 
 
@@ -161,7 +165,7 @@ class Output(OutputPart):
         # Escapes carry any text through any encoding; a stream that knows them all needs none.
         escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
         text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)
-        sys.stdout.write(text + "\n")
+        sys.stdout.write(escape_json(text) + "\n")
 
 
 def schema_identifier(name: str) -> str:

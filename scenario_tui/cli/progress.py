@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Protocol, TypeVar
 
 from rich.console import Group, RenderableType
 from rich.live import Live as Screen
@@ -15,8 +16,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from daemon.batch.errors import DaemonError, Refused, Unreachable
-from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
+from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
+from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
 from daemon.model.verbs import DaemonClient
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import ClientOpener
@@ -31,8 +32,12 @@ from scenario_tui.text.formatting import (
     run_label,
 )
 
+T = TypeVar("T")
+
 INTERVAL: Final = 0.25
-"""Seconds between two looks at a campaign."""
+"""Seconds between two looks at a campaign that changes."""
+_POLL: Final = 2.0
+"""Seconds between two looks at one that is not known to have changed: events may get lost."""
 PATIENCE: Final = 120.0
 """Seconds a watcher waits for a daemon that went away."""
 _LOOK: Final = 2.0
@@ -61,6 +66,11 @@ class ProgressDisplay:
 
     def __init__(self, screen: Screen | None) -> None:
         self._screen = screen
+
+    @property
+    def on_screen(self) -> bool:
+        """Whether anything is drawn at all."""
+        return self._screen is not None
 
     def show(self, progress: CampaignProgress) -> None:
         """Draw the campaign as it stands."""
@@ -209,10 +219,16 @@ def watch(
         trouble = _TroubleReporter(shown, endurance)
         while True:
             try:
-                with open_daemon() as daemon, _collect_telemetry(daemon, live):
+                with open_daemon() as daemon, _listen(daemon, campaign, live) as changed:
+                    look_at = 0.0
                     while True:
-                        row = _ask_campaign(daemon, campaign)
                         now = time.monotonic()
+                        if changed.is_set() or now >= look_at:
+                            changed.clear()
+                            row = _ask_campaign(daemon, campaign)
+                            running = _ask_running(daemon, row) if shown.on_screen else ()
+                            now = time.monotonic()
+                            look_at = now + _POLL
                         if gone is not None:
                             shown.note("the daemon is back, watching again")
                             gone = None
@@ -220,7 +236,8 @@ def watch(
                             return row
                         pace = pace or _RunRate(now, row.total - row.queued - row.running)
                         trouble.look(daemon, now)
-                        shown.show(_ask_progress(daemon, row, live, pace, now))
+                        per_minute, left = pace.look(row, now)
+                        shown.show(CampaignProgress(row, running, live, per_minute, left))
                         time.sleep(INTERVAL)
             except Unreachable:
                 now = time.monotonic()
@@ -232,34 +249,69 @@ def watch(
                 time.sleep(INTERVAL)
 
 
+class WaitedFor(Protocol):
+    """The daemon that a command is about."""
+
+    @property
+    def may_come_back(self) -> bool:
+        """Whether it is worth waiting for when it does not answer."""
+
+    def open(self) -> AbstractContextManager[DaemonClient]:
+        """Open a client; raises :class:`Unreachable`."""
+
+
+def ask_patiently(target: WaitedFor, ask: Callable[[DaemonClient], T], patience: float) -> T:
+    """Ask a daemon something, again while it is away, for ``patience`` seconds.
+
+    Raises :class:`Unreachable` when it stays away, at once where there never was one, and whatever
+    ``ask`` raises.
+    """
+    deadline = time.monotonic() + patience
+    said = ""
+    while True:
+        try:
+            with target.open() as daemon:
+                return ask(daemon)
+        except Unreachable as error:
+            if not target.may_come_back or time.monotonic() >= deadline:
+                raise
+            words = "the daemon does not answer, waiting for it (Ctrl-C to leave)"
+            if isinstance(error, Unavailable):
+                words = f"{error}; trying again (Ctrl-C to leave)"
+            if words != said:
+                say(words)
+            said = words
+            time.sleep(INTERVAL)
+
+
 @contextmanager
-def _collect_telemetry(daemon: DaemonClient, live: dict[str, LiveSnapshot]) -> Iterator[None]:
+def _listen(
+    daemon: DaemonClient, campaign: str, live: dict[str, LiveSnapshot]
+) -> Iterator[threading.Event]:
+    """Collect telemetry, and yield what is set whenever the campaign has changed."""
+    changed = threading.Event()
+
+    def on_event(event: ChangeEvent) -> None:
+        if event.campaign == campaign:
+            changed.set()
+
     def on_live(message: LiveSnapshot) -> None:
         live[message.run] = message
 
-    # Events of changes are not needed: the campaign is asked for anyway.
-    subscription = daemon.events(lambda _: None, on_live)
+    subscription = daemon.events(on_event, on_live)
     try:
-        yield
+        yield changed
     finally:
         subscription.close()
 
 
 def _ask_campaign(daemon: DaemonClient, campaign: str) -> CampaignRow:
-    for row in daemon.campaigns():
-        if row.id == campaign:
-            return row
-    raise Refused(f"the daemon does not know the campaign {campaign} (any more)")
+    row = daemon.campaign(campaign)
+    if row is None:
+        raise Refused(f"the daemon does not know the campaign {campaign} (any more)")
+    return row
 
 
-def _ask_progress(
-    daemon: DaemonClient,
-    row: CampaignRow,
-    live: dict[str, LiveSnapshot],
-    pace: _RunRate,
-    now: float,
-) -> CampaignProgress:
+def _ask_running(daemon: DaemonClient, row: CampaignRow) -> tuple[RunRow, ...]:
     # One more than is shown tells whether there are more.
-    running = daemon.runs(row.id, state="running", limit=_SHOWN_RUNS + 1).rows
-    per_minute, left = pace.look(row, now)
-    return CampaignProgress(row, running, live, per_minute, left)
+    return daemon.runs(row.id, state="running", limit=_SHOWN_RUNS + 1).rows

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -29,6 +29,9 @@ from scenario_tui.cli.output import Output, report_diagnostics, say, stdout_cons
 if TYPE_CHECKING:
     from daemon.model.status import Submission, SubmissionReceipt
     from grammars.text.diagnostics import Diagnostic
+
+_SUBMIT_PATIENCE: Final = 10.0
+"""Seconds a daemon that is away is waited for with a campaign: one that restarts needs a few."""
 
 Out = Annotated[
     Path | None,
@@ -163,6 +166,7 @@ def submit(
     answers.
     """
     from scenario_tui.cli.execute import start_daemon_if_needed, watch_to_end
+    from scenario_tui.cli.progress import ask_patiently
     from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.submission import receipt_text
 
@@ -173,8 +177,8 @@ def submit(
     start_daemon_if_needed(target, slots)
     # After starting one: before, there may be no endpoint.
     endpoint = target.endpoint
-    with target.open() as daemon:
-        receipt = daemon.submit(submission)
+    # Again, it is the same campaign: the daemon knows it by its id.
+    receipt = ask_patiently(target, lambda daemon: daemon.submit(submission), _SUBMIT_PATIENCE)
     say(receipt_text(receipt))
     if watch:
         code = watch_to_end(target, submission.campaign, as_json, baseline, worse_by)
@@ -242,34 +246,38 @@ def wait(
 ) -> None:
     """Wait until a campaign is over, and leave with its exit code.
 
-    Leaves with 4 when the time is up before. Ctrl-C ends the waiting only.
+    Leaves with 4 when the time is up before. A daemon that is away is waited for, two minutes
+    unless --timeout says otherwise. Ctrl-C ends the waiting only.
     """
+    import time
     from math import inf
 
-    from scenario_tui.cli.progress import watch
+    from scenario_tui.cli.progress import PATIENCE, ask_patiently, watch
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.target import DaemonTarget, find_campaign
     from scenario_tui.text.formatting import pluralise
     from scenario_tui.text.results import conclude, gather_results
 
     limit = read_age(timeout) if timeout else inf
+    deadline = time.monotonic() + limit
+    patience = limit if timeout else PATIENCE
     target = DaemonTarget(connect, state)
-    with target.open() as daemon:
-        found = find_campaign(daemon, campaign)
+    name = campaign
     try:
-        row = watch(target.open, found.id, limit=limit)
+        name = ask_patiently(target, lambda daemon: find_campaign(daemon, campaign), patience).id
+        left = max(0.0, deadline - time.monotonic())
+        row = watch(target.open, name, patience=patience, limit=left)
+        results = ask_patiently(target, lambda daemon: gather_results(daemon, row), PATIENCE)
     except KeyboardInterrupt:
-        say(f"\n{found.id} goes on; come back with `scenario wait {found.id}`")
+        say(f"\n{name} goes on; come back with `scenario wait {name}`")
         raise typer.Exit(ExitCode.INTERRUPTED) from None
-    with target.open() as daemon:
-        results = gather_results(daemon, row)
     if as_json:
         emit_results(results)
     said = conclude(results.assessment, finished=row.finished).glyph_text
     if not row.finished:
-        left = pluralise(row.queued + row.running, "run")
+        runs = pluralise(row.queued + row.running, "run")
         # What is said so far is said, but a campaign that goes on has no verdict yet.
-        say(f"{row.id}: {left} left after {timeout}, {said}")
+        say(f"{row.id}: {runs} left after {timeout}, {said}")
         raise typer.Exit(ExitCode.INCONCLUSIVE)
     say(f"{row.id}: {said}")
     raise typer.Exit(results.assessment.exit_code)

@@ -1,7 +1,8 @@
-"""Commands that steer: cancel, retry, pause, resume, priority, stop."""
+"""Commands that steer: cancel, retry, pause, resume, priority, delete, stop."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -13,6 +14,7 @@ from scenario_tui.cli.options import AsJson, CampaignName, Connect, State
 from scenario_tui.cli.output import Output, say
 
 if TYPE_CHECKING:
+    from daemon.model.status import DeletedCampaign
     from daemon.model.verbs import DaemonClient
 
 
@@ -119,6 +121,13 @@ class PriorityOutput(Output, schema="priority"):
     priority: int
 
 
+class DeleteOutput(Output, schema="delete"):
+    """Campaigns that are gone, or would be."""
+
+    dry_run: bool
+    campaigns: tuple[DeletedCampaign, ...]
+
+
 class StopOutput(Output, schema="stop"):
     """A daemon that leaves with so many runs ``unfinished``."""
 
@@ -151,6 +160,50 @@ def priority(
     if as_json:
         PriorityOutput(row.id, number).emit()
     say(PRIORITY.outcome_text(row.id, priority=number))
+
+
+def delete(
+    campaigns: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CAMPAIGN...",
+            help="Ids or names of campaigns, or how they begin.",
+            autocompletion=completion.campaigns,
+        ),
+    ],
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", "-n", help="Say what would go; remove nothing.")
+    ] = False,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Remove campaigns for good: runs, results, and traces that no other campaign uses.
+
+    Not while runs of them wait or run: cancel them first.
+    """
+    from scenario_tui.campaign_actions import deletion_text
+    from scenario_tui.cli.target import DaemonTarget, find_campaign
+
+    with DaemonTarget(connect, state).open() as daemon:
+        found = tuple(dict.fromkeys(find_campaign(daemon, name).id for name in campaigns))
+        gone = daemon.delete(found, dry=True)
+        if not dry_run:
+            if not yes:
+                _ask_whether(deletion_text(gone, dry=True))
+            gone = daemon.delete(found)
+    if as_json:
+        DeleteOutput(dry_run, gone).emit()
+    say(deletion_text(gone, dry=dry_run))
+
+
+def _ask_whether(what: str) -> None:
+    """Have it confirmed; wrong usage where there is nobody to ask."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise typer.BadParameter("there is no terminal to ask at: say --yes", param_hint="--yes")
+    say(what)
+    typer.confirm("Delete? Nothing brings it back.", abort=True, err=True)
 
 
 def stop(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:

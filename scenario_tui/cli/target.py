@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import typer
 
 from daemon.batch.errors import Refused, TraceUnavailable, Unreachable
+from daemon.model.messages import LARGEST_PAGE
 from daemon.model.status import CampaignRow, RunDetail
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from daemon.batch.stores import ByteProgress
 
 
+_NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
 _NAMED: Final = 3
 """Traces that are named when several are meant and one is wanted."""
 
@@ -75,6 +77,11 @@ class DaemonTarget:
 
         return find_endpoint(self.connect, self.state).origin in ("--connect", "SCENARIO_CONNECT")
 
+    @property
+    def may_come_back(self) -> bool:
+        """Whether there is a daemon that is only away: one that was named, or has left a ledger."""
+        return self.named or self.paths.ledger.exists()
+
     @contextmanager
     def open(self) -> Iterator[DaemonClient]:
         """Open a client; raises :class:`Unreachable`."""
@@ -87,8 +94,16 @@ class DaemonTarget:
 class CampaignSource(Protocol):
     """Whoever knows the campaigns: a daemon, or the ledger itself."""
 
-    def campaigns(self) -> tuple[CampaignRow, ...]:
-        """All campaigns, the newest first."""
+    def campaign_page(
+        self,
+        *,
+        id: str = "",
+        name: str = "",
+        beginning: str = "",
+        offset: int = 0,
+        limit: int = LARGEST_PAGE,
+    ) -> tuple[CampaignRow, ...]:
+        """A page of campaigns, the newest first, as a ``CampaignQuery`` asks for it."""
 
 
 class RunSource(CampaignSource, Protocol):
@@ -154,23 +169,29 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     Without a word it is the newest. Raises :class:`Refused` when there is none or
     when several different names begin that way.
     """
-    rows = daemon.campaigns()
-    if not rows:
-        raise Refused("there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`")
     # An id beats a name and both beat a beginning, so that what is said in full is never doubtful.
+    # Asked one by one: there may be thousands of campaigns, and each of these finds a few.
     if not wanted:
-        return rows[0]
-    for key in ("id", "name"):
-        for row in rows:
-            if getattr(row, key) == wanted:
-                return row
+        newest = daemon.campaign_page(limit=1)
+        if newest:
+            return newest[0]
+        raise Refused(_NONE_YET)
+    for exact in (
+        daemon.campaign_page(id=wanted, limit=1),
+        daemon.campaign_page(name=wanted, limit=1),
+    ):
+        if exact:
+            return exact[0]
     # Ids begin with the name: several campaigns of one name are no doubt, the newest is meant.
-    close = [row for row in rows if row.id.startswith(wanted)]
+    close = daemon.campaign_page(beginning=wanted)
     if len({row.name for row in close}) > 1:
         ids = ", ".join(row.id for row in close[:5])
         raise Refused(f'several campaigns begin with "{wanted}": {ids}')
     if close:
         return close[0]
+    rows = daemon.campaign_page()
+    if not rows:
+        raise Refused(_NONE_YET)
     names = {row.name for row in rows} | {row.id for row in rows}
     raise Refused(f'there is no campaign "{wanted}": {did_you_mean(wanted, names)}')
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from grammars.text.terminal_text import printable
 from scenario_tui.dashboard.background import (
     BackgroundTasks,
     CommandLines,
@@ -88,6 +89,8 @@ class BaseDashboard(LimitedTerminalApp):
 
     def copy(self, command: str) -> None:
         """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
+        # A line end in it, from a name, would run what stands before it where it is pasted.
+        command = printable(" ".join(command.splitlines()))
         # tmux ignores OSC 52 of programs inside of it, and is told itself.
         self.copy_to_clipboard(command)
         self.background_tasks.start(partial(copy_to_tmux, command), _nothing, self.problem)

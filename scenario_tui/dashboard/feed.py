@@ -13,11 +13,12 @@ from dataclasses import asdict, replace
 from typing import Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
-from daemon.model.status import ChangeEvent, LiveSnapshot, RunDetail, RunState
+from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunDetail, RunState
 from daemon.model.verbs import Closeable, DaemonClient
 from grammars.model.scene import Scene
 from scenario_tui.client import ClientOpener
 from scenario_tui.dashboard.state import (
+    CAMPAIGNS_SHOWN,
     CampaignAssessor,
     DashboardState,
     Notice,
@@ -330,7 +331,7 @@ class Feed:
             problem="",
             refused=False,
             overview=daemon.overview(),
-            campaigns=daemon.campaigns(),
+            campaigns=_campaigns(daemon, query),
             conclusions=self._assessor.conclusions,
             results=self._assessor.results,
             at=self._clock(),
@@ -365,6 +366,19 @@ class Feed:
         # Without a lock: the state is immutable, and the flag is set behind it.
         self._state = state
         self._changed = True
+
+
+def _campaigns(daemon: DaemonClient, query: Query) -> tuple[CampaignRow, ...]:
+    """Return the newest campaigns, all that are unfinished, and the one that is looked at."""
+    rows = daemon.campaign_page(limit=CAMPAIGNS_SHOWN)
+    if len(rows) < CAMPAIGNS_SHOWN:
+        return rows
+    found = {row.id: row for row in (*rows, *daemon.campaign_page(unfinished=True))}
+    shown = (query.results, query.runs.campaign if query.runs else "", query.run.rpartition(".")[0])
+    for campaign in shown:
+        if campaign and campaign not in found and (row := daemon.campaign(campaign)):
+            found[campaign] = row
+    return tuple(found.values())
 
 
 def _nobody_waits() -> None:

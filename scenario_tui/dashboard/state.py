@@ -152,6 +152,8 @@ ASSESS_SHOWN_EVERY: Final = 1.0
 """Seconds between two looks at the campaign that is shown."""
 ASSESS_OTHERS_EVERY: Final = 5.0
 """Seconds between two looks at another one."""
+CAMPAIGNS_SHOWN: Final = 500
+"""Campaigns in the table, the newest: a table of thousands is slow to lay out."""
 CAMPAIGNS_ASSESSED: Final = 100
 """How many campaigns are judged, the newest first."""
 _SHARE: Final = 0.25

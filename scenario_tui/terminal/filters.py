@@ -1,4 +1,4 @@
-"""Line filters for poor terminals and bright themes: few colours, ASCII only, darker words.
+"""Line filters: nothing that steers the terminal, and what poor ones and bright themes lack.
 
 Sixteen colours belong to the people who chose them, so their own foreground and background are
 used, words keep their hue, and what stands on a bright background (the selected row, the banner of
@@ -8,6 +8,7 @@ a lost connection) is shown in reverse.
 from __future__ import annotations
 
 import colorsys
+import re
 import unicodedata
 from collections.abc import Sequence
 from functools import lru_cache
@@ -21,6 +22,7 @@ from rich.style import Style
 from textual.color import Color
 from textual.filter import LineFilter
 
+from grammars.text.terminal_text import printable
 from scenario_tui.text.formatting import BAD, BROKEN, BUSY, FACT, GOOD, QUIET, UNSURE
 
 _LIT: Final = 0.1
@@ -38,6 +40,53 @@ _HUES: Final = (
     (361, "red"),
 )
 """The last angle [degree] of each colour of the terminal; its blue is too dark to be read."""
+
+
+_PARTS: Final = re.compile("(?P<gap>  +)|(?P<other>[^ ]+| )")
+_LINE_ENDS: Final = dict.fromkeys(map(ord, "\t\r\n"), "\N{REPLACEMENT CHARACTER}")
+
+
+class PrintableText(LineFilter):
+    """Shows signs that would steer the terminal, whatever widget they stand in."""
+
+    def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
+        """Return the segments, together as wide as before, with printable text.
+
+        Most such signs have no width of their own: what is shown for them takes its cells from the
+        next gap in the line, so that columns stay. Where there is none they are left out.
+        """
+        if all(segment.text.isprintable() for segment in segments):
+            return list(segments)
+        shown, missing = _fitted(segments)
+        return shown if not missing else [_without_steering(segment) for segment in segments]
+
+
+def _fitted(segments: Sequence[Segment]) -> tuple[list[Segment], int]:
+    """Return printable segments, and by how many cells they are wider than before."""
+    found, missing = [], 0
+    for segment in segments:
+        parts = []
+        for part in _PARTS.finditer(segment.text):
+            text = _one_line(part[0])
+            if part.lastgroup == "gap":
+                taken = min(missing, len(text) - 1)
+                text, missing = text[taken:], missing - taken
+            elif text != part[0]:
+                missing += cell_len(text) - cell_len(part[0])
+            parts.append(text)
+        found.append(segment._replace(text="".join(parts)))
+    return found, missing
+
+
+def _without_steering(segment: Segment) -> Segment:
+    pairs = zip(segment.text, _one_line(segment.text), strict=True)
+    kept = (shown for sign, shown in pairs if shown == sign or cell_len(sign))
+    return segment._replace(text="".join(kept))
+
+
+def _one_line(text: str) -> str:
+    # Within a line of a screen also tabs and line ends would move what stands behind them.
+    return printable(text).translate(_LINE_ENDS)
 
 
 class ReducedColours(LineFilter):

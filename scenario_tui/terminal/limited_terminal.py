@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -20,8 +21,10 @@ from textual.binding import Binding, BindingType
 from textual.driver import Driver
 from textual.filter import LineFilter, Monochrome
 
+from grammars.text.terminal_text import printable, unfiltered
 from scenario_tui.terminal.capabilities import TerminalLimits, terminal_limits
-from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours
+from scenario_tui.terminal.filters import AsciiGlyphs, PrintableText, ReducedColours
+from scenario_tui.terminal.printable_console import PrintableConsole
 
 # All that frames of Textual are made of: placing the cursor, styles, text, ends of lines.
 _TOKEN: Final = re.compile(
@@ -225,6 +228,9 @@ class LimitedTerminalApp(App[None]):
 
     def __init__(self, limits: TerminalLimits | None = None) -> None:
         super().__init__()
+        # What Textual says after the dashboard has ended, of a bug say, quotes what it showed.
+        self.error_console = PrintableConsole(file=unfiltered(sys.stderr))
+        self._printable = PrintableText()
         self._limit_filters: tuple[LineFilter, ...] = ()
         self._drawn = False
         # Every step of an animation would be a frame over the line; who wants them says so.
@@ -248,12 +254,16 @@ class LimitedTerminalApp(App[None]):
         self.apply_limits(terminal_limits(self.console.color_system))
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return ours behind the library's, in place of its shades of grey."""
+        """Return ours around the library's, in place of its shades of grey."""
         # Textual answers NO_COLOR with greys, which are colours to a terminal that has none.
-        theirs = super().get_line_filters()
+        theirs = [self._printable, *super().get_line_filters()]
         if not self._limit_filters:
             return theirs
         return [*(one for one in theirs if not isinstance(one, Monochrome)), *self._limit_filters]
+
+    def copy_to_clipboard(self, text: str) -> None:
+        """Put text into the clipboard (OSC 52), without what would act where it is pasted."""
+        super().copy_to_clipboard(printable(text))
 
     def get_key_display(self, binding: Binding) -> str:
         """Name keys in words where there are no signs for them."""

@@ -8,16 +8,16 @@ from pathlib import Path
 
 from rich.text import Text
 
-from grammars.text.diagnostics import Diagnostic, Severity, Where, printable
+from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.terminal_text import printable, spell_out
 from scenario_tui.text.formatting import pluralise
-from scenario_tui.text.printed_output import printable_line
 
 
 def render_diagnostic(diagnostic: Diagnostic) -> Text:
     """Return a diagnostic with its source line, when the source can be read."""
     warning = diagnostic.severity is Severity.WARNING
     text = Text()
-    text.append(printable(f"{diagnostic.where}: "), style="bold")
+    text.append(spell_out(f"{diagnostic.where}: "), style="bold")
     text.append("warning: " if warning else "error: ", style="yellow" if warning else "bold red")
     text.append(diagnostic.message)
     excerpt = _source_excerpt(diagnostic.where)
@@ -61,7 +61,7 @@ def _source_excerpt(where: Where) -> tuple[str, int] | None:
     if not 0 < where.line <= len(lines):
         return None
     # Columns count characters, so a tab has to stay one, or the caret would point beside.
-    line = printable_line(lines[where.line - 1].expandtabs(1).rstrip())
+    line = printable(lines[where.line - 1].expandtabs(1).rstrip())
     indent = len(line) - len(line.lstrip())
     caret = where.column - 1 - indent
     return line.strip()[:160], caret if 0 <= caret <= len(line.strip()) and caret < 160 else -1

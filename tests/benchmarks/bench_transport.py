@@ -1,6 +1,7 @@
 """Traces on their way: what parts, base64 and digests cost, and what others notice of it.
 
-A real daemon over loopback; the sender is this process. CPU times are of the daemon process.
+A real daemon over loopback; the sender is this process. CPU times are of the daemon process. At the
+end short runs over a link of 200 ms: a worker elsewhere, behind a relay that delays every byte.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import statistics
 import tempfile
 import threading
 import time
+from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
 
@@ -28,11 +30,14 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import TraceInfo
 from tests.benchmarks.bench_daemon import cpu, fresh, row
-from tests.daemon.batch.harness import DaemonPart
+from tests.chaos.links import delay_relay
+from tests.daemon.batch.harness import DaemonPart, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_result, make_submission
 
 SIZE = 64 * 2**20
 SMALL = 64 * 2**10
+DISTANT = 100
+DISTANT_TRACE = 2**20
 ME = WorkerInfo("bench-1", "bench", 1, version("scenario-tui"), 1, 0)
 
 
@@ -105,6 +110,25 @@ def questions(client: Client, count: int) -> list[float]:
     return times
 
 
+def distance() -> None:
+    """Runs of half a second on eight slots, with nothing between worker and daemon but distance."""
+    for size in (0, DISTANT_TRACE):
+        for delay in (0.0, 0.1):
+            with fresh(lease=30.0) as daemon, daemon.client() as client, ExitStack() as stack:
+                link = stack.enter_context(delay_relay(daemon.endpoint, delay))
+                elsewhere = str(daemon.state.parent / "elsewhere")
+                options = {"connect": link.endpoint}
+                stack.enter_context(worker_for(daemon, 8, "--state", elsewhere, **options))
+                client.submit(make_submission("warm", 8, sleep=0.5, size=size))
+                eventually(lambda: finished(client, 8), 120.0)
+                client.submit(make_submission("far", DISTANT, sleep=0.5, size=size))
+                begun = time.perf_counter()
+                eventually(lambda: finished(client, 8 + DISTANT), 600.0)
+                took = time.perf_counter() - begun
+            what = f"0.5 s runs, 8 slots, {1000 * 2 * delay:.0f} ms, traces of {size // 1024} KiB"
+            row(what, f"{DISTANT / took:.2f} runs/s", ">= 10 at 200 ms" if not size else "")
+
+
 def main() -> None:
     with (
         tempfile.TemporaryDirectory(prefix="bench-transport-") as folder,
@@ -112,3 +136,4 @@ def main() -> None:
         daemon.client() as client,
     ):
         rates(daemon, client, Path(folder))
+    distance()

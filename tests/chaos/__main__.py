@@ -1,6 +1,7 @@
 """Long campaigns of violence: ``make chaos``, or ``python -m tests.chaos violence --runs 500``.
 
-Each scenario prints what it did and saw; the exit code is 1 when something that must hold did not.
+Each scenario prints what it did and saw, in the end a table says what all of them came to; the exit
+code is 1 when something that must hold did not.
 """
 
 from __future__ import annotations
@@ -9,17 +10,27 @@ import argparse
 import signal
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
 
+from daemon.batch.errors import DaemonError
+from tests.chaos.bits import bits
 from tests.chaos.clock import clock
 from tests.chaos.cluster import cluster
 from tests.chaos.cut import cut_off
 from tests.chaos.disk import full_disk
-from tests.chaos.report import Report
+from tests.chaos.floods import flood, idle, voided
+from tests.chaos.long_writes import long_writes
+from tests.chaos.network import network
+from tests.chaos.output import output
+from tests.chaos.quota import full_start, quota
+from tests.chaos.report import Report, Row, table
 from tests.chaos.stacks import stacks
+from tests.chaos.storm import storm
 from tests.chaos.torn import torn
+from tests.chaos.trees import trees
 from tests.chaos.violence import violence
 
 
@@ -32,15 +43,27 @@ def _scenarios(runs: int, seed: int) -> dict[str, Callable[[Path], Report]]:
         "cut": cut_off,
         "stacks": lambda folder: stacks(folder, seed=seed),
         "cluster": lambda folder: cluster(folder, seed=seed),
+        "network": network,
+        "storm": lambda folder: storm(folder, seed=seed),
+        "long": long_writes,
+        "trees": trees,
+        "quota": quota,
+        "full": full_start,
+        "bits": lambda folder: bits(folder, seed=seed),
+        "output": output,
+        "flood": flood,
+        "idle": idle,
+        "void": voided,
     }
 
 
 def _perform(name: str, act: Callable[[Path], Report], folder: Path) -> Report:
     """A scenario that waits for something in vain has found a violation, too."""
+    start = time.monotonic()
     try:
         return act(folder)
-    except AssertionError:
-        report = Report(name)
+    except (AssertionError, DaemonError):
+        report = Report(name, start)
         report.violations.append(traceback.format_exc())
         return report
 
@@ -59,13 +82,17 @@ def main() -> int:
     # Told to stop, it still ends what it has started.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     violated = False
+    rows: list[Row] = []
     for name, act in _scenarios(options.runs, options.seed).items():
         if options.scenario and name not in options.scenario:
             continue
         with tempfile.TemporaryDirectory(prefix=f"chaos-{name}-") as folder:
             report = _perform(name, act, Path(folder))
+            report.end()
         print(report.text(), flush=True)
         violated = violated or bool(report.violations)
+        rows += report.rows
+    print(f"\n{table(rows)}", flush=True)
     return int(violated)
 
 

@@ -32,8 +32,7 @@ def clock(
     report = Report("clock: set back and forth by hours")
     rng = random.Random(seed)
     off = folder / "offset"
-    # The grace is too long to help: only the lease ends what the frozen worker holds.
-    settings: dict[str, float | str] = {"lease": LEASE, "grace": 600.0, "executor": EXECUTOR}
+    settings: dict[str, float | str] = {"lease": LEASE, "executor": EXECUTOR}
     with daemon_at(folder / "state", 2, module=STEPPED, **settings) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("clock", runs, sleep=0.5))
@@ -55,7 +54,7 @@ def clock(
 
 def _frozen_worker(report: Report, folder: Path) -> None:
     """A worker freezes, the clock goes back a day: its lease ends in its own time."""
-    settings: dict[str, float | str] = {"lease": LEASE, "grace": 600.0}
+    settings: dict[str, float | str] = {"lease": LEASE}
     with (
         daemon_at(folder / "state", 0, module=STEPPED, **settings) as daemon,
         daemon.client() as client,

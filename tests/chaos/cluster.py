@@ -72,7 +72,7 @@ def cluster(
     rng = random.Random(seed)
     specs = [make_spec(i, sleep=round(rng.uniform(0.1, 0.5), 3)) for i in range(runs)]
     with (
-        daemon_at(folder / "state", lease=5.0, grace=0.5, attempts=200) as daemon,
+        daemon_at(folder / "state", lease=5.0, attempts=200) as daemon,
         daemon.client() as client,
         dask_in(folder / "dask") as dask,
         gateway_for(dask, daemon, executor=EXECUTOR) as gateway,

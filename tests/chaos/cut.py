@@ -78,7 +78,7 @@ class _Side:
         self._folder = folder
         endpoint, (self.cable,) = stack.enter_context(links(free_endpoint(), 1, isolated=isolated))
         self.daemon: DaemonPart = stack.enter_context(
-            daemon_at(folder / "state", listen=endpoint, lease=lease, grace=lease / 2, attempts=100)
+            daemon_at(folder / "state", listen=endpoint, lease=lease, attempts=100)
         )
         self.client: Client = stack.enter_context(self.daemon.client())
         worker = worker_for(

@@ -4,18 +4,66 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 _SHOWN = 12
+_HEADS = ("scenario", "runs", "executions", "started over", "lost", "violations", "seconds")
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What one part of a scenario came to; ``None`` where nobody counted."""
+
+    name: str
+    seconds: float
+    runs: int | None = None
+    executions: int | None = None
+    started_over: int | None = None
+    lost: int | None = None
+    violations: int = 0
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The row as text."""
+        counts = (self.runs, self.executions, self.started_over, self.lost)
+        shown = ("-" if count is None else str(count) for count in counts)
+        return (self.name, *shown, str(self.violations), f"{self.seconds:.0f}")
+
+
+def table(rows: Iterable[Row]) -> str:
+    """Rows below each other, numbers to the right."""
+    lines = [_HEADS, *(row.cells for row in rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(_HEADS))]
+    return "\n".join(
+        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
+        for line in lines
+    )
 
 
 class Report:
-    """Facts in order of their appearance, and violations."""
+    """Facts in order of their appearance, rows of parts, and violations."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, start: float | None = None) -> None:
         self.name = name
         self.violations: list[str] = []
+        self.parts: list[Row] = []
+        self.runs: int | None = None
+        self.executions: int | None = None
+        self.started_over: int | None = None
+        self.lost: int | None = None
         self._facts: dict[str, str] = {}
-        self._start = time.monotonic()
+        self._start = time.monotonic() if start is None else start
+        self._end = 0.0
+
+    def end(self) -> None:
+        """Its time is over."""
+        self._end = time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        """How long it took, or takes so far."""
+        return (self._end or time.monotonic()) - self._start
 
     def fact(self, what: str, value: object) -> None:
         """Something done or seen."""
@@ -27,13 +75,38 @@ class Report:
             self.violations.append(otherwise)
         return holds
 
+    @property
+    def row(self) -> Row:
+        """All of it in one line."""
+        return Row(
+            self.name.partition(":")[0],
+            self.seconds,
+            self.runs,
+            self.executions,
+            self.started_over,
+            self.lost,
+            len(self.violations),
+        )
+
+    def include(self, part: Report) -> None:
+        """Take in what a part came to; its violations are ours."""
+        self.parts.append(part.row)
+        self.violations += [f"{part.name}: {found}" for found in part.violations]
+
+    @property
+    def rows(self) -> list[Row]:
+        """The parts, or all of it where there are none."""
+        return self.parts or [self.row]
+
     def text(self) -> str:
-        """The table."""
+        """The facts, the parts and what must not be."""
         load = os.getloadavg()[0]
-        took = f"{time.monotonic() - self._start:.1f} s, load {load:.1f}"
+        took = f"{self.seconds:.1f} s, load {load:.1f}"
         lines = [f"\n== {self.name}"]
         facts = {**self._facts, "took": took}
         lines += [f"{what:40} {value}" for what, value in facts.items()]
+        if self.parts:
+            lines.append(table(self.parts))
         lines += [f"VIOLATION: {found}" for found in self.violations[:_SHOWN]]
         if len(self.violations) > _SHOWN:
             lines.append(f"and {len(self.violations) - _SHOWN} more violations")

@@ -146,9 +146,7 @@ def batch(
 ) -> Iterator[tuple[DaemonPart, Stacks]]:
     """A daemon and two workers with two slots each, whose stacks lie in ``place``."""
     with ExitStack() as parts:
-        daemon = parts.enter_context(
-            daemon_at(folder / "state", 0, lease=3.0, grace=0.5, attempts=200)
-        )
+        daemon = parts.enter_context(daemon_at(folder / "state", 0, lease=3.0, attempts=200))
         options = [("--state", str(folder / f"worker-{i}")) for i in range(2)]
         workers = [
             parts.enter_context(worker_for(daemon, 2, *words, executor=executor))

@@ -30,7 +30,7 @@ def torn(
     """
     report = Report("torn writes: kills during commits, torn write-ahead logs")
     rng = random.Random(seed)
-    with daemon_at(folder / "state", 0, lease=2.0, grace=1.0, attempts=10_000) as daemon:
+    with daemon_at(folder / "state", 0, lease=2.0, attempts=10_000) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("torn", runs))
         crew = Crew(daemon.endpoint, daemon.state, CREW)

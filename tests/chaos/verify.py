@@ -22,6 +22,7 @@ def verify(report: Report, state: Path, runs: int, *, traces: bool = True) -> No
     with closing(sqlite3.connect(state / "ledger.db")) as db:
         _check_ledger(report, db)
         states = Counter(row[0] for row in db.execute("SELECT state FROM run"))
+        report.runs, report.lost = runs, states["lost"]
         report.expect(states == {"done": runs}, f"states of runs: {dict(states)}, wanted {runs}")
         results = db.execute("SELECT count(*), count(DISTINCT run) FROM result").fetchone()
         report.expect(results == (runs, runs), f"{results[0]} results of {results[1]} runs")

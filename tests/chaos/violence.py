@@ -104,7 +104,7 @@ class Yard:
 @contextmanager
 def yard(folder: Path, seed: int, *, isolated: bool) -> Iterator[Yard]:
     """The daemon and its workers for the block; nothing is left afterwards."""
-    settings: dict[str, float | str] = {"lease": 3.0, "grace": 0.5, "attempts": 200}
+    settings: dict[str, float | str] = {"lease": 3.0, "attempts": 200}
     with ExitStack() as stack:
         endpoint, cables = stack.enter_context(links(free_endpoint(), REMOTE, isolated=isolated))
         daemon = stack.enter_context(

@@ -79,7 +79,7 @@ def test_what_is_waited_for_is_one_line_that_can_be_sent(
     waited = [one for one in seen if one.waiting]
     assert [one.waiting for one in waited] == [
         "starting my-nav2: 3 of 8 nodes active",
-        "waiting for ??[31mplanner",
+        "waiting for \ufffd\ufffd[31mplanner",
         "x" * 120,
     ]
     assert {one.time for one in waited} == {0.0}

@@ -30,7 +30,7 @@ CORPUS: Final = Path(__file__).with_name("corpus")
 _UNREADABLE: Final = re.compile(r"is not UTF-8 text|is larger than|and \d+ more")
 """Messages about a file as a whole."""
 _STEERING: Final = re.compile(
-    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
 )
 
 

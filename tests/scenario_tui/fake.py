@@ -10,7 +10,9 @@ from dataclasses import dataclass, field, fields, replace
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.assessments import AssessmentRules, RepeatPolicy, RunRecord
 from daemon.model.messages import (
+    CampaignQuery,
     Count,
+    DeleteRequest,
     DownloadChunk,
     Empty,
     IdRequest,
@@ -36,6 +38,7 @@ from daemon.model.status import (
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
+    DeletedCampaign,
     DiskUsage,
     KeyDeliveries,
     LiveSnapshot,
@@ -253,6 +256,7 @@ class FakeDaemon(DaemonClient):
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
     empty: bool = False
+    away: bool = False
     declares: AssessmentRules = field(
         default_factory=lambda: AssessmentRules(RepeatPolicy(5, "all", 1.0, False, 5))
     )
@@ -296,8 +300,19 @@ class FakeDaemon(DaemonClient):
             campaign_row("nightly", OLD, NIGHTLY, NOW - 90_000.0),
         )
 
-    def _campaigns(self, _: Empty) -> tuple[CampaignRow, ...]:
-        return self._campaign_rows()
+    def _campaigns(self, query: CampaignQuery) -> tuple[CampaignRow, ...]:
+        found = [
+            row
+            for row in self._campaign_rows()
+            if query.id in ("", row.id)
+            and query.name in ("", row.name)
+            and row.id.startswith(query.beginning)
+            and not (query.unfinished and row.finished)
+        ]
+        return tuple(found[query.offset : query.offset + query.limit])
+
+    def _delete(self, request: DeleteRequest) -> tuple[DeletedCampaign, ...]:
+        return tuple(DeletedCampaign(name, 4, 3, 3 * 2**20) for name in request.campaigns)
 
     def _runs(self, query: RunQuery) -> RunPage:
         found = [
@@ -336,7 +351,9 @@ class FakeDaemon(DaemonClient):
     def _workers(self, _: Empty) -> tuple[WorkerRow, ...]:
         return (
             WorkerRow("bench-1", "bench", 4711, "0.1.0", 2, 1, NOW - 3600.0, self.now - 2.0),
-            WorkerRow("shed-1", "shed", 812, "0.1.0", 4, 0, NOW - 600.0, self.now - 1.0),
+            WorkerRow(
+                "shed-1", "shed", 812, "0.1.0", 4, 0, NOW - 600.0, self.now - 1.0, away=self.away
+            ),
         )
 
     def _disk(self, _: Empty) -> DiskUsage:

@@ -21,6 +21,7 @@ from daemon.model.execution import RunLimits
 from daemon.model.spec import RunResult
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.run import execute, warm_up
+from daemon.supervision.guardian import end_guarded, guard
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
@@ -123,7 +124,7 @@ def execute_candidates(
     """Execute runs at the same time, each in a forked process, and judge each by its oracles.
 
     A process that dies, is killed or takes too long leaves its run unresolved. Whatever is
-    raised here, Ctrl-C included, no process survives it.
+    raised here, Ctrl-C included, no process survives it, and none that a run has started.
     """
     # Forked from here and not from a worker's fork server: this process is warm already, has no
     # Zenoh session, and the candidate need not be written to a file and read again.
@@ -141,10 +142,8 @@ def execute_candidates(
             _await(processes, max(RunLimits().wall_of(c.spec.limit) for c in candidates))
         finally:
             for process in processes:
-                if process.is_alive():
-                    process.kill()
                 if process.pid is not None:
-                    process.join()
+                    end_guarded(process)
         return [_read_results(c, folder) for c, folder in zip(candidates, folders, strict=True)]
 
 
@@ -158,6 +157,7 @@ def _await(processes: Sequence[ForkProcess], seconds: float) -> None:
 def _run_candidate(
     candidate: Candidate, folder: Path, execute_run: Callable[..., RunResult]
 ) -> None:
+    guard(niceness=_NICENESS)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
     os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
     sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123

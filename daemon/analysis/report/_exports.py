@@ -6,6 +6,7 @@ Parquet takes the library of the extra ``report``.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
@@ -24,6 +25,10 @@ COLUMNS: Final = (
 """``kind`` is ``measure`` (of every run), ``oracle`` (``value`` is its signed margin, ``time`` and
 ``object`` its evidence), ``oracle-measure`` (an oracle without a limit) or, of no run,
 ``reference`` (what somebody else found; ``object`` says who) and ``reference-deviation``."""
+
+_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
+"""What makes spreadsheets take a cell for a formula, also after an import; as OWASP lists it."""
+_NUMBER: Final = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", re.ASCII)
 
 Row = tuple[str | int | float | None, ...]
 
@@ -78,11 +83,24 @@ def _verdict_rows(record: RunRecord) -> Iterator[Row]:
 
 
 def write_csv(data: ReportData, path: Path) -> None:
-    """Write the table as CSV (UTF-8, RFC 4180, numbers in full precision)."""
+    """Write the table as CSV (UTF-8, RFC 4180, numbers in full precision).
+
+    Texts that a spreadsheet would calculate get an apostrophe in front.
+    """
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
-        writer.writerows(table_rows(data))
+        writer.writerows(map(_plain_cells, table_rows(data)))
+
+
+def _plain_cells(row: Row) -> Row:
+    return tuple(_plain_cell(cell) if isinstance(cell, str) else cell for cell in row)
+
+
+def _plain_cell(text: str) -> str:
+    """Return text that spreadsheets show and do not calculate (CWE-1236)."""
+    calculated = text.startswith(_FORMULA) and not _NUMBER.fullmatch(text)
+    return f"'{text}" if calculated else text
 
 
 def write_parquet(data: ReportData, path: Path) -> None:

@@ -24,30 +24,63 @@ if TYPE_CHECKING:
         stored_bytes,
         sweep_traces,
     )
+    from daemon.batch.ledger._staging import stage_submission
+    from daemon.batch.ledger._steps import Steps
+    from daemon.batch.ledger._strays import StrayFile, find_strays, remove_strays
+    from daemon.batch.ledger._verification import (
+        ContentReport,
+        VerificationProgress,
+        verify_contents,
+    )
+    from daemon.batch.ledger._wal import WalState, damaged_copies, read_wal, set_damaged_aside
     from daemon.batch.ledger._writer import LedgerWriter
 
 __all__ = [
     "SCHEMA_VERSION",
+    "ContentReport",
     "LedgerIntegrity",
     "LedgerReader",
     "LedgerWriter",
     "RetentionPolicy",
+    "Steps",
+    "StrayFile",
     "SweepResult",
+    "VerificationProgress",
+    "WalState",
     "check_integrity",
     "connect",
     "count_states",
+    "damaged_copies",
+    "find_strays",
+    "read_wal",
+    "remove_strays",
+    "set_damaged_aside",
+    "stage_submission",
     "stored_bytes",
     "sweep_traces",
+    "verify_contents",
 ]
 
 _MODULES: Final = {
     "SCHEMA_VERSION": "_connection",
+    "ContentReport": "_verification",
     "LedgerIntegrity": "_connection",
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
+    "Steps": "_steps",
+    "StrayFile": "_strays",
+    "VerificationProgress": "_verification",
+    "WalState": "_wal",
+    "stage_submission": "_staging",
     "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",
+    "damaged_copies": "_wal",
+    "find_strays": "_strays",
+    "read_wal": "_wal",
+    "remove_strays": "_strays",
+    "set_damaged_aside": "_wal",
+    "verify_contents": "_verification",
 }
 
 

@@ -4,22 +4,37 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from typing import Final
 
 from daemon.batch.errors import Refused
+from daemon.batch.ledger._granted import (
+    leases_of_worker,
+    may_use_lease,
+    record_lease,
+    require_lease,
+)
 from daemon.batch.ledger._results import (
     SpecReader,
     check_result,
     queue_reserve,
     read_trace_location,
-    reuse_results,
+    reuse_in_steps,
     store_result,
+)
+from daemon.batch.ledger._steps import finish
+from daemon.batch.ledger._waiting import (
+    end_waits,
+    end_waits_for,
+    note_attempt,
+    postpone,
+    shift_waits,
 )
 from daemon.batch.ledger.transitions import (
     Completed,
     ExecutionState,
+    Lapsed,
     Leased,
     Released,
     Renewed,
@@ -28,6 +43,7 @@ from daemon.batch.ledger.transitions import (
     advance,
 )
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
+from daemon.model.spec import RunSpec
 from daemon.model.status import NONDETERMINISTIC, ChangeEvent, RunState
 
 _FIELDS: Final = tuple(field.name for field in fields(ExecutionState))
@@ -75,6 +91,7 @@ class RunUpdates:
         if after != before:
             values = (getattr(after, name) for name in _FIELDS)
             self._db.execute(_WRITE_STATE, (*values, run))
+        note_attempt(self._db, run, event, change, now)
         if after.state is not before.state and not quiet:
             campaign = self._campaign_of(run)
             self.record_event(now, "run", run, campaign, after.state, after.reason)
@@ -94,12 +111,16 @@ class RunUpdates:
             if not queue_reserve(self._db, campaign):
                 self._close(campaign, now)
                 return
-            reuse_results(self._db, campaign)
+            finish(reuse_in_steps(self._db, campaign, self._total(campaign)))
             self.record_event(now, "campaign", campaign, campaign, "extended")
 
     def _close(self, campaign: str, now: float) -> None:
         self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
         self.record_event(now, "campaign", campaign, campaign, "finished")
+
+    def _total(self, campaign: str) -> int:
+        row = self._db.execute("SELECT total FROM campaign WHERE id = ?", (campaign,)).fetchone()
+        return int(row[0])
 
     def _unfinished_runs(self, campaign: str) -> int:
         found = self._db.execute(
@@ -128,27 +149,41 @@ class RunUpdates:
 # The first run of the campaign whose turn it is. ``served`` is the token of a campaign's latest
 # lease and tokens only grow: who was served longest ago goes first, which is round robin without
 # a list of turns. A worker that lacks systems under test must not get stuck at a campaign that has
-# nothing else for it: what it is able to run is asked for in both places.
+# nothing else for it: what it is able to run is asked for in both places. Ready runs have
+# ``not_before`` 0: those that wait are not in the index, however many they are.
 _NEXT_RUN: Final = (
     "SELECT run.id, run.campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
-    " WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign AS c"
-    " WHERE finished_at IS NULL AND paused = 0 AND EXISTS"
-    " (SELECT 1 FROM run WHERE run.campaign = c.id AND state = 'queued'{able})"
+    " WHERE state = 'queued' AND not_before = 0{able} AND run.campaign = (SELECT id FROM campaign"
+    " AS c WHERE finished_at IS NULL AND paused = 0 AND visible"
+    " AND id NOT IN (SELECT value FROM json_each(?2)) AND EXISTS (SELECT 1 FROM run"
+    " WHERE run.campaign = c.id AND state = 'queued' AND not_before = 0{able})"
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
 )
 _ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
 _LONGEST_REASON: Final = 4000
+_LONGEST_SEARCH: Final = 256
+"""Runs that one request for work may find to lack something; the next one goes on."""
+_LOOK_AGAIN: Final = 60.0
+"""Seconds until it is looked again whether what a run lacks is there; whoever brings it says so."""
 
 
 class LeaseUpdates(RunUpdates):
-    """What workers may do with runs; a lease lasts ``lease`` seconds."""
+    """What workers may do with runs; a lease lasts ``lease`` seconds.
+
+    ``holder`` is everywhere the name of the key that whoever asks has, empty for the daemon's
+    owner. A lease is used under the name it was granted to; which worker of that name it is does
+    not matter, since the next worker of a machine takes over what a dead one has left.
+    """
 
     def __init__(
         self, connection: sqlite3.Connection, *, attempts: int = 3, lease: float = 30.0
     ) -> None:
         super().__init__(connection, attempts)
         self._lease = lease
+        self._held: set[str] = set()
         self._specs = SpecReader(connection)
+        # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
+        self._contested: set[str] = set()
 
     def lease(
         self,
@@ -159,29 +194,37 @@ class LeaseUpdates(RunUpdates):
         store: str = "",
         lacks: Sequence[str] = (),
         holder: str = "",
+        missing: Callable[[RunSpec], str] = lambda _: "",
     ) -> tuple[Lease, ...]:
         """Give up to ``count`` queued runs to ``worker``, whose traces belong into ``store``.
 
         Campaigns of the highest priority take turns, run by run; paused ones are passed over.
         Within a campaign the first submitted run goes first. Runs of systems under test whose
-        kind the worker ``lacks`` wait for another one.
+        kind the worker ``lacks`` wait for another one. What ``missing`` says that a run lacks here
+        (its scene, say) it waits for, with that as its reason.
         """
+        end_waits(self._db, now)
         leases: list[Lease] = []
+        searched = 0
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
+        values = (json.dumps(lacks), json.dumps(sorted(self._held)))
         while len(leases) < count:
-            row = self._db.execute(query, (json.dumps(lacks),) if lacks else ()).fetchone()
+            row = self._db.execute(query, values).fetchone()
             if row is None:
                 break
             run, campaign, trace, body = row
+            spec = self._specs.read(body)
+            if why := missing(spec):
+                postpone(self._db, run, why, now + _LOOK_AGAIN)
+                searched += 1
+                if searched == _LONGEST_SEARCH:
+                    break
+                continue
             token = self._next_token()
             change = self._apply(run, Leased(worker, token, now + self._lease), now)
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
-            self._db.execute("UPDATE run SET granted = ? WHERE id = ?", (token, run))
-            attempt, spec = change.run.attempt, self._specs.read(body)
-            self._db.execute(
-                "INSERT INTO lease VALUES (?, ?, ?, ?, ?, ?)",
-                (token, run, attempt, worker, holder, now),
-            )
+            attempt = change.run.attempt
+            record_lease(self._db, token, run, attempt, worker, holder, now)
             leases.append(Lease(run, campaign, attempt, token, trace, spec, store))
         return tuple(leases)
 
@@ -195,44 +238,46 @@ class LeaseUpdates(RunUpdates):
     def renew(
         self, worker: str, holds: Iterable[LeaseRef], now: float, *, holder: str = ""
     ) -> tuple[LeaseRef, ...]:
-        """Extend the leases a worker holds and return those that are not its own any more.
+        """Extend the leases a worker holds and return those whose runs it is to stop.
 
-        Runs leased to the worker that it does not claim were granted in an answer it never got:
-        they are queued again without blame.
+        A lease that has lapsed is the worker's again while its run waits; if another one has the
+        run by now, both go on. Runs leased to the worker that it does not claim were granted in an
+        answer it never got: they are queued again without blame.
         """
         claimed = tuple(holds)
-        gone = tuple(h for h in claimed if not self._renew_lease(h, now))
+        gone = tuple(h for h in claimed if not self._renew_lease(worker, h, now, holder))
         tokens = {hold.token for hold in claimed}
-        for run, token in self._leases_of(worker):
+        for run, token in leases_of_worker(self._db, worker, holder):
             if token not in tokens:
                 self._apply(run, Released(token, "", blame=False), now)
         return gone
 
-    def _renew_lease(self, hold: LeaseRef, now: float) -> bool:
-        state = self._execution_state(hold.run)
-        if state is None:
+    def _renew_lease(self, worker: str, hold: LeaseRef, now: float, holder: str) -> bool:
+        if not may_use_lease(self._db, hold.run, hold.token, holder):
             return False
-        change = self._apply(hold.run, Renewed(hold.token, now + self._lease), now, state)
-        return change.answer is LedgerAnswer.DONE
+        change = self._apply(hold.run, Renewed(worker, hold.token, now + self._lease), now)
+        held = change.answer is LedgerAnswer.DONE
+        if held and change.run.token not in (0, hold.token):
+            self._contested.add(hold.run)
+        return held
 
-    def _leases_of(self, worker: str) -> list[tuple[str, int]]:
-        return self._db.execute(
-            "SELECT id, token FROM run WHERE state = 'running' AND worker = ?", (worker,)
-        ).fetchall()
-
-    def check_completion(self, completion: Completion) -> str:
+    def check_completion(self, completion: Completion, *, holder: str = "") -> str:
         """Refuse what is no result of a run of ours; returns the run's campaign."""
+        require_lease(self._db, completion.run, completion.token, holder)
         return check_result(self._db, completion)
 
     def complete(self, completion: Completion, now: float, *, holder: str = "") -> LedgerAnswer:
-        """Record a result, exactly one per run, whoever brings it and however late."""
-        campaign = self.check_completion(completion)
+        """Record a result, exactly one per run, whichever lease it comes under and however late."""
+        campaign = self.check_completion(completion, holder=holder)
         digest = completion.result.digest
-        event, before = Completed(completion.token, digest), self._execution_state(completion.run)
+        event = Completed(completion.token, digest, completion.worker)
+        before = self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
             store_result(self._db, completion, digest, now, holder)
         change = self._apply(completion.run, event, now, before)
+        if before is not None and change.run.state is RunState.DONE:
+            self._stop_others(completion, before, campaign, now)
         if change.record and change.run.repeatable:
             self._check_determinism(completion, digest, campaign, now)
         if change.answer is LedgerAnswer.DIFFERS:
@@ -240,6 +285,16 @@ class LeaseUpdates(RunUpdates):
             self._doubt(completion.run)
             self.record_event(now, "alarm", completion.run, campaign, NONDETERMINISTIC, reason)
         return change.answer
+
+    def _stop_others(
+        self, completion: Completion, before: ExecutionState, campaign: str, now: float
+    ) -> None:
+        """Say that whoever else is at a run may stop: they find out at their next renewal."""
+        run, contested = completion.run, completion.run in self._contested
+        self._contested.discard(run)
+        if contested or before.token not in (0, completion.token):
+            note = f"attempt {completion.attempt} was first"
+            self.record_event(now, "lease", run, campaign, "superseded", note)
 
     def _check_determinism(
         self, completion: Completion, digest: str, campaign: str, now: float
@@ -262,10 +317,10 @@ class LeaseUpdates(RunUpdates):
         """Let no result of these runs' specification be used again: it came out differently."""
         self._db.executemany("UPDATE run SET doubted = 1 WHERE id = ?", ((run,) for run in runs))
 
-    def awaits_result(self, run: str) -> bool:
-        """Whether a result of the run would be recorded now, its first."""
+    def awaits_result(self, run: str, token: int) -> bool:
+        """Whether a result under that lease would be recorded now, the run's first."""
         state = self._execution_state(run)
-        return state is not None and not state.result and state.state is not RunState.CANCELLED
+        return state is not None and advance(state, Completed(token, "new"), attempts=1).record
 
     def add_store(self, url: str) -> None:
         """Remember a store: completions may say that a trace lies there, also much later."""
@@ -281,26 +336,23 @@ class LeaseUpdates(RunUpdates):
 
     def release(self, release: ReleaseRequest, now: float, *, holder: str = "") -> LedgerAnswer:
         """Take a run back without a result."""
-        if self._execution_state(release.run) is None:
-            raise Refused(f"there is no run {release.run}")
+        require_lease(self._db, release.run, release.token, holder)
         event = Released(release.token, release.reason[-_LONGEST_REASON:], release.blame)
         return self._apply(release.run, event, now).answer
 
     def expire_leases(self, now: float) -> int:
-        """Take back every run whose lease is over; returns how many."""
+        """Queue every run again whose lease has lapsed, or give it up; returns how many."""
         rows = self._db.execute(
             "SELECT id, token FROM run WHERE state = 'running' AND lease_until < ?", (now,)
         ).fetchall()
         for run, token in rows:
-            self._apply(run, Released(token, "the worker fell silent", blame=True), now)
+            self._apply(run, Lapsed(token), now)
         return len(rows)
 
-    def release_worker(self, worker: str, now: float) -> int:
-        """Take back every run of a worker that is gone; returns how many."""
-        leases = self._leases_of(worker)
-        for run, token in leases:
-            self._apply(run, Released(token, "the worker is gone", blame=True), now)
-        return len(leases)
+    def busy_workers(self) -> frozenset[str]:
+        """The ids of workers that have leases now."""
+        rows = self._db.execute("SELECT DISTINCT worker FROM run WHERE state = 'running'")
+        return frozenset(row[0] for row in rows)
 
     def extend_leases(self, now: float) -> int:
         """Let all leases last one period, for a daemon that starts: it was away, not they.
@@ -317,3 +369,12 @@ class LeaseUpdates(RunUpdates):
         self._db.execute(
             "UPDATE run SET lease_until = lease_until + ? WHERE state = 'running'", (seconds,)
         )
+        shift_waits(self._db, seconds)
+
+    def end_waits(self, now: float) -> int:
+        """Make ready the runs that have waited long enough; returns how many."""
+        return end_waits(self._db, now)
+
+    def end_waits_for(self, reason: str) -> int:
+        """Make ready the runs that wait for this reason; returns how many."""
+        return end_waits_for(self._db, reason)

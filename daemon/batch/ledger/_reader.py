@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sqlite3
 from collections import Counter
@@ -11,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.batch.ledger._connection import connect_reader
+from daemon.batch.ledger._connection import UNREADABLE, connect_reader
+from daemon.batch.ledger._granted import require_lease
 from daemon.batch.ledger._keys import read_deliveries
 from daemon.batch.ledger._results import (
     SpecReader,
@@ -23,7 +25,7 @@ from daemon.batch.ledger._results import (
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
 from daemon.model.assessments import AssessmentRules, RunRecord
-from daemon.model.messages import RecordQuery, RunQuery
+from daemon.model.messages import CampaignQuery, RecordQuery, RunQuery
 from daemon.model.spec import RunResult
 from daemon.model.status import (
     CampaignRow,
@@ -61,7 +63,7 @@ _SORTABLE: Final = {
 _ROW: Final = (
     'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
-    " trace_at, repeatable"
+    " trace_at, repeatable, not_before, setbacks"
 )
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
@@ -79,11 +81,16 @@ _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
 
 
+_ALL_CAMPAIGNS: Final = CampaignQuery(limit=2**53)
+_AFTER_ANY_TEXT: Final = "\U0010ffff"
+"""Behind every text that begins with what stands before it."""
+
+
 @dataclass(frozen=True, slots=True)
 class ExpectedUpload:
     """An upload the ledger has nothing against: the name of the trace, whether it is ``wanted``.
 
-    It is not when the run has ended already: only the acknowledgement got lost.
+    It is not when its result will not be recorded: the run has one, or nobody wants it any more.
     """
 
     name: str
@@ -110,7 +117,7 @@ class LedgerReader:
         try:
             with closing(connect_reader(paths.ledger)) as connection:
                 yield cls(connection, paths)
-        except sqlite3.DatabaseError as error:
+        except UNREADABLE as error:
             raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
 
     @contextmanager
@@ -122,17 +129,26 @@ class LedgerReader:
         finally:
             self._db.execute("COMMIT")
 
-    def campaigns(self) -> tuple[CampaignRow, ...]:
-        """All campaigns, the newest first."""
-        counts: dict[str, Counter[str]] = {}
-        for campaign, state, outcome, runs in self._db.execute("SELECT * FROM tally"):
-            counts.setdefault(campaign, Counter())
-            _count(counts[campaign], state, outcome, runs)
+    def campaigns(self, query: CampaignQuery = _ALL_CAMPAIGNS) -> tuple[CampaignRow, ...]:
+        """A page of campaigns, the newest first."""
+        where, values = _campaign_filter(query)
         rows = self._db.execute(
             "SELECT id, name, about, submitted_at, finished_at, total, cached, paused, priority"
-            " FROM campaign ORDER BY serial DESC"
+            f" FROM campaign {where} ORDER BY serial DESC LIMIT ? OFFSET ?",
+            (*values, query.limit, query.offset),
+        ).fetchall()
+        counts: dict[str, Counter[str]] = {row[0]: Counter() for row in rows}
+        tallied = self._db.execute(
+            "SELECT * FROM tally WHERE campaign IN (SELECT value FROM json_each(?))",
+            (json.dumps(list(counts)),),
         )
-        return tuple(_campaign_row(row, counts.get(row[0], Counter())) for row in rows)
+        for campaign, state, outcome, runs in tallied:
+            _count(counts[campaign], state, outcome, runs)
+        return tuple(_campaign_row(row, counts[row[0]]) for row in rows)
+
+    def campaign_page(self, **fields: Any) -> tuple[CampaignRow, ...]:
+        """A page of campaigns by the fields of a :class:`CampaignQuery`, as clients ask."""
+        return self.campaigns(CampaignQuery(**fields))
 
     def counts(self) -> tuple[int, Counter[str]]:
         """Number of campaigns, and of runs by state and by ``outcome <word>``, over all of them."""
@@ -272,18 +288,16 @@ class LedgerReader:
         return read_deliveries(self._db, key)
 
     def expected_upload(self, run: str, token: int, *, holder: str = "") -> ExpectedUpload:
-        """Return what the ledger has to say to an upload under a lease.
+        """Return what the ledger has to say to an upload under a lease, also one that is over.
 
-        Refuses when it is not the latest lease of the run, which nobody else has taken since.
+        Refuses one that ``holder``, the name of the sender's key, never got of the run.
         """
-        row = self._db.execute(
-            "SELECT state, granted, result, trace_name FROM run WHERE id = ?", (run,)
+        require_lease(self._db, run, token, holder)
+        state, outdated, trace = self._db.execute(
+            "SELECT state, outdated, trace_name FROM run WHERE id = ?", (run,)
         ).fetchone()
-        if row is None:
-            raise Refused(f"there is no run {run}")
-        if row[1] != token or row[0] == RunState.CANCELLED:
-            raise Refused(f"the lease {token} of {run} is stale: its trace is not wanted")
-        return ExpectedUpload(str(row[3]), wanted=row[0] != RunState.DONE)
+        wanted = state not in (RunState.DONE, RunState.CANCELLED) and token > outdated
+        return ExpectedUpload(str(trace), wanted=wanted)
 
     def _run_row(self, row: sqlite3.Row) -> RunRow:
         values = dict(row)
@@ -316,6 +330,21 @@ def count_states(counts: Counter[str]) -> dict[str, int]:
 def _campaign_row(row: sqlite3.Row, counts: Counter[str]) -> CampaignRow:
     values: dict[str, Any] = dict(row) | {"paused": bool(row["paused"])} | count_states(counts)
     return CampaignRow(**values)
+
+
+def _campaign_filter(query: CampaignQuery) -> tuple[str, list[Any]]:
+    conditions: list[str] = ["finished_at IS NULL"] if query.unfinished else []
+    values: list[Any] = []
+    for column in ("id", "name"):
+        wanted = getattr(query, column)
+        if wanted:
+            conditions.append(f"{column} = ?")
+            values.append(wanted)
+    if query.beginning:
+        # By comparison, not LIKE: only that uses the index on ids.
+        conditions.append("id >= ? AND id < ?")
+        values += [query.beginning, query.beginning + _AFTER_ANY_TEXT]
+    return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
 
 
 def _order(query: RunQuery) -> str:

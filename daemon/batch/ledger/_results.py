@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sqlite3
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from daemon.batch.errors import Refused
+from daemon.batch.ledger._staging import count_queued
+from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import trace_url
 from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_digest, trace_name
 from daemon.model.messages import Completion
-from daemon.model.packed_submission import Interner, Script
+from daemon.model.packed_submission import Script
 from daemon.model.spec import RunResult, RunSpec
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text import codec
@@ -24,8 +25,6 @@ from grammars.text import codec
 T = TypeVar("T")
 
 _MOST_CACHED: Final = 1024
-_NAME: Final = 32
-"""Hexadecimal digits of SHA-256 that name a part: 128 bits, and half the bytes in every body."""
 
 _COLUMNS: Final = (
     "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
@@ -57,31 +56,6 @@ class SpecReader:
             row = self._db.execute("SELECT body FROM part WHERE name = ?", (name,)).fetchone()
             cache[name] = read(row[0])
         return cache[name]
-
-
-class SpecWriter:
-    """Makes bodies of runs that are entered together."""
-
-    def __init__(self, db: sqlite3.Connection) -> None:
-        self._db = db
-        self._interner = Interner()
-        self._cells: list[bytes] = []
-        self._scripts: list[bytes] = []
-
-    def body(self, run: RunSpec) -> bytes:
-        """Enter what is new of a run, and return its body."""
-        packed = self._interner.pack(run)
-        self._enter_new(self._cells, self._interner.cells, RunSpec)
-        self._enter_new(self._scripts, self._interner.scripts, Script)
-        names = (self._cells[packed.cell], self._scripts[packed.script])
-        return b'["%s","%s",%d,%d]' % (*names, packed.repeat, packed.seed)
-
-    def _enter_new(self, names: list[bytes], parts: list[Any], kind: Any) -> None:
-        for part in parts[len(names) :]:
-            text = codec.to_json(part, kind)
-            name = hashlib.sha256(text).hexdigest()[:_NAME]
-            self._db.execute("INSERT OR IGNORE INTO part VALUES (?, ?)", (name, text))
-            names.append(name.encode())
 
 
 def _read_script(text: bytes) -> Script:
@@ -178,12 +152,13 @@ _INSERT_RUN: Final = (
 )
 # Only of systems that repeat themselves: a result of another one is one of many it might give.
 # Of several results the latest one. The old run must be at rest: while it is executed again, its
-# result may yet turn out to be in doubt. And none of a specification that ever came out
-# differently, nor any that a key brought whose results are being voided.
+# result may yet turn out to be in doubt.
 _FIND_RESULTS: Final = (
     "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
     " ON old.digest = new.digest AND old.result <> ''"
-    " WHERE new.campaign = ? AND new.state = 'queued' AND new.result = ''"
+    " WHERE new.campaign = ? AND new.position >= ? AND new.position < ?"
+    " AND new.state = 'queued' AND new.result = ''"
+    " AND old.campaign NOT IN (SELECT id FROM campaign WHERE visible = 0)"
     " AND new.repeatable AND old.state = 'done' AND old.outcome <> 'error'"
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = new.digest"
     " AND alarm.doubted = 1)"
@@ -206,16 +181,11 @@ _COPY_RESULT: Final = (
 
 def check_result(db: sqlite3.Connection, completion: Completion) -> str:
     """Refuse what is no result of a run of ours; returns the run's campaign."""
-    # Runs leased by schema 3 or before have no token of their own: any given so far will do.
     known = db.execute(
-        "SELECT digest, campaign, CASE granted WHEN 0 THEN"
-        " (SELECT value FROM meta WHERE key = 'token') ELSE granted END FROM run WHERE id = ?",
-        (completion.run,),
+        "SELECT digest, campaign FROM run WHERE id = ?", (completion.run,)
     ).fetchone()
     if known is None:
         raise Refused(f"there is no run {completion.run}")
-    if not 0 < completion.token <= known[2]:
-        raise Refused(f"run {completion.run} was never leased under token {completion.token}")
     if known[0] != completion.result.spec:
         raise Refused(f"the result is not of run {completion.run}: its specification differs")
     if not is_digest(completion.result.trace.sha256):
@@ -305,60 +275,37 @@ def deciding_verdict(result: RunResult) -> Verdict | None:
     return min(measured, key=lambda v: v.margin or 0.0, default=judged[0] if judged else None)
 
 
-def insert_runs(
-    db: sqlite3.Connection,
-    campaign: str,
-    runs: Sequence[RunSpec],
-    digests: Sequence[str],
-    first: int = 0,
-) -> None:
-    """Enter runs of a campaign and their digests as queued, at positions from ``first``."""
-    specs, placed = SpecWriter(db), list(enumerate(runs, start=first))
-    rows = zip(placed, digests, strict=True)
-    db.executemany(
-        _INSERT_RUN,
-        (_run_row(campaign, position, run, digest) for (position, run), digest in rows),
-    )
-    db.executemany(
-        "INSERT INTO spec (run, body) VALUES (?, ?)",
-        ((f"{campaign}.{position}", specs.body(run)) for position, run in placed),
-    )
-
-
-def _run_row(campaign: str, position: int, run: RunSpec, digest: str) -> tuple[object, ...]:
+def _insert_run(db: sqlite3.Connection, campaign: str, position: int, body: bytes) -> None:
+    """Enter a run of a campaign as queued, by the body of its specification."""
+    run, name = SpecReader(db).read(body), f"{campaign}.{position}"
     sut = run.sut.name
     trace = trace_name(campaign, run.scenario, sut, run.repeat)
-    name = f"{campaign}.{position}"
-    known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, digest)
-    return (*known, trace, str(run.seed), run.sut.kind, run.sut.repeatable)
+    known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, run.digest)
+    values = (*known, trace, str(run.seed), run.sut.kind, run.sut.repeatable)
+    db.execute(_INSERT_RUN, values)
+    db.execute("INSERT INTO spec (run, body) VALUES (?, ?)", (name, body))
 
 
-def store_reserve(db: sqlite3.Connection, campaign: str, reserve: Iterable[RunSpec]) -> None:
-    """Put repeats aside that may be needed later."""
-    specs = SpecWriter(db)
-    db.executemany(
-        "INSERT INTO reserve (campaign, position, scenario, sut, repeat, body)"
-        " VALUES (?, ?, ?, ?, ?, ?)",
-        (
-            (campaign, i, run.scenario, run.sut.name, run.repeat, specs.body(run))
-            for i, run in enumerate(reserve)
-        ),
-    )
-
-
-def reuse_results(db: sqlite3.Connection, campaign: str) -> int:
+def reuse_in_steps(db: sqlite3.Connection, campaign: str, runs: int) -> Steps[int]:
     """Give queued runs of a campaign the results their specifications have; returns how many.
 
-    Does nothing for a campaign that was submitted to run everything anew, nor for runs of systems
-    that are not repeatable.
+    ``runs`` is how many it has. Does nothing for a campaign that was submitted to run everything
+    anew, nor for runs of systems that are not repeatable.
     """
     fresh = db.execute("SELECT fresh FROM campaign WHERE id = ?", (campaign,)).fetchone()[0]
-    found = [] if fresh else db.execute(_FIND_RESULTS, (campaign,)).fetchall()
-    for run, source in found:
-        db.execute(_TAKE_RESULT, (source, run))
-        db.execute(_COPY_RESULT, (run, source))
-    db.execute("UPDATE campaign SET cached = cached + ? WHERE id = ?", (len(found), campaign))
-    return len(found)
+    count = 0
+    for start in range(0, 0 if fresh else runs, STEP_ROWS):
+        found = db.execute(_FIND_RESULTS, (campaign, start, start + STEP_ROWS)).fetchall()
+        for run, source in found:
+            db.execute(_TAKE_RESULT, (source, run))
+            db.execute(_COPY_RESULT, (run, source))
+        if found:
+            db.execute(
+                "UPDATE campaign SET cached = cached + ? WHERE id = ?", (len(found), campaign)
+            )
+        count += len(found)
+        yield
+    return count
 
 
 def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
@@ -381,12 +328,12 @@ def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
             (campaign, scenario, sut, upto),
         ).fetchall()
     if chosen:
-        specs = SpecReader(db)
-        runs = [specs.read(body) for _, body in chosen]
-        insert_runs(db, campaign, runs, [run.digest for run in runs], first=len(records))
+        for position, (_, body) in enumerate(chosen, start=len(records)):
+            _insert_run(db, campaign, position, body)
+        count_queued(db, campaign, len(chosen))
         gone = ((campaign, position) for position, _ in chosen)
         db.executemany("DELETE FROM reserve WHERE campaign = ? AND position = ?", gone)
-        db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (len(runs), campaign))
+        db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (len(chosen), campaign))
     return len(chosen)
 
 

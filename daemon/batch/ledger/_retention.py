@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.ledger._connection import SCHEMA_VERSION, schema_version
+from daemon.batch.ledger._connection import SCHEMA_VERSION, UNREADABLE, schema_version
 from daemon.batch.paths import StatePaths
 
 # Traces removed while the daemon's writer waits: some milliseconds.
@@ -26,7 +26,7 @@ _UNFINISHED: Final = (
     " SELECT campaign FROM tally WHERE state IN ('queued', 'running') AND runs > 0"
 )
 _FINISHED: Final = (
-    f"SELECT id, finished_at FROM campaign WHERE id NOT IN ({_UNFINISHED})"
+    f"SELECT id, finished_at FROM campaign WHERE visible AND id NOT IN ({_UNFINISHED})"
     " ORDER BY finished_at, serial"
 )
 _USED: Final = (
@@ -117,7 +117,7 @@ def _ledger(paths: StatePaths) -> Iterator[sqlite3.Connection]:
                     "start the daemon once, it brings older ones up to date"
                 )
             yield db
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise DaemonError(f"{paths.ledger} cannot be used: {error}") from error
 
 

@@ -26,6 +26,8 @@ CREATE TABLE campaign (
 
 -- Whose turn it is: campaigns of one priority take turns.
 CREATE INDEX campaign_turn ON campaign (priority DESC, served, serial) WHERE finished_at IS NULL;
+CREATE INDEX campaign_name ON campaign (name, serial);
+CREATE INDEX campaign_hidden ON campaign (id) WHERE visible = 0;
 
 -- One row per run, kept small: lists read nothing else. Empty text means "none yet".
 CREATE TABLE run (
@@ -63,15 +65,21 @@ CREATE TABLE run (
     not_before  REAL NOT NULL DEFAULT 0,     -- not leased before: it waits after a failed attempt
     setbacks    INTEGER NOT NULL DEFAULT 0,  -- attempts in a row without a result, blamed or not
     doubted     INTEGER NOT NULL DEFAULT 0,  -- 1: its specification once came out differently
+    outdated    INTEGER NOT NULL DEFAULT 0,  -- leases up to this token are of before a retry
+    lapses      INTEGER NOT NULL DEFAULT 0,  -- leases in a row that nobody renewed in time
     UNIQUE (campaign, position),
     UNIQUE (trace_name)
 ) STRICT;
 
 CREATE INDEX run_queue ON run (state, serial);
-CREATE INDEX run_waiting ON run (campaign, serial) WHERE state = 'queued';
+-- Ready to be leased; and those that wait after a failed attempt, for whoever ends their wait.
+CREATE INDEX run_ready ON run (campaign, serial) WHERE state = 'queued' AND not_before = 0;
+CREATE INDEX run_delayed ON run (not_before) WHERE state = 'queued' AND not_before > 0;
 CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 -- The first lets a new run find an old result of the same specification.
 CREATE INDEX run_result ON run (digest) WHERE result <> '';
+-- Who took the result of a run, when that is to be removed.
+CREATE INDEX run_cached ON run (cached) WHERE cached <> '';
 CREATE INDEX run_doubted ON run (digest) WHERE doubted = 1;
 CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
 
@@ -144,7 +152,8 @@ CREATE TABLE event (
     note     TEXT NOT NULL DEFAULT ''
 ) STRICT;
 
--- How many runs stand how, kept by triggers so that counting never reads the runs.
+-- How many runs stand how, so that counting never reads them: who enters runs counts them, many
+-- at a time, and a trigger counts them anew when they change.
 CREATE TABLE tally (
     campaign TEXT NOT NULL,
     state    TEXT NOT NULL,
@@ -152,11 +161,6 @@ CREATE TABLE tally (
     runs     INTEGER NOT NULL,
     PRIMARY KEY (campaign, state, outcome)
 ) STRICT, WITHOUT ROWID;
-
-CREATE TRIGGER run_counted AFTER INSERT ON run BEGIN
-    INSERT INTO tally VALUES (new.campaign, new.state, new.outcome, 1)
-        ON CONFLICT DO UPDATE SET runs = runs + 1;
-END;
 
 CREATE TRIGGER run_recounted AFTER UPDATE OF state, outcome ON run
 WHEN old.state <> new.state OR old.outcome <> new.outcome BEGIN

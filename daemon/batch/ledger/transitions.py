@@ -1,32 +1,55 @@
 """The life of a run as a pure function: an event in, the new record and an answer out.
 
-    queued ──lease──▶ running ──complete──▶ done
-       ▲                │
-       └─release/expire─┘   after ``attempts`` strikes ──▶ lost
+    queued ──lease, renew──▶ running ──complete──▶ done
+       ▲                       │
+       └────release, lapse─────┘   after ``attempts`` strikes, or MOST_LAPSES in a row ──▶ lost
     queued, running ──cancel──▶ cancelled          lost, cancelled, done ──retry──▶ queued
                                                    done ──void──▶ queued
+    queued, running, lost ──complete, under whatever lease──▶ done
+
+A lease belongs to the work that is done under it, not to a connection. One that is not renewed in
+time lapses: the run is queued for others, and nobody is to blame. Who held it may still be at work,
+cut off, and comes back with a renewal: if the run still waits it goes on under its old lease; if
+another has it by then, both go on. A strike is what the worker itself reports: the process of the
+run died or hung.
 
 Execution is at least once, the result is exactly one: the first one wins, also a late one from
-a lease that expired. Runs are deterministic, so a second result that differs raises an alarm; for
+a lease that lapsed. Runs are deterministic, so a second result that differs raises an alarm; for
 systems under test that are not repeatable it is as good as the first one, and not needed.
+
+Whoever retries a run that is done wants another execution than those under way or on their way:
+leases granted before are outdated. They hold nothing and settle nothing, and where the old result
+was forgotten, so that the next one takes its place, theirs does not. Retried runs that were lost or
+cancelled had no result: theirs are as good as any.
+
+Tokens are taken for what they are said to be: whoever calls has looked up that they were granted.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from daemon.model.messages import LedgerAnswer
 from daemon.model.status import NONDETERMINISTIC, RunState
+
+MOST_LAPSES: Final = 20
+"""Leases of one run that lapse one after the other before it is taken for the cause.
+
+A run that brings down its machine never gets a strike: nobody is left to report it. Cables that are
+pulled twenty times, each time before a worker came back, are less likely.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ExecutionState:
     """What the ledger knows about a run's execution.
 
-    ``attempt`` counts leases, ``strikes`` those that ended badly. ``result`` is the digest of
-    the recorded result, empty while there is none. ``repeatable`` never changes: whether the same
-    run gives the same result again.
+    ``attempt`` counts leases, ``strikes`` those that ended badly, ``lapses`` those that lapsed in a
+    row. ``token`` is that of the lease it is running under, ``granted`` that of the latest one,
+    also when that is over; those up to ``outdated`` are of before a retry. ``result`` is the digest
+    of the recorded result, empty while there is none. ``repeatable`` never changes: whether the
+    same run gives the same result again.
     """
 
     state: RunState = RunState.QUEUED
@@ -38,6 +61,9 @@ class ExecutionState:
     result: str = ""
     reason: str = ""
     repeatable: bool = True
+    granted: int = 0
+    outdated: int = 0
+    lapses: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,18 +77,20 @@ class Leased:
 
 @dataclass(frozen=True, slots=True)
 class Renewed:
-    """The worker that holds ``token`` is still at it."""
+    """The ``worker`` is still at it under ``token``, its own lease or one it has taken over."""
 
+    worker: str
     token: int
     until: float
 
 
 @dataclass(frozen=True, slots=True)
 class Completed:
-    """A result with this digest arrived, executed under ``token``."""
+    """A result with this digest arrived, executed under ``token``; ``worker`` brought it."""
 
     token: int
     digest: str
+    worker: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +100,13 @@ class Released:
     token: int
     reason: str
     blame: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Lapsed:
+    """The lease ``token`` was not renewed in time; nobody knows what became of the work."""
+
+    token: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +128,9 @@ class Voided:
     reason: str
 
 
-RunEvent: TypeAlias = Leased | Renewed | Completed | Released | Cancelled | Retried | Voided
+RunEvent: TypeAlias = (
+    Leased | Renewed | Completed | Released | Lapsed | Cancelled | Retried | Voided
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,19 +147,18 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
     match event:
         case Leased():
             return _lease(run, event)
-        case Renewed(token, until):
-            if not _holds(run, token):
-                return RunTransition(run, LedgerAnswer.STALE)
-            # The later of both: renewals may overtake each other on the way.
-            return RunTransition(
-                replace(run, lease_until=max(until, run.lease_until)), LedgerAnswer.DONE
-            )
-        case Completed(token, digest):
-            return _complete(run, token, digest)
+        case Renewed():
+            return _renew(run, event)
+        case Completed():
+            return _complete(run, event)
         case Released(token, reason, blame):
             if not _holds(run, token):
                 return RunTransition(run, LedgerAnswer.STALE)
             return RunTransition(_give_back(run, reason, blame, attempts), LedgerAnswer.DONE)
+        case Lapsed(token):
+            if not _holds(run, token):
+                return RunTransition(run, LedgerAnswer.STALE)
+            return RunTransition(_lapse(run), LedgerAnswer.DONE)
         case Cancelled():
             if run.state not in (RunState.QUEUED, RunState.RUNNING):
                 return RunTransition(run, LedgerAnswer.STALE)
@@ -131,10 +167,7 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
         case Retried(stopped):
             if run.state in (RunState.QUEUED, RunState.RUNNING):
                 return RunTransition(run, LedgerAnswer.STALE)
-            # What comes is another result, not the same again: it takes the place of the first.
-            result = run.result if run.repeatable and not stopped else ""
-            queued = replace(_at_rest(run, RunState.QUEUED, ""), strikes=0, result=result)
-            return RunTransition(queued, LedgerAnswer.DONE)
+            return RunTransition(_retry(run, stopped), LedgerAnswer.DONE)
         case Voided(reason):
             return _void(run, reason)
 
@@ -166,17 +199,47 @@ def _lease(run: ExecutionState, event: Leased) -> RunTransition:
         attempt=run.attempt + 1,
         worker=event.worker,
         token=event.token,
+        granted=event.token,
         lease_until=event.until,
     )
     return RunTransition(taken, LedgerAnswer.DONE)
 
 
-def _complete(run: ExecutionState, token: int, digest: str) -> RunTransition:
+def _renew(run: ExecutionState, event: Renewed) -> RunTransition:
+    """Answer a renewal: done means that the work is still wanted, whoever else is at it too."""
+    if run.state in (RunState.DONE, RunState.CANCELLED) or event.token <= run.outdated:
+        return RunTransition(run, LedgerAnswer.STALE)
+    if _holds(run, event.token):
+        # The later of both: renewals may overtake each other on the way.
+        until = max(event.until, run.lease_until)
+        same = replace(run, worker=event.worker, lease_until=until)
+        return RunTransition(same, LedgerAnswer.DONE)
+    if run.state is not RunState.QUEUED:
+        # Another has it, or it is lost: work that is well is not stopped, its result may be first.
+        return RunTransition(run, LedgerAnswer.DONE)
+    back = replace(
+        run,
+        state=RunState.RUNNING,
+        worker=event.worker,
+        token=event.token,
+        lease_until=event.until,
+        reason="",
+        lapses=0,
+    )
+    return RunTransition(back, LedgerAnswer.DONE)
+
+
+def _complete(run: ExecutionState, event: Completed) -> RunTransition:
+    token, digest = event.token, event.digest
     if run.state is RunState.CANCELLED:
         return RunTransition(run, LedgerAnswer.DROPPED)
     # Whatever lease it comes from: work that is done is not thrown away because it came late.
     if not run.result:
-        done = replace(_at_rest(run, RunState.DONE, ""), result=digest)
+        if token <= run.outdated:
+            return RunTransition(run, LedgerAnswer.REDUNDANT)
+        # Whose result it is, which may be another one than who has the lease.
+        worker = event.worker or run.worker
+        done = replace(_at_rest(run, RunState.DONE, ""), result=digest, worker=worker, lapses=0)
         return RunTransition(done, LedgerAnswer.RECORDED, record=True)
     if run.result == digest:
         return RunTransition(_settled(run, token, run.reason), LedgerAnswer.KNOWN)
@@ -188,9 +251,9 @@ def _complete(run: ExecutionState, token: int, digest: str) -> RunTransition:
 
 
 def _settled(run: ExecutionState, token: int, reason: str) -> ExecutionState:
-    """A result was there before: only the holder of the lease ends the repetition under way."""
-    if _holds(run, token):
-        return _at_rest(run, RunState.DONE, reason)
+    """A result was there before: only what was executed since ends the repetition under way."""
+    if token > run.outdated and run.state in (RunState.QUEUED, RunState.RUNNING):
+        return replace(_at_rest(run, RunState.DONE, reason), lapses=0)
     return replace(run, reason=reason)
 
 
@@ -201,4 +264,24 @@ def _give_back(run: ExecutionState, reason: str, blame: bool, attempts: int) -> 
         state = RunState.QUEUED
     else:
         state = RunState.DONE if run.result else RunState.LOST
-    return replace(_at_rest(run, state, reason), strikes=strikes)
+    return replace(_at_rest(run, state, reason), strikes=strikes, lapses=0)
+
+
+def _lapse(run: ExecutionState) -> ExecutionState:
+    lapses = run.lapses + 1
+    if lapses < MOST_LAPSES:
+        resting = _at_rest(run, RunState.QUEUED, "the worker fell silent")
+    else:
+        state = RunState.DONE if run.result else RunState.LOST
+        told = f"{lapses} workers in a row fell silent with it: it may bring down their machines"
+        resting = _at_rest(run, state, told)
+    return replace(resting, lapses=lapses)
+
+
+def _retry(run: ExecutionState, stopped: bool) -> ExecutionState:
+    again = replace(_at_rest(run, RunState.QUEUED, ""), strikes=0, lapses=0)
+    if run.state is not RunState.DONE:
+        return again
+    # What comes is another result, not the same again: it takes the place of the first.
+    result = run.result if run.repeatable and not stopped else ""
+    return replace(again, result=result, outdated=run.granted)

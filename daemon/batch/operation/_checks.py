@@ -1,70 +1,27 @@
-"""The doctor's checks of what lies on disk: keys, the ledger, what something killed left behind.
-
-Each finding is one line, with the remedy. Nothing is changed; locks are tried for a moment, shared.
-"""
+"""The doctor's checks of keys, and of what something killed left behind."""
 
 from __future__ import annotations
 
-import fcntl
 import shlex
 import stat
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import DaemonError, KeysUnusable
-from daemon.batch.ledger import SCHEMA_VERSION, LedgerIntegrity, LedgerReader, check_integrity
+from daemon.batch.ledger import LedgerReader, StrayFile, find_strays, read_wal
+from daemon.batch.locks import is_locked
+from daemon.batch.operation._findings import DoctorFinding, ok, problem, warning
 from daemon.batch.paths import StatePaths
+from daemon.batch.permissions import find_exposure
 from daemon.batch.security import IssuedKey, find_credentials, is_authority, load_register
 from daemon.model.ids import is_id
 from daemon.model.verbs import Role
 
 _EXPIRES_SOON: Final = 30 * 86_400.0
 _RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"
-# Seconds: a clock that is being disciplined may be a little behind what it said before.
-_LEDGER_SKEW: Final = 5.0
-_BACKUP: Final = (
-    "stop the daemon, keep a copy of the directory, restore the ledger from a backup "
-    "or save what is readable with `sqlite3 ledger.db .recover`"
-)
 _SHOWN: Final = 3
-
-
-class FindingLevel(StrEnum):
-    """How a finding is to be taken; a problem keeps runs from being executed or kept safe."""
-
-    OK = "ok"
-    WARNING = "warning"
-    PROBLEM = "problem"
-
-
-@dataclass(frozen=True, slots=True)
-class DoctorFinding:
-    """``subject`` is what was looked at, ``remedy`` what to do, empty when all is well."""
-
-    level: FindingLevel
-    subject: str
-    message: str
-    remedy: str = ""
-
-
-def ok(subject: str, message: str) -> DoctorFinding:
-    """All is well."""
-    return DoctorFinding(FindingLevel.OK, subject, message)
-
-
-def warning(subject: str, message: str, remedy: str) -> DoctorFinding:
-    """Works, but somebody should know."""
-    return DoctorFinding(FindingLevel.WARNING, subject, message, remedy)
-
-
-def problem(subject: str, message: str, remedy: str) -> DoctorFinding:
-    """Does not work."""
-    return DoctorFinding(FindingLevel.PROBLEM, subject, message, remedy)
 
 
 def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFinding]:
@@ -74,8 +31,7 @@ def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFind
             yield problem("keys", f"there are none in {folder}", "get some: `scenario keys bundle`")
         return
     try:
-        if folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-            yield warning("keys", f"others can look into {folder}", f"chmod 700 {folder}")
+        yield from _exposed_keys(folder)
         if is_authority(folder):
             for issued in load_register(folder).issued:
                 yield from _issued_findings(issued, now)
@@ -84,6 +40,24 @@ def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFind
             yield _expiry_finding(holder.name, holder.role, holder.expires_at, now)
     except (KeysUnusable, OSError) as error:
         yield problem("keys", str(error), "see `scenario keys --help`")
+
+
+def _exposed_keys(folder: Path) -> Iterator[DoctorFinding]:
+    """Look who else may write or read keys: whoever can put one there decides who is admitted."""
+    inside = [folder, *(path for path in folder.rglob("*") if not path.is_symlink())]
+    found = find_exposure(inside)
+    secrets = [path for path in found.readable if path.suffix == ".key" or path.name == "key.pem"]
+    if found.foreign:
+        words = f"{found.foreign[0]} belongs to somebody else"
+        yield problem("keys", words, "have keys of your own made: `scenario keys --help`")
+    if found.writable:
+        words = f"others can write {', '.join(map(str, found.writable[:_SHOWN]))}"
+        yield problem("keys", words, f"chmod -R go-rwx {folder}, have new keys made")
+    if secrets:
+        words = f"others can read {', '.join(map(str, secrets[:_SHOWN]))}"
+        yield problem("keys", words, f"chmod -R go-rwx {folder}, have new keys made")
+    elif folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO) and not found.writable:
+        yield warning("keys", f"others can look into {folder}", f"chmod 700 {folder}")
 
 
 def _issued_findings(issued: IssuedKey, now: float) -> Iterator[DoctorFinding]:
@@ -100,76 +74,32 @@ def _expiry_finding(name: str, role: Role, expires_at: float, now: float) -> Doc
     return ok("keys", f'"{name}", good until {day}')
 
 
-def check_ledger(paths: StatePaths, now: float) -> Iterator[DoctorFinding]:
-    """Check the file, the references in it, its own rules, and that ``now`` is not in its past."""
-    if not paths.ledger.exists():
-        yield ok("ledger", "none yet: the first daemon makes it")
-        return
-    try:
-        found = check_integrity(paths.ledger)
-    except DaemonError as error:
-        yield problem("ledger", str(error), _BACKUP)
-        return
-    yield _ledger_finding(found)
-    if found.version == SCHEMA_VERSION and not found.damage:
-        yield from _content_findings(found, now)
+def check_leftovers(paths: StatePaths, here: Path, now: float) -> Iterator[DoctorFinding]:
+    """Look for what nobody needs, partial traces, orphan spools, unknown traces, workshops.
 
-
-def _ledger_finding(found: LedgerIntegrity) -> DoctorFinding:
-    if found.version > SCHEMA_VERSION:
-        return problem(
-            "ledger",
-            f"has schema {found.version}, this version knows {SCHEMA_VERSION}",
-            "use the version that made it, or another state directory",
-        )
-    if found.damage:
-        return problem("ledger", f"is damaged: {'; '.join(found.damage)}", _BACKUP)
-    if found.version < SCHEMA_VERSION:
-        return warning(
-            "ledger",
-            f"whole, schema {found.version} of an earlier version",
-            "the next daemon brings it up to date; copy it if you may go back",
-        )
-    if found.violations:
-        words = "; ".join(found.violations)
-        return problem("ledger", words, "please report it, with a copy of the ledger")
-    numbers = f"{found.runs} runs, {found.results} results"
-    return ok("ledger", f"whole, schema {SCHEMA_VERSION}, {numbers}")
-
-
-def _content_findings(found: LedgerIntegrity, now: float) -> Iterator[DoctorFinding]:
-    if found.alarms:
-        yield warning(
-            "determinism",
-            f"{found.alarms} times another execution of a run came out differently",
-            "see `scenario results --runs --filter nondeterministic`",
-        )
-    if found.newest_event > now + _LEDGER_SKEW:
-        yield problem(
-            "clock",
-            f"it is {found.newest_event - now:.0f} s before the ledger's newest event",
-            "set the clock (timedatectl); leases end late until it has caught up",
-        )
-    else:
-        yield ok("clock", "not before the ledger's newest event")
-
-
-def check_leftovers(paths: StatePaths, here: Path) -> Iterator[DoctorFinding]:
-    """Look for partial traces, orphan spools, unknown traces, and workshops at and below ``here``.
-
-    Locks are tried for a moment, shared; nothing is changed.
+    The last are looked for at and below ``here``. Locks are tried for a moment, shared; nothing
+    is changed.
     """
+    # A damaged WAL is left for the daemon: opening the ledger would drop what is behind the damage.
+    readable = paths.ledger.exists() and not read_wal(paths.ledger).damaged
+    strays = _strays(paths, now) if readable else ()
+    named = {stray.path for stray in strays}
     found = [
+        *_stray_findings(strays),
         *_leftover_findings(
-            "partial traces", _partial_traces(paths), "remove them while no worker runs: {remove}"
+            "partial traces",
+            (path for path in _partial_traces(paths) if path not in named),
+            "remove them while no worker runs: {remove}",
         ),
         *_leftover_findings(
             "spools of dead workers",
-            _orphan_spools(paths),
+            (folder for folder in _orphan_spools(paths) if folder not in named),
             "the next worker to start delivers what is finished and removes them",
         ),
         *_leftover_findings(
-            "traces unknown to the ledger", _unknown_traces(paths), "if unwanted: {remove}"
+            "traces unknown to the ledger",
+            (folder for folder in _unknown_traces(paths, readable) if folder not in named),
+            "if unwanted: {remove}",
         ),
         *_leftover_findings(
             "workshops of interrupted runs",
@@ -178,6 +108,22 @@ def check_leftovers(paths: StatePaths, here: Path) -> Iterator[DoctorFinding]:
         ),
     ]
     yield from found or [ok("leftovers", "none")]
+
+
+def _strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
+    try:
+        return find_strays(paths, now)
+    except DaemonError:
+        return ()  # the ledger's own finding says so
+
+
+def _stray_findings(strays: tuple[StrayFile, ...]) -> Iterator[DoctorFinding]:
+    for kind in dict.fromkeys(stray.what for stray in strays):
+        yield from _leftover_findings(
+            f"of use to nobody, {kind}",
+            (stray.path for stray in strays if stray.what == kind),
+            "`scenario gc` removes them, as a daemon does every hour",
+        )
 
 
 def _leftover_findings(what: str, paths: Iterable[Path], remedy: str) -> Iterator[DoctorFinding]:
@@ -202,14 +148,16 @@ def _orphan_spools(paths: StatePaths) -> Iterator[Path]:
             yield folder
 
 
-def _unknown_traces(paths: StatePaths) -> Iterator[Path]:
+def _unknown_traces(paths: StatePaths, readable: bool) -> Iterator[Path]:
     known: frozenset[str] = frozenset()
-    if paths.ledger.exists():
+    if readable:
         try:
             with LedgerReader.open(paths) as ledger:
                 known = ledger.campaign_ids()
         except DaemonError:
             return  # the ledger's own finding says so
+    elif paths.ledger.exists():
+        return
     yield from (folder for folder in paths.traces.glob("*") if folder.name not in known)
 
 
@@ -218,15 +166,3 @@ def _temporary_folders(here: Path) -> Iterator[Path]:
         for folder in here.glob(pattern):
             if folder.is_dir() and not is_locked(folder / "daemon.lock"):
                 yield folder
-
-
-def is_locked(path: Path) -> bool:
-    """Whether somebody holds the lock that ``path`` is."""
-    with suppress(FileNotFoundError), path.open("rb") as lock:
-        try:
-            # Shared, so that two doctors do not take each other for its holder, and given back at
-            # once: a daemon that starts meanwhile would be told that there is one already.
-            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import platform
-import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.machinery import PathFinder
 from importlib.metadata import version
 from pathlib import Path
@@ -18,15 +17,10 @@ import daemon
 from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
-from daemon.batch.operation._checks import (
-    DoctorFinding,
-    check_keys,
-    check_ledger,
-    check_leftovers,
-    ok,
-    problem,
-    warning,
-)
+from daemon.batch.ledger import VerificationProgress
+from daemon.batch.operation._checks import check_keys, check_leftovers
+from daemon.batch.operation._findings import DoctorFinding, guarded, ok, problem, warning
+from daemon.batch.operation._ledger_checks import check_ledger
 from daemon.batch.paths import (
     Endpoint,
     StatePaths,
@@ -35,6 +29,7 @@ from daemon.batch.paths import (
     is_endpoint,
     is_local,
 )
+from daemon.batch.permissions import find_exposure, state_files, state_folders
 from daemon.batch.security import keys_folder
 from daemon.model.execution import IMPORT_FIRST, available_cores
 from daemon.model.spec import ENGINE_VERSION
@@ -46,30 +41,47 @@ _OWN_PACKAGES: Final = ("daemon", "grammars", "templates", "campaigns")
 _SILENCE: Final = 30.0
 # Seconds. Leases are measured by the daemon's clock alone; this is about times people compare.
 _SKEW: Final = 2.0
+_SHOWN: Final = 3
 _ROOMY: Final = 2 * 2**30
+_LARGEST_PID: Final = 2**31
 _OLDEST_NOW: Final = 1_735_689_600.0
 """2025-01-01: a clock before that was never set."""
 
 
-def examine(paths: StatePaths, endpoint: Endpoint, here: Path) -> tuple[DoctorFinding, ...]:
-    """Return all findings, for the state directory, the endpoint and leftovers below ``here``."""
+def examine(
+    paths: StatePaths,
+    endpoint: Endpoint,
+    here: Path,
+    *,
+    quick: bool = False,
+    traces: bool = False,
+    progress: VerificationProgress = lambda *_: None,
+) -> tuple[DoctorFinding, ...]:
+    """Return all findings, for the state directory, the endpoint and leftovers below ``here``.
+
+    A ``quick`` look is one at the newest results only; with ``traces`` all of those are read.
+    Never fails: what cannot be examined is a finding.
+    """
     now = time.time()
-    return (
-        *_versions(),
-        *_packages(),
-        ok(
-            "slots",
-            f"{available_cores()} cores may be used: one run each unless --slots says otherwise",
-        ),
-        *_kernels(paths),
-        *_state(paths),
-        *check_ledger(paths, now),
-        *_clock(now),
-        *_endpoint(endpoint),
-        *check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
-        *(_daemon(paths, endpoint) if is_endpoint(endpoint.address) else ()),
-        *check_leftovers(paths, here),
-    )
+    checks: dict[str, Callable[[], Iterable[DoctorFinding]]] = {
+        "versions": _versions,
+        "packages": _packages,
+        "slots": _slots,
+        "kernels": lambda: _kernels(paths),
+        "state": lambda: _state(paths),
+        "ledger": lambda: check_ledger(paths, now, quick=quick, traces=traces, progress=progress),
+        "clock": lambda: _clock(now),
+        "endpoint": lambda: _endpoint(endpoint),
+        "keys": lambda: check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
+        "daemon": lambda: _daemon(paths, endpoint) if is_endpoint(endpoint.address) else (),
+        "leftovers": lambda: check_leftovers(paths, here, now),
+    }
+    return tuple(found for subject, check in checks.items() for found in guarded(subject, check))
+
+
+def _slots() -> Iterator[DoctorFinding]:
+    words = f"{available_cores()} cores may be used: one run each unless --slots says otherwise"
+    yield ok("slots", words)
 
 
 def _versions() -> Iterator[DoctorFinding]:
@@ -132,27 +144,26 @@ def _state(paths: StatePaths) -> Iterator[DoctorFinding]:
 
 
 def _permissions(paths: StatePaths) -> Iterator[DoctorFinding]:
-    folders = (paths.state, paths.scenes, paths.traces, paths.spool)
-    modes = {folder: folder.stat() for folder in folders if folder.exists()}
-    foreign = [str(f) for f, found in modes.items() if found.st_uid != os.getuid()]
-    writable = [
-        str(f) for f, found in modes.items() if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    ]
-    readable = paths.state.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
-    if foreign:
-        yield warning(
-            "state",
-            f"{', '.join(foreign)} belong to somebody else",
-            "run the daemon as their owner",
-        )
-    if writable:
+    found = find_exposure((*state_folders(paths), *state_files(paths)))
+    remedy = f"chmod -R go-rwx {paths.state}"
+    if found.foreign:
         yield problem(
-            "state", f"others can write {', '.join(writable)}", f"chmod -R go-rwx {paths.state}"
+            "state",
+            f"{_names(found.foreign)} belong to somebody else",
+            "run the daemon as their owner, or choose another directory with --state",
         )
-    elif readable:
-        yield warning("state", f"others can read {paths.state}", f"chmod go-rwx {paths.state}")
-    elif not foreign:
+    if found.writable:
+        yield problem("state", f"others can write {_names(found.writable)}", remedy)
+    if found.readable:
+        # The daemon sees to it when it starts.
+        yield warning("state", f"others can read {_names(found.readable)}", remedy)
+    if not (found.foreign or found.writable or found.readable):
         yield ok("state", f"{paths.state}, yours alone")
+
+
+def _names(paths: tuple[Path, ...]) -> str:
+    more = f" and {len(paths) - _SHOWN} more" if len(paths) > _SHOWN else ""
+    return ", ".join(map(str, paths[:_SHOWN])) + more
 
 
 def _clock(now: float) -> Iterator[DoctorFinding]:
@@ -228,6 +239,8 @@ def _silence(paths: StatePaths, endpoint: Endpoint, error: DaemonError) -> Docto
 
 
 def _lives(pid: int) -> bool:
+    if not 0 < pid < _LARGEST_PID:
+        return False  # a damaged contact file
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -276,10 +289,11 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
             yield warning(
                 "workers", f"{words}, version {worker.version}", f"install {overview.version} there"
             )
-        elif silent > _SILENCE:
+        elif worker.away or silent > _SILENCE:
+            told = "away, " if worker.away else ""
             yield warning(
                 "workers",
-                f"{words}, not heard of for {silent:.0f} s",
+                f"{words}, {told}not heard of for {silent:.0f} s",
                 "see whether its machine is well",
             )
         else:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from daemon.model.status import CampaignRow, DaemonOverview, DiskUsage, RunState, WorkerRow
+from grammars.text.terminal_text import printable
 
 Samples: TypeAlias = Sequence[tuple[Mapping[str, str], float]]
 
@@ -77,9 +78,12 @@ def _fields(row: DaemonOverview | CampaignRow, label: str, fields: tuple[str, ..
 
 def _workers(workers: tuple[WorkerRow, ...], now: float) -> Iterator[tuple[str, str, Samples]]:
     named = [({"worker": row.id, "host": row.host}, row) for row in workers]
-    yield "scenario_workers", "Workers connected.", _one(len(workers))
+    here = sum(not row.away for row in workers)
+    yield "scenario_workers", "Workers connected.", _one(here)
     yield "scenario_worker_slots", "Slots, by worker.", [(n, row.slots) for n, row in named]
     yield "scenario_worker_busy", "Busy slots, by worker.", [(n, row.busy) for n, row in named]
+    away = [(n, int(row.away)) for n, row in named]
+    yield "scenario_worker_away", "1 while a worker's connection is lost, by worker.", away
     silences = [(n, max(0.0, now - row.last_seen_at)) for n, row in named]
     yield "scenario_worker_silence_seconds", "Time since a worker was last heard of.", silences
 
@@ -93,4 +97,5 @@ def _labelled(labels: Mapping[str, str]) -> str:
 
 
 def _escaped(text: str) -> str:
-    return text.replace("\\", "\\\\").replace("\n", "\\n")
+    # The format has escapes for these two and for quotes alone.
+    return printable(text).replace("\\", "\\\\").replace("\n", "\\n")

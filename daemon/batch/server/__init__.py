@@ -1,6 +1,5 @@
 """The daemon itself: the ledger behind a Zenoh router, and a local worker."""
 
-from daemon.batch.server._admission import admit_submission
 from daemon.batch.server._askers import MOST_WAITING, Askers, TurnQueue
 from daemon.batch.server._door import Door
 from daemon.batch.server._runtime import (
@@ -11,7 +10,9 @@ from daemon.batch.server._runtime import (
     prepare_endpoints,
 )
 from daemon.batch.server._serve import STOP_MARGIN, serve
+from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._uploads import FileUploads, TraceUploads
+from daemon.batch.server._workers import WorkerRegistry
 
 __all__ = [
     "MOST_WAITING",
@@ -24,6 +25,7 @@ __all__ = [
     "FileUploads",
     "TraceUploads",
     "TurnQueue",
+    "WorkerRegistry",
     "admit_submission",
     "exposure_warning",
     "prepare_endpoints",

@@ -7,6 +7,7 @@ nothing of this limits him, for the file system (or he who opened the port) has 
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
 from collections import deque
@@ -188,13 +189,18 @@ class TurnQueue(Generic[T]):
             self._closed = True
             self._changed.notify_all()
 
-    def get(self) -> T | None:
-        """Wait for the item whose turn it is, ``None`` at the end."""
+    def get(self, *, block: bool = True, timeout: float | None = None) -> T | None:
+        """Wait for the item whose turn it is, ``None`` at the end.
+
+        Raises ``queue.Empty`` after ``timeout`` seconds, at once when it is not to ``block``.
+        """
         with self._changed:
-            while not self._turns:
+            if block:
+                self._changed.wait_for(lambda: self._turns or self._closed, timeout)
+            if not self._turns:
                 if self._closed:
                     return None
-                self._changed.wait()
+                raise queue.Empty
             name = self._turns.popleft()
             line = self._waiting[name]
             item = line.popleft()

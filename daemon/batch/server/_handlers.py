@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, count_states
+from daemon.batch.ledger import LedgerReader, LedgerWriter, Steps, count_states
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._admission import Quota, admit_submission
-from daemon.batch.server._dispatcher import VerbHandler
+from daemon.batch.server._admission import Quota
+from daemon.batch.server._dispatcher import VerbHandler, read_request
+from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
+from daemon.batch.server._submissions import stage_request
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import MOST_WORKERS, WorkerRegistry
 from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
 from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.ids import is_id
 from daemon.model.messages import (
+    CampaignQuery,
     Completion,
     Count,
+    DeleteRequest,
     DownloadChunk,
     Empty,
     FileDownloadRequest,
@@ -43,26 +48,21 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.packed_submission import (
-    Fingerprint,
-    PackedSubmission,
-    fingerprint,
-    unpack_submission,
-)
 from daemon.model.spec import ENGINE_VERSION, install_hint, own_version, version_text
 from daemon.model.status import (
     CampaignRow,
     DaemonOverview,
+    DeletedCampaign,
     DiskUsage,
     KeyDeliveries,
     RunDetail,
     RunPage,
-    Submission,
     SubmissionReceipt,
     WorkerRow,
 )
 from daemon.model.verbs import (
     COMPLETE,
+    DELETE,
     LEASE,
     RELEASE,
     RENEW,
@@ -75,14 +75,20 @@ from daemon.model.verbs import (
 from grammars.model.scene import Scene
 from grammars.text import codec
 
+_MOST_TROUBLES: Final = 32
+"""Said at a time: with hundreds of workers on one full disk nobody reads them all."""
+
+
 _NAMED: Final = frozenset({WELCOME, LEASE, RENEW, COMPLETE, RELEASE, UPLOAD})
 """What is done only for the key it was done for before: their methods get its name as well."""
 
 
 @dataclass(frozen=True, slots=True)
-class _AdmittedSubmission:
-    submission: Submission
-    fingerprint: Fingerprint
+class _MeasuredDeletion:
+    """What is to be deleted, and the sizes of its traces by campaign."""
+
+    request: DeleteRequest
+    sizes: dict[str, tuple[int, ...]]
 
 
 @dataclass
@@ -101,7 +107,7 @@ class Handlers:
     quota: Quota
     version: str
     stop: Callable[[], None]
-    trouble: Callable[[], str]
+    troubles: Callable[[], tuple[str, ...]]
     marker: Marker
     draining: bool = False
 
@@ -109,10 +115,12 @@ class Handlers:
         self._identity = own_version()
         self._traces = TraceUploads(self.paths, self.log)
         self._files = FileUploads(self.paths, self.log)
+        self._inputs = InputStore(self.paths, self.log)
         self._started_at = self.clock.now()
         self.by_verb = {verb: VerbHandler(self._method(verb)) for verb in VERBS.values()}
-        # To unpack and check 100,000 runs takes seconds: not the writer's, leases wait for those.
+        # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
         self.by_verb[SUBMIT] = VerbHandler(self._method(SUBMIT), prepare=self._admit)
+        self.by_verb[DELETE] = VerbHandler(self._method(DELETE), prepare=self._measure)
 
     def _method(self, verb: AnyVerb) -> Callable[[Any, Any, str], object]:
         """Return what is done about a verb; few of them depend on whose key asks."""
@@ -128,21 +136,34 @@ class Handlers:
         campaigns, counts = ledger.counts()
         rate = ledger.rate(now)
         waiting = counts["queued"] + counts["running"]
+        standing: Any = count_states(counts)
+        trouble, troubles = self._standing_troubles()
         return DaemonOverview(
             version=self.version,
             state=str(self.paths.state),
             started_at=self._started_at,
             now=now,
             campaigns=campaigns,
-            workers=len(self.registry.rows()),
-            **count_states(counts),
+            workers=sum(not row.away for row in self.registry.rows(now)),
+            **standing,
             rate=rate,
             seconds_left=60.0 * waiting / rate if waiting and rate > 0.0 else None,
-            trouble=self.trouble(),
+            trouble=trouble,
+            troubles=troubles,
         )
 
-    def campaigns(self, ledger: LedgerReader, _: Empty) -> tuple[CampaignRow, ...]:
-        return ledger.campaigns()
+    def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:
+        return ledger.campaigns(query)
+
+    def _standing_troubles(self) -> tuple[str, tuple[str, ...]]:
+        """Why no run can start, if so; and all that keeps runs or workers from it, that first."""
+        workers = [row for row in self.registry.rows(self.clock.now()) if not row.away]
+        halting = list(self.troubles())
+        idle = [f"worker {row.id}: {row.trouble}" for row in workers if row.trouble]
+        if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
+            halting += idle[:1]
+        troubles = tuple(dict.fromkeys((*halting, *idle, *self._inputs.troubles())))
+        return (halting[0] if halting else ""), troubles[:_MOST_TROUBLES]
 
     def runs(self, ledger: LedgerReader, query: RunQuery) -> RunPage:
         return ledger.runs(query)
@@ -157,14 +178,18 @@ class Handlers:
         return ledger.records(query)
 
     def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
-        return self.registry.rows()
+        return self.registry.rows(self.clock.now())
 
     def scene(self, _: LedgerReader, request: IdRequest) -> Scene:
         try:
-            data = self.paths.scene(request.id).read_bytes()
+            scene = codec.from_json(Scene, self.paths.scene(request.id).read_bytes())
         except (OSError, ValueError) as error:
+            self._inputs.examine(request.id)
             raise Refused(f"there is no scene {request.id}") from error
-        return codec.from_json(Scene, data)
+        if scene.digest != request.id:
+            self._inputs.examine(request.id)
+            raise Refused(f"there is no scene {request.id}: it was damaged")
+        return scene
 
     def welcome(self, _: LedgerReader, worker: WorkerInfo, asker: str) -> WelcomeReply:
         self._check_version(worker)
@@ -207,7 +232,7 @@ class Handlers:
         return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
 
     def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk, asker: str) -> UploadProgress:
-        return self._traces.add_chunk(ledger, chunk, asker)
+        return self._traces.add_chunk(ledger, chunk, holder=asker)
 
     def keep(self, ledger: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
         return self._files.add_chunk(ledger, chunk)
@@ -217,28 +242,54 @@ class Handlers:
 
     # Changes of the ledger; each is answered after its commit
 
-    def _admit(self, packed: PackedSubmission) -> _AdmittedSubmission:
-        try:
-            submission = unpack_submission(packed)
-        except ValueError as error:
-            raise Refused(f"the request is malformed: {error}") from error
-        admit_submission(submission, self.paths)
-        return _AdmittedSubmission(submission, fingerprint(submission))
+    def _admit(self, payload: bytes) -> Path:
+        return stage_request(payload, self.paths)
 
-    def submit(self, ledger: LedgerWriter, admitted: _AdmittedSubmission) -> SubmissionReceipt:
-        receipt = ledger.submit(admitted.submission, self.clock.now(), admitted.fingerprint)
+    def submit(self, ledger: LedgerWriter, staged: Path) -> Steps[SubmissionReceipt]:
+        self._end_waits(ledger)
+        try:
+            receipt = yield from ledger.submit_in_steps(staged, self.clock.now())
+        finally:
+            staged.unlink(missing_ok=True)
         self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
 
-    def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
-        count = ledger.cancel(request.id, self.clock.now())
+    def _end_waits(self, ledger: LedgerWriter) -> None:
+        """Let runs go on whose scene or file somebody has brought back."""
+        for reason in self._inputs.take_restored():
+            ledger.end_waits_for(reason)
+
+    def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Steps[Count]:
+        count = yield from ledger.cancel_in_steps(request.id, self.clock.now())
         self.log.write("cancelled", campaign=request.id, runs=count)
         return Count(count)
 
-    def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Count:
-        count = ledger.retry(request, self.clock.now())
+    def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Steps[Count]:
+        count = yield from ledger.retry_in_steps(request, self.clock.now())
         self.log.write("retried", campaign=request.campaign, runs=count)
         return Count(count)
+
+    def _measure(self, payload: bytes) -> _MeasuredDeletion:
+        request = read_request(DELETE, payload)
+        assert isinstance(request, DeleteRequest)
+        wanted = tuple(dict.fromkeys(request.campaigns))
+        # Thousands of files: not the writer's either.
+        sizes = {one: self.paths.trace_sizes(one) for one in wanted if is_id(one)}
+        return _MeasuredDeletion(replace(request, campaigns=wanted), sizes)
+
+    def delete(
+        self, ledger: LedgerWriter, measured: _MeasuredDeletion
+    ) -> tuple[DeletedCampaign, ...]:
+        request, sizes = measured.request, measured.sizes
+        counts = ledger.deletable(request.campaigns)
+        gone = tuple(
+            DeletedCampaign(name, runs, len(sizes[name]), sum(sizes[name]))
+            for name, runs in zip(request.campaigns, counts, strict=True)
+        )
+        if not request.dry:
+            ledger.delete(request.campaigns, self.clock.now())
+            self.log.write("deleted", campaigns=request.campaigns[:20], runs=sum(counts))
+        return gone
 
     def pause(self, ledger: LedgerWriter, request: IdRequest) -> Count:
         self.log.write("paused", campaign=request.id)
@@ -253,7 +304,7 @@ class Handlers:
         self.log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
-    def void(self, ledger: LedgerWriter, request: KeyRequest) -> Generator[None, None, Count]:
+    def void(self, ledger: LedgerWriter, request: KeyRequest) -> Steps[Count]:
         runs = 0
         for names in ledger.void_key(request.id, self.clock.now()):
             # Before the commit: afterwards the next result's trace may lie there already.
@@ -272,11 +323,20 @@ class Handlers:
             return LeaseReply((), draining=True)
         if self.quota.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
-        worker, store = request.worker.id, self.settings.store
+        self._end_waits(ledger)
+        worker = request.worker.id
         slots = self.registry.slots(worker), self.registry.slots_of_holder(asker)
-        count = min(request.count, ledger.room_for_leases(worker, asker, slots))
-        leases = ledger.lease(worker, count, now, store=store, lacks=request.lacks, holder=asker)
-        return LeaseReply(leases)
+        return LeaseReply(
+            ledger.lease(
+                worker,
+                min(request.count, ledger.room_for_leases(worker, asker, slots)),
+                now,
+                store=self.settings.store,
+                lacks=request.lacks,
+                missing=self._inputs.missing,
+                holder=asker,
+            )
+        )
 
     def renew(self, ledger: LedgerWriter, request: RenewRequest, asker: str) -> RenewReply:
         now = self.clock.now()
@@ -290,7 +350,8 @@ class Handlers:
         # First the trace, then the result: a result in the ledger is a promise that its trace is
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
-        ledger.check_completion(completion)
+        ledger.check_completion(completion, holder=asker)
+        self._traces.take_enclosed(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
         answer = ledger.complete(completion, self.clock.now(), holder=asker)
@@ -304,6 +365,8 @@ class Handlers:
     def release(
         self, ledger: LedgerWriter, request: ReleaseRequest, asker: str
     ) -> LedgerAcknowledgement:
+        if request.damaged:
+            self._inputs.examine(request.damaged)
         answer = ledger.release(request, self.clock.now(), holder=asker)
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)

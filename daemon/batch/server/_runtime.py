@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import json
-import logging
-import logging.handlers
 import os
+import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.paths import INSECURE_VARIABLE, StatePaths, is_encrypted, is_local
+from daemon.batch.permissions import open_private
 from daemon.batch.security import DaemonCredentials, find_daemon_credentials
 
 
@@ -21,18 +23,17 @@ from daemon.batch.security import DaemonCredentials, find_daemon_credentials
 class DaemonSettings:
     """Seconds and counts of the daemon.
 
-    A ``lease`` lasts this long and is renewed every third of it; a worker that lost its
-    connection keeps its runs for ``grace``; a run is lost after ``attempts`` bad endings; a
-    daemon told to stop lets its local worker finish for ``patience``. Traces belong into the
+    A ``lease`` lasts this long, whatever becomes of the connection, and is renewed every third of
+    it; a run is lost after ``attempts`` bad endings; a daemon told to stop lets its local worker
+    finish for ``patience``. Traces belong into the
     ``store``, a URL; into the state directory when it is empty, and take at most ``quota`` bytes
     there (0: as much as they like).
     """
 
     # Two renewals in a row may get lost. It is also what a run waits whose worker's machine is
-    # unplugged; one that dies is noticed at once, by its connection.
+    # unplugged: from here that looks like a cable that is pulled, and back in a moment. What a
+    # worker leaves that only died itself, the next one on its machine gives back at once.
     lease: float = 30.0
-    # Sessions reconnect within half a second: a network that hiccups costs no run.
-    grace: float = 5.0
     # A run may end badly because of its machine; one that does so three times on any of them is
     # taken for the cause, and is not to bring down every worker in turn.
     attempts: int = 3
@@ -47,11 +48,11 @@ class DaemonSettings:
 
     @property
     def tick(self) -> float:
-        """Seconds between two looks at the clock for expired leases and gone workers.
+        """Seconds between two looks at the clock for leases that have lapsed.
 
-        Small against both times, and not so small that an idle daemon keeps a core awake.
+        Small against a lease, and not so small that an idle daemon keeps a core awake.
         """
-        return min(0.5, self.lease / 10, max(self.grace / 4, 0.02))
+        return min(0.5, max(self.lease / 10, 0.02))
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,21 +139,77 @@ class DaemonClock:
         return moved if abs(moved) > _STEP else 0.0
 
 
+_LEAST_STALL: Final = 0.25
+"""Seconds; ticks that are late by less are late because something else had its turn."""
+
+
+class StallMeter:
+    """Measures for how long the writer did nothing of what waited, by how late its ticks are.
+
+    That is a transaction that took long, a process that was stopped, a machine that was too busy:
+    whatever it was, nobody could renew a lease meanwhile. ``tick`` is their period [s].
+    """
+
+    def __init__(self, tick: float) -> None:
+        self._tick = tick
+        self._last: float | None = None
+
+    def measure(self, now: float) -> float:
+        """Return how late this tick is [s], 0 when it is not; ``now`` is of a steady clock."""
+        late = 0.0 if self._last is None else now - self._last - self._tick
+        self._last = now
+        return late if late > max(_LEAST_STALL, self._tick) else 0.0
+
+
 class EventLog:
-    """Writes events of the daemon to ``daemon.log``; safe to use from any thread."""
+    """Writes events of the daemon to ``daemon.log``; safe to use from any thread.
+
+    What cannot be written, because the disk is full say, is counted and said with the next line.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._handler = logging.handlers.RotatingFileHandler(
-            path, maxBytes=_LARGEST, backupCount=_OLD_FILES, encoding="utf-8"
-        )
+        self._path = path
+        self._lock = threading.Lock()
+        self._file = -1
+        self._unwritten = 0
 
     def write(self, event: str, **fields: object) -> None:
         """Add a line ``{"at": ..., "event": event, ...fields}``."""
-        line = json.dumps({"at": round(time.time(), 3), "event": event, **fields}, default=str)
-        # The handler alone, no logger: it has the lock and the rotation that is wanted of it, and
-        # whatever a library configures for logging cannot reach this file.
-        self._handler.handle(logging.makeLogRecord({"msg": line}))
+        with self._lock:
+            lost = {"unwritten": self._unwritten} if self._unwritten else {}
+            line = {"at": round(time.time(), 3), "event": event, **fields, **lost}
+            try:
+                self._append(json.dumps(line, default=str).encode() + b"\n")
+                self._unwritten = 0
+            except OSError:
+                self._unwritten += 1
+
+    def _append(self, line: bytes) -> None:
+        if self._file < 0:
+            self._file = open_private(self._path)
+        size = os.fstat(self._file).st_size
+        if size + len(line) > _LARGEST:
+            self._rotate()
+            size = 0
+        if os.write(self._file, line) != len(line):
+            os.ftruncate(self._file, size)  # a part of a line is none
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def _rotate(self) -> None:
+        self._close()
+        for number in range(_OLD_FILES, 0, -1):
+            older = self._path.with_name(f"{self._path.name}.{number}")
+            newer = self._path.with_name(f"{self._path.name}.{number - 1}")
+            with suppress(FileNotFoundError):
+                (newer if number > 1 else self._path).replace(older)
+        self._file = open_private(self._path)
+
+    def _close(self) -> None:
+        if self._file >= 0:
+            os.close(self._file)
+        self._file = -1
 
     def close(self) -> None:
         """Close the file."""
-        self._handler.close()
+        with self._lock:
+            self._close()

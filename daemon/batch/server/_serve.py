@@ -5,43 +5,50 @@ from __future__ import annotations
 import fcntl
 import os
 import signal
-import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version as installed_version
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.errors import AlreadyRunning, DaemonError
+from daemon.batch.errors import AlreadyRunning, DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths, is_encrypted
+from daemon.batch.permissions import open_private
 from daemon.batch.server._admission import Quota
 from daemon.batch.server._askers import Askers, holder_of
-from daemon.batch.server._dispatcher import (
-    LedgerJob,
-    OverloadReply,
-    ReaderThread,
-    RequestDispatcher,
-    WriterThread,
-)
+from daemon.batch.server._checkpoints import IdleCheckpoints
+from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._door import Door
 from daemon.batch.server._handlers import Handlers
+from daemon.batch.server._housekeeping import Housekeeping
+from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
 from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
     EventLog,
     ListenSettings,
+    StallMeter,
     prepare_endpoints,
 )
+from daemon.batch.server._stopping import StopRequest
+from daemon.batch.server._submissions import remove_remains
+from daemon.batch.server._threads import (
+    LedgerJob,
+    LedgerlessThread,
+    LedgerThread,
+    OverloadReply,
+    ReaderThread,
+    WriterThread,
+)
 from daemon.batch.server._workers import LocalWorker, WorkerRegistry
-from daemon.batch.stores import check_store_url, write_marker
+from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent
@@ -54,7 +61,9 @@ STOP_MARGIN: Final = 2 * _LAST_MOMENT
 """Seconds a daemon may need to leave after its patience has ended."""
 # What makes runs available, or unwanted where they are running: see WORK. All else changes nothing
 # for workers, and a hint for every finished run would have each worker ask thousands of times.
-_HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancelled", "resumed"})
+_HINTS: Final = frozenset(
+    {"submitted", "extended", "retried", "queued", "cancelled", "resumed", "superseded"}
+)
 
 
 def serve(
@@ -84,14 +93,21 @@ def serve(
     """
     settings = _checked(settings or DaemonSettings())
     paths = StatePaths.find(state)
-    paths.make_folders()
     with ExitStack() as stack:
         stack.enter_context(_only_one(paths))
         log = EventLog(paths.log)
         stack.callback(log.close)
         listening = prepare_endpoints(paths, listen, keys, insecure=insecure)
-        daemon = _Daemon(paths, settings, log, listening)
-        stack.enter_context(daemon.signals())
+        stop = StopRequest()
+        stack.enter_context(stop.signals())
+        if tether:
+            stop.watch_tether()
+        try:
+            opened = _open(stack, paths, settings, log, listening, stop)
+        except DaemonError as error:
+            log.write("failed", problem=repr(error))
+            raise
+        daemon = _Daemon(paths, settings, log, listening, stop, opened)
         slots = available_cores() if slots is None else slots
         local = LocalWorker(
             paths,
@@ -103,7 +119,7 @@ def serve(
             tether=tether,
         )
         try:
-            daemon.run(stack, local if slots else None, tether)
+            daemon.run(stack, local if slots else None)
         except Exception as error:
             log.write("failed", problem=repr(error))
             raise
@@ -116,9 +132,31 @@ def _checked(settings: DaemonSettings) -> DaemonSettings:
         raise DaemonError(f"traces cannot be kept there: {error}") from error
 
 
+def _open(
+    stack: ExitStack,
+    paths: StatePaths,
+    settings: DaemonSettings,
+    log: EventLog,
+    listening: ListenSettings,
+    stop: StopRequest,
+) -> OpenedState:
+    """Open the state directory, answering that it cannot be opened for as long as that is so."""
+    opening = partial(open_state, stack, paths, settings, log)
+    try:
+        return opening()
+    except Unavailable:
+        return WaitingDaemon(paths, stop, log).wait(listening, opening)
+
+
 @contextmanager
 def _only_one(paths: StatePaths) -> Iterator[None]:
-    with paths.lock.open("a") as lock:
+    with ExitStack() as stack:
+        try:
+            paths.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+            lock = stack.enter_context(os.fdopen(open_private(paths.lock), "a"))
+        except OSError as error:
+            words = f"{error.filename or paths.state} cannot be used: {error.strerror}"
+            raise DaemonError(f"{words}; choose another directory with --state") from error
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -135,22 +173,26 @@ class _Daemon:
         settings: DaemonSettings,
         log: EventLog,
         listening: ListenSettings,
+        stop: StopRequest,
+        opened: OpenedState,
     ) -> None:
         self._paths = paths
         self._settings = settings
         self._log = log
         self._listening = listening
-        self._stops = 0
-        self._stopped = threading.Event()
-        self._tether_cut = False
+        self._stop = stop
+        self._opened = opened
         self._clock = DaemonClock()
-        # Renewals come every third of a lease: who has missed nine is gone, even though Zenoh still
-        # has the connection (a suspended machine, a process stopped in a debugger).
+        self._stalls = StallMeter(settings.tick)
+        self._removing = False
+        # Renewals come every third of a lease: who has missed three is away, even though Zenoh
+        # still has the connection (a suspended machine, a process stopped in a debugger).
         self._askers = Askers(log, listening.keys)
-        self._registry = WorkerRegistry(settings.grace, 3 * settings.lease)
+        self._registry = WorkerRegistry(settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
+        self._hint: Callable[[], None] | None = None
         self._handlers = Handlers(
             paths,
             settings,
@@ -159,67 +201,49 @@ class _Daemon:
             self._clock,
             self._quota,
             version=self._version,
-            stop=self._stop,
-            trouble=self._trouble,
-            marker=write_marker(paths),
+            stop=stop,
+            troubles=self._troubles,
+            marker=opened.marker,
         )
 
-    @contextmanager
-    def signals(self) -> Iterator[None]:
-        """Let SIGTERM and SIGINT end the daemon in order."""
-
-        def on_signal(number: int, _: FrameType | None) -> None:
-            self._stop()
-
-        kept = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
-        try:
-            yield
-        finally:
-            for number, handler in kept.items():
-                signal.signal(number, handler)
-
-    def _trouble(self) -> str:
+    def _troubles(self) -> tuple[str, ...]:
+        """Why no run can start here; the first is what to do first."""
         own = "" if self._local is None else self._local.trouble
-        return self._paths.disk_shortage() or self._quota.trouble or own
+        found = (self._paths.disk_shortage(), self._quota.trouble, own, self._opened.damage)
+        return tuple(words for words in found if words)
 
-    def _stop(self) -> None:
-        self._stops += 1
-        self._stopped.set()
-
-    def run(self, stack: ExitStack, local: LocalWorker | None, tether: bool) -> None:
-        """Open everything, work, leave; ``stack`` closes what was opened."""
+    def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
+        """Open the bus, work, leave; ``stack`` closes what was opened."""
         self._local = local
-        if tether:
-            threading.Thread(target=self._watch_tether, daemon=True).start()
-        settings = self._settings
-        ledger = stack.enter_context(
-            LedgerWriter.open(self._paths.ledger, attempts=settings.attempts, lease=settings.lease)
-        )
         door = self._open_door(stack)
         session = stack.enter_context(
             bus.open_router(self._zenoh_endpoints(door), self._listening.keys)
         )
-        threads = self._start_threads(stack, ledger, session)
+        self._hint = lambda: _publish_hint(session)
+        remove_remains(self._paths)
+        writer, threads = self._start_threads(stack, self._opened.ledger, session)
         if door is not None:
             door.supervise()
-        writer = threads[0]
-        self._quota.start()
-        stack.callback(self._quota.close)
+        for keeper in (self._quota, Housekeeping(self._paths, self._log)):
+            keeper.start()
+            stack.callback(keeper.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
-        self._publish_contact(stack)
+        contact = _ContactFile(self._paths, self._listening.socket, self._version)
+        stack.callback(contact.remove)
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
-        while not self._stopped.is_set():
-            if local is not None:
-                local.supervise()
+        while not self._stop.asked:
+            contact.write()
             self._askers.look()
             if door is not None:
                 door.supervise()
+            if local is not None:
+                local.supervise()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
-            writer.put(LedgerJob(self._tick, self._ticked))
+            writer.put(LedgerJob(partial(self._tick, writer), self._ticked))
             if not all(thread.is_alive() for thread in threads):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
-            self._stopped.wait(self._settings.tick)
+            self._stop.wait(self._settings.tick)
         self._leave(local)
         self._log.write("stopped")
 
@@ -237,15 +261,9 @@ class _Daemon:
             return self._listening.endpoints
         return (self._listening.socket, door.behind)
 
-    def _watch_tether(self) -> None:
-        while os.read(sys.stdin.fileno(), 4096):
-            pass
-        self._tether_cut = True
-        self._stop()
-
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
-    ) -> tuple[WriterThread, ReaderThread, ReaderThread, OverloadReply]:
+    ) -> tuple[WriterThread, tuple[LedgerThread, ...]]:
         # Workers could renew nothing while there was no daemon: none of that is held against them.
         extended = ledger.extend_leases(self._clock.now())
         if extended:
@@ -254,13 +272,25 @@ class _Daemon:
             ledger.add_store(self._settings.store)
         reader = self._reader(stack, "ledger-reader")
         carrier = self._reader(stack, "carrier")
-        writer = WriterThread(ledger, lambda events: _publish(session, events))
-        overload = OverloadReply()
-        for thread in (overload, reader, carrier, writer):
+        checkpoints = IdleCheckpoints(
+            ledger, lambda problem: self._log.write("checkpoint", problem=problem)
+        )
+        writer = WriterThread(ledger, lambda events: _publish(session, events), checkpoints)
+        preparer, overload = LedgerlessThread("preparer"), OverloadReply()
+        # The writer before the preparer, which hands over to it: they finish the other way round.
+        threads = (overload, reader, carrier, writer, preparer)
+        for thread in threads:
             thread.start()
             stack.callback(thread.finish)
         dispatcher = RequestDispatcher(
-            self._handlers.by_verb, self._log, writer, reader, carrier, overload, self._askers
+            self._handlers.by_verb,
+            self._log,
+            writer,
+            reader,
+            carrier,
+            preparer,
+            overload,
+            self._askers,
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
@@ -271,7 +301,7 @@ class _Daemon:
         # The second is how versions before this one asked: they shall hear that they are refused.
         for keys in (f"{ASK}/*/*", f"{ASK}/*"):
             stack.enter_context(session.declare_queryable(keys, dispatcher.on_query))
-        return writer, reader, carrier, overload
+        return writer, threads
 
     def _reader(self, stack: ExitStack, name: str) -> ReaderThread:
         return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
@@ -283,30 +313,47 @@ class _Daemon:
         else:
             self._registry.disconnected(worker, self._clock.now(), holder_of(name))
 
-    def _publish_contact(self, stack: ExitStack) -> None:
-        contact = DaemonContact(self._listening.socket, os.getpid(), self._version, time.time())
-        write_atomically(self._paths.contact_file, codec.to_json(contact))
-        stack.callback(self._paths.contact_file.unlink, missing_ok=True)
-
-    def _tick(self, ledger: LedgerWriter) -> int:
+    def _tick(self, writer: WriterThread, ledger: LedgerWriter) -> int:
         moved = self._clock.follow_wall_clock()
         if moved:
             ledger.shift_leases(moved)
             self._registry.shift(moved)
             self._log.write("clock set", seconds=round(moved, 3))
+        stalled = self._stalls.measure(time.monotonic())
+        if stalled:
+            ledger.shift_leases(stalled)
+            self._registry.shift(stalled)
+            self._log.write("stalled", seconds=round(stalled, 3))
+        if ledger.hides_anything and not self._removing:
+            # Behind whatever is being entered, which is hidden as well until then.
+            self._removing = True
+            writer.put(LedgerJob(LedgerWriter.remove_hidden_in_steps, self._removed))
         now = self._clock.now()
-        taken = ledger.expire_leases(now)
+        ready = ledger.end_waits(now)
+        # A renewal that has come proves that its worker lives, whenever there is time to read it.
+        taken = 0 if writer.renewals_wait else ledger.expire_leases(now)
         if taken:
             self._log.write("leases lapsed", runs=taken)
-        for worker in self._registry.remove_gone(now):
-            runs = ledger.release_worker(worker, now)
-            ledger.record_event(now, "worker", worker, state="gone")
-            self._log.write("worker gone", worker=worker, runs=runs)
-        return taken
+        absent = self._registry.absent(now)
+        if absent:
+            # Who still has a lease may come back to it.
+            for worker in self._registry.forget(sorted(absent - ledger.busy_workers()), now):
+                ledger.record_event(now, "worker", worker, state="gone")
+                self._log.write("worker gone", worker=worker)
+        return ready
+
+    def _removed(self, value: object) -> None:
+        self._removing = False
+        if isinstance(value, Exception):
+            self._log.write("failure", key="remove", problem=repr(value))
+        elif value:
+            self._log.write("removed", campaigns=value)
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):
             self._log.write("failure", key="tick", problem=repr(value))
+        elif value and self._hint is not None:
+            self._hint()  # runs have waited long enough
 
     def _leave(self, local: LocalWorker | None) -> None:
         # Others are told that nothing more comes; the local worker is asked to finish what it has
@@ -317,9 +364,11 @@ class _Daemon:
         if local is None or not local.alive:
             return
         local.signal(signal.SIGTERM)
-        stops = self._stops
+        stops = self._stop.count
         deadline = time.monotonic() + self._settings.patience
-        while time.monotonic() < deadline and self._stops == stops and not self._tether_cut:
+        while time.monotonic() < deadline and self._stop.count == stops:
+            if self._stop.tether_cut:
+                break
             if local.wait(0.1):
                 return
         local.signal(signal.SIGQUIT)
@@ -328,9 +377,33 @@ class _Daemon:
             local.wait(_LAST_MOMENT)
 
 
+class _ContactFile:
+    """Says where the daemon is; written when there is room, found by the socket until then."""
+
+    def __init__(self, paths: StatePaths, endpoint: str, version: str) -> None:
+        self._path = paths.contact_file
+        self._contact = DaemonContact(endpoint, os.getpid(), version, time.time())
+        self._written = False
+
+    def write(self) -> None:
+        """Write it unless that is done, or there is no room for it."""
+        if not self._written:
+            with suppress(OSError):
+                write_atomically(self._path, codec.to_json(self._contact), mode=0o600)
+                self._written = True
+
+    def remove(self) -> None:
+        """Remove it."""
+        self._path.unlink(missing_ok=True)
+
+
 def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:
     for event in events:
         # Dropped rather than waited for: a listener that is behind sees the gap and asks again.
         session.put(EVENTS, codec.to_json(event), congestion_control=zenoh.CongestionControl.DROP)
     if any(event.state in _HINTS for event in events):
-        session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)
+        _publish_hint(session)
+
+
+def _publish_hint(session: zenoh.Session) -> None:
+    session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)

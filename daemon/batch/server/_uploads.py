@@ -7,6 +7,7 @@ and the ledger takes the result. Files are kept by digest, and given to workers.
 
 from __future__ import annotations
 
+import os
 import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Final, Generic, TypeVar
 
 from daemon.batch.errors import Refused, Unavailable
+from daemon.batch.inputs import put_aside, verify_file
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
@@ -37,7 +39,7 @@ from daemon.model.messages import (
     TraceUploadChunk,
     UploadProgress,
 )
-from grammars.text.files import move_durably
+from grammars.text.files import move_durably, write_atomically
 
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time, finished ones whose result has not come included."""
@@ -120,16 +122,17 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
     def __init__(self, paths: StatePaths, log: EventLog, *, most: int = _MOST_UPLOADS) -> None:
         super().__init__(paths, log)
         self._most = most
-        self._begun: dict[str, float] = {}
+        self._begun: dict[int, float] = {}
         self._sweep_at = 0.0
 
     def add_chunk(
-        self, reader: LedgerReader, chunk: TraceUploadChunk, holder: str = ""
+        self, reader: LedgerReader, chunk: TraceUploadChunk, *, holder: str = ""
     ) -> UploadProgress:
         """Add a chunk to its upload; the answer says where to go on.
 
-        Refuses what comes under no lease, or a stale one; raises :class:`Unavailable` while there
-        is no room.
+        What is not needed any more counts as complete: the result that follows is then answered
+        accordingly. Refuses what comes under no lease granted to ``holder``; raises
+        :class:`Unavailable` while there is no room.
         """
         if not is_run_id(chunk.run) or not is_digest(chunk.sha256):
             raise Refused(f"{chunk.run!r} is not the id of a run")
@@ -152,28 +155,54 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         return f"the trace of {chunk.run}"
 
     def _make_room(self, chunk: TraceUploadChunk) -> None:
-        """Look whether another upload can begin; what was sent of this run before goes."""
-        for path in self.paths.incoming.glob(f"{chunk.run}.*"):
+        """Look whether another upload can begin; what was sent under this lease before goes."""
+        # Not what others send of the same run: the first that is complete counts.
+        for path in self.paths.incoming.glob(f"{chunk.run}.{chunk.token}.*"):
             path.unlink(missing_ok=True)
         if sum(1 for _ in self.paths.incoming.iterdir()) >= self._most:
             raise Unavailable(f"{self._most} traces are on their way already: this one has to wait")
         if self.paths.disk().free < chunk.size:
             raise Unavailable(f"no room for the {chunk.size} bytes of the trace of {chunk.run}")
-        self._begun[chunk.run] = time.monotonic()
+        self._begun[chunk.token] = time.monotonic()
 
     def _log_end(self, chunk: TraceUploadChunk, *, accepted: bool) -> None:
         if not accepted:
             self._log.write("trace damaged", run=chunk.run, worker=chunk.worker)
             return
-        begun = self._begun.pop(chunk.run, None)
+        begun = self._begun.pop(chunk.token, None)
         took = None if begun is None else round(time.monotonic() - begun, 3)
         self._log.write(
             "trace received", run=chunk.run, worker=chunk.worker, bytes=chunk.size, seconds=took
         )
 
+    def take_enclosed(self, completion: Completion) -> None:
+        """Put the trace that came along with a result where an upload of it would be.
+
+        What came damaged is not there afterwards. Raises :class:`Unavailable` while there is no
+        room.
+        """
+        if not (completion.trace and completion.uploaded):
+            return
+        info = completion.result.trace
+        try:
+            data = decode_chunk(completion.trace, info.sha256)
+        except ValueError:
+            self._log.write("trace damaged", run=completion.run, worker=completion.worker)
+            return
+        if len(data) != info.size:
+            return
+        if shortage := self.paths.disk_shortage():
+            raise Unavailable(shortage)
+        try:
+            # Synchronised when it gets its name.
+            write_atomically(self._completed(completion), data, durable=False)
+        except OSError as error:
+            words = f"the trace of {completion.run} cannot be written: {error}"
+            raise Unavailable(words) from error
+
     def is_missing(self, ledger: LedgerWriter, completion: Completion) -> bool:
         """Whether a result would be recorded whose trace is not here (and in no store)."""
-        if completion.location or not ledger.awaits_result(completion.run):
+        if completion.location or not ledger.awaits_result(completion.run, completion.token):
             return False
         name, _ = ledger.trace_location(completion.run)
         there, info = self.paths.trace(name), completion.result.trace
@@ -196,14 +225,18 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
         if lost and completion.location:
             ledger.set_trace_location(completion.run, completion.location)
-        if not completion.uploaded:
-            return
-        whole = self._completed(completion)
-        if whole.exists() and (answer is LedgerAnswer.RECORDED or lost):
-            make_folder(there.parent)
-            move_durably(whole, there)
-        for path in self.paths.incoming.glob(f"{completion.run}.{completion.token}.*"):
-            path.unlink(missing_ok=True)
+        recorded = answer is LedgerAnswer.RECORDED
+        if completion.uploaded:
+            whole = self._completed(completion)
+            if whole.exists() and (recorded or lost):
+                make_folder(there.parent)
+                move_durably(whole, there)
+        if completion.uploaded or recorded:
+            # The first result makes uploads under all other leases pointless, too: their senders
+            # hear so when they go on.
+            which = "*" if recorded else f"{completion.token}.*"
+            for path in self.paths.incoming.glob(f"{completion.run}.{which}"):
+                path.unlink(missing_ok=True)
 
     def _completed(self, completion: Completion) -> Path:
         sha256 = completion.result.trace.sha256
@@ -235,7 +268,14 @@ class FileUploads(_Uploads[FileUploadChunk]):
         Raises :class:`Unavailable` while there is no room.
         """
         whole = self.paths.files / chunk.sha256
+        # Only when the sender asks where to begin: the good copy is in hand then, and one that was
+        # damaged here gives way to it.
+        if whole.exists() and not chunk.data and not verify_file(whole):
+            self._log.write("input damaged", path=str(whole), aside=str(put_aside(whole)))
         if whole.exists():
+            # Whoever asks is about to submit a campaign that needs it.
+            with suppress(FileNotFoundError):
+                os.utime(whole)
             return UploadProgress(chunk.size, complete=True)
         # For reading only: what has this name has this digest, for every run to come.
         return self._receive(self.paths.files / f".{chunk.sha256}.part", whole, chunk, mode=0o400)

@@ -8,12 +8,14 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
 from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
+from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
 from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import WorkerInfo
@@ -22,6 +24,11 @@ from daemon.model.status import WorkerRow
 MOST_WORKERS: Final = 4096
 MOST_SLOTS: Final = 1024
 """Slots a worker is believed to have, when it is asked how many runs it may hold."""
+_REMEMBERED: Final = 5.0
+"""Seconds for which a worker that is away and has no leases stays on the list.
+
+Sessions reconnect within half a second: who left for good need not be seen for long.
+"""
 
 # Seconds. A worker that dies at once is started again after twice the time, up to the longest; one
 # that ran steadily died of something new and is started without delay.
@@ -35,24 +42,24 @@ _LONGEST_TAIL: Final = 2000
 
 
 @dataclass(slots=True)
-class _ConnectedWorker:
+class _KnownWorker:
     info: WorkerInfo
     connected_at: float
     last_seen_at: float
-    gone_at: float | None = None
+    away_since: float | None = None
     holder: str = ""
 
 
 @dataclass(slots=True)
 class WorkerRegistry:
-    """Workers by id; a lost connection starts a ``grace`` [s] before a worker counts as gone.
+    """Workers by id, and which of them are away: their connection is lost, or they are silent.
 
-    A worker not heard of for ``silence`` seconds is gone too, whatever its connection says.
+    A worker not heard of for ``silence`` seconds is away, whatever its connection says. Being away
+    costs it nothing: its leases last as long as they do. It is forgotten when it has none any more.
     """
 
-    grace: float
     silence: float
-    _entries: dict[str, _ConnectedWorker] = field(default_factory=dict)
+    _entries: dict[str, _KnownWorker] = field(default_factory=dict)
     # Asked by the ledger's threads, told by Zenoh's callbacks.
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -83,22 +90,24 @@ class WorkerRegistry:
         with self._lock:
             entry = self._entries.get(info.id)
             if entry is None:
-                self._entries[info.id] = _ConnectedWorker(info, now, now, holder=holder)
+                self._entries[info.id] = _KnownWorker(info, now, now, holder=holder)
                 return True
-            entry.info, entry.last_seen_at, entry.gone_at = info, now, None
+            entry.info, entry.last_seen_at, entry.away_since = info, now, None
             return False
 
     def connected(self, worker: str, holder: str = "") -> None:
-        """The worker's liveliness token appeared, under the key of ``holder``."""
+        """The worker's liveliness token appeared."""
         with self._lock:
             if worker in self._entries and self._entries[worker].holder == holder:
-                self._entries[worker].gone_at = None
+                self._entries[worker].away_since = None
 
     def disconnected(self, worker: str, now: float, holder: str = "") -> None:
         """The worker's liveliness token vanished."""
         with self._lock:
-            if worker in self._entries and self._entries[worker].holder == holder:
-                self._entries[worker].gone_at = now
+            entry = self._entries.get(worker)
+            mine = entry is not None and entry.holder == holder
+            if entry is not None and mine and entry.away_since is None:
+                entry.away_since = now
 
     def shift(self, seconds: float) -> None:
         """Move along with a clock that was set."""
@@ -106,24 +115,34 @@ class WorkerRegistry:
             for entry in self._entries.values():
                 entry.connected_at += seconds
                 entry.last_seen_at += seconds
-                if entry.gone_at is not None:
-                    entry.gone_at += seconds
+                if entry.away_since is not None:
+                    entry.away_since += seconds
 
-    def remove_gone(self, now: float) -> tuple[str, ...]:
-        """Forget the workers whose time is up and return their ids."""
+    def absent(self, now: float) -> frozenset[str]:
+        """The ids of workers that are away for so long that nothing but leases keeps them."""
         with self._lock:
-            gone = tuple(
-                name
-                for name, entry in self._entries.items()
-                if (entry.gone_at is not None and now - entry.gone_at >= self.grace)
-                or now - entry.last_seen_at >= self.silence
-            )
+            return frozenset(name for name in self._entries if self._is_absent(name, now))
+
+    def forget(self, workers: Iterable[str], now: float) -> tuple[str, ...]:
+        """Forget those of the workers that have not come back meanwhile, and return their ids."""
+        with self._lock:
+            gone = tuple(name for name in workers if self._is_absent(name, now))
             for name in gone:
                 del self._entries[name]
         return gone
 
-    def rows(self) -> tuple[WorkerRow, ...]:
-        """Workers as people see them, in order of appearance."""
+    def _is_absent(self, name: str, now: float) -> bool:
+        entry = self._entries.get(name)
+        if entry is None:
+            return False
+        lost = entry.away_since is not None and now - entry.away_since >= _REMEMBERED
+        return lost or self._is_silent(entry, now)
+
+    def _is_silent(self, entry: _KnownWorker, now: float) -> bool:
+        return now - entry.last_seen_at >= self.silence
+
+    def rows(self, now: float) -> tuple[WorkerRow, ...]:
+        """Workers as people see them, in order of appearance, those that are away too."""
         with self._lock:
             return tuple(
                 WorkerRow(
@@ -135,9 +154,10 @@ class WorkerRegistry:
                     busy=e.info.busy,
                     connected_at=e.connected_at,
                     last_seen_at=e.last_seen_at,
+                    away=e.away_since is not None or self._is_silent(e, now),
+                    trouble=e.info.trouble,
                 )
                 for e in self._entries.values()
-                if e.gone_at is None
             )
 
 
@@ -192,7 +212,12 @@ class LocalWorker:
                 "local worker ended", code=code, restart_in=self._pause, words=self.trouble
             )
         if now >= self._next_start:
-            self._start(now)
+            try:
+                self._start(now)
+            except OSError as error:
+                self._pause = min(2 * self._pause, _LONGEST_PAUSE)
+                self._next_start = now + self._pause
+                self.trouble = f"the local worker cannot be started: {error}"
 
     def _rotate(self) -> None:
         """Put a log aside that has grown; the worker goes on at the beginning of the file.
@@ -204,15 +229,17 @@ class LocalWorker:
         log = self._paths.worker_log
         with suppress(FileNotFoundError):
             if log.stat().st_size > _LARGEST_LOG:
-                shutil.copyfile(log, log.with_suffix(".log.1"))
+                # On a full disk what was said before is not kept.
+                with suppress(OSError):
+                    shutil.copy(log, log.with_suffix(".log.1"))
                 os.truncate(log, 0)
                 self._log_start = 0
 
     def _start(self, now: float) -> None:
         self._rotate()
         log = self._paths.worker_log
-        with log.open("ab") as output:
-            self._log_start = output.tell()
+        with open_private_log(log) as output:
+            self._log_start = output.seek(0, os.SEEK_END)
             self._process = subprocess.Popen(
                 self._command,
                 # A tethered daemon's standard input is the tether: both see its end.
@@ -227,7 +254,8 @@ class LocalWorker:
         self._log.write("local worker started", pid=self._process.pid)
 
     def _log_tail(self, code: int) -> str:
-        with self._paths.worker_log.open("rb") as log:
+        words = ""
+        with suppress(FileNotFoundError), self._paths.worker_log.open("rb") as log:
             log.seek(self._log_start)
             words = log.read().decode("utf-8", "replace").strip()
         return words[-_LONGEST_TAIL:] or f"the worker ended with code {code}"

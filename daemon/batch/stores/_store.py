@@ -88,7 +88,7 @@ def write_marker(paths: StatePaths) -> Marker:
     known = read_marker(paths)
     identity = known.identity if known is not None else secrets.token_hex(8)
     marker = Marker(identity, secrets.token_hex(16))
-    write_atomically(paths.marker, codec.to_json(marker))
+    write_atomically(paths.marker, codec.to_json(marker), mode=0o600)
     return marker
 
 

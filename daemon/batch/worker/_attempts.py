@@ -1,9 +1,10 @@
 """Attempts: their folders in the spool, and what executes them.
 
-    spool/<worker>/lock                      locked as long as that worker lives
+    spool/<worker>/lock                      locked as long as that worker lives; whose it is
     spool/<worker>/<run>/attempt-<k>/        grant.json, trace.mcap, result.json (last)
 
-What a dead worker left is adopted by the next one: results are delivered, the rest is removed.
+What a dead worker left is adopted by the next one with the same key: results are delivered, and the
+runs that had none yet are given back at once, since their processes died with it.
 Attempts are executed by processes of this machine or by a cluster; the loop cannot tell which.
 
 Each attempt has a folder of its own, so two executions of a run never share a file. The spool is
@@ -13,7 +14,6 @@ the outbox of a worker: what the daemon has not acknowledged stays in it and is 
 from __future__ import annotations
 
 import fcntl
-import os
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from socket import socket
 from typing import IO, Final, Protocol, TypeAlias
 
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import FILES, LEASE, OUTPUT, RESULT
+from daemon.batch.run_process import FILES, LEASE, RESULT, read_output
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import Lease
@@ -31,6 +31,8 @@ from daemon.model.spec import RunResult
 from grammars.text import codec
 
 _LOCK: Final = "lock"
+_OWNER: Final = "owner"
+"""Stands in the lock of a worker without a key: the daemon's owner started it."""
 _SHOWN_OUTPUT: Final = 2000
 
 
@@ -69,14 +71,14 @@ class Attempt:
         """The result; raises ``OSError`` or ``ValueError`` when it cannot be read."""
         return codec.from_json(RunResult, (self.folder / RESULT).read_bytes())
 
+    def result_size(self) -> int:
+        """Bytes of the result as it is stored; raises ``OSError``."""
+        return (self.folder / RESULT).stat().st_size
+
     def output(self) -> str:
         """The end of what the run printed, empty when it printed nothing."""
-        try:
-            with (self.folder / OUTPUT).open("rb") as file:
-                file.seek(max(0, file.seek(0, os.SEEK_END) - _SHOWN_OUTPUT))
-                return file.read().decode("utf-8", "replace").strip()
-        except FileNotFoundError:
-            return ""  # it ended before it had begun
+        # Nothing of one that ended before it had begun.
+        return read_output(self.folder)[-_SHOWN_OUTPUT:].decode("utf-8", "replace").strip()
 
     def discard(self) -> None:
         """Remove the folder, and the run's when this was its last attempt."""
@@ -85,16 +87,26 @@ class Attempt:
             self.folder.parent.rmdir()
 
 
-class Spool:
-    """This worker's part of the spool."""
+@dataclass(frozen=True, slots=True)
+class AdoptedWork:
+    """What dead workers left: attempts with results, and leases of which nothing else is left."""
 
-    def __init__(self, paths: StatePaths, worker: str) -> None:
+    finished: tuple[Attempt, ...] = ()
+    unfinished: tuple[Lease, ...] = ()
+
+
+class Spool:
+    """This worker's part of the spool; ``holder`` is the name of its key, empty without one."""
+
+    def __init__(self, paths: StatePaths, worker: str, holder: str = "") -> None:
         self._paths = paths
+        self._holder = holder or _OWNER
         self._folder = paths.spool / worker
         # Locked before it has its name: nobody adopts it in between.
         unborn = paths.spool / f".{worker}"
         unborn.mkdir(mode=0o700)
         self._lock = _try_lock(unborn)
+        (unborn / _LOCK).write_text(self._holder, "utf-8")
         unborn.rename(self._folder)
 
     def open(self, lease: Lease) -> Attempt:
@@ -104,9 +116,14 @@ class Spool:
         folder = self._folder / lease.run / f"attempt-{lease.attempt}"
         return Attempt.prepare(folder, lease)
 
-    def adopt(self) -> tuple[Attempt, ...]:
-        """Take over what dead workers left: their finished attempts become this worker's."""
-        found = []
+    def adopt(self) -> AdoptedWork:
+        """Take over what dead workers left: their finished attempts become this worker's.
+
+        The folders of the others go; their leases are to be given back. Leases are used under the
+        name they were granted to: what workers with other keys left waits for such a one.
+        """
+        finished: list[Attempt] = []
+        unfinished: list[Lease] = []
         for folder in sorted(self._paths.spool.iterdir()):
             if folder == self._folder or not is_id(folder.name):
                 continue
@@ -116,11 +133,22 @@ class Spool:
             with lock:
                 # A removed folder can still be locked by who had its lock open: the first to
                 # come has adopted it, name and all.
-                if not folder.exists():
+                if not folder.exists() or not self._may_adopt(folder):
                     continue
-                found += [self._move(attempt) for attempt in _finished_attempts(folder)]
-                shutil.rmtree(folder)
-        return tuple(found)
+                for attempt in _attempts(folder):
+                    if attempt.finished:
+                        finished.append(self._move(attempt))
+                    else:
+                        unfinished.append(attempt.lease)
+                try:
+                    shutil.rmtree(folder)
+                except OSError:
+                    continue  # a run's process is dying and still writes: what is left goes later
+        return AdoptedWork(tuple(finished), tuple(unfinished))
+
+    def _may_adopt(self, folder: Path) -> bool:
+        # Empty: of a version that did not write it down.
+        return (folder / _LOCK).read_text("utf-8", "replace") in ("", self._holder)
 
     def _move(self, attempt: Attempt) -> Attempt:
         target = self._folder / attempt.lease.run / attempt.folder.name
@@ -151,13 +179,13 @@ def _try_lock(folder: Path) -> IO[str] | None:
     return lock
 
 
-def _finished_attempts(folder: Path) -> Iterator[Attempt]:
+def _attempts(folder: Path) -> Iterator[Attempt]:
     for path in sorted(folder.glob("*/attempt-*")):
         try:
             attempt = Attempt.read(path)
         except (OSError, ValueError):
             continue  # the worker died before it had written the lease: nothing ran
-        if attempt.finished and is_run_id(attempt.lease.run):
+        if is_run_id(attempt.lease.run):
             yield attempt
 
 
@@ -215,6 +243,10 @@ class Backend(Protocol):
     @property
     def waitables(self) -> Sequence[Waitable]:
         """What becomes ready when an execution of it has something to tell, or ``slots`` change."""
+
+    @property
+    def trouble(self) -> str:
+        """What keeps it from executing anything, once that has lasted; empty otherwise."""
 
     def listen(self) -> None:
         """Take in what made ``waitables`` ready."""

@@ -16,6 +16,7 @@ import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import Refused, WorkerBroken
+from daemon.batch.inputs import verify_file, verify_scene
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import Credentials
 from daemon.batch.stores import (
@@ -31,7 +32,6 @@ from daemon.model.attachments import LARGEST_FILE
 from daemon.model.ids import is_id
 from daemon.model.messages import FileDownloadRequest, IdRequest, WelcomeReply, WorkerInfo
 from daemon.model.verbs import FILE, SCENE, WELCOME, Verb
-from grammars.model.scene import Scene
 from grammars.text import codec
 from grammars.text.files import move_durably, write_atomically
 
@@ -140,11 +140,19 @@ _FILE_IN_USE: Final = 24 * 3600.0
 """Seconds after its last use during which a file stays: no run takes longer."""
 
 
+class InputDamaged(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A scene or file that the daemon has is not what its ``digest`` says, or it has none."""
+
+    def __init__(self, problem: str, digest: str) -> None:
+        super().__init__(problem)
+        self.digest = digest
+
+
 class InputCache:
     """The scenes and files that lie here; ``meanwhile`` is called between parts of one that comes.
 
-    In a folder shared with the daemon they are the daemon's own: nothing of them is removed here,
-    and what is damaged there is nothing a worker can mend.
+    In a folder shared with the daemon they are the daemon's own: nothing of them is removed here.
+    What is damaged there the daemon is told of, and puts aside.
     """
 
     def __init__(
@@ -160,18 +168,18 @@ class InputCache:
     def scene(self, digest: str) -> Path:
         """Return the file of a scene, fetching it if need be.
 
-        Raises ``ValueError`` for a scene that is not the one its digest names, ``OSError``, and
-        whatever asking the daemon raises.
+        Raises :class:`InputDamaged` for a scene that is not the one its digest names, ``OSError``,
+        and :class:`Unreachable`.
         """
         path = self._paths.state.scene(digest)
-        self._ensure(path, digest, self._is_scene, self._fetch_scene)
+        self._ensure(path, digest, verify_scene, self._fetch_scene)
         return path
 
     def provide_files(self, attempt: Attempt) -> None:
         """Put the files that an attempt needs within its reach, if it needs any.
 
-        Raises ``ValueError`` for a file that is not the one its digest names, ``OSError``, and
-        whatever asking the daemon raises.
+        Raises :class:`InputDamaged` for a file that is not the one its digest names, ``OSError``,
+        and :class:`Unreachable`.
         """
         digests = attempt.lease.spec.files
         for digest in digests:
@@ -182,44 +190,34 @@ class InputCache:
     def file(self, digest: str) -> Path:
         """Return a file of systems under test; like :meth:`scene`."""
         path = self._paths.state.files / digest
-        self._ensure(path, digest, _is_file, self._fetch_file)
+        self._ensure(path, digest, verify_file, self._fetch_file)
         return path
 
     def _ensure(
         self,
         path: Path,
         digest: str,
-        is_good: Callable[[Path, str], bool],
+        is_good: Callable[[Path], bool],
         fetch: Callable[[Path, str], None],
     ) -> None:
         if digest not in self._verified or not path.exists():
-            if not is_good(path, digest):
-                fetch(path, digest)
+            try:
+                if not is_good(path):
+                    fetch(path, digest)
+            except (Refused, ValueError) as error:
+                raise InputDamaged(str(error), digest) from error
             self._verified.add(digest)
         if not self._paths.shared:
             os.utime(path)  # the caches forget what was not used for longest
 
-    def _is_scene(self, path: Path, digest: str) -> bool:
-        """Whether the scene lies here undamaged; one of the daemon's own cannot be mended."""
-        try:
-            data = path.read_bytes()
-        except FileNotFoundError:
-            return False
-        try:
-            good = codec.from_json(Scene, data).digest == digest
-        except ValueError:
-            good = False
-        if not good and self._paths.shared:
-            raise ValueError(f"{path} is damaged: remove it and submit its campaign again")
-        return good
-
     def _fetch_scene(self, path: Path, digest: str) -> None:
+        if self._paths.shared:
+            raise ValueError(f"{path} is gone or damaged: submit its campaign again")
         scene = self._daemon.ask(SCENE, IdRequest(digest))
         if scene.digest != digest:
             raise ValueError(f"the daemon sent {scene.digest[:12]} for the scene {digest[:12]}")
         write_atomically(path, codec.to_json(scene))
-        if not self._paths.shared:
-            trim_cache(path.parent.glob("*.json"), _MOST_SCENES, lambda _: 1, _SCENE_IN_USE)
+        trim_cache(path.parent.glob("*.json"), _MOST_SCENES, lambda _: 1, _SCENE_IN_USE)
 
     def _fetch_file(self, path: Path, digest: str) -> None:
         if self._paths.shared:
@@ -242,7 +240,3 @@ class InputCache:
         finally:
             part.unlink(missing_ok=True)
         trim_cache(path.parent.iterdir(), _LARGEST_FILE_CACHE, lambda s: s.st_size, _FILE_IN_USE)
-
-
-def _is_file(path: Path, digest: str) -> bool:
-    return path.exists() and file_sha256(path) == digest

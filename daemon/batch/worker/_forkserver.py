@@ -18,6 +18,7 @@ import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext, ForkServerProcess
 from pathlib import Path
@@ -34,6 +35,8 @@ from daemon.model.execution import (
     RunLimits,
     safe_fork_server,
 )
+from daemon.supervision.guardian import end_guarded
+from daemon.supervision.remains import end_children, parent_of
 
 
 def prepare_environment(executor: str) -> None:
@@ -61,8 +64,9 @@ _WARM_UP_LIMIT: Final = 300.0
 
 @dataclass(slots=True)
 class ForkedExecution:
-    """A running attempt and its process; ``live`` is what it last said of itself.
+    """A running attempt and its guardian, the ``process``; ``live`` is what it last said of itself.
 
+    ``sweep`` ends what a guardian has left that was killed.
     It counts against the run unless it failed for want of space on the disk, or of the system
     under test.
     """
@@ -72,9 +76,11 @@ class ForkedExecution:
     wire: Connection
     limit: float
     deadline: float
+    sweep: Callable[[], None]
     live: bytes = b""
     _reason: str = ""
     _failure: bytes = run_process.FAILED
+    _swept: bool = False
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
@@ -89,6 +95,13 @@ class ForkedExecution:
             self._read()
         if time.monotonic() > self.deadline and self.end is None:
             self.kill(stopped_after(self.limit))
+        self._sweep()
+
+    def _sweep(self) -> None:
+        # A guardian that has done its work ends with a code, or by the signal that ended the run.
+        if not self._swept and (self.process.exitcode or 0) < 0:
+            self._swept = True
+            self.sweep()
 
     def _read(self) -> None:
         while self.wire.poll():
@@ -114,10 +127,10 @@ class ForkedExecution:
         )
 
     def kill(self, why: str = "") -> None:
-        """End the process at once."""
+        """End the run at once, with all it has started."""
         self._reason = why or self._reason
-        self.process.kill()
-        self.process.join()
+        end_guarded(self.process)
+        self._sweep()
 
     def close(self) -> None:
         """Free what belongs to the ended process."""
@@ -140,9 +153,12 @@ class ForkServerPool:
     """
 
     waitables: tuple[Waitable, ...] = ()
+    trouble = ""
+    """Its processes are children of the worker: what is wrong shows at the start."""
 
     def __init__(self, slots: int) -> None:
         self.slots = slots
+        self._guardians: list[ForkServerProcess] = []
         self._context: ForkServerContext = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(
             [IMPORT_FIRST, "daemon.batch.run_process", "daemon.batch.forkserver_preload"]
@@ -175,10 +191,19 @@ class ForkServerPool:
         limit = limits.wall_of(attempt.lease.spec.limit)
         task = RunTask(attempt.folder, scene, limits.memory, limits.nice, limit)
         process, wire = self._fork(run_process.run_attempt, task)
+        sweep = partial(self._sweep, parent_of(process.pid or 0))
+        self._guardians = [*filter(_is_alive, self._guardians), process]
         # The run ends itself at its limit, and has a trace and a result that say so. Only what
         # cannot be interrupted is ended from here.
         deadline = time.monotonic() + limit + spare_time(limit)
-        return ForkedExecution(attempt, process, wire, limit, deadline)
+        return ForkedExecution(attempt, process, wire, limit, deadline, sweep)
+
+    def _sweep(self, server: int) -> None:
+        """End what a guardian has left that was killed: it has come to the fork server."""
+        if server:
+            end_children(
+                server, lambda: [one.pid or 0 for one in self._guardians if _is_alive(one)]
+            )
 
     def _fork(
         self, target: Callable[..., None], *task: RunTask
@@ -192,6 +217,13 @@ class ForkServerPool:
             ours.close()
             raise
         return process, ours
+
+
+def _is_alive(process: ForkServerProcess) -> bool:
+    try:
+        return process.is_alive()
+    except ValueError:  # closed
+        return False
 
 
 @contextmanager

@@ -1,40 +1,46 @@
 """The worker's loop: leases runs, has them executed, publishes their live views, delivers results.
 
-One loop in one thread. It never takes the daemon's word for granted: whatever was not
-acknowledged is asked, renewed or delivered again, across restarts of daemon and worker. A run is
-watched while somebody subscribes to its own key; whoever executes it is told by a file in the
-attempt's folder, and makes the details then only.
+One loop in one thread; what it asks of the daemon, threads carry there, except renewals. It never
+takes the daemon's word for granted: whatever was not acknowledged is asked, renewed or delivered
+again, across restarts of daemon and worker. A run is watched while somebody subscribes to its own
+key; whoever executes it is told by a file in the attempt's folder, and makes the details then only.
 
 What becomes of a lease here:
 
     leased ──▶ executing ──▶ finished: outbox ──▶ delivered, forgotten
        │           ├───────▶ ended without a result: released, blamed or not
-       │           └───────▶ not wanted any more (cancelled, leased by others): stopped, forgotten
+       │           └───────▶ not wanted any more (cancelled, another was first): stopped, forgotten
        └─ no disk, no process, no scene: released, not blamed
+
+While the daemon cannot be reached everything goes on; afterwards it says what is still wanted.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable
+from concurrent.futures import Future
+from dataclasses import replace
+from functools import partial
 from multiprocessing.connection import wait
-from pathlib import Path
-from typing import Any, Final
-
-import zenoh
+from typing import Any, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
-from daemon.batch.run_process import WATCHED
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Backend, Execution, Spool
-from daemon.batch.worker._connection import DaemonConnection, InputCache, WorkerPaths
+from daemon.batch.worker._background import BackgroundAsks, LeasePace
+from daemon.batch.worker._connection import (
+    DaemonConnection,
+    InputCache,
+    InputDamaged,
+    WorkerPaths,
+)
+from daemon.batch.worker._live import LivePublisher
 from daemon.batch.worker._signals import WorkerSignals
+from daemon.batch.worker._trouble import WorkerTrouble
 from daemon.batch.worker._uploader import ResultUploader
 from daemon.model.execution import RunLimits
 from daemon.model.messages import (
-    LIVE,
-    OWNER,
     Lease,
     LeaseRef,
     LeaseRequest,
@@ -44,97 +50,25 @@ from daemon.model.messages import (
 )
 from daemon.model.verbs import LEASE, RELEASE, RENEW
 
-_LIVE_PERIOD: Final = 0.2
-"""Seconds between two snapshots of a run for those who watch all runs, at least."""
-
-
-@dataclass(slots=True)
-class _WatchedRun:
-    """One run under way: its own publisher, and whether its folder says that it is watched."""
-
-    publisher: zenoh.Publisher
-    folder: Path
-    watched: bool = False
-    published_at: float = 0.0
-
-
-@dataclass(slots=True)
-class LivePublisher:
-    """Publishes what executions tell of themselves, under ``worker`` and the name of its key."""
-
-    session: zenoh.Session
-    worker: str
-    name: str = OWNER
-    _all: zenoh.Publisher = field(init=False)
-    _runs: dict[str, _WatchedRun] = field(init=False, default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self._all = self._publisher(f"{LIVE}/{self.name}/{self.worker}")
-
-    def _publisher(self, key: str) -> zenoh.Publisher:
-        # Telemetry, never the record. With BLOCK a frozen daemon stops this loop for 5 s, and then
-        # the transport is closed and everything on it lost.
-        drop = zenoh.CongestionControl.DROP
-        return self.session.declare_publisher(key, congestion_control=drop)
-
-    def publish(self, execution: Execution) -> None:
-        """Pass on what an execution last said of itself, to those who want it."""
-        live, execution.live = execution.live, b""
-        if not live:
-            return
-        watch = self._watch(execution)
-        now = time.monotonic()
-        if watch.watched:
-            watch.publisher.put(live)
-        if now - watch.published_at >= _LIVE_PERIOD and _has_subscribers(self._all):
-            watch.published_at = now
-            self._all.put(live)
-
-    def _watch(self, execution: Execution) -> _WatchedRun:
-        run, folder = execution.attempt.lease.run, execution.attempt.folder
-        watch = self._runs.get(run)
-        if watch is None or watch.folder != folder:
-            self.forget(run)
-            key = f"{LIVE}/{self.name}/{self.worker}/{run}"
-            watch = self._runs[run] = _WatchedRun(self._publisher(key), folder)
-        watched = _has_subscribers(watch.publisher)
-        if watched != watch.watched:
-            watch.watched = watched
-            mark = folder / WATCHED
-            if watched:
-                mark.touch()
-            else:
-                mark.unlink(missing_ok=True)
-        return watch
-
-    def forget(self, run: str) -> None:
-        """Let go of a run that is over here."""
-        watch = self._runs.pop(run, None)
-        if watch is not None:
-            watch.publisher.undeclare()  # type: ignore[no-untyped-call]
-
-
-def _has_subscribers(publisher: zenoh.Publisher) -> bool:
-    """Whether anybody subscribes.
-
-    The status is declared as a bool but is an object, which is always true (zenoh 1.10.2).
-    """
-    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
-
-
 _POLL: Final = 1.0
 """Seconds between two requests for work: hints that there is some are sent once, unconfirmed."""
 _RETRY_UNREACHABLE: Final = 0.5
 """Seconds to the next try when nobody answers: Zenoh itself connects again within 0.1 to 2 s."""
-_DELIVERY_PAUSE: Final = 0.05
-"""Seconds between two turns of a large trace; the end of a run is noticed at once anyway."""
-_RETRY_FAILED: Final = 3.0
-"""Seconds after a full disk or a missing scene: nothing that mends itself at once."""
+_LOOK_AT_DISK: Final = 3.0
+"""Seconds between two looks whether a full disk has room again: that costs nothing."""
+_LAST_WORDS: Final = 3.0
+"""Seconds a worker that is ended takes to tell the daemon."""
+_MOST_LEASED: Final = 1024
+"""Runs asked for at a time."""
 _LEAVE_TIMEOUT: Final = 10.0
 """Seconds a leaving worker waits for a daemon that takes its results; then the spool has them.
 
 Traces that are on their way go on.
 """
+
+
+_LEASING: Final = "lease"
+_Answer: TypeAlias = Future[Any]
 
 
 class WorkerLoop:
@@ -157,8 +91,9 @@ class WorkerLoop:
         self._info = info
         self._paths = paths.state
         self._uploader = ResultUploader(daemon, info(0).id, paths, log)
-        self._inputs = InputCache(daemon, paths, self._renew)
-        # Leased, not started yet: renewed while scenes and files for the ones before are fetched.
+        self._inputs = InputCache(daemon, paths, self._renew_between)
+        # Leased, not started yet: scenes and files for those before are fetched, or, over a long
+        # way, leased ahead so that no slot waits for an answer. Renewed like those that run.
         self._leased: deque[Lease] = deque()
         self._spool = spool
         self._backend = backend
@@ -172,25 +107,33 @@ class WorkerLoop:
         self._renew_at = 0.0
         self._lease_at = 0.0
         self._silent_until = 0.0
-        self._troubled_until = 0.0
-        self._deliver_at = 0.0
-        self._overdue = False
+        self._asks = BackgroundAsks()
+        self._pace = LeasePace()
+        self._begun: dict[int, float] = {}
+        # Of executing, and of delivering: each is over when that succeeds.
+        self._trouble = WorkerTrouble()
+        self._undelivered = WorkerTrouble()
+        self._shortage = ""
         self._leave_by = 0.0
         self._moved = 0
         self._refusal = ""
         # Kinds of systems under test that are not installed here: no run of them is leased again.
-        self._missing_suts: dict[str, None] = {}
+        self._missing_suts: dict[str, str] = {}
         self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
 
     def run(self) -> None:
         """Work until told to leave, then finish or give back what is under way."""
-        while not self._signals.abort:
-            self._collect_results()
-            self._talk_to_daemon()
-            if self._signals.drain and not self._executions and self._may_leave():
-                return
-            self._wait()
-        self._give_up()
+        try:
+            while not self._signals.abort:
+                self._collect_results()
+                self._start_leased()
+                self._talk_to_daemon()
+                if self._signals.drain and not self._executions and self._may_leave():
+                    return
+                self._wait()
+            self._give_up()
+        finally:
+            self._asks.close()
 
     def _may_leave(self) -> bool:
         # Results that nobody takes do not keep a worker for ever: the spool keeps them. The limit
@@ -205,10 +148,13 @@ class WorkerLoop:
         now = time.monotonic()
         moments = [now + _POLL, max(self._renew_at, self._silent_until)]
         moments += [execution.deadline for execution in self._executions]
-        if self._outbox or self._releases:
-            moments.append(max(self._silent_until, self._deliver_at, now + _DELIVERY_PAUSE))
+        troubles = (self._trouble, self._undelivered)
+        moments += [trouble.until for trouble in troubles if trouble.until > now]
+        if len(self._asks) and self._renew_at <= now:
+            # The renewal waits for the answers under way, and those wake this loop.
+            moments = [moment for moment in moments if moment > now] or [now + _POLL]
         pause = max(0.0, min(moments) - now)
-        things: list[Any] = [self._signals.receiver, *self._backend.waitables]
+        things: list[Any] = [self._signals.receiver, self._asks.receiver, *self._backend.waitables]
         for execution in self._executions:
             things += execution.waitables
         wait(things, max(pause, 0.001))  # 0 would spin while a deadline passes
@@ -230,19 +176,37 @@ class WorkerLoop:
         self._lease_at = 0.0
         execution.listen()  # its last words may have come after the ones just read
         end = execution.end or AttemptEnd()
+        begun = self._begun.pop(execution.attempt.lease.token, time.monotonic())
         if execution.attempt.finished:
+            self._pace.ran(time.monotonic() - begun)
+            self._recovered(self._trouble)
             self._outbox.append(execution.attempt)
         elif end.sut_missing:
             self._give_back_missing_sut(execution.attempt, end.why)
         else:
+            if not end.counts:
+                self._met(self._trouble, end.why)
             self._give_back(execution.attempt, end.why, blame=end.counts)
         execution.close()
+
+    def _met(self, trouble: WorkerTrouble, words: str) -> None:
+        """Leave off for a while because of a trouble; the daemon is told."""
+        if not trouble.words:
+            self._renew_at = 0.0
+        # The end says what it was; before it comes what the run printed.
+        trouble.note((words.strip() or "a run was not executed").splitlines()[-1])
+
+    def _recovered(self, trouble: WorkerTrouble) -> None:
+        if trouble.words:
+            self._log(f"over: {trouble.words}")
+            trouble.clear()
+            self._renew_at = 0.0
 
     def _give_back_missing_sut(self, attempt: Attempt, why: str) -> None:
         """Give a run back whose system under test is not installed here, and lease no such."""
         kind, me = attempt.lease.spec.sut.kind, self._info(0)
-        self._missing_suts[kind] = None
         remedy = f'install what brings the system under test "{kind}" for worker {me.id}'
+        self._missing_suts[kind] = f"{remedy} on {me.host}, and start it again"
         self._give_back(attempt, f"{why}\n{remedy} on {me.host}, and start it again", blame=False)
 
     def _give_back(self, attempt: Attempt, why: str, *, blame: bool) -> None:
@@ -252,72 +216,130 @@ class WorkerLoop:
         attempt.discard()
 
     def _talk_to_daemon(self) -> None:
+        self._take_answers()
         if time.monotonic() < self._silent_until:
             return
+        self._send_releases()
         try:
-            # In this order: what is delivered or given back needs no renewal, and frees the slots
-            # that are leased for next. Leases that are old are renewed before new ones are asked
-            # for: fetching what those need may take longer than the old ones last.
-            self._deliver()
+            if time.monotonic() >= self._renew_at:
+                # A renewal lists all that is held here: a run that is being granted meanwhile would
+                # not be on the list and taken back, one whose result is being taken would be on it
+                # and gone. So it goes alone, and nothing new is asked until it has gone.
+                self._adopt()
+                if len(self._asks) or self._releases:
+                    return
+                self._renew()
+        except (Unreachable, Refused) as error:
+            self._not_answered(error)
+            return
+        # In this order: leases that are old are renewed before new ones are asked for, since
+        # fetching what those need may take longer than the old ones last.
+        self._deliver()
+        self._lease()
+
+    def _renew_between(self) -> None:
+        """Renew while something large is fetched, when it is due."""
+        if time.monotonic() < self._renew_at:
+            return
+        self._send_releases()
+        self._asks.wait()
+        self._take_answers()
+        if not self._releases:
             self._renew()
-            self._lease()
-            self._refusal = ""
-        except Unreachable:
+
+    def _take_answers(self) -> None:
+        for key, answer in self._asks.take():
+            try:
+                self._take_answer(key, answer)
+            except (Unreachable, Refused) as error:
+                self._not_answered(error)
+
+    def _take_answer(self, key: Hashable, answer: _Answer) -> None:
+        if key == _LEASING:
+            self._take_grants(answer)
+        elif isinstance(key, ReleaseRequest):
+            try:
+                answer.result()
+            except Refused as error:
+                # Somebody else's by now, or forgotten: there is nothing left to give back.
+                self._log(f"{key.run}: {error}")
+            self._releases.remove(key)
+        else:
+            attempt = next((one for one in self._outbox if one.lease.token == key), None)
+            if attempt is not None:
+                self._take_acknowledgement(attempt, answer)
+
+    def _not_answered(self, error: DaemonError) -> None:
+        if isinstance(error, Unreachable):
             self._silent_until = time.monotonic() + _RETRY_UNREACHABLE
             self._renew_at = 0.0  # a new daemon hears first what runs here
-        except Refused as error:
-            if str(error) != self._refusal:  # it is asked again every second, and says the same
-                self._log(f"the daemon refused: {error}")
-            self._refusal = str(error)
-            self._silent_until = time.monotonic() + _POLL
+            return
+        if str(error) != self._refusal:  # it is asked again every second, and says the same
+            self._log(f"the daemon refused: {error}")
+        self._refusal = str(error)
+        self._silent_until = time.monotonic() + _POLL
+
+    def _send_releases(self) -> None:
+        for release in self._releases:
+            if release not in self._asks:
+                self._asks.start(release, partial(self._daemon.ask, RELEASE, release))
+
+    def _adopt(self) -> None:
+        """Take over what dead workers left, whenever leases are renewed."""
+        if time.monotonic() < self._renew_at:
+            return
+        left = self._spool.adopt()
+        self._outbox += left.finished
+        # Certain, unlike a connection that is lost: nobody holds the lock of that spool.
+        me = self._info(0).id
+        self._releases += [
+            ReleaseRequest(me, lease.run, lease.token, "its worker died", blame=False)
+            for lease in left.unfinished
+        ]
 
     def _deliver(self) -> None:
-        while self._releases:
-            self._release(self._releases[0])
-            self._releases.pop(0)
-        if time.monotonic() < self._deliver_at:
+        if time.monotonic() < self._undelivered.until:
             return
-        for attempt in tuple(self._outbox):
-            try:
-                delivered = self._uploader.deliver(attempt)
-            except (Refused, ValueError) as error:
-                # Never to be taken: not a run of this ledger, or damaged in the spool.
-                self._outbox.remove(attempt)
-                self._give_back(attempt, f"the result was not taken: {error}", blame=True)
-            except OSError as error:
-                # A full disk, say: the spool keeps it.
-                self._log(f"{attempt.lease.run}: delivered later, {error}")
-                self._deliver_at = time.monotonic() + _RETRY_FAILED
-            else:
-                if not delivered:
-                    return  # a large trace: other duties come in between
+        # After trouble one tries whether it is over.
+        for attempt in self._outbox[: 1 if self._undelivered.words else None]:
+            token = attempt.lease.token
+            if token not in self._asks:
+                self._asks.start(token, partial(self._uploader.deliver, attempt))
+
+    def _take_acknowledgement(self, attempt: Attempt, answer: _Answer) -> None:
+        try:
+            delivered = answer.result()
+        except (Refused, ValueError) as error:
+            # Never to be taken: not a run of this ledger, or damaged in the spool.
+            self._outbox.remove(attempt)
+            self._give_back(attempt, f"the result was not taken: {error}", blame=True)
+        except OSError as error:
+            # A full disk, say: the spool keeps it.
+            self._log(f"{attempt.lease.run}: delivered later, {error}")
+            self._met(self._undelivered, f"results cannot be delivered: {error}")
+        else:
+            if delivered:  # else it is a large trace: the next turn of it comes
+                self._recovered(self._undelivered)
                 self._outbox.remove(attempt)
                 attempt.discard()
 
-    def _release(self, release: ReleaseRequest) -> None:
-        try:
-            self._daemon.ask(RELEASE, release)
-        except Refused as error:
-            # Somebody else's by now, or forgotten: there is nothing left to give back.
-            self._log(f"{release.run}: {error}")
-
     def _busy(self) -> WorkerInfo:
-        return self._info(len(self._executions))
+        words = (self._shortage, self._trouble.words, self._undelivered.words)
+        trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
+        return replace(self._info(len(self._executions)), trouble=trouble)
 
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
             return
-        # First, so that what a dead worker finished is held from now on and not leased anew.
-        self._outbox += self._spool.adopt()
         attempts = [execution.attempt for execution in self._executions] + self._outbox
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
         reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds))
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
-        self._overdue = any(a.finished and a.lease.token in gone for a in attempts)
+        self._leased = deque(lease for lease in self._leased if lease.token not in gone)
         for execution in tuple(self._executions):
-            # What has finished meanwhile is delivered: nobody has to execute it again.
+            # What has finished meanwhile is delivered: the daemon says what it thinks of it.
             if execution.attempt.lease.token in gone and not execution.attempt.finished:
                 self._drop(execution)
 
@@ -327,32 +349,61 @@ class WorkerLoop:
         self._executions.remove(execution)
         self._live.forget(execution.attempt.lease.run)
         execution.close()
-        execution.attempt.discard()
+        if execution.attempt.finished:  # in that very moment
+            self._outbox.append(execution.attempt)
+        else:
+            execution.attempt.discard()
 
     def _lease(self) -> None:
-        free = self._backend.slots - len(self._executions)
-        if free <= 0 or self._signals.drain:
+        slots = self._backend.slots
+        held = len(self._executions) + len(self._leased)
+        wanted = min(slots + self._pace.ahead(slots) - held, _MOST_LEASED)
+        if slots <= 0 or wanted <= 0 or self._signals.drain or _LEASING in self._asks:
             return
-        finished = any(execution.attempt.finished for execution in self._executions)
-        if self._overdue and (self._outbox or finished):
-            # Nobody waits for these results any more: else their runs would be leased again here.
+        if time.monotonic() < max(self._lease_at, self._trouble.until, self._undelivered.until):
             return
-        if time.monotonic() < max(self._lease_at, self._troubled_until):
+        if self._is_disk_short():
+            self._lease_at = time.monotonic() + _LOOK_AT_DISK
             return
-        shortage = self._paths.disk_shortage()
-        if shortage:
-            self._log(shortage)
-            self._troubled_until = time.monotonic() + _RETRY_FAILED
-            return
-        request = LeaseRequest(self._busy(), free, tuple(self._missing_suts))
-        reply = self._daemon.ask(LEASE, request)
-        if len(reply.grants) < free:
-            # The queue is empty: it is asked again when there is a hint, or in a while.
-            self._lease_at = time.monotonic() + _POLL
+        if self._trouble.words or self._undelivered.words:
+            # One run tries whether it is over.
+            if held:
+                return
+            wanted = 1
+        request = LeaseRequest(self._busy(), wanted, tuple(self._missing_suts))
+        ask = partial(self._pace.timed, partial(self._daemon.ask, LEASE, request))
+        # Until a hint, or for a while, unless it brings as many as were wanted.
+        self._lease_at = time.monotonic() + _POLL
+        self._asks.start(_LEASING, partial(_with_count, ask, wanted))
+
+    def _is_disk_short(self) -> bool:
+        before, self._shortage = self._shortage, self._paths.disk_shortage()
+        if self._shortage != before:
+            self._log(self._shortage or "the disk has room again")
+            self._renew_at = 0.0
+        return bool(self._shortage)
+
+    def _take_grants(self, answer: _Answer) -> None:
+        wanted, reply = answer.result()
+        self._refusal = ""
         self._leased.extend(reply.grants)
-        while self._leased:
-            self._begin(self._leased[0])
-            self._leased.popleft()
+        if len(reply.grants) == wanted:
+            self._lease_at = 0.0
+        self._start_leased()
+
+    def _start_leased(self) -> None:
+        # A worker that leaves, or is in trouble, keeps no run from others that it has not begun.
+        troubled = self._trouble.words and len(self._leased) > 1
+        if self._leased and (self._signals.drain or troubled):
+            me = self._info(0).id
+            for lease in self._leased:
+                self._releases.append(ReleaseRequest(me, lease.run, lease.token, "", blame=False))
+            self._leased.clear()
+        while self._leased and len(self._executions) < self._backend.slots:
+            lease = self._leased[0]
+            self._begin(lease)
+            if lease in self._leased:  # else a renewal meanwhile said that it is gone
+                self._leased.remove(lease)
 
     def _begin(self, lease: Lease) -> None:
         attempt: Attempt | None = None
@@ -361,16 +412,17 @@ class WorkerLoop:
             scene = self._inputs.scene(lease.spec.scene)
             self._inputs.provide_files(attempt)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
+            self._begun[lease.token] = time.monotonic()
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
             if attempt is not None:
                 attempt.discard()
             self._log(f"{lease.run}: not started, {error}")
-            me = self._info(0).id
-            self._releases.append(
-                ReleaseRequest(me, lease.run, lease.token, f"not started: {error}", blame=False)
-            )
-            self._troubled_until = time.monotonic() + _RETRY_FAILED
+            words = f"not started: {error}"
+            damaged = error.digest if isinstance(error, InputDamaged) else ""
+            release = (self._info(0).id, lease.run, lease.token, words)
+            self._releases.append(ReleaseRequest(*release, blame=False, damaged=damaged))
+            self._met(self._trouble, words)
 
     def _give_up(self) -> None:
         for execution in self._executions:
@@ -382,7 +434,18 @@ class WorkerLoop:
                 self._give_back(execution.attempt, why, blame=False)
             execution.close()
         self._executions.clear()
-        try:
+        self._start_leased()  # gives them back
+        deadline = time.monotonic() + _LAST_WORDS
+        self._silent_until = 0.0
+        while self._releases or self._outbox:
+            self._send_releases()
             self._deliver()
-        except Unreachable:
-            self._log("left without telling the daemon: results stay in the spool")
+            self._asks.wait(max(0.0, deadline - time.monotonic()))
+            self._take_answers()
+            if self._undelivered.words or self._silent_until or time.monotonic() > deadline:
+                self._log("left without telling the daemon all: results stay in the spool")
+                return
+
+
+def _with_count(ask: Callable[[], object], wanted: int) -> tuple[int, object]:
+    return wanted, ask()

@@ -25,6 +25,7 @@ from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.messages import (
     LARGEST_CHUNK,
+    LARGEST_ENCLOSED_TRACE,
     Completion,
     LedgerAnswer,
     TraceUploadChunk,
@@ -36,12 +37,15 @@ from grammars.text.files import replacing
 
 LONGEST_TURN: Final = 0.5
 """Seconds of sending before the worker looks after its runs and leases again."""
-# Parts double while each is answered within _QUICK_ANSWER, so that a fast link is not spent on
-# questions, and halve when one is lost, so that a slow link gets something through between two
-# breaks: the smallest, 22 kB as text, passes within the 5 s of a question at 40 kbit/s.
+# Parts double while each is answered within _QUICK_ANSWER beyond what the way itself takes, so that
+# a fast link is not spent on questions, and halve when one is lost, so that a slow link gets
+# something through between two breaks: the smallest, 22 kB as text, passes within the 5 s of a
+# question at 40 kbit/s.
 _QUICK_ANSWER: Final = 0.1
 _SMALLEST_CHUNK: Final = 16 * 2**10
 _FIRST_CHUNK: Final = 64 * 2**10
+_LARGEST_RESULT: Final = 2**20
+"""Bytes of a result that a trace may travel with, in one request."""
 _FAULTS: Final = 5
 """Parts refused in a row before a trace is put aside: others may still arrive."""
 
@@ -115,7 +119,10 @@ class TracePlacement:
 
 
 class ResultUploader:
-    """Hands finished attempts over; ``moved`` grows whenever something of a trace has arrived."""
+    """Hands finished attempts over, several at a time, each in a thread.
+
+    ``moved`` grows whenever something of a trace has arrived.
+    """
 
     def __init__(
         self,
@@ -134,6 +141,9 @@ class ResultUploader:
         self._chunk = _FIRST_CHUNK
         # By the tokens of leases: a run that is leased again is another delivery.
         self._sending: dict[int, _BusUpload] = {}
+        # Of the way itself: what is not much slower is quick.
+        self._fastest = float("inf")
+        self._counting = threading.Lock()
         self._putting: dict[int, _StoreUpload] = {}
         self.moved = 0
 
@@ -152,13 +162,22 @@ class ResultUploader:
         return self._by_bus(attempt, result)
 
     def _complete(
-        self, attempt: Attempt, result: RunResult, location: str = "", *, uploaded: bool = False
+        self,
+        attempt: Attempt,
+        result: RunResult,
+        location: str = "",
+        *,
+        uploaded: bool = False,
+        trace: str = "",
     ) -> LedgerAnswer:
         lease = attempt.lease
-        completion = Completion(
-            self._worker, lease.run, lease.attempt, lease.token, result, location, uploaded
-        )
+        ours = (self._worker, lease.run, lease.attempt, lease.token)
+        completion = Completion(*ours, result, location, uploaded, trace)
         return self._daemon.ask(COMPLETE, completion).answer
+
+    def _moved(self, count: int) -> None:
+        with self._counting:
+            self.moved += count
 
     def _by_path(self, attempt: Attempt, result: RunResult) -> None:
         placement = TracePlacement.of(attempt, self._paths.state, result)
@@ -178,8 +197,8 @@ class ResultUploader:
         putting = self._putting.get(lease.token)
         if putting is None:
             # In a thread of its own: it is put in one call, which may take minutes.
-            self._putting[lease.token] = _StoreUpload(trace, url)
-            return False
+            putting = self._putting[lease.token] = _StoreUpload(trace, url)
+        putting.join(self._turn)
         if putting.is_alive():
             return False
         if putting.problem is not None:
@@ -187,7 +206,7 @@ class ResultUploader:
             raise putting.problem
         answer = self._complete(attempt, result, url)
         del self._putting[lease.token]
-        self.moved += result.trace.size
+        self._moved(result.trace.size)
         self._tell(attempt, result, putting.begun, "kept in the store")
         if answer in (LedgerAnswer.DROPPED, LedgerAnswer.DIFFERS, LedgerAnswer.REDUNDANT):
             with suppress(stores.StoreUnusable):  # it harms nobody there: nothing refers to it
@@ -196,6 +215,9 @@ class ResultUploader:
 
     def _by_bus(self, attempt: Attempt, result: RunResult) -> bool:
         token = attempt.lease.token
+        small = token not in self._sending and self._may_enclose(attempt, result)
+        if small and self._enclosed(attempt, result):
+            return True
         if token not in self._sending:
             self._sending[token] = _BusUpload(_checked_trace(attempt, result))
         sending, until = self._sending[token], time.monotonic() + self._turn
@@ -216,6 +238,28 @@ class ResultUploader:
         del self._sending[token]
         return True
 
+    def _may_enclose(self, attempt: Attempt, result: RunResult) -> bool:
+        """Whether the trace is small enough to travel with the result, on this way as it is."""
+        largest = min(LARGEST_ENCLOSED_TRACE, self._chunk)
+        return result.trace.size <= largest and attempt.result_size() <= _LARGEST_RESULT
+
+    def _enclosed(self, attempt: Attempt, result: RunResult) -> bool:
+        """Send trace and result in one request; returns whether both were taken."""
+        begun, trace = time.monotonic(), _checked_trace(attempt, result)
+        text, _ = stores.encode_chunk(trace.read_bytes())
+        try:
+            answer = self._complete(attempt, result, uploaded=True, trace=text)
+        except Unavailable as error:
+            raise OSError(str(error)) from error
+        except Unreachable:
+            self._chunk = max(self._chunk // 2, _SMALLEST_CHUNK)
+            raise
+        if answer is LedgerAnswer.MISSING:
+            return False  # it came damaged: part by part each is verified
+        self._moved(result.trace.size)
+        self._tell(attempt, result, begun, "sent")
+        return True
+
     def _send(self, attempt: Attempt, result: RunResult, sending: _BusUpload) -> None:
         """Send the next part, or ask where to go on."""
         lease, trace = attempt.lease, result.trace
@@ -227,11 +271,13 @@ class ResultUploader:
 
         asked = time.monotonic()
         try:
-            self.moved += sending.send_next(ask, self._chunk)
+            self._moved(sending.send_next(ask, self._chunk))
         except Unavailable as error:
             # No room there just now. Everything else goes on: leases are renewed, say.
             raise OSError(str(error)) from error
-        if time.monotonic() - asked < _QUICK_ANSWER:
+        took = time.monotonic() - asked
+        self._fastest = min(self._fastest, took)
+        if took < self._fastest + _QUICK_ANSWER:
             self._chunk = min(2 * self._chunk, LARGEST_CHUNK)
         if sending.faults >= _FAULTS:
             sending.faults, sending.offset = 0, None

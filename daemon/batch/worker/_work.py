@@ -30,6 +30,7 @@ from daemon.model.execution import (
 )
 from daemon.model.messages import ALIVE, WORK
 from daemon.model.verbs import Role
+from grammars.text.terminal_text import printable
 
 
 def work(
@@ -84,7 +85,7 @@ def work(
         daemon = DaemonConnection(session, connect, holder)
         welcome = daemon.ask_welcome(me)
         paths = choose_paths(state, welcome)
-        spool = Spool(paths.state, me.id)
+        spool = Spool(paths.state, me.id, holder.name if holder else "")
         stack.callback(spool.close)
         # Present only once it can take runs; the token goes with the session, however it ends.
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{daemon.name}/{me.id}"))
@@ -130,4 +131,4 @@ def _log(message: str) -> None:
     now = datetime.now().astimezone().isoformat(timespec="milliseconds")
     # A full disk must not end a worker whose log lies there.
     with suppress(OSError):
-        print(now, message, file=sys.stderr, flush=True)
+        print(now, printable(message), file=sys.stderr, flush=True)

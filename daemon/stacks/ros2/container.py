@@ -18,8 +18,8 @@ from typing import Final
 
 from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.settings import Container
-from daemon.stacks.ros2.supervision.plan import ALARM, RELAY_EXIT
-from daemon.stacks.ros2.supervision.remains import MARKER
+from daemon.supervision.plan import ALARM, RELAY_EXIT
+from daemon.supervision.remains import MARKER
 
 _ENGINE_LIMIT: Final = 30.0
 """Seconds within which an engine says what it knows of an image."""

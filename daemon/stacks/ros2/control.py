@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import select
@@ -17,18 +18,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from daemon.stacks.ros2.supervision.plan import CONTROL_SOCKET, StackPlan
+from daemon.supervision.plan import CONTROL_SOCKET, PROGRAM, StackPlan
 
 ERRORS: Final = "supervisor.txt"
 """What a supervisor itself has to say, when it fails."""
 ANSWER_LIMIT: Final = 60.0
 """Seconds within which a supervisor answers, beside what it waits for itself: it may have to share
 a processor with many runs."""
-# Without our packages, and without what variables of Python's say, which are for the stack.
-_SUPERVISE: Final = (
-    "import sys; sys.path.append(sys.argv[1]);"
-    "from supervision.supervisor import main; main(int(sys.argv[2]))"
-)
+_ROOM: Final = Path(inspect.getfile(StackPlan)).parent
 _kept: Final[list[subprocess.Popen[bytes]]] = []
 """Supervisors that this process has started and does not hold any more."""
 
@@ -52,7 +49,8 @@ class SupervisorWire:
         """Start a supervisor, with locks in the descriptors ``inherited``; raises ``OSError``."""
         _reap_kept()
         ours, theirs = socket.socketpair()
-        words = [sys.executable, "-I", "-S", "-c", _SUPERVISE, str(Path(__file__).parent)]
+        # Without what variables of Python's say, which are for the stack.
+        words = [sys.executable, "-I", "-S", "-c", PROGRAM, str(_ROOM.parent)]
         try:
             with theirs, (folder / ERRORS).open("wb") as errors:
                 process = subprocess.Popen(

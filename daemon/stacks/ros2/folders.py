@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Final
 
-from daemon.stacks.ros2.supervision.remains import end_container, end_marked
-from daemon.stacks.ros2.supervision.shared_memory import remove_shared_memory
+from daemon.supervision.remains import end_container, end_marked
+from daemon.supervision.shared_memory import remove_shared_memory
 from grammars.text import codec
 from grammars.text.files import write_atomically
 

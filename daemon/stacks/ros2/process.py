@@ -1,13 +1,12 @@
 """A running stack as its run sees it: started, watched, read, and ended or kept.
 
-The work is done by a supervisor, a process of its own (:mod:`daemon.stacks.ros2.supervision`),
+The work is done by a supervisor, a process of its own (:mod:`daemon.supervision`),
 which ends the stack also when the run's process cannot ask for it any more.
 """
 
 from __future__ import annotations
 
 import os
-import re
 import secrets
 import shlex
 import shutil
@@ -45,14 +44,15 @@ from daemon.stacks.ros2.isolation import (
 )
 from daemon.stacks.ros2.placeholders import PlaceholderError
 from daemon.stacks.ros2.settings import Ros2Settings, fill_settings
-from daemon.stacks.ros2.supervision.output_file import OutputFile
-from daemon.stacks.ros2.supervision.plan import (
+from daemon.supervision.output_file import OutputFile
+from daemon.supervision.plan import (
     ENVIRONMENT,
     RELAY_OUTPUT,
     STACK_OUTPUT,
     StackPlan,
 )
-from daemon.stacks.ros2.supervision.remains import KILL_LIMIT, MARKER
+from daemon.supervision.remains import KILL_LIMIT, MARKER
+from grammars.text.terminal_text import printable, without_escapes
 
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
 NONCE_VARIABLE: Final = "SCENARIO_NONCE"
@@ -65,8 +65,6 @@ _ENGINE_FAILED: Final = 125
 """Exit code of podman and docker when they failed themselves (podman-run(1))."""
 _ENGINE_LIMIT: Final = 40.0
 """Seconds that the engine of a container is given to end and to remove it."""
-# What terminals understand and a note does not: colours, other escapes, control characters.
-_CONTROL: Final = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b.|[\x00-\x08\x0b-\x1f\x7f]")
 
 
 class StackProcess:
@@ -353,5 +351,5 @@ def _end_in_words(code: int) -> str:
 
 
 def _lines(data: bytes) -> list[str]:
-    text = _CONTROL.sub("", data.decode("utf-8", "replace"))
-    return [line.rstrip() for line in text.splitlines() if line.strip()]
+    text = without_escapes(data.decode("utf-8", "replace"))
+    return [printable(line).rstrip() for line in text.splitlines() if line.strip()]

@@ -13,7 +13,7 @@ from textual.widgets import Static
 from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -28,8 +28,6 @@ from scenario_tui.text.formatting import (
 )
 from scenario_tui.text.results import Conclusion
 
-SHOWN: Final = 500
-"""Campaigns in the table, the newest: a table of thousands is slow to lay out."""
 _COLUMNS: Final = (
     Column("campaign", 0),
     Column("judged", 15),
@@ -81,8 +79,9 @@ class CampaignsScreen(SteeringScreen):
 
     def trail(self) -> str:
         """Say how many campaigns there are."""
-        count = len(self.dashboard.daemon_state.campaigns)
-        more = f", the newest {SHOWN} shown" if count > SHOWN else ""
+        state = self.dashboard.daemon_state
+        count = state.overview.campaigns if state.overview else len(state.campaigns)
+        more = f", the newest {CAMPAIGNS_SHOWN} shown" if count > CAMPAIGNS_SHOWN else ""
         return f"campaigns ({count}{more})"
 
     def campaign(self) -> CampaignRow | None:
@@ -96,7 +95,7 @@ class CampaignsScreen(SteeringScreen):
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
         said = state.conclusions
-        rows = state.campaigns[:SHOWN]
+        rows = state.campaigns[:CAMPAIGNS_SHOWN]
         table.fill([campaign_cells(row, said.get(row.id), now) for row in rows])
         # A table that was hidden, because there was no campaign, could not take the keys.
         if not table.has_focus and table.display and self.focused is None:

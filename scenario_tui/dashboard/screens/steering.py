@@ -20,6 +20,7 @@ from scenario_tui.campaign_actions import (
     RESUME,
     RETRY,
     CampaignAction,
+    deletion_text,
 )
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question
@@ -188,6 +189,28 @@ class SteeringScreen(BaseScreen):
         text = f"Cancel {pluralise(waiting, 'unfinished run')} of {row.id}? Its results are kept."
         self.app.push_screen(Question(text, self._line("cancel", row.id)), decided)
 
+    def action_delete(self) -> None:
+        """Ask whether to remove the campaign, then do it."""
+        row = self._about()
+        if row is None:
+            return
+        if not row.finished:
+            self.notify(f"{row.id} is not finished: cancel it before it is deleted")
+            return
+
+        def decided(yes: bool | None) -> None:
+            if yes:
+                self.dashboard.steer(
+                    lambda daemon: deletion_text(daemon.delete((row.id,))),
+                    self._line("delete", row.id),
+                )
+
+        text = (
+            f"Delete {row.id} with its {pluralise(row.total, 'run')}, results and traces?\n"
+            "Nothing brings them back."
+        )
+        self.app.push_screen(Question(text, self._line("delete", row.id)), decided)
+
     def action_retry(self) -> None:
         """Ask which runs to queue again."""
         row = self._about()
@@ -263,6 +286,7 @@ class SteeringScreen(BaseScreen):
             ("retry what failed", self._line("retry", row.id, "--only", "fail")),
             ("retry what was lost or cancelled", self._line("retry", row.id)),
             ("give it priority 1", self._line("priority", row.id, "1")),
+            ("delete it", self._line("delete", row.id)),
         ]
 
 

@@ -1,4 +1,4 @@
-"""Who executes runs: the workers connected to the daemon."""
+"""Who executes runs: the workers of the daemon, and which of them are away."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COLUMNS: Final = (
     Column("host", 16),
     Column("busy", 9, right=True),
     Column("here for", 12, right=True),
-    Column("last heard", 13, right=True),
+    Column("last heard", 16, right=True),
     Column("process", 8, from_width=90, right=True),
     Column("version", 9, from_width=100),
 )
@@ -45,8 +45,10 @@ class WorkersScreen(BaseScreen):
     def trail(self) -> str:
         """Where we are, and the sum of it."""
         rows = self.dashboard.daemon_state.workers
-        busy, slots = sum(row.busy for row in rows), sum(row.slots for row in rows)
-        return f"workers ({len(rows)})  {busy} of {pluralise(slots, 'slot')} busy"
+        here = [row for row in rows if not row.away]
+        busy, slots = sum(row.busy for row in here), sum(row.slots for row in here)
+        away = f", {len(rows) - len(here)} away" if len(here) < len(rows) else ""
+        return f"workers ({len(here)}{away})  {busy} of {pluralise(slots, 'slot')} busy"
 
     def show(self, state: DashboardState) -> None:
         """Fill the table."""
@@ -70,7 +72,7 @@ def worker_cells(row: WorkerRow, now: float) -> Row:
         Text(row.host),
         Text(f"{row.busy} of {row.slots}"),
         Text(duration(now - row.connected_at)),
-        Text(age_text(row.last_seen_at, now)),
+        Text(("away, " if row.away else "") + age_text(row.last_seen_at, now)),
         Text(str(row.pid)),
         Text(row.version),
     )

@@ -2,11 +2,13 @@
 
 The parameters of the system under test say what to do: ``sleep`` [s], ``until`` (goes on until
 there is this file; ``{attempt}`` in its name is the attempt's number), ``outcome``, ``crash``
-(the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 1 is the
-fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``allocate``
-[MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
-time), ``size`` (of the trace, bytes at least), ``reads`` (a file
-attached, its digest ends the trace). Systems of the kind ``absent`` are not installed.
+(the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 0 is the
+guardian, 1 the fork server, 2 what started that), ``abort`` (say this and abort), ``raise``,
+``allocate`` [MiB], ``log`` (a file that gets a line per execution), ``leaves`` (a file that gets
+the numbers of the processes that are left behind), ``prints`` [MiB], ``evidence`` (characters of
+it), ``verdicts`` (so many), ``noise`` (makes the trace differ each time), ``size`` (of the trace,
+bytes at least), ``reads`` (a file attached, its digest ends the trace). Systems of the kind
+``absent`` are not installed.
 """
 
 from __future__ import annotations
@@ -18,13 +20,14 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
 
 from daemon.model.attachments import SutMissing, resolve_paths
 from daemon.model.spec import RunResult, RunSpec, Snapshot, TraceInfo
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Evidence, Outcome
 from grammars.model.geometry import Pose2
 from grammars.model.scene import Scene
 from tests.daemon.batch.samples import make_result
@@ -44,10 +47,14 @@ def execute(
     if "log" in asked:
         with Path(asked["log"]).open("a") as log:
             log.write(f"{spec.repeat} {os.getpid()} {os.nice(0)}\n")
+    if "leaves" in asked:
+        leave_process(Path(asked["leaves"]))
+    for number in range(asked.get("prints", 0)):
+        print(f"{number:_>{2**20 - 1}}")
     if _attempt(trace_path) in asked.get("crash", ()):
         os.kill(os.getpid(), signal.SIGKILL)
     if "kill" in asked:
-        psutil.Process().parents()[asked["kill"] - 1].kill()
+        psutil.Process().parents()[asked["kill"]].kill()
     if "abort" in asked:
         print(asked["abort"])
         sys.stdout.flush()
@@ -67,7 +74,33 @@ def execute(
         data += os.urandom(8)
     trace_path.write_bytes(data)
     trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
-    return make_result(spec, outcome=Outcome(asked.get("outcome", "pass")), trace=trace)
+    result = make_result(spec, outcome=Outcome(asked.get("outcome", "pass")), trace=trace)
+    evidence = Evidence(note="x" * asked.get("evidence", 0))
+    verdict = replace(result.verdicts[0], evidence=evidence)
+    return replace(result, verdicts=(verdict,) * asked.get("verdicts", 1))
+
+
+def leave_process(file: Path) -> None:
+    """Leave two processes behind that nothing but SIGKILL ends, in sessions of their own.
+
+    Their numbers stand in the file then. One is a program, the other a mere fork.
+    """
+    if os.fork() == 0:
+        os.setsid()
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        program = os.fork() == 0
+        if not program and os.fork():
+            os._exit(0)
+        log = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        os.write(log, f"{os.getpid()}\n".encode())
+        if program:
+            os.execvp("sleep", ["sleep", "infinity"])
+        while True:
+            signal.pause()
+    os.wait()
+    while not file.exists() or len(file.read_text().split()) < 2:
+        time.sleep(0.01)
 
 
 def _attempt(trace_path: Path) -> int:

@@ -30,7 +30,11 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def eventually(condition: Callable[[], Any], seconds: float = 60.0) -> Any:
+DEADLINE = 120.0
+"""Seconds after which a test is broken, and not the machine busy: below the limit of pytest."""
+
+
+def eventually(condition: Callable[[], Any], seconds: float = DEADLINE) -> Any:
     """Wait until ``condition`` gives something true, and return that.
 
     The deadline only tells a broken test from a slow machine: what a test has to find out by the
@@ -105,7 +109,7 @@ class Part:
         process = psutil.Process(self.pid)
         eventually(lambda: process.status() == psutil.STATUS_STOPPED)
 
-    def wait(self, seconds: float = 60.0) -> int:
+    def wait(self, seconds: float = DEADLINE) -> int:
         return self.process.wait(seconds)
 
     def kill(self) -> None:

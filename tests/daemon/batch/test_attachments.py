@@ -31,6 +31,7 @@ from daemon.model.messages import (
     FileUploadChunk,
     UploadProgress,
 )
+from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import SutReference
 from daemon.stacks import registry
 from daemon.stacks.registry import make_sut
@@ -216,6 +217,6 @@ def test_a_submission_without_its_files_is_refused(tmp_path: Path) -> None:
     lacking = {"files": {"model": f"sha256:{DIGEST}"}}
     submission = submission_of("c", replace(make_spec(), sut=SutReference("m", "mine", lacking)))
     with pytest.raises(Refused, match='the file "model" of m was not sent along'):
-        admit_submission(submission, places)
+        admit_submission(pack_submission(submission), places)
     (places.files / DIGEST).write_bytes(MODEL)
-    admit_submission(submission, places)
+    admit_submission(pack_submission(submission), places)

@@ -121,7 +121,7 @@ def test_a_submission_without_its_map_is_refused(here: Path) -> None:
     places = StatePaths(here / "state")
     places.make_folders()
     with pytest.raises(Refused, match="A/pilot/0: its map .* was not sent along"):
-        admit_submission(planned(here), places)
+        admit_submission(pack_submission(planned(here)), places)
 
 
 @pytest.mark.parametrize("file", ["../../etc/passwd", "0" * 63, "G" * 64, "0" * 64 + "\n"])

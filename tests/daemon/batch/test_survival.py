@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import psutil
@@ -90,7 +91,7 @@ def test_a_daemon_killed_in_the_middle_resumes(tmp_path: Path) -> None:
 
 def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path: Path) -> None:
     rng = random.Random(7)
-    settings = {"lease": 1.0, "grace": 0.2, "attempts": 50}
+    settings = {"lease": 1.0, "attempts": 50}
     with daemon_at(tmp_path / "state", 2, **settings) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("c", 30, sleep=0.05))
@@ -106,27 +107,51 @@ def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path: Path) -> None
         assert daemon.journal()
 
 
-def test_a_killed_worker_costs_its_runs_a_moment(tmp_path: Path) -> None:
+def strikes(daemon: DaemonPart) -> int:
+    """How many strikes all runs have together."""
+    with closing(sqlite3.connect(daemon.state / "ledger.db")) as db:
+        return int(db.execute("SELECT total(strikes) FROM run").fetchone()[0])
+
+
+def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path: Path) -> None:
     # The lease outlasts the test: it can not be what ends the runs.
-    settings = {"lease": 1800.0, "grace": 0.3}
     gate = tmp_path / "gate"
-    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", lease=1800.0) as daemon, daemon.client() as client:
         with worker_for(daemon, 2) as first:
             client.submit(make_submission("c", 4, until=str(gate)))
-            eventually(lambda: client.overview().running == 2)
+            spool = daemon.state / "spool"
+            eventually(lambda: len(list(spool.glob("*/*/attempt-1/grant.json"))) == 2)
             first.kill()
-            eventually(lambda: client.overview().running == 0)
-        gate.touch()
-        assert client.run("c.0").row.reason == "the worker is gone"
+            eventually(lambda: [row.away for row in client.workers()] == [True])
+            assert (client.overview().running, client.overview().workers) == (2, 0)
         with worker_for(daemon, 2):
+            eventually(lambda: len(list(spool.glob("*/*/attempt-*/grant.json"))) == 2)
+            gate.touch()
             eventually(lambda: finished(client, 4))
+            # Nothing keeps it on the list any more.
+            eventually(lambda: [row.away for row in client.workers()] == [False])
         assert sorted(row.attempt for row in client.runs("c").rows) == [1, 1, 2, 2]
+        reasons = [line["reason"] for line in daemon.noted("released")]
+        assert reasons == ["its worker died"] * 2
+        assert strikes(daemon) == 0
         check_ledger(daemon.state, 4)
 
 
-def test_a_frozen_worker_loses_its_lease_and_its_late_result_counts_once(tmp_path: Path) -> None:
+def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    with daemon_at(tmp_path / "state", 1, lease=1800.0) as daemon, daemon.client() as client:
+        client.submit(make_submission("c", 1, until=str(tmp_path / "gate-{attempt}"), log=str(log)))
+        eventually(log.exists)
+        local_worker(daemon).kill()
+        (tmp_path / "gate-2").touch()
+        eventually(lambda: finished(client, 1))
+        assert client.run("c.0").row.attempt == 2
+        assert strikes(daemon) == 0
+
+
+def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path: Path) -> None:
     # The second worker has to keep its lease beside any load: a shorter one it may lose.
-    settings = {"lease": 3.0, "grace": 30.0}
+    settings = {"lease": 3.0}
     log, gate = tmp_path / "log", tmp_path / "gate"
     with daemon_at(tmp_path / "state", **settings) as daemon, daemon.client() as client:
         with worker_for(daemon, 1) as frozen:
@@ -148,7 +173,7 @@ def test_a_frozen_worker_loses_its_lease_and_its_late_result_counts_once(tmp_pat
 
 
 def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path: Path) -> None:
-    settings = {"lease": 3.0, "grace": 30.0}
+    settings = {"lease": 3.0}
     log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
     with daemon_at(tmp_path / "state", **settings) as daemon, daemon.client() as client:
         with worker_for(daemon, 1) as frozen:

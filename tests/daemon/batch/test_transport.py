@@ -66,7 +66,7 @@ def done(daemon: DaemonPart, runs: int) -> bool:
 
 def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
-    with daemon_at(tmp_path / "state", lease=30.0, grace=20.0) as daemon:
+    with daemon_at(tmp_path / "state", lease=30.0) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("c", 1, size=LARGE))
         with worker_for(daemon, 1, "--state", str(elsewhere)) as worker:

@@ -13,8 +13,8 @@ from daemon.campaign import expand, load_campaign
 from daemon.model.messages import LARGEST_SUBMISSION
 from daemon.model.packed_submission import (
     PackedSubmission,
-    fingerprint,
     pack_submission,
+    submission_digest,
     unpack_submission,
 )
 from daemon.model.spec import RunSpec
@@ -39,7 +39,12 @@ def test_unpacked_it_is_the_submission_again(submission: Submission) -> None:
 def test_digests_are_those_of_what_is_written_out(submission: Submission) -> None:
     odd = replace(submission.runs[0], scenario='S "1" ä', limit=1e-7, seed=2**63, behaviours=())
     for one in (submission, replace(submission, runs=(odd,), reserve=submission.runs[:2])):
-        assert fingerprint(one) == (codec.digest(one), tuple(run.digest for run in one.runs))
+        told: list[tuple[object, str]] = []
+        packed = pack_submission(one)
+        found = submission_digest(packed, lambda *pair, to=told: to.append(pair))
+        assert found == submission_digest(packed) == codec.digest(one)
+        digests = [digest for _, digest in told]
+        assert digests == [run.digest for run in one.runs]
 
 
 def test_equal_parts_are_there_once_whoever_made_them() -> None:
@@ -69,6 +74,8 @@ def test_a_number_for_nothing_is_refused(packed: tuple[int, int, int, int]) -> N
     text = codec.to_json(packed_form).replace(b"[0,0,0,0]", str(list(packed)).encode())
     with pytest.raises(ValueError, match="no cell"):
         unpack_submission(codec.from_json(PackedSubmission, text))
+    with pytest.raises(ValueError, match="no cell"):
+        submission_digest(codec.from_json(PackedSubmission, text))
 
 
 def test_the_ledger_gives_back_what_was_submitted(submission: Submission, tmp_path: Path) -> None:

@@ -99,7 +99,7 @@ def test_a_baseline_makes_results_a_gate(scenario, two) -> None:
 def test_the_gate_of_a_campaign_holds_it_against_the_last_green_one(scenario, two, fake) -> None:
     two.declares = replace(two.declares, gate=RegressionGate("last-green", 0.2))
     renamed = [replace(row, name="first") for row in two.campaigns()]
-    fake.campaigns = lambda: tuple(renamed)
+    fake._campaign_rows = lambda: tuple(renamed)
     said = scenario("results", CAMPAIGN, "--exit-status")
     assert f"{OLD} → {CAMPAIGN}" in said.out
     assert said.code == 1

@@ -24,6 +24,11 @@ def test_status_names_daemon_counts_and_campaigns(scenario) -> None:
     assert "4 min ago" in said.out
 
 
+def test_status_says_how_many_workers_are_away(scenario, fake) -> None:
+    fake.away = True
+    assert "1 worker with 2 slots, 1 away" in scenario("status").out
+
+
 def test_status_without_campaigns_says_what_to_type(scenario, fake) -> None:
     fake.empty = True
     assert "scenario submit" in scenario("status").out

@@ -73,7 +73,6 @@ def _with_state(call, state: Path, *arguments: str) -> Said:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ((), "say what to keep"),
         (("--older-than", "soon"), "'soon' is not an age"),
         (("--max-size", "3 bottles"), "'3 bottles' is not a size"),
     ],

@@ -204,3 +204,42 @@ def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch) -> None:
     assert said.code == 130
     assert f"{CAMPAIGN} goes on" in said.err
     assert not [call for call in fake.calls if call[0] == "cancel"]
+
+
+@pytest.fixture
+def away(fake, monkeypatch, tmp_path) -> Path:
+    """A state directory of a daemon that does not answer until it was asked four times."""
+    monkeypatch.setattr(progress, "INTERVAL", 0.001)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
+    asked = iter(range(4))
+    fake.reachable = False
+
+    def before(daemon: FakeDaemon) -> None:
+        if next(asked, None) is None:
+            daemon.reachable = True
+            _finish(daemon)
+
+    fake.before = before
+    return tmp_path
+
+
+@pytest.mark.parametrize("by_name", [True, False])
+def test_a_daemon_that_is_away_at_first_is_waited_for(scenario, away, by_name) -> None:
+    if not by_name:
+        (away / "ledger.db").touch()
+    where = ("--connect", "tcp/127.0.0.1:7447") if by_name else ()
+    said = scenario("wait", "first", *where)
+    assert said.code == 1
+    assert said.err.splitlines() == [
+        "the daemon does not answer, waiting for it (Ctrl-C to leave)",
+        f"{CAMPAIGN}: ✗ 1 unexpected",
+    ]
+
+
+def test_where_there_never_was_a_daemon_nobody_waits(scenario, away) -> None:
+    said = scenario("wait", "first")
+    assert said.code == 3
+    assert "waiting" not in said.err
+    (away / "ledger.db").touch()
+    assert scenario("wait", "first", "--timeout", "0s").code == 3
+    assert scenario("wait", "first").code == 1

@@ -15,6 +15,7 @@ from textual.pilot import Pilot
 from daemon.model.status import CampaignRow, DaemonOverview
 from scenario_tui.dashboard.background import CommandAnswer, CommandLines
 from scenario_tui.dashboard.config import Config
+from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.dashboard.inline import settle
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 
@@ -63,7 +64,7 @@ class Commands:
 
     def __call__(self, arguments: tuple[str, ...]) -> CommandAnswer:
         self.asked.append(arguments)
-        assert self.done.wait(60.0)
+        assert self.done.wait(DEADLINE)
         return self.answer
 
 
@@ -77,7 +78,7 @@ def local(state: Path) -> CommandLines:
 
 async def eventually(condition: Callable[[], Any], pilot: Pilot[None] | None = None) -> None:
     """Wait for something another thread or process does; let a ``pilot``'s app come to rest."""
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + DEADLINE
     while not condition():
         assert time.monotonic() < deadline, "it did not happen in time"
         await asyncio.sleep(0.01)

@@ -306,6 +306,15 @@ async def test_the_colon_opens_a_list_of_places(opened) -> None:
         assert isinstance(pilot.app.screen, WorkersScreen)
 
 
+async def test_workers_that_are_away_are_shown_as_such(opened, fake) -> None:
+    fake.away = True
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "3")
+        await until(pilot, lambda: "away, 1 s ago" in shown(pilot))
+        assert "workers (1, 1 away)  1 of 2 slots busy" in shown(pilot)
+
+
 async def test_quitting_says_that_work_goes_on(opened) -> None:
     async with opened() as pilot:
         await settle(pilot)

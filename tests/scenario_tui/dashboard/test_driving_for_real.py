@@ -28,7 +28,9 @@ CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
 
 async def test_a_campaign_is_steered_to_its_end(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
-        client.submit(make_submission("long", runs=6, sleep=0.4))
+        # None of its runs ends before the test lets them: whatever is pressed finds it under way.
+        gate = tmp_path / "gate"
+        client.submit(make_submission("long", runs=6, until=str(gate)))
 
         def row() -> CampaignRow:
             return client.campaigns()[0]
@@ -46,6 +48,7 @@ async def test_a_campaign_is_steered_to_its_end(tmp_path: Path) -> None:
             await pilot.press("c", "y")
             await eventually(lambda: row().cancelled)
             await eventually(lambda: app.daemon_state.campaigns[0].cancelled)
+            gate.touch()
             await pilot.press("r", "l")
             await eventually(lambda: not row().cancelled)
             await eventually(lambda: row().passed == 6)

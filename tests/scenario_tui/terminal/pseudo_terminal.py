@@ -11,6 +11,7 @@ import signal
 import struct
 import sys
 import termios
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -116,6 +117,35 @@ class Terminal:
                 os.kill(self.pid, signal.SIGKILL)
             os.waitpid(self.pid, 0)
         os.close(self._master)
+
+
+def typed_here(call: Callable[[], int], *, columns: int = 100, rows: int = 40) -> tuple[int, bytes]:
+    """Call something of this process whose output goes to a terminal; return its code, the bytes.
+
+    Standard input stays what it is: nothing is drawn that somebody would have to leave by a key.
+    """
+    master, slave = pty.openpty()
+    _set_size(slave, columns, rows)
+    raw = bytearray()
+
+    def take() -> None:
+        with contextlib.suppress(OSError):  # Linux says EIO when nobody writes any more
+            while data := os.read(master, 65536):
+                raw.extend(data)
+
+    reader = threading.Thread(target=take)
+    reader.start()
+    try:
+        with (
+            open(slave, "w", encoding="utf-8", buffering=1) as stream,  # noqa: PTH123
+            contextlib.redirect_stdout(stream),
+            contextlib.redirect_stderr(stream),
+        ):
+            code = call()
+    finally:
+        reader.join()
+        os.close(master)
+    return code, bytes(raw)
 
 
 def _set_size(descriptor: int, columns: int, rows: int) -> None:

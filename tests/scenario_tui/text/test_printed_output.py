@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import unicodedata
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,7 +34,10 @@ def test_lines_are_as_a_terminal_would_have_left_them(printed: str, lines: list[
 
 @given(st.text(alphabet=st.characters(), max_size=200))
 def test_no_sign_is_left_that_a_terminal_obeys(text: str) -> None:
-    assert all(line.isprintable() for line in printed_lines(text))
+    left = {sign for line in printed_lines(text) for sign in line}
+    assert not {unicodedata.category(sign) for sign in left} & {"Cc", "Cs", "Zl", "Zp"}
+    turning = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
+    assert not {unicodedata.bidirectional(sign) for sign in left} & set(turning)
 
 
 def test_the_last_lines_and_how_many_there_are_before() -> None:

@@ -93,6 +93,23 @@ class ClusterConnection:
         with self._lock:
             return bool(self._workers) and all(one.unfit for one in self._workers.values())
 
+    @property
+    def shortage(self) -> str:
+        """Why no worker of the cluster executes runs right now; empty when one does."""
+        where = f"the Dask scheduler {self._scheduler.address}"
+        if not self.connected:
+            return f"{where} does not answer: start it again, at that address"
+        with self._lock:
+            unfit = [one.unfit for one in self._workers.values() if one.unfit]
+            others = len(self._workers) - len(unfit)
+            if any(one.threads for one in self._workers.values()):
+                return ""
+        if others:
+            return f"{others} Dask workers of {where} are not ready yet"
+        if unfit:
+            return f"none of the Dask workers of {where} can execute runs: {unfit[0]}"
+        return f"{where} has no workers: see that theirs are started again when they end"
+
     def open(self) -> None:
         """Connect; raises :class:`WorkerBroken` when nobody answers or versions differ."""
         # Its traceback for every loss of the connection would bury what we say about it.

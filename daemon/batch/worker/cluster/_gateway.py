@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -171,6 +172,8 @@ class RemoteExecution:
 
 _MOST_SLOTS: Final = 1024
 """Most attempts leased at a time: each is a folder and is renewed every few seconds."""
+_PATIENCE: Final = 30.0
+"""Seconds without a slot after which it is said: a scheduler that is started again needs some."""
 _MOST_SUSPECTS: Final = 4096
 """So many are remembered; who was forgotten is suspected anew before it is blamed."""
 
@@ -190,7 +193,11 @@ class Gateway:
         *,
         slots: int | None,
         log: Callable[[str], None],
+        patience: float = _PATIENCE,
     ) -> None:
+        self._log = log
+        self._patience = patience
+        self._slots_seen_at = time.monotonic()
         self._wakeup = WakeupSocket()
         self._executor = executor
         self._wished = slots
@@ -201,6 +208,8 @@ class Gateway:
         self._suspects: dict[str, None] = {}
         self._alone: RemoteExecution | None = None
         self._waiting: deque[RemoteExecution] = deque()
+        self.trouble = ""
+        """Why the cluster has executed nothing for ``patience`` [s] now; empty otherwise."""
         self.waitables: tuple[Waitable, ...] = (self._wakeup.receiver,)
 
     def open(self) -> None:
@@ -221,8 +230,22 @@ class Gateway:
         return min(wished, _MOST_SLOTS)
 
     def listen(self) -> None:
-        """Take the wake-ups: executions say themselves what is new."""
+        """Take the wake-ups: executions say themselves what is new. Notice what lasts."""
         self._wakeup.take_wakeups()
+        self._look_for_slots()
+
+    def _look_for_slots(self) -> None:
+        now = time.monotonic()
+        if self.slots:
+            self._slots_seen_at = now
+            if self.trouble:
+                self._log("the cluster executes runs again")
+            self.trouble = ""
+        elif now - self._slots_seen_at >= self._patience:
+            words = self._cluster.shortage
+            if words != self.trouble:
+                self._log(f"no slots: {words}")
+            self.trouble = words
 
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> RemoteExecution:
         """Give an attempt to the cluster; raises ``OSError`` when that is not possible now."""

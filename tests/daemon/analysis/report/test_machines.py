@@ -16,6 +16,7 @@ from daemon.analysis.report import (
     COLUMNS,
     MEASURES,
     ReportData,
+    ReportRun,
     write_csv,
     write_junit,
     write_parquet,
@@ -46,6 +47,34 @@ def test_the_table_has_every_measure_and_margin_in_full_precision(
             assert row["verdict"] == verdict.outcome
             measured = verdict.outcome is Outcome.MEASURE
             assert float(row["value"]) == (verdict.evidence.value if measured else verdict.margin)
+
+
+FORMULAS = ("=1+1", "+1+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "\n=1", "＝1")
+
+
+@pytest.mark.parametrize(
+    ("name", "cell"),
+    [
+        *((text, f"'{text}") for text in FORMULAS),
+        *((text, text) for text in ("-1.5", "+1e-3", "plain", "a=b", "")),
+    ],
+)
+def test_no_name_becomes_a_formula_of_a_spreadsheet(
+    data: ReportData, tmp_path: Path, name: str, cell: str
+) -> None:
+    run = next(run for run in data.runs if _least_margin(run) < 0.0)
+    named = replace(run, record=replace(run.record, scenario=name))
+    path = tmp_path / "measures.csv"
+    write_csv(replace(data, runs=(named,)), path)
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["run"] == run.record.id]
+    assert {row["scenario"] for row in rows} == {cell}
+    # Numbers stay numbers, also those with a minus.
+    assert str(_least_margin(run)) in {row["value"] for row in rows}
+
+
+def _least_margin(run: ReportRun) -> float:
+    return min((v.margin for v in run.record.verdicts if v.margin is not None), default=0.0)
 
 
 def test_parquet_is_the_same_table_with_types(data: ReportData, tmp_path: Path) -> None:

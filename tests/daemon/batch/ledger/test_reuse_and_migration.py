@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,11 +26,14 @@ from daemon.model.assessments import (
 )
 from daemon.model.messages import (
     Completion,
+    LeaseRef,
     LedgerAnswer,
     RecordQuery,
+    ReleaseRequest,
     RetryRequest,
     RunQuery,
 )
+from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import RunResult, RunSpec
 from daemon.model.status import CampaignRow, RunRow, RunState, Submission
 from daemon.model.verdicts import Outcome
@@ -259,7 +263,7 @@ def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
     assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
 
 
-@pytest.mark.parametrize("version", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("version", [1, 2, 3, 4, 5, 6])
 def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, version: int) -> None:
     path = tmp_path / "ledger.db"
     more = (", declared", ", x''") if version > 1 else ("", "")
@@ -276,7 +280,7 @@ def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, ve
     connect(path).close()
     upgraded, made = connect(path), connect(tmp_path / "new.db")
     assert upgraded.execute("PRAGMA user_version").fetchone()[0] == SCHEMA_VERSION
-    for table in ("campaign", "run", "reserve"):
+    for table in ("campaign", "run", "reserve", "result", "lease"):
         columns = [
             [row[1:] for row in db.execute(f"PRAGMA table_info({table})")]
             for db in (upgraded, made)
@@ -293,6 +297,45 @@ def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, ve
     assert [row.id for row in reader.records(RecordQuery("old"))] == ["old.0"]
     upgraded.close()
     made.close()
+
+
+@pytest.mark.parametrize("holder", ["", "worker.spare"])
+def test_leases_of_an_earlier_version_go_on(tmp_path: Path, holder: str) -> None:
+    """Under whatever name, since none was kept; those granted from then on under theirs only."""
+    now_path, old_path = tmp_path / "now.db", tmp_path / "ledger.db"
+    with closing(connect(now_path)) as now:
+        book = LedgerWriter(now)
+        book.submit(submission_of("c", *specs(4)), NOW)
+        book.lease("w", 2, NOW)
+        book.expire_leases(NOW + 3600.0)
+        known = book.lease("w", 3, NOW)
+    old = sqlite3.connect(old_path, isolation_level=None)
+    old.executescript((Path(__file__).parent / "ledger_schema_6.sql").read_text())
+    old.execute("PRAGMA user_version = 6")
+    old.execute(f"ATTACH '{now_path}' AS now")
+    for table in ("meta", "campaign", "run", "part", "spec"):
+        names = ", ".join(row[1] for row in old.execute(f"PRAGMA main.table_info({table})"))
+        old.execute(
+            f"INSERT OR REPLACE INTO main.{table} ({names}) SELECT {names} FROM now.{table}"
+        )
+    old.close()
+    with closing(connect(old_path)) as db:
+        book = LedgerWriter(db)
+        assert book.extend_leases(NOW) == 3
+        holds = tuple(LeaseRef(grant.run, grant.token) for grant in known)
+        assert book.renew("w", holds, NOW, holder=holder) == ()
+        # That of the first attempt, which this schema did not keep, is late and not too late.
+        late, other = known[0], known[2]
+        done = Completion("w", late.run, 1, 1, make_result(late.spec))
+        assert book.complete(done, NOW, holder=holder) is LedgerAnswer.RECORDED
+        release = ReleaseRequest("w", other.run, other.token, "why", blame=False)
+        assert book.release(release, NOW, holder=holder) is LedgerAnswer.DONE
+        (new, _) = book.lease("w", 2, NOW, holder="worker.other")
+        hold = LeaseRef(new.run, new.token)
+        assert book.renew("w", (hold,), NOW, holder=holder) == (hold,)
+        never = replace(done, token=new.token + 1)
+        with pytest.raises(Refused, match="never leased"):
+            book.complete(never, NOW, holder=holder)
 
 
 def external(spec: RunSpec) -> RunSpec:
@@ -387,5 +430,5 @@ def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:
     places.make_folders()
     submission = replace(submission_of("c", *specs(2)), reserve=tuple(specs(2, first=1)))
     with pytest.raises(Refused, match="S1/pilot/1 is there twice"):
-        admit_submission(submission, places)
-    admit_submission(replace(submission, reserve=tuple(specs(2, first=2))), places)
+        admit_submission(pack_submission(submission), places)
+    admit_submission(pack_submission(replace(submission, reserve=tuple(specs(2, first=2)))), places)

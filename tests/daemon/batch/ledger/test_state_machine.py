@@ -1,15 +1,22 @@
-"""Whatever happens in whatever order: exactly one result, no lease twice, counts that add up."""
+"""Whatever happens in whatever order: exactly one result, no lease twice, counts that add up.
+
+Workers are cut off and come back with old leases, bring late results, take over what others of
+their name left; those of another name can use none of it.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.model.messages import (
     Completion,
@@ -21,10 +28,14 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import TraceInfo
 from daemon.model.status import RunState
-from tests.daemon.batch.samples import make_result, make_submission
+from tests.daemon.batch.samples import make_result, make_spec, submission_of
 
-WORKERS = st.sampled_from(["w1", "w2"])
+HOLDERS = {"w1": "", "w2": "", "w3": "worker.spare"}
+"""Workers by the names of their keys; without one they are the owner's."""
+WORKERS = st.sampled_from(sorted(HOLDERS))
 LEASE = 10.0
+VARYING = "c.2"
+"""The run whose system is not repeatable."""
 
 
 class LedgerMachine(RuleBasedStateMachine):
@@ -35,7 +46,11 @@ class LedgerMachine(RuleBasedStateMachine):
         self.now = 1000.0
         self.granted: list[tuple[str, Lease]] = []
         self.first: dict[str, str] = {}
-        self.submission = make_submission("c", 3)
+        self.strikes: Counter[str] = Counter()
+        self.outdated: Counter[str] = Counter()
+        specs = [make_spec(i) for i in range(3)]
+        specs[2] = replace(specs[2], sut=replace(specs[2].sut, parameters={"repeatable": False}))
+        self.submission = submission_of("c", *specs)
         self.book.submit(self.submission, self.now)
 
     def teardown(self) -> None:
@@ -44,7 +59,7 @@ class LedgerMachine(RuleBasedStateMachine):
 
     @rule(worker=WORKERS, count=st.integers(0, 3))
     def lease(self, worker: str, count: int) -> None:
-        grants = self.book.lease(worker, count, self.now)
+        grants = self.book.lease(worker, count, self.now, holder=HOLDERS[worker])
         assert len(grants) <= count
         self.granted += [(worker, grant) for grant in grants]
 
@@ -55,42 +70,85 @@ class LedgerMachine(RuleBasedStateMachine):
         result = make_result(grant.spec, trace=TraceInfo(variant * 64, 1, 1))
         before = self.state(grant.run)
         completion = Completion(worker, grant.run, grant.attempt, grant.token, result)
-        answer = self.book.complete(completion, self.now)
+        outdated = grant.token <= self.outdated[grant.run]
+        wanted = self.book.awaits_result(grant.run, grant.token)
+        answer = self.book.complete(completion, self.now, holder=HOLDERS[worker])
+        assert wanted == (answer is LedgerAnswer.RECORDED)
         if before is RunState.CANCELLED:
             assert answer is LedgerAnswer.DROPPED
+        elif grant.run not in self.first and outdated:
+            assert answer is LedgerAnswer.REDUNDANT
         elif grant.run not in self.first:
             assert answer is LedgerAnswer.RECORDED
             self.first[grant.run] = result.digest
+        elif self.first[grant.run] == result.digest:
+            assert answer is LedgerAnswer.KNOWN
         else:
-            same = self.first[grant.run] == result.digest
-            assert answer is (LedgerAnswer.KNOWN if same else LedgerAnswer.DIFFERS)
+            varying = grant.run == VARYING
+            assert answer is (LedgerAnswer.REDUNDANT if varying else LedgerAnswer.DIFFERS)
+        if before is not RunState.CANCELLED:
+            # One result ends everything, unless it is of before somebody wanted another one.
+            assert self.state(grant.run) is (before if outdated else RunState.DONE)
 
     @precondition(lambda self: self.granted)
     @rule(data=st.data(), blame=st.booleans())
     def release(self, data: st.DataObject, blame: bool) -> None:
         worker, grant = data.draw(st.sampled_from(self.granted))
-        self.book.release(ReleaseRequest(worker, grant.run, grant.token, "why", blame), self.now)
+        request = ReleaseRequest(worker, grant.run, grant.token, "why", blame)
+        answer = self.book.release(request, self.now, holder=HOLDERS[worker])
+        self.strikes[grant.run] += blame and answer is LedgerAnswer.DONE
 
-    @rule(worker=WORKERS, honest=st.booleans())
-    def renew(self, worker: str, honest: bool) -> None:
-        mine = [LeaseRef(g.run, g.token) for w, g in self.granted if w == worker]
-        held = {(row["id"], row["token"]) for row in self.rows() if row["state"] == "running"}
-        gone = self.book.renew(worker, mine if honest else [], self.now)
-        if honest:
-            assert {(h.run, h.token) for h in gone}.isdisjoint(held)
-        else:
-            running = [r for r in self.rows() if r["worker"] == worker and r["state"] == "running"]
-            assert running == []
+    @rule(worker=WORKERS, honest=st.booleans(), adopts=st.booleans())
+    def renew(self, worker: str, honest: bool, adopts: bool) -> None:
+        """A worker says what it has: also what lapsed long ago, or what a dead one has left."""
+        holder = HOLDERS[worker]
+        names = [w for w in HOLDERS if HOLDERS[w] == holder] if adopts else [worker]
+        mine = [LeaseRef(g.run, g.token) for w, g in self.granted if w in names and honest]
+        before = {row["id"]: (row["state"], row["token"]) for row in self.rows()}
+        gone = set(self.book.renew(worker, mine, self.now, holder=holder))
+        for hold in mine:
+            over = before[hold.run][0] in ("done", "cancelled")
+            assert (hold in gone) == (over or hold.token <= self.outdated[hold.run])
+        wanted = {hold.run for hold in mine if hold not in gone}
+        for row in self.rows():
+            state, token = before[row["id"]]
+            if row["id"] in wanted and state == "queued":
+                # At work again, without another attempt.
+                assert LeaseRef(row["id"], row["token"]) in mine
+                assert (row["state"], row["worker"]) == ("running", worker)
+            elif state == "running" and row["state"] == "running":
+                assert row["token"] == token
+        held = {(hold.run, hold.token) for hold in mine}
+        for row in self.rows():
+            if row["state"] == "running" and row["worker"] == worker:
+                assert (row["id"], row["token"]) in held
+
+    @precondition(lambda self: self.granted)
+    @rule(data=st.data())
+    def intrude(self, data: st.DataObject) -> None:
+        """Whoever has another key can do nothing with a lease, whatever it calls itself."""
+        worker, grant = data.draw(st.sampled_from(self.granted))
+        foreign = "worker.other" if HOLDERS[worker] else "worker.spare"
+        before = list(self.db.iterdump())
+        hold = LeaseRef(grant.run, grant.token)
+        assert self.book.renew("w4", (hold,), self.now, holder="worker.other") == (hold,)
+        assert self.book.renew(worker, (), self.now, holder="worker.other") == ()
+        result = make_result(grant.spec)
+        completion = Completion(worker, grant.run, grant.attempt, grant.token, result)
+        release = ReleaseRequest(worker, grant.run, grant.token, "why", blame=True)
+        with pytest.raises(Refused, match="another key"):
+            self.book.complete(completion, self.now, holder=foreign)
+        with pytest.raises(Refused, match="another key"):
+            self.book.release(release, self.now, holder=foreign)
+        with pytest.raises(Refused, match="never leased"):
+            self.book.complete(replace(completion, token=grant.token + 10**6), self.now)
+        assert list(self.db.iterdump()) == before
 
     @rule(seconds=st.sampled_from([1.0, 4.0, 11.0]))
     def time_passes(self, seconds: float) -> None:
         self.now += seconds
         self.book.expire_leases(self.now)
         assert all(r["lease_until"] >= self.now for r in self.rows() if r["state"] == "running")
-
-    @rule(worker=WORKERS)
-    def worker_goes(self, worker: str) -> None:
-        self.book.release_worker(worker, self.now)
 
     @rule()
     def cancel(self) -> None:
@@ -99,7 +157,17 @@ class LedgerMachine(RuleBasedStateMachine):
 
     @rule(only=st.sampled_from(["lost", "cancelled", "pass", "all"]))
     def retry(self, only: str) -> None:
+        before = {row["id"]: row for row in self.rows()}
         self.book.retry(RetryRequest("c", (only,)), self.now)
+        for row in self.rows():
+            old = before[row["id"]]
+            if row["state"] == old["state"]:
+                continue
+            self.strikes[row["id"]] = 0
+            if old["state"] == "done":
+                self.outdated[row["id"]] = old["granted"]
+                if row["id"] == VARYING:
+                    del self.first[VARYING]
 
     @rule()
     def restart(self) -> None:
@@ -125,6 +193,11 @@ class LedgerMachine(RuleBasedStateMachine):
                 assert row["result"]
             if row["state"] in ("lost", "cancelled"):
                 assert not row["result"]
+
+    @invariant()
+    def nothing_but_blame_is_a_strike(self) -> None:
+        if hasattr(self, "db"):
+            assert all(row["strikes"] == self.strikes[row["id"]] for row in self.rows())
 
     @invariant()
     def tokens_are_never_shared(self) -> None:

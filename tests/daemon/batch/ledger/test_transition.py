@@ -3,9 +3,11 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.ledger.transitions import (
+    MOST_LAPSES,
     Cancelled,
     Completed,
     ExecutionState,
+    Lapsed,
     Leased,
     Released,
     Renewed,
@@ -27,7 +29,9 @@ def after(run: ExecutionState, *events: RunEvent) -> ExecutionState:
 
 
 def test_a_lease_makes_a_queued_run_run() -> None:
-    expected = ExecutionState(RunState.RUNNING, attempt=1, worker="w", token=7, lease_until=30.0)
+    expected = ExecutionState(
+        RunState.RUNNING, attempt=1, worker="w", token=7, lease_until=30.0, granted=7
+    )
     assert expected == RUNNING
 
 
@@ -38,15 +42,55 @@ def test_only_queued_runs_can_be_leased() -> None:
 
 
 def test_renewing_extends_but_never_shortens_a_lease() -> None:
-    assert after(RUNNING, Renewed(7, 50.0)).lease_until == 50.0
-    assert after(RUNNING, Renewed(7, 10.0)).lease_until == 30.0
+    assert after(RUNNING, Renewed("w", 7, 50.0)).lease_until == 50.0
+    assert after(RUNNING, Renewed("w", 7, 10.0)).lease_until == 30.0
 
 
-def test_a_foreign_token_renews_and_releases_nothing() -> None:
-    for event in (Renewed(6, 50.0), Released(6, "x", blame=True)):
-        change = advance(RUNNING, event, attempts=3)
-        assert change.answer is LedgerAnswer.STALE
-        assert change.run == RUNNING
+@pytest.mark.parametrize("event", [Released(6, "x", blame=True), Lapsed(6)])
+def test_an_older_lease_that_ends_ends_nothing(event: RunEvent) -> None:
+    change = advance(RUNNING, event, attempts=3)
+    assert (change.answer, change.run) == (LedgerAnswer.STALE, RUNNING)
+
+
+def test_a_lapse_is_nobodys_fault_and_a_renewal_takes_the_run_back() -> None:
+    waiting = after(RUNNING, Lapsed(7))
+    assert (waiting.state, waiting.strikes, waiting.lapses) == (RunState.QUEUED, 0, 1)
+    back = advance(waiting, Renewed("adopter", 7, 90.0), attempts=3)
+    assert back.answer is LedgerAnswer.DONE
+    assert back.run == replace(RUNNING, worker="adopter", lease_until=90.0)
+
+
+def test_two_that_are_at_a_run_both_go_on_until_one_has_the_result() -> None:
+    replaced = after(RUNNING, Lapsed(7), Leased("v", 8, 60.0))
+    change = advance(replaced, Renewed("w", 7, 90.0), attempts=3)
+    assert (change.answer, change.run) == (LedgerAnswer.DONE, replaced)
+    for first, other in ((7, 8), (8, 7)):
+        done = after(replaced, Completed(first, "aa"))
+        assert done.state is RunState.DONE
+        change = advance(done, Renewed("x", other, 90.0), attempts=3)
+        assert (change.answer, change.run) == (LedgerAnswer.STALE, done)
+    left = after(replaced, Released(8, "crash", blame=True))
+    assert after(left, Renewed("w", 7, 90.0)).token == 7
+
+
+def test_a_run_whose_workers_all_fall_silent_is_lost_in_the_end() -> None:
+    run = QUEUED
+    for token in range(1, MOST_LAPSES + 1):
+        assert run.state is RunState.QUEUED
+        run = after(run, Leased("w", token, 1.0), Renewed("w", token, 2.0), Lapsed(token))
+    assert (run.state, run.strikes) == (RunState.LOST, 0)
+    assert run.reason.startswith(f"{MOST_LAPSES} workers in a row fell silent")
+    # Whoever is still at it may go on, and is not too late.
+    assert advance(run, Renewed("w", 3, 9.0), attempts=3).answer is LedgerAnswer.DONE
+    assert after(run, Completed(3, "aa")).state is RunState.DONE
+    assert after(run, Retried()).lapses == 0
+
+
+@pytest.mark.parametrize("heard", [Renewed("w", 7, 90.0), Released(8, "full", blame=False)])
+def test_lapses_count_in_a_row_only(heard: RunEvent) -> None:
+    waiting = after(RUNNING, Lapsed(7))
+    events = (heard,) if isinstance(heard, Renewed) else (Leased("v", 8, 9.0), heard)
+    assert after(waiting, *events).lapses == 0
 
 
 def test_the_first_result_is_recorded_the_second_is_known() -> None:
@@ -83,11 +127,11 @@ def test_retried_what_is_not_repeatable_gets_a_new_result() -> None:
 
 
 def test_a_late_result_is_taken_from_a_lease_that_lapsed() -> None:
-    again = after(RUNNING, Released(7, "lapsed", blame=True), Leased("v", 8, 60.0))
+    again = after(RUNNING, Lapsed(7), Leased("v", 8, 60.0))
     change = advance(again, Completed(7, "aa"), attempts=3)
     assert change.answer is LedgerAnswer.RECORDED
     assert change.run.state is RunState.DONE
-    assert advance(change.run, Renewed(8, 90.0), attempts=3).answer is LedgerAnswer.STALE
+    assert advance(change.run, Renewed("v", 8, 90.0), attempts=3).answer is LedgerAnswer.STALE
 
 
 def test_a_run_is_lost_after_three_bad_endings() -> None:
@@ -136,6 +180,42 @@ def test_repeating_a_done_run_keeps_its_result_whatever_happens() -> None:
     assert after(again, Completed(9, "aa")).state is RunState.DONE
     assert after(again, Completed(9, "bb")).result == "aa"
     assert after(again, Completed(7, "aa")).state is RunState.RUNNING  # not this repetition's
+    lapsed = after(again, Lapsed(9))
+    assert after(lapsed, Completed(9, "aa")).state is RunState.DONE
+    assert after(lapsed, Completed(7, "aa")).state is RunState.QUEUED
+    assert advance(lapsed, Renewed("w", 7, 9.0), attempts=3).answer is LedgerAnswer.STALE
+
+
+@pytest.mark.parametrize(
+    ("repeatable", "stopped", "answer"),
+    [
+        (False, False, LedgerAnswer.REDUNDANT),
+        (True, True, LedgerAnswer.REDUNDANT),
+        (True, False, LedgerAnswer.KNOWN),
+    ],
+)
+def test_what_was_executed_before_a_retry_is_not_what_was_asked_for(
+    repeatable: bool, stopped: bool, answer: LedgerAnswer
+) -> None:
+    first = after(replace(RUNNING, repeatable=repeatable), Completed(7, "aa"))
+    for again in (
+        after(first, Retried(stopped)),
+        after(first, Retried(stopped), Leased("v", 8, 60.0)),
+    ):
+        change = advance(again, Completed(7, "aa"), attempts=3)
+        assert (change.answer, change.record, change.run) == (answer, False, again)
+        assert advance(again, Renewed("w", 7, 90.0), attempts=3).answer is LedgerAnswer.STALE
+
+
+@pytest.mark.parametrize("repeatable", [True, False])
+def test_a_late_result_of_a_lost_or_cancelled_run_is_as_good_after_a_retry(
+    repeatable: bool,
+) -> None:
+    run = replace(RUNNING, repeatable=repeatable)
+    for ended in (after(run, Cancelled()), replace(run, state=RunState.LOST, token=0)):
+        again = after(ended, Retried())
+        assert after(again, Completed(7, "aa")).result == "aa"
+        assert after(again, Renewed("w", 7, 90.0)).state is RunState.RUNNING
 
 
 def test_what_is_under_way_is_not_retried() -> None:

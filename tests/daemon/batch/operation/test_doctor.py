@@ -15,7 +15,8 @@ import pytest
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.operation import DoctorFinding, FindingLevel, examine
 from daemon.batch.paths import Endpoint, StatePaths
-from tests.daemon.batch.samples import make_submission
+from grammars.text import codec
+from tests.daemon.batch.samples import SCENE, make_submission
 
 NOBODY = Endpoint("tcp/127.0.0.1:1", "default")
 
@@ -25,6 +26,7 @@ def places(tmp_path: Path) -> StatePaths:
     """A state directory after three runs were queued."""
     places = StatePaths(tmp_path / "state")
     places.make_folders()
+    places.scene(SCENE.digest).write_bytes(codec.to_json(SCENE))
     db = connect(places.ledger)
     LedgerWriter(db).submit(make_submission("known", 3), time.time())
     db.close()

@@ -75,6 +75,7 @@ def test_numbers_are_those_of_the_daemon() -> None:
     worker = {"worker": 'w"1\\\n', "host": "host"}
     assert (value("worker_slots", **worker), value("worker_busy", **worker)) == (4, 2)
     assert value("worker_silence_seconds", **worker) == 0.5
+    assert (value("workers"), value("worker_away", **worker)) == (1, 0)
     assert (value("disk_bytes"), value("disk_free_bytes")) == (1e12, 1e11)
     assert value("ledger_bytes") == 4096
     assert (value("traces_bytes"), value("traces_quota_bytes")) == (1e9, 2e9)
@@ -86,3 +87,5 @@ def test_an_idle_daemon_in_trouble_has_metrics_too() -> None:
     found = read_exposition(prometheus_text(quiet))
     assert found["scenario_trouble", frozenset()] == 1
     assert found["scenario_workers", frozenset()] == 0
+    gone = replace(STANDING, workers=(replace(WORKER, away=True),))
+    assert read_exposition(prometheus_text(gone))["scenario_workers", frozenset()] == 0

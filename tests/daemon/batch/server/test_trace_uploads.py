@@ -27,6 +27,7 @@ from daemon.model.messages import (
     UploadProgress,
 )
 from daemon.model.spec import TraceInfo
+from daemon.model.verdicts import Outcome
 from grammars.text import codec
 from tests.daemon.batch.samples import make_result, make_submission
 
@@ -81,7 +82,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     places = StatePaths(tmp_path)
     places.make_folders()
     journal = EventLog(places.log)
-    with LedgerWriter.open(places.ledger) as book, LedgerReader.open(places) as reader:
+    with LedgerWriter.open(places) as book, LedgerReader.open(places) as reader:
         book.submit(make_submission("c", 1), NOW)
         (grant,) = book.lease("w", 1, NOW)
         yield Site(places, book, reader, TraceUploads(places, journal), journal, grant)
@@ -138,7 +139,7 @@ def test_a_result_without_its_trace_is_not_recorded(site: Site) -> None:
     assert site.complete(site.completion(uploaded=False)) is LedgerAnswer.MISSING
     site.take(0, TRACE[:400])
     assert site.complete(site.completion()) is LedgerAnswer.MISSING
-    assert site.book.awaits_result("c.0")
+    assert site.book.awaits_result("c.0", site.grant.token)
 
 
 def test_more_than_announced_is_refused(site: Site) -> None:
@@ -146,23 +147,50 @@ def test_more_than_announced_is_refused(site: Site) -> None:
         site.take(0, TRACE + b"!")
 
 
-def test_only_the_holder_of_the_lease_may_send(site: Site) -> None:
+def test_whoever_was_ever_leased_the_run_may_send(site: Site) -> None:
+    """Late or not, while there is no result; the parts of two do not get into each other's way."""
     for token in (0, site.grant.token + 1):
-        with pytest.raises(Refused, match="stale"):
+        with pytest.raises(Refused, match="never leased"):
             site.take(0, TRACE[:400], token=token)
+    site.take(0, TRACE[:400])
     site.book.expire_leases(NOW + 1000.0)
-    assert site.take(0, TRACE[:400]).offset == 400  # nobody else has it: still welcome
     (again,) = site.book.lease("v", 1, NOW + 1000.0)
-    with pytest.raises(Refused, match="stale"):
-        site.take(400, TRACE[400:])
-    assert site.take(0, TRACE, token=again.token).complete
+    assert site.take(0, TRACE[:300], token=again.token).offset == 300
+    assert site.take(400, TRACE[400:]).complete
+    assert site.incoming() == [".mcap", ".part"]
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+    assert site.incoming() == []
+    # What the other one has is not needed any more, and its result is compared with the first.
+    assert site.take(300, TRACE[300:], token=again.token).complete
+    assert site.complete(site.completion(token=again.token)) is LedgerAnswer.KNOWN
+    assert site.trace.read_bytes() == TRACE
+
+
+def test_under_the_key_of_another_nothing_is_sent(site: Site) -> None:
+    with pytest.raises(Refused, match="under another key"):
+        site.intake.add_chunk(site.reader, site.chunk(0, TRACE), holder="worker.spare")
+    assert site.incoming() == []
+
+
+def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(site: Site) -> None:
+    note = "stopped after 5 s of wall clock time"
+    site.take(0, TRACE)
+    first = site.completion()
+    stopped = replace(first.result, outcome=Outcome.ERROR, note=note)
+    assert site.complete(replace(first, result=stopped)) is LedgerAnswer.RECORDED
+    site.trace.unlink()
+    assert site.book.retry(RetryRequest("c", ("error",)), NOW) == 1
+    assert site.take(0, TRACE).complete
+    assert site.complete(first) is LedgerAnswer.REDUNDANT
+    assert site.book.awaits_result("c.0", site.grant.token + 1)
+    assert (site.incoming(), site.trace.exists()) == ([], False)
 
 
 def test_what_is_cancelled_is_not_wanted(site: Site) -> None:
     site.take(0, TRACE[:400])
     site.book.cancel("c", NOW)
-    with pytest.raises(Refused, match="not wanted"):
-        site.take(400, TRACE[400:])
+    assert site.take(400, TRACE[400:]).complete  # nothing is written
     assert site.complete(site.completion()) is LedgerAnswer.DROPPED
     assert site.incoming() == []
 

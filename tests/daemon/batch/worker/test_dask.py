@@ -135,7 +135,7 @@ def test_running_runs_are_seen_live(client: Client) -> None:
 
 def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_path: Path) -> None:
     with (
-        daemon_at(tmp_path / "state", attempts=2, grace=0.5) as daemon,
+        daemon_at(tmp_path / "state", attempts=2, lease=3.0) as daemon,
         daemon.client() as client,
     ):
         log = tmp_path / "log"

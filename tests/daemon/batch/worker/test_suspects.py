@@ -45,6 +45,9 @@ class Cluster:
 
     def __init__(self) -> None:
         self.tasks: list[Task] = []
+        self.connected, self.has_only_unfit = True, False
+        self.threads = 0
+        self.shortage = "nobody is there"
 
     def submit(self, *_: object) -> tuple[Task, frozenset[str]]:
         self.tasks.append(Task(str(len(self.tasks))))
@@ -132,3 +135,28 @@ def test_a_suspect_that_waits_can_be_given_up(
     one.kill()
     take_in(one)
     assert len(cluster.tasks) == 5  # "three" goes on, "two" never did
+
+
+def test_a_cluster_that_executes_nothing_for_a_while_is_said_with_the_reason() -> None:
+    said: list[str] = []
+    scheduler = DaskScheduler("tcp://nowhere:1")
+    made: Any = Gateway(scheduler, "none", slots=None, log=said.append, patience=0.0)
+    with closing(made):
+        made.listen()
+        assert made.trouble.startswith("the Dask scheduler tcp://nowhere:1 does not answer")
+        made._cluster = cluster = Cluster()
+        made.listen()
+        made.listen()
+        assert made.trouble == cluster.shortage
+        cluster.threads = 4
+        made.listen()
+        assert made.trouble == ""
+    assert said[1:] == ["no slots: nobody is there", "the cluster executes runs again"]
+
+
+def test_a_cluster_may_be_without_slots_for_a_moment() -> None:
+    said: list[str] = []
+    made: Any = Gateway(DaskScheduler("tcp://nowhere:1"), "none", slots=None, log=said.append)
+    with closing(made):
+        made.listen()
+        assert (made.trouble, said) == ("", [])

@@ -246,8 +246,8 @@ def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path
         worker_for(daemon, 2, "--step-back", "3") as worker,
     ):
         client.submit(make_submission("c", 2, sleep=600.0))
-        # The worker, its two helpers, two runs.
-        members = eventually(lambda: len(found := family(worker.pid)) >= 5 and found)
+        # The worker, its two helpers, two runs, and a guardian of each.
+        members = eventually(lambda: len(found := family(worker.pid)) >= 7 and found)
         autogroup = Path(f"/proc/{worker.pid}/autogroup")
         assert not autogroup.exists() or autogroup.read_text().endswith("nice 3\n")
         worker.kill()
@@ -272,7 +272,7 @@ def test_a_worker_without_a_daemon_says_so(tmp_path: Path) -> None:
 
 
 def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", lease=60.0, grace=60.0) as daemon:
+    with daemon_at(tmp_path / "state", lease=60.0) as daemon:
         log, gate = tmp_path / "log", tmp_path / "gate"
         with daemon.client() as client, worker_for(daemon, 2) as worker:
             client.submit(make_submission("c", 2, until=str(gate), log=str(log)))

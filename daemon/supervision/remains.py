@@ -1,4 +1,4 @@
-"""What is left of a stack: its processes, by descent or by a variable in their environment."""
+"""What is left of something: its processes, by descent or by a variable in their environment."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
+
+from .plan import PROGRAM
 
 MARKER: Final = "SCENARIO_STACK"
 """Environment variable of everything that belongs to a stack; its value is the stack's token."""
@@ -17,6 +19,7 @@ KILL_LIMIT: Final = 10.0
 """Seconds until what survives SIGKILL (in an uninterruptible wait) is left alone."""
 POLL: Final = 0.05
 """Seconds between looks for what is left: the end of a grandchild tells nobody."""
+_FIRST_LOOK: Final = 0.001
 _ENGINE_LIMIT: Final = 20.0
 
 
@@ -86,3 +89,62 @@ def descendants(ancestor: int) -> dict[int, int]:
         newest = {p for p, (parent, _) in processes.items() if parent in newest} - found.keys()
         found |= {process: processes[process][1] for process in newest}
     return found
+
+
+def parent_of(process: int) -> int:
+    """Return the parent of a process, 0 where that is not known: it has ended, say."""
+    with suppress(OSError):
+        stat = Path(f"/proc/{process}/stat").read_text()
+        return int(stat.rpartition(")")[2].split()[1])
+    return 0
+
+
+def children(process: int) -> set[int]:
+    """Return the children of a process, zombies among them."""
+    found: set[int] = set()
+    try:
+        for thread in Path(f"/proc/{process}/task").iterdir():
+            found |= {int(child) for child in (thread / "children").read_text().split()}
+    except OSError:
+        # It has ended, or the kernel has no such file (CONFIG_PROC_CHILDREN); proc(5).
+        with suppress(OSError):
+            everybody = (int(one.name) for one in Path("/proc").iterdir() if one.name.isdecimal())
+            return {one for one in everybody if parent_of(one) == process}
+    return found
+
+
+def is_supervisor(process: int) -> bool:
+    """Whether a process is the supervisor of a stack, which ends all of it by itself and in time.
+
+    One may outlive the run that started it: the stack is kept for the next one.
+    """
+    with suppress(OSError):
+        words = Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
+        return PROGRAM.encode() in words
+    return False
+
+
+def end_children(
+    process: int,
+    spared: Callable[[], Iterable[int]] = tuple,
+    *,
+    limit: float = KILL_LIMIT,
+    reap: Callable[[], object] = lambda: None,
+) -> set[int]:
+    """Kill all that descends from a subreaper, except ``spared`` children and supervisors.
+
+    Whose parent is killed becomes the subreaper's child, and is next. ``reap`` is called before
+    each look. Returns what could not be killed within ``limit`` seconds.
+    """
+    deadline, pause = time.monotonic() + limit, _FIRST_LOOK
+    while True:
+        reap()
+        # With zombies: one that was alive when the list was read may have left children since.
+        # Spared ones are asked for after that: what has been started since is not in it.
+        found = children(process)
+        left = {child for child in found - {*spared()} if not is_supervisor(child)}
+        if not left or time.monotonic() > deadline:
+            return left
+        send_signal(left, signal.SIGKILL)
+        time.sleep(pause)
+        pause = min(2 * pause, POLL)

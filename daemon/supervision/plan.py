@@ -5,6 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+PROGRAM: Final = (
+    "import sys; sys.path.append(sys.argv[1]);"
+    "from supervision.supervisor import main; main(int(sys.argv[2]))"
+)
+"""What a supervisor executes, and what it is known by: without our packages."""
 STACK_OUTPUT: Final = "stack.output"
 RELAY_OUTPUT: Final = "relay.output"
 CONTROL_SOCKET: Final = "supervisor.sock"

@@ -1,8 +1,9 @@
-"""What a process is given before it becomes a stack's, and what the supervisor gives itself."""
+"""What a new process is given for its life below another, and what that one gives itself."""
 
 from __future__ import annotations
 
 import ctypes
+import errno
 import os
 import resource
 import signal
@@ -14,6 +15,7 @@ from typing import Final
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
 _LIBC: Final = ctypes.CDLL(None, use_errno=True)
+_AUTOGROUP: Final = Path("/proc/self/autogroup")
 
 
 def become_supervisor() -> None:
@@ -28,6 +30,29 @@ def become_supervisor() -> None:
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
+def adopt_orphans() -> bool:
+    """Become the parent of what descendants leave behind; returns whether this system has that."""
+    try:
+        _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+    except OSError:
+        return False
+    return True
+
+
+def die_with_parent(parent: int) -> bool:
+    """Have this process killed when the thread that forked it ends, now if ``parent`` has ended.
+
+    Returns whether this system has that.
+    """
+    try:
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    except OSError:
+        return False
+    if os.getppid() != parent:
+        os._exit(1)  # killed in between
+    return True
+
+
 def prepare_child(supervisor: int) -> None:
     """Give a new process what one has that is started in a terminal; between fork and exec."""
     # Nobody kills a supervisor, except people and the kernel short of memory.
@@ -37,8 +62,29 @@ def prepare_child(supervisor: int) -> None:
     # A session has an autogroup of its own (sched(7)), which does not inherit how far a run steps
     # back behind other processes.
     with suppress(OSError):
-        Path("/proc/self/autogroup").write_text(str(os.getpriority(os.PRIO_PROCESS, 0)))
+        _AUTOGROUP.write_text(str(os.getpriority(os.PRIO_PROCESS, 0)))
     reset_signals()
+
+
+def session_niceness() -> int:
+    """Return how far this session steps back behind others (sched(7)): 0 to 19, mostly 0."""
+    with suppress(OSError, ValueError):  # another system, or a kernel without autogroups
+        return max(0, int(_AUTOGROUP.read_text().rpartition(" ")[2]))
+    return 0
+
+
+def lower_session(niceness: int) -> bool:
+    """Let this session step back behind others; returns whether to try again a bit later.
+
+    The kernel takes ten such wishes a second, of all who are not root.
+    """
+    try:
+        _AUTOGROUP.write_text(str(niceness))
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass  # another system, or a kernel without autogroups
+    return False
 
 
 def reset_signals() -> None:
@@ -51,6 +97,8 @@ def reset_signals() -> None:
 
 
 def _prctl(option: int, value: int) -> None:
+    if not hasattr(_LIBC, "prctl"):
+        raise OSError(errno.ENOSYS, "this system has no prctl")
     if _LIBC.prctl(option, value, 0, 0, 0):
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code))

@@ -1,0 +1,63 @@
+"""Which scenes and files the runs of the ledger need."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from typing import Final
+
+from daemon.model.attachments import attached_digests
+
+_CELL: Final = (3, 32)
+"""Where in the body of a specification the name of its cell stands, and its length."""
+_BODIES: Final = f"""
+    SELECT DISTINCT substr(CAST(body AS TEXT), {_CELL[0]}, {_CELL[1]}) FROM spec{{joined}}
+    WHERE substr(CAST(body AS TEXT), 1, 1) = '['{{waiting}}
+"""
+_WRITTEN_OUT: Final = "SELECT body FROM spec{joined} WHERE substr(CAST(body AS TEXT), 1, 1) <> '['"
+_RESERVES: Final = f"""
+    SELECT DISTINCT substr(CAST(body AS TEXT), {_CELL[0]}, {_CELL[1]}) FROM reserve
+    WHERE substr(CAST(body AS TEXT), 1, 1) = '['
+"""
+_RESERVES_WRITTEN_OUT: Final = (
+    "SELECT body FROM reserve WHERE substr(CAST(body AS TEXT), 1, 1) <> '['"
+)
+_JOIN: Final = " JOIN run ON run.id = spec.run"
+_WAITING: Final = " AND run.state IN ('queued', 'running')"
+
+
+def referenced_inputs(db: sqlite3.Connection) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the digests of scenes and files that any run needs, and those of runs that wait.
+
+    Runs that may still be made of a reserve count among all. Raises ``sqlite3.Error``.
+    """
+    every = _inputs(db, (_BODIES.format(joined="", waiting=""), _RESERVES))
+    every |= _inputs_of(body for query in _written_out() for (body,) in db.execute(query))
+    waiting = _inputs(db, (_BODIES.format(joined=_JOIN, waiting=_WAITING),))
+    written_out = db.execute(_WRITTEN_OUT.format(joined=_JOIN) + _WAITING)
+    waiting |= _inputs_of(body for (body,) in written_out)
+    return frozenset(every), frozenset(waiting)
+
+
+def _written_out() -> tuple[str, str]:
+    # By schema 4 or before.
+    return _WRITTEN_OUT.format(joined=""), _RESERVES_WRITTEN_OUT
+
+
+def _inputs(db: sqlite3.Connection, queries: tuple[str, ...]) -> set[str]:
+    cells = {name for query in queries for (name,) in db.execute(query)}
+    bodies = (db.execute("SELECT body FROM part WHERE name = ?", (name,)) for name in cells)
+    return _inputs_of(row[0] for found in bodies for row in found)
+
+
+def _inputs_of(bodies: Iterator[bytes]) -> set[str]:
+    found: set[str] = set()
+    for body in bodies:
+        # As it is written, not as a specification: a field that a later version does not take must
+        # not make what a run needs look superfluous.
+        spec = json.loads(body)
+        found.add(spec["scene"])
+        found.update(attached_digests(spec["sut"]["parameters"]).values())
+        found.add(spec.get("map", {}).get("file", ""))
+    return found - {""}

@@ -1,0 +1,321 @@
+"""What the ledger and the folders beside it say, held against digests: nothing is believed.
+
+A digest is taken of the very bytes that were recorded, not of what this version makes of them:
+fields that came later have not changed what was recorded before.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from daemon.batch.errors import DaemonError
+from daemon.batch.ledger._connection import UNREADABLE, connect_reader
+from daemon.batch.ledger._inputs import referenced_inputs
+from daemon.batch.ledger._results import SpecReader, deciding_verdict
+from daemon.batch.paths import StatePaths
+from daemon.batch.stores import file_sha256
+from daemon.model.ids import is_digest
+from daemon.model.spec import RunResult
+from grammars.model.scene import Scene
+from grammars.text import codec
+
+VerificationProgress: TypeAlias = Callable[[str, int, int], None]
+"""Gets what is looked at, how many of it were, and how many there are."""
+
+_PAGE: Final = 500
+_QUICK: Final = 1000
+"""Results, and specifications, of a quick look: the newest."""
+_NAMED: Final = 3
+_JUDGED: Final = ("spec", "outcome", "verdicts", "trace")
+"""Fields of a result that its digest is about, in its order."""
+_DECODER: Final = json.JSONDecoder()
+
+_RESULTS: Final = (
+    "SELECT run.serial, run.id, run.digest, run.trace_name, run.trace_at, run.outcome, run.oracle,"
+    " run.margin, run.unit, run.simulated, result.digest, result.body"
+    " FROM run JOIN result ON result.run = run.id WHERE run.serial > ?"
+    f" ORDER BY run.serial LIMIT {_PAGE}"
+)
+_SPECS: Final = (
+    "SELECT run.serial, run.id, run.digest, spec.body FROM run JOIN spec ON spec.run = run.id"
+    f" WHERE run.serial > ? ORDER BY run.serial LIMIT {_PAGE}"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ContentReport:
+    """What was verified, by kind, and each kind of problem with the first that have it.
+
+    ``missing`` are scenes and files of runs that wait; without them these cannot be executed.
+    """
+
+    results: int
+    specifications: int
+    scenes: int
+    files: int
+    traces: int
+    problems: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Findings:
+    """Names of what is wrong, by what is wrong with it."""
+
+    by_words: defaultdict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, words: str, name: str) -> None:
+        self.by_words[words].append(name)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        return tuple(_line(words, names) for words, names in self.by_words.items())
+
+
+def _line(words: str, names: list[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"{words}: {', '.join(names[:_NAMED])}{more}"
+
+
+def verify_contents(
+    paths: StatePaths,
+    *,
+    quick: bool = False,
+    traces: bool = False,
+    progress: VerificationProgress = lambda *_: None,
+) -> ContentReport:
+    """Hold results, specifications, scenes, files and traces against their digests.
+
+    Of traces the size is looked at, the digest with ``traces``. A ``quick`` look is one at the
+    newest results, and at no scene and no file. Nothing is locked for longer than some hundred
+    rows take: a daemon may be working. Raises :class:`DaemonError` when the ledger cannot be read.
+    """
+    found = _Findings()
+    try:
+        with closing(connect_reader(paths.ledger)) as db:
+            last = int(db.execute("SELECT ifnull(max(serial), 0) FROM run").fetchone()[0])
+            start = max(0, last - _QUICK) if quick else 0
+            results, seen = _verify_results(db, paths, found, (start, last), traces, progress)
+            specs = _verify_specs(db, found, (start, last), progress)
+            waiting = _waiting_inputs(db, found)
+    except UNREADABLE as error:
+        raise DaemonError(f"{paths.ledger} cannot be read: {error}") from error
+    scenes = files = 0
+    if not quick:
+        scenes = _verify_files(paths.scenes.glob("*.json"), "scenes", _is_scene, found, progress)
+        kept = (path for path in paths.files.glob("*") if is_digest(path.name))
+        files = _verify_files(kept, "files", _is_file, found, progress)
+    missing = _missing(paths, waiting)
+    return ContentReport(results, specs, scenes, files, seen, found.lines, missing)
+
+
+def _waiting_inputs(db: sqlite3.Connection, found: _Findings) -> frozenset[str]:
+    try:
+        return referenced_inputs(db)[1]
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        found.add("specifications name no scene or no files", type(error).__name__)
+        return frozenset()
+
+
+def _pages(
+    db: sqlite3.Connection, query: str, bounds: tuple[int, int], what: str,
+    progress: VerificationProgress,
+) -> Iterator[tuple[Any, ...]]:  # fmt: skip
+    """Rows in parts: between them the ledger is nobody's, and its WAL can be emptied."""
+    start, last = bounds
+    at = start
+    while rows := db.execute(query, (at,)).fetchall():
+        for serial, *row in rows:
+            at = serial
+            yield tuple(row)
+        progress(what, at - start, last - start)
+
+
+def _verify_results(
+    db: sqlite3.Connection,
+    paths: StatePaths,
+    found: _Findings,
+    bounds: tuple[int, int],
+    hashing: bool,
+    progress: VerificationProgress,
+) -> tuple[int, int]:
+    """Verify results, and the traces they are about; returns how many of each."""
+    results = traces = 0
+    for run, spec, trace, url, *columns, digest, body in _pages(
+        db, _RESULTS, bounds, "results", progress
+    ):
+        results += 1
+        try:
+            result = codec.from_json(RunResult, body)
+        except ValueError:
+            found.add("results cannot be read", run)
+            continue
+        if digest not in (_result_digest(body), result.digest):
+            found.add("results differ from their digest", run)
+        if result.spec != spec:
+            found.add("results are of another specification than their run", run)
+        if tuple(columns) != _columns(result):
+            found.add("verdicts of runs differ from their results", run)
+        if not url:
+            traces += _verify_trace(paths, trace, result, hashing, found)
+    return results, traces
+
+
+def _columns(result: RunResult) -> tuple[object, ...]:
+    verdict, simulated = deciding_verdict(result), result.timing.simulated
+    if verdict is None:
+        return (str(result.outcome), "", None, "", simulated)
+    return (str(result.outcome), verdict.oracle, verdict.margin, verdict.unit, simulated)
+
+
+def _result_digest(body: bytes) -> str:
+    parts = _split_object(body)
+    text = b",".join(b'"%s":%s' % (name.encode(), parts.get(name, b"")) for name in _JUDGED)
+    return hashlib.sha256(b"{%s}" % text).hexdigest()
+
+
+def _split_object(text: bytes) -> dict[str, bytes]:
+    """Return the values of a JSON object as they are written; raises ``ValueError``.
+
+    It is written as :func:`grammars.text.codec.to_json` does, without a blank.
+    """
+    written, at = text.decode("utf-8"), 1
+    found: dict[str, bytes] = {}
+    while at < len(written) and written[at] == '"':
+        name, at = _DECODER.raw_decode(written, at)
+        _, end = _DECODER.raw_decode(written, at + 1)
+        found[name] = written[at + 1 : end].encode()
+        at = end + 1
+    return found
+
+
+def _verify_trace(
+    paths: StatePaths, name: str, result: RunResult, hashing: bool, found: _Findings
+) -> int:
+    try:
+        path = paths.trace(name)
+        size = path.stat().st_size
+        if size != result.trace.size:
+            found.add("traces have another size than was recorded", str(path))
+        elif hashing and file_sha256(path) != result.trace.sha256:
+            found.add("traces differ from their digest", str(path))
+    except FileNotFoundError:
+        return 0  # removed to make room: its run says so
+    except (OSError, ValueError) as error:
+        found.add("traces cannot be read", f"{name} ({error})")
+    return 1
+
+
+def _verify_specs(
+    db: sqlite3.Connection,
+    found: _Findings,
+    bounds: tuple[int, int],
+    progress: VerificationProgress,
+) -> int:
+    texts, specs, count = _SpecTexts(db), SpecReader(db), 0
+    for run, digest, body in _pages(db, _SPECS, bounds, "specifications", progress):
+        count += 1
+        try:
+            if texts.digest(body) != digest and specs.read(body).digest != digest:
+                found.add("specifications differ from their digest", run)
+        except (ValueError, TypeError, KeyError):
+            found.add("specifications cannot be read", run)
+    for name in texts.wrong:
+        found.add("parts of specifications differ from their digest", name)
+    return count
+
+
+class _SpecTexts:
+    """Puts the texts of specifications together from their parts, as they were digested."""
+
+    def __init__(self, db: sqlite3.Connection) -> None:
+        self._db = db
+        self._cells: dict[str, tuple[bytes, ...]] = {}
+        self._scripts: dict[str, bytes] = {}
+        self.wrong: list[str] = []
+
+    def digest(self, body: bytes) -> str:
+        """Digest of what ``body`` stands for; raises ``ValueError`` or ``TypeError``."""
+        if not body.startswith(b"["):
+            return hashlib.sha256(body).hexdigest()
+        cell, script, repeat, seed = json.loads(body)
+        if cell not in self._cells:
+            self._cells[cell] = _split_cell(self._part(cell))
+        if script not in self._scripts:
+            self._scripts[script] = self._part(script)
+        before, behaviours, middle, after = self._cells[cell]
+        numbers = (b"%d" % repeat, self._scripts[script], b"%d" % seed)
+        whole = before + numbers[0] + behaviours + numbers[1] + middle + numbers[2] + after
+        return hashlib.sha256(whole).hexdigest()
+
+    def _part(self, name: str) -> bytes:
+        row = self._db.execute("SELECT body FROM part WHERE name = ?", (name,)).fetchone()
+        if row is None:
+            raise ValueError(f"there is no part {name}")
+        text = bytes(row[0])
+        if not hashlib.sha256(text).hexdigest().startswith(name):
+            self.wrong.append(name)
+        return text
+
+
+def _split_cell(text: bytes) -> tuple[bytes, ...]:
+    """Cut a cell where repeat, behaviours and seed of a run belong."""
+    parts = _split_object(text)
+    pieces = [b"{"]
+    for i, (name, value) in enumerate(parts.items()):
+        pieces[-1] += (b"," if i else b"") + b'"%s":' % name.encode()
+        if name in ("repeat", "behaviours", "seed"):
+            pieces.append(b"")
+        else:
+            pieces[-1] += value
+    pieces[-1] += b"}"
+    if len(pieces) != 4:
+        raise ValueError("a cell lacks repeat, behaviours or seed")
+    return tuple(pieces)
+
+
+def _verify_files(
+    paths: Iterable[Path],
+    what: str,
+    is_good: Callable[[Path], bool],
+    found: _Findings,
+    progress: VerificationProgress,
+) -> int:
+    every = sorted(paths)
+    for i, path in enumerate(every, start=1):
+        try:
+            if not is_good(path):
+                found.add(f"{what} differ from their digest", str(path))
+        except FileNotFoundError:
+            pass  # housekeeping was faster
+        except OSError as error:
+            found.add(f"{what} cannot be read", f"{path} ({error.strerror})")
+        progress(what, i, len(every))
+    return len(every)
+
+
+def _is_scene(path: Path) -> bool:
+    data = path.read_bytes()
+    if hashlib.sha256(data).hexdigest() == path.stem:
+        return True
+    try:
+        return codec.from_json(Scene, data).digest == path.stem
+    except ValueError:
+        return False
+
+
+def _is_file(path: Path) -> bool:
+    return file_sha256(path) == path.name
+
+
+def _missing(paths: StatePaths, waiting: Iterable[str]) -> tuple[str, ...]:
+    there = {path.stem for path in (*paths.scenes.glob("*.json"), *paths.files.glob("*"))}
+    return tuple(sorted(set(waiting) - there))

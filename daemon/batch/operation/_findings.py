@@ -1,0 +1,56 @@
+"""Findings of the doctor: one line each, with the remedy; nothing is changed to come to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+_LONGEST: Final = 400
+"""Characters of an exception that nobody has thought of."""
+
+
+class FindingLevel(StrEnum):
+    """How a finding is to be taken; a problem keeps runs from being executed or kept safe."""
+
+    OK = "ok"
+    WARNING = "warning"
+    PROBLEM = "problem"
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorFinding:
+    """``subject`` is what was looked at, ``remedy`` what to do, empty when all is well."""
+
+    level: FindingLevel
+    subject: str
+    message: str
+    remedy: str = ""
+
+
+def ok(subject: str, message: str) -> DoctorFinding:
+    """All is well."""
+    return DoctorFinding(FindingLevel.OK, subject, message)
+
+
+def warning(subject: str, message: str, remedy: str) -> DoctorFinding:
+    """Works, but somebody should know."""
+    return DoctorFinding(FindingLevel.WARNING, subject, message, remedy)
+
+
+def problem(subject: str, message: str, remedy: str) -> DoctorFinding:
+    """Does not work."""
+    return DoctorFinding(FindingLevel.PROBLEM, subject, message, remedy)
+
+
+def guarded(subject: str, check: Callable[[], Iterable[DoctorFinding]]) -> Iterator[DoctorFinding]:
+    """Yield what a check finds; that it fails is a finding too, and never the end of the others.
+
+    What is examined may be damaged in ways that nobody has thought of.
+    """
+    try:
+        yield from check()
+    except Exception as error:
+        words = f"cannot be examined: {type(error).__name__}: {error}"[:_LONGEST]
+        yield problem(subject, words, "it is damaged or in use in a way unknown to us: report it")

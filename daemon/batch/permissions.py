@@ -1,0 +1,96 @@
+"""Whose the state directory is, and who else may write or read in it.
+
+Whoever writes there decides what runs and what results say; what was submitted and what came out is
+for its owner to show. So folders have mode 0700 and files 0600, whatever the umask says.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Final
+
+from daemon.batch.errors import DaemonError
+from daemon.batch.paths import StatePaths
+
+_WRITE: Final = stat.S_IWGRP | stat.S_IWOTH
+_ANY: Final = stat.S_IRWXG | stat.S_IRWXO
+_FILES: Final = ("ledger.db*", "*.log*", "*.json", "daemon.lock")
+
+
+@dataclass(frozen=True, slots=True)
+class Exposure:
+    """What is not its owner's alone: of another owner, writable or only readable by others."""
+
+    foreign: tuple[Path, ...] = ()
+    writable: tuple[Path, ...] = ()
+    readable: tuple[Path, ...] = ()
+
+
+def find_exposure(paths: Iterable[Path]) -> Exposure:
+    """Look at files and folders; those that are gone meanwhile count for nothing."""
+    foreign, writable, readable = [], [], []
+    for path in paths:
+        with suppress(FileNotFoundError):
+            found = path.stat()
+            if found.st_uid != os.geteuid():
+                foreign.append(path)
+            if found.st_mode & _WRITE:
+                writable.append(path)
+            elif found.st_mode & _ANY:
+                readable.append(path)
+    return Exposure(tuple(foreign), tuple(writable), tuple(readable))
+
+
+def state_folders(paths: StatePaths) -> tuple[Path, ...]:
+    """The folders of a state directory that there are, itself first."""
+    folders = (paths.state, paths.scenes, paths.files, paths.traces, paths.spool, paths.incoming)
+    return tuple(folder for folder in folders if folder.is_dir())
+
+
+def state_files(paths: StatePaths) -> Iterator[Path]:
+    """Files of a state directory that are nobody else's business: the ledger, logs, contacts."""
+    for pattern in _FILES:
+        yield from (path for path in paths.state.glob(pattern) if path.is_file())
+
+
+def secure_state(paths: StatePaths) -> tuple[Path, ...]:
+    """See to it that a state directory is ours alone; returns what others could read until now.
+
+    Raises :class:`DaemonError` when it belongs to somebody else or others can write there: nobody
+    knows what they have put into it.
+    """
+    found = find_exposure(state_folders(paths))
+    if found.foreign:
+        raise DaemonError(
+            f"{found.foreign[0]} belongs to somebody else: run the daemon as its owner, "
+            "or choose another directory with --state"
+        )
+    if found.writable:
+        names = " ".join(map(str, found.writable))
+        raise DaemonError(
+            f"others can write in {names}, and so decide what runs and what results say: "
+            f"chmod go-rwx {names}, or choose a directory of your own with --state"
+        )
+    files = find_exposure(state_files(paths))
+    for folder in found.readable:
+        folder.chmod(0o700)
+    for path in (*files.writable, *files.readable):
+        # One that somebody else owns in our folder was put there by us as another user.
+        with suppress(FileNotFoundError):
+            path.chmod(0o600)
+    return (*found.readable, *files.writable, *files.readable)
+
+
+def open_private(path: Path, flags: int = os.O_WRONLY | os.O_APPEND) -> int:
+    """Return a descriptor of a file that is made for its owner alone; raises ``OSError``."""
+    return os.open(path, flags | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+
+
+def open_private_log(path: Path) -> IO[bytes]:
+    """Open a log to add to it, unbuffered; raises ``OSError``."""
+    return os.fdopen(open_private(path), "ab", buffering=0)

@@ -1,0 +1,262 @@
+"""The threads of the daemon's ledger: one writes, some read; all others queue up, to a limit."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Any, Final
+
+from daemon.batch.errors import Unavailable
+from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.server._askers import TurnQueue
+from daemon.batch.server._checkpoints import IdleCheckpoints
+from daemon.model.messages import OWNER
+from daemon.model.status import ChangeEvent
+
+_BATCH: Final = 64
+"""Jobs that share a commit. Its fsync is what costs: measured on one disk, 2 950 runs a second with
+one for each job, 9 470 without any; and nobody waits for more than 64 others' jobs."""
+_SLICE: Final = 0.02
+"""Seconds that steps of something long may share a commit: leases and renewals wait for it."""
+_MOST: Final = 2048
+_MOST_BYTES: Final = 256 * 2**20
+"""Requests that may wait for a thread, and their bytes, four of the largest submissions: what comes
+then is told to come again."""
+BUSY: Final = Unavailable(
+    f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
+)
+
+
+_LEAVING: Final = Unavailable("the daemon is leaving: try again when it is back")
+
+
+@dataclass(frozen=True, slots=True)
+class LedgerJob:
+    """Something to do with the ledger; ``done`` gets its value, or the exception it raised.
+
+    ``size`` is what it holds in memory until it is done [bytes]. It ``renews`` leases, maybe.
+    ``name`` is whose turn it takes.
+    """
+
+    act: Callable[[Any], object]
+    done: Callable[[object], None]
+    size: int = 0
+    renews: bool = False
+    name: str = OWNER
+
+
+class LedgerThread(threading.Thread):
+    """A thread with a queue of jobs, done one after the other.
+
+    ``put`` takes what the daemon itself wants, ``offer`` what others want, within limits: a flood
+    of questions must not keep leases from expiring.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name=name, daemon=True)
+        self._jobs: TurnQueue[LedgerJob] = TurnQueue()
+        self._load = threading.Lock()
+        self._offered = 0
+        self._bytes = 0
+
+    def put(self, job: LedgerJob) -> None:
+        """Queue a job; returns at once."""
+        self._jobs.put(job, job.name)
+
+    def offer(self, job: LedgerJob) -> bool:
+        """Queue a job unless too much waits already; returns at once, whether it is queued."""
+        with self._load:
+            full = self._offered >= _MOST or self._bytes + job.size > _MOST_BYTES
+            # One that is larger than all the room there is has its turn when nothing else waits.
+            if full and self._offered:
+                return False
+            self._offered += 1
+            self._bytes += job.size
+
+        def done(value: object) -> None:
+            with self._load:
+                self._offered -= 1
+                self._bytes -= job.size
+            job.done(value)
+
+        self.put(LedgerJob(job.act, done, job.size, job.renews, job.name))
+        return True
+
+    def finish(self) -> None:
+        """Do what is queued, then end the thread."""
+        self._jobs.close()
+        self.join()
+
+
+class WriterThread(LedgerThread):
+    """Owns the writing connection: runs jobs in transactions, answers after the commit.
+
+    Jobs that wait together share a commit (the fsync is what costs); each has a savepoint, so a
+    refused one undoes only itself. A job whose value is a generator goes on in steps, a slice of
+    them in each transaction, and between two slices what waits has its turn; one such job at a
+    time, in the order they came.
+    """
+
+    def __init__(
+        self,
+        ledger: LedgerWriter,
+        publish: Callable[[list[ChangeEvent]], None],
+        checkpoints: IdleCheckpoints,
+    ) -> None:
+        super().__init__("ledger-writer")
+        self._ledger = ledger
+        self._publish = publish
+        self._checkpoints = checkpoints
+        self._long: deque[tuple[LedgerJob, Generator[None, None, object]]] = deque()
+        self._renewals = 0
+
+    @property
+    def renewals_wait(self) -> bool:
+        """Whether leases may be renewed by what has come and is not done yet."""
+        return self._renewals > 0
+
+    def put(self, job: LedgerJob) -> None:
+        """Queue a job; returns at once."""
+        if not job.renews:
+            super().put(job)
+            return
+        with self._load:
+            self._renewals += 1
+
+        def act(ledger: LedgerWriter) -> object:
+            with self._load:
+                self._renewals -= 1
+            return job.act(ledger)
+
+        super().put(LedgerJob(act, job.done, job.size, name=job.name))
+
+    def run(self) -> None:
+        """Work until told to finish; what is long and not done then is given up."""
+        running = True
+        while running:
+            batch, running = self._take(wait=not self._long)
+            if batch:
+                self._work(batch)
+            if self._long:
+                self._go_on()
+            self._checkpoints.note_changes()
+        for job, steps in self._long:
+            steps.close()
+            job.done(_LEAVING)
+        self._checkpoints.act()
+
+    def _take(self, *, wait: bool) -> tuple[list[LedgerJob], bool]:
+        """Return what waits, up to a batch, and whether more may come."""
+        batch: list[LedgerJob] = []
+        while len(batch) < _BATCH:
+            try:
+                job = self._first() if wait and not batch else self._jobs.get(block=False)
+            except queue.Empty:
+                break
+            if job is None:
+                return batch, False
+            batch.append(job)
+        return batch, True
+
+    def _first(self) -> LedgerJob | None:
+        """Wait for a job; while there is none the ledger's WAL is emptied."""
+        while True:
+            try:
+                return self._jobs.get(timeout=self._checkpoints.patience)
+            except queue.Empty:
+                self._checkpoints.act()
+
+    def _work(self, batch: list[LedgerJob]) -> None:
+        try:
+            with self._ledger.transaction():
+                # An error is its value: the asker is told; what is no refusal goes to the log too.
+                values = [self._ledger.attempt(job.act) for job in batch]
+        except Unavailable as failure:
+            values = [failure for _ in batch]
+        for job, value in zip(batch, values, strict=True):
+            if isinstance(value, Generator):
+                self._long.append((job, value))
+            else:
+                job.done(value)
+        if self._ledger.events:
+            self._publish(self._ledger.events)
+
+    def _go_on(self) -> None:
+        """Do a slice of what is long."""
+        job, steps = self._long[0]
+        over = False
+        value: object = None
+        try:
+            with self._ledger.transaction():
+                over, value = _slice(steps)
+        except Exception as failure:  # the asker is told; what is no refusal goes to the log too
+            over, value = True, failure
+        if self._ledger.events:
+            self._publish(self._ledger.events)
+        if over:
+            self._long.popleft()
+            steps.close()
+            job.done(value)
+
+
+def _slice(steps: Generator[None, None, object]) -> tuple[bool, object]:
+    """Do steps for a while; returns whether they are over, and their value."""
+    end = time.monotonic() + _SLICE
+    while time.monotonic() < end:
+        try:
+            next(steps)
+        except StopIteration as done:
+            return True, done.value
+    return False, None
+
+
+class ReaderThread(LedgerThread):
+    """Owns the reading connection: answers questions one by one, each from one snapshot."""
+
+    def __init__(self, name: str, reader: LedgerReader) -> None:
+        super().__init__(name)
+        self._reader = reader
+
+    def run(self) -> None:
+        """Answer until told to finish."""
+        while (job := self._jobs.get()) is not None:
+            job.done(self._answer(job))
+
+    def _answer(self, job: LedgerJob) -> object:
+        try:
+            with self._reader.snapshot():
+                return job.act(self._reader)
+        except Exception as error:
+            return error  # the asker is told; what is no refusal goes to the log too
+
+
+class LedgerlessThread(LedgerThread):
+    """Does what needs no ledger, one after the other: what takes long, or while there is none."""
+
+    def run(self) -> None:
+        """Work until told to finish."""
+        while (job := self._jobs.get()) is not None:
+            try:
+                value = job.act(None)
+            except Exception as error:
+                value = error  # the asker is told; what is no refusal goes to the log too
+            job.done(value)
+
+
+class OverloadReply(LedgerThread):
+    """Tells those no for whom there is no room, or who ask too much; nobody else waits for that.
+
+    A thread, since a reply from within Zenoh's callback may deadlock (eclipse-zenoh/zenoh#1092).
+    """
+
+    def __init__(self) -> None:
+        super().__init__("overload-reply")
+
+    def run(self) -> None:
+        """Turn away until told to finish."""
+        while (job := self._jobs.get()) is not None:
+            job.done(job.act(None))

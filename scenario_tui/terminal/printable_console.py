@@ -1,0 +1,45 @@
+"""The rich console for text of others: its own styles and controls pass, theirs are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+from rich.text import Text
+
+from grammars.text.terminal_text import printable
+
+
+class PrintableConsole(Console):
+    """A console that prints what is :func:`~grammars.text.terminal_text.printable`, and no markup.
+
+    Escape sequences are made of styles and control segments, behind this filter.
+    """
+
+    def __init__(self, **settings: object) -> None:
+        # A name such as "[link=...]" or ":car:" is a name.
+        super().__init__(markup=False, emoji=False, highlight=False, **settings)  # type: ignore[arg-type]
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Render an object to segments, whose text is printable."""
+        # Texts before they are laid out: so that what is shown for a sign of no width has a cell.
+        if isinstance(renderable, Text):
+            renderable = printable_text(renderable)
+        elif isinstance(renderable, str):
+            renderable = printable(renderable)
+        for segment in super().render(renderable, options):
+            shown = segment.text if segment.control else printable(segment.text)
+            yield segment if shown == segment.text else segment._replace(text=shown)
+
+
+def printable_text(text: Text) -> Text:
+    """Return a text with the same styles whose characters are printable."""
+    shown = printable(text.plain)
+    if shown == text.plain:
+        return text
+    copy = text.copy()
+    copy.plain = shown  # as long as before: every style stays where it was
+    return copy

@@ -1,0 +1,208 @@
+"""Bad networks: cuts of every length, lost packets, delay, a slow line, and a daemon that restarts.
+
+Every case has a daemon, a worker at the end of its line and runs whose traces travel over it; all
+cases go on at the same time. What is begun is counted by the runs themselves.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from daemon.batch.client import Client
+from tests.chaos.executions import Executions
+from tests.chaos.lines import breaking_line, drop_packets, slow_line
+from tests.chaos.links import Link, Namespace, links, may_make_namespaces
+from tests.chaos.report import Report
+from tests.chaos.verify import verify
+from tests.daemon.batch.harness import (
+    DaemonPart,
+    daemon_at,
+    eventually,
+    finished,
+    free_endpoint,
+    worker_for,
+)
+from tests.daemon.batch.samples import make_spec, submission_of
+
+EXECUTOR = "tests.chaos.executor:execute"
+LEASE = 30.0
+PATIENCE = 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A line, what happens to it, and the runs meanwhile: ``work`` has the seconds of each.
+
+    ``cuts`` [s] follow each other ``gap`` seconds apart, the first when as many runs as there are
+    ``slots`` have begun. With ``spare`` another worker, never cut off, waits for runs. The daemon
+    is killed and started again ``restarts`` times. ``loss`` is a share of packets, ``delay`` [s]
+    and ``rate`` [bytes/s] are of each direction, ``ballast`` are bytes of a trace. One that
+    ``breaks`` ends its connections when it is cut; others go silent.
+    """
+
+    name: str
+    work: tuple[float, ...]
+    cuts: tuple[float, ...] = ()
+    gap: float = 6.0
+    slots: int = 2
+    spare: bool = False
+    restarts: int = 0
+    loss: float = 0.0
+    delay: float = 0.0
+    rate: float = 0.0
+    ballast: int = 20_000
+    breaks: bool = False
+
+    @property
+    def shaped(self) -> bool:
+        """Whether its line is a process that delays."""
+        return bool(self.delay or self.rate)
+
+
+CASES = (
+    Case("cut 3 s", (2.0, 12.0), (3.0,)),
+    Case("cut 14 s", (5.0, 25.0), (14.0,)),
+    Case("cut 14 s, a spare worker", (5.0, 25.0), (14.0,), spare=True),
+    Case("3 cuts of 14 s in a run of 65 s", (65.0, 65.0), (14.0, 14.0, 14.0), spare=True),
+    Case("cut 40 s", (10.0, 50.0), (40.0,)),
+    Case("cut 40 s, a spare worker", (10.0, 50.0), (40.0,), spare=True),
+    Case("cut 120 s", (20.0, 130.0), (120.0,)),
+    Case("broken for 20 s, a spare worker", (30.0,) * 2, (20.0,), breaks=True, spare=True),
+    Case("loss 10 %", (0.5,) * 40, loss=0.1, slots=4, ballast=200_000),
+    Case("loss 30 %", (0.5,) * 12, loss=0.3, slots=4, ballast=50_000),
+    Case("delay 200 ms", (0.5,) * 60, delay=0.1, slots=8),
+    Case("slow line, 40 kB/s", (2.0,) * 8, rate=40_000, slots=4, ballast=300_000),
+    Case("cut 14 s, far and slow", (20.0,) * 2, (14.0,), delay=0.1, rate=40_000, spare=True),
+    Case("daemon killed 3 times, cut 3 s", (20.0,) * 4, (3.0, 3.0, 3.0), restarts=3),
+)
+
+
+def network(
+    folder: Path,
+    *,
+    cases: Sequence[Case] = CASES,
+    lease: float = LEASE,
+    grace: float = 5.0,
+    isolated: bool | None = None,
+) -> Report:
+    """Perform all cases at once.
+
+    Every run is done exactly once. None is started over, but where the line was cut for longer
+    than a lease lasts and somebody else was there to take the run.
+    """
+    report = Report("network: cuts, loss, delay, a slow line")
+    isolated = may_make_namespaces() if isolated is None else isolated
+    report.fact("cables", "veth pairs to namespaces" if isolated else "relays")
+    with ExitStack() as stack:
+        # Relays cannot lose packets: where there are no namespaces, those cases are left out.
+        chosen = [case for case in cases if isolated or not case.loss]
+        scenes = [
+            _Scene(stack, folder / f"{i}", case, lease, grace, isolated=isolated)
+            for i, case in enumerate(chosen)
+        ]
+        with ThreadPoolExecutor(len(scenes)) as threads:
+            for part in threads.map(_Scene.perform, scenes):
+                report.include(part)
+    return report
+
+
+class _Scene:
+    """The daemon, the line and the workers of a case."""
+
+    def __init__(
+        self,
+        stack: ExitStack,
+        folder: Path,
+        case: Case,
+        lease: float,
+        grace: float,
+        *,
+        isolated: bool,
+    ) -> None:
+        self._case, self._lease = case, lease
+        self._folder = folder
+        self._log = Executions(folder / "executions")
+        settings: dict[str, float | str] = {"lease": lease, "grace": grace, "attempts": 3}
+        if case.shaped:
+            endpoint = free_endpoint()
+            line: Link = stack.enter_context(
+                slow_line(endpoint, delay=case.delay, rate=case.rate or 1e9)
+            )
+        elif case.breaks:
+            endpoint = free_endpoint()
+            line = stack.enter_context(breaking_line(endpoint))
+        else:
+            endpoint, (line,) = stack.enter_context(links(free_endpoint(), 1, isolated=isolated))
+        self._line = line
+        self._daemon: DaemonPart = stack.enter_context(
+            daemon_at(folder / "state", listen=endpoint, **settings)
+        )
+        self._daemon.client().close()
+        stack.enter_context(
+            worker_for(
+                self._daemon,
+                case.slots,
+                *("--state", str(folder / "away")),
+                connect=line.endpoint,
+                through=line.through,
+                executor=EXECUTOR,
+            )
+        )
+        stack.callback(line.mend)
+        if case.loss:
+            assert isinstance(line, Namespace)
+            drop_packets(line, case.loss)
+        self._stack = stack
+
+    def perform(self) -> Report:
+        """The case from its submission to its end."""
+        case = self._case
+        report = Report(case.name)
+        try:
+            self._act()
+        except AssertionError as error:
+            report.violations.append(str(error))
+        report.end()
+        report.executions = self._log.begun.total()
+        report.started_over = self._log.started_over
+        verify(report, self._daemon.state, len(case.work))
+        allowed = case.spare and max(case.cuts, default=0.0) >= self._lease
+        report.expect(
+            allowed or not report.started_over, f"{report.started_over} runs were started over"
+        )
+        return report
+
+    def _act(self) -> None:
+        case = self._case
+        specs = [
+            make_spec(i, sleep=work, ballast=case.ballast, log=str(self._log.path))
+            for i, work in enumerate(case.work)
+        ]
+        with self._daemon.client() as client:
+            client.submit(submission_of("network", *specs))
+            if case.cuts:
+                wanted = min(case.slots, len(specs))
+                eventually(lambda: len(self._log.begun) >= wanted)
+            if case.spare:
+                self._stack.enter_context(worker_for(self._daemon, 2, executor=EXECUTOR))
+                eventually(lambda: len(client.workers()) == 2)
+        for number, seconds in enumerate(case.cuts):
+            if number:
+                time.sleep(case.gap)
+            self._line.cut()
+            if number < case.restarts:
+                self._daemon.kill()
+                self._daemon.restart()
+            time.sleep(seconds)
+            self._line.mend()
+        with self._daemon.client() as client:
+            eventually(lambda: self._at_rest(client), PATIENCE)
+
+    def _at_rest(self, client: Client) -> bool:
+        left = self._folder.glob("away/work/*/spool/*/*/attempt-*")
+        return finished(client, len(self._case.work)) and not list(left)

@@ -1,0 +1,75 @@
+"""Runs that print without end and results of megabytes: both stay bounded, nobody else suffers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import psutil
+
+from tests.chaos.executions import Executions
+from tests.chaos.report import Report
+from tests.daemon.batch.harness import daemon_at, eventually, finished
+from tests.daemon.batch.samples import make_spec, submission_of
+
+EXECUTOR = "tests.chaos.executor:execute"
+MIB = 2**20
+LARGEST_OUTPUT = 16 * MIB
+"""Bytes of one run's output on the disk, at most, while it prints on."""
+MOST_MEMORY = 500 * MIB
+"""Bytes of the daemon."""
+
+
+def output(
+    folder: Path,
+    *,
+    chatty: int = 4,
+    chatter: int = 64 * MIB,
+    huge: int = 60,
+    evidence: int = 4 * 1000 * 1000,
+) -> Report:
+    """Print and deliver far too much beside runs as usual: these are done, memory stays small."""
+    report = Report("output: runs that print without end, results of megabytes")
+    log, gate = Executions(folder / "executions"), folder / "gate"
+    usual = [make_spec(i, sleep=0.2, log=str(log.path)) for i in range(10)]
+    said = Executions(folder / "said")
+    asked = {"chatter": chatter, "until": str(gate), "log": str(said.path)}
+    talkers = [make_spec(i, scenario="talk", **asked) for i in range(chatty)]
+    large = [make_spec(i, scenario="huge", evidence=evidence) for i in range(huge)]
+    runs = len(usual) + chatty + huge
+    with (
+        daemon_at(folder / "state", chatty, executor=EXECUTOR, attempts=1) as daemon,
+        daemon.client() as client,
+    ):
+        client.submit(submission_of("talk", *talkers))
+        eventually(lambda: client.overview().running == chatty)
+        eventually(lambda: said.said.total() == chatty)
+        sizes = [_size(path) for path in _outputs(daemon.state)]
+        report.fact("largest output of a run", f"{max(sizes) / MIB:.1f} MiB")
+        report.expect(max(sizes) <= LARGEST_OUTPUT, f"an output of {max(sizes)} bytes")
+        gate.touch()
+        client.submit(submission_of("huge", *large))
+        client.submit(submission_of("usual", *usual))
+        eventually(lambda: finished(client, runs), 300.0)
+        rows = client.campaigns()
+        report.expect(len(rows) == 3, "the campaigns are not listed any more")
+        done = {row.id: row.done for row in rows}
+        report.fact("done", done)
+        report.expect(done["usual"] == len(usual), "runs beside them were not done")
+        report.expect(done["talk"] == chatty, "runs that print were not done")
+        for row in client.runs("huge", limit=3).rows:
+            client.run(row.id)
+        memory = psutil.Process(daemon.pid).memory_info().rss
+        report.fact("memory of the daemon", f"{memory / MIB:.0f} MiB")
+        report.expect(memory <= MOST_MEMORY, f"the daemon takes {memory} bytes")
+        report.executions, report.started_over = log.begun.total(), log.started_over
+        report.expect(not log.started_over, f"{log.started_over} runs were started over")
+    report.runs = runs
+    return report
+
+
+def _outputs(state: Path) -> list[Path]:
+    return list(state.glob("spool/*/*/attempt-*/output.txt*"))
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.exists() else 0

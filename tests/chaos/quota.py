@@ -1,0 +1,60 @@
+"""Nobody may write any more (EDQUOT), and a disk that is full when the daemon starts."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from tests.chaos.disk import fill, may_mount, small_disk
+from tests.chaos.executions import Executions
+from tests.chaos.report import Report
+from tests.chaos.verify import verify
+from tests.daemon.batch.harness import daemon_at, eventually, finished
+from tests.daemon.batch.samples import make_submission
+
+EXECUTOR = "tests.chaos.executor:execute"
+PER_MINUTE = 60
+
+
+def quota(folder: Path, *, runs: int = 10, seconds: float = 60.0) -> Report:
+    """Runs find no quota left for a while: they are tried ever more rarely, and it is said."""
+    report = Report("quota: executions that fail for want of space")
+    log, mark = Executions(folder / "executions"), folder / "quota"
+    mark.touch()
+    with daemon_at(folder / "state", 2, executor=EXECUTOR) as daemon, daemon.client() as client:
+        client.submit(make_submission("quota", runs, log=str(log.path), quota=str(mark)))
+        eventually(lambda: log.begun.total() >= 2)
+        time.sleep(seconds)
+        tried = log.begun.total()
+        report.fact("executions while there was no quota", tried)
+        most = runs + PER_MINUTE * seconds / 60.0
+        report.expect(tried <= most, f"{tried} executions in {seconds:g} s, at most {most:g}")
+        report.expect(bool(client.overview().trouble), "no trouble was named")
+        mark.unlink()
+        eventually(lambda: finished(client, runs), 300.0)
+        report.executions = log.begun.total()
+        verify(report, daemon.state, runs)
+    return report
+
+
+def full_start(folder: Path) -> Report:
+    """The disk is full when the daemon starts: it says so, and works once there is room."""
+    report = Report("full start: a daemon on a full disk")
+    if not may_mount():
+        report.fact("skipped", "mounting a small file system needs root")
+        return report
+    with small_disk(folder / "disk") as disk:
+        state, ballast = disk / "state", disk / "ballast"
+        with daemon_at(state, 1, executor=EXECUTOR) as daemon:
+            daemon.client().close()
+            daemon.kill()
+            fill(ballast)
+            daemon.restart()
+            with daemon.client() as client:
+                eventually(lambda: "full" in client.overview().trouble)
+                ballast.unlink()
+                eventually(lambda: not client.overview().trouble)
+                client.submit(make_submission("after", 2))
+                eventually(lambda: finished(client, 2))
+        verify(report, state, 2)
+    return report

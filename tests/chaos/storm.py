@@ -1,0 +1,97 @@
+"""All at once: bad lines, cuts, chatty runs, trees, large traces, and a daemon that is killed."""
+
+from __future__ import annotations
+
+import random
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from tests.chaos.executions import Executions
+from tests.chaos.lines import drop_packets, slow_line
+from tests.chaos.links import Link, Namespace, links, may_make_namespaces
+from tests.chaos.report import Report
+from tests.chaos.verify import verify
+from tests.chaos.violence import progress
+from tests.daemon.batch.harness import daemon_at, eventually, finished, free_endpoint, worker_for
+from tests.daemon.batch.samples import make_spec, submission_of
+
+EXECUTOR = "tests.chaos.executor:execute"
+CUTS = (1.0, 3.0, 6.0)
+"""Seconds, all shorter than the lease."""
+
+
+def storm(
+    folder: Path,
+    *,
+    runs: int = 200,
+    seed: int = 1,
+    lease: float = 30.0,
+    every: float = 8.0,
+    seconds: float = 120.0,
+) -> Report:
+    """Kill the daemon and cut lines, none for as long as a lease: no run is started over.
+
+    No worker and no run is killed here, so that whatever is begun twice was healthy.
+    """
+    report = Report("storm: bad lines, cuts, chatty runs and daemon restarts at once")
+    rng = random.Random(seed)
+    log = Executions(folder / "executions")
+    specs = [
+        make_spec(
+            i,
+            sleep=round(rng.uniform(0.2, 4.0), 2),
+            ballast=rng.choice((2_000, 50_000, 400_000)),
+            chatter=rng.choice((0, 1_000, 500_000)),
+            log=str(log.path),
+        )
+        for i in range(runs)
+    ]
+    struck = {"daemon killed": 0, "line cut": 0}
+    with ExitStack() as stack:
+        isolated = may_make_namespaces()
+        endpoint, cables = stack.enter_context(links(free_endpoint(), 2, isolated=isolated))
+        daemon = stack.enter_context(
+            daemon_at(folder / "state", 1, listen=endpoint, lease=lease, executor=EXECUTOR)
+        )
+        daemon.client().close()
+        if isinstance(cables[1], Namespace):
+            drop_packets(cables[1], 0.1)
+        far = stack.enter_context(slow_line(endpoint, delay=0.1))
+        slow = stack.enter_context(slow_line(endpoint, rate=200_000))
+        lines: list[Link] = [*cables, far, slow]
+        for number, line in enumerate(lines):
+            worker = worker_for(
+                daemon,
+                2,
+                *("--state", str(folder / f"away-{number}")),
+                connect=line.endpoint,
+                through=line.through,
+                executor=EXECUTOR,
+            )
+            stack.enter_context(worker)
+            stack.callback(line.mend)
+        with daemon.client() as client:
+            client.submit(submission_of("storm", *specs))
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and progress(daemon.endpoint) != (runs, 0):
+            if rng.random() < 0.4:
+                daemon.kill()
+                time.sleep(rng.uniform(0.0, 2.0))
+                daemon.restart()
+                struck["daemon killed"] += 1
+            else:
+                line = rng.choice(lines)
+                line.cut()
+                time.sleep(rng.choice(CUTS))
+                line.mend()
+                struck["line cut"] += 1
+            time.sleep(rng.uniform(0.0, every))
+        with daemon.client() as client:
+            eventually(lambda: finished(client, runs), 300.0)
+        for what, times in struck.items():
+            report.fact(what, times)
+        report.executions, report.started_over = log.begun.total(), log.started_over
+        report.expect(not log.started_over, f"{log.started_over} runs were started over")
+        verify(report, daemon.state, runs)
+    return report

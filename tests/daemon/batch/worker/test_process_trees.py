@@ -1,0 +1,102 @@
+"""Nothing that a run has started outlives it, whatever ends it: processes that are really there."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daemon.batch.client import Client
+from daemon.model.status import RunState
+from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually, worker_for
+from tests.daemon.batch.samples import make_spec, make_submission, submission_of
+
+RUNS = {
+    "ends": {},
+    "raises": {"raise": "no such door"},
+    "crashes": {"crash": [1]},
+    "its guardian is killed": {"kill": 0},
+    "has no time left": {"sleep": 600.0},
+}
+
+
+def processes(file: Path) -> list[psutil.Process]:
+    """The processes that a run said it had left behind, those that are there."""
+    found = []
+    for number in map(int, file.read_text().split()):
+        with suppress(psutil.NoSuchProcess):
+            found.append(psutil.Process(number))
+    return found
+
+
+def test_nothing_outlives_a_run_however_it_ends(tmp_path: Path) -> None:
+    specs = [
+        make_spec(number, leaves=str(tmp_path / str(number)), **what)
+        for number, what in enumerate(RUNS.values())
+    ]
+    settings = {"wall": 0.5, "attempts": 1}
+    with daemon_at(tmp_path / "state", 2, **settings) as daemon, daemon.client() as client:
+        client.submit(submission_of("c", *specs))
+        eventually(lambda: all(row.finished for row in client.campaigns()))
+        states = [row.state for row in client.runs("c").rows]
+        assert states == [RunState.DONE] + 4 * [RunState.LOST]
+        for number, name in enumerate(RUNS):
+            # Not only in the end: before anybody was told that the run has ended.
+            assert alive(processes(tmp_path / str(number))) == [], name
+        reasons = [row.reason for row in client.runs("c").rows[1:]]
+        assert "no such door" in reasons[0]
+        assert "SIGKILL" in reasons[1]
+        assert "SIGKILL" in reasons[2]
+        assert "stopped after 0.5 s" in reasons[3]
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    with daemon_at(tmp_path_factory.mktemp("trees") / "state", lease=1800.0) as part:
+        yield part
+
+
+@pytest.fixture(scope="module")
+def client(daemon: DaemonPart) -> Iterator[Client]:
+    with daemon.client() as connected:
+        yield connected
+
+
+def test_nothing_outlives_a_run_that_is_not_wanted(
+    daemon: DaemonPart, client: Client, tmp_path: Path
+) -> None:
+    with worker_for(daemon):
+        begun = begin(client, "cancelled", tmp_path / "left")
+        client.cancel("cancelled")
+        eventually(lambda: not alive(begun))
+
+
+@pytest.mark.parametrize("number", [signal.SIGQUIT, signal.SIGKILL], ids=lambda n: n.name)
+def test_nothing_outlives_a_worker(
+    daemon: DaemonPart, client: Client, tmp_path: Path, number: signal.Signals
+) -> None:
+    with worker_for(daemon) as worker:
+        begun = begin(client, f"worker-{number:d}", tmp_path / "left")
+        worker.signal(number)
+        worker.wait()
+        eventually(lambda: not alive(begun))
+    client.cancel(f"worker-{number:d}")
+
+
+def test_nothing_outlives_a_fork_server(daemon: DaemonPart, client: Client, tmp_path: Path) -> None:
+    with worker_for(daemon) as worker:
+        begun = begin(client, "server", tmp_path / "left")
+        (server,) = [one for one in psutil.Process(worker.pid).children() if one.children()]
+        server.kill()
+        client.cancel("server")
+        eventually(lambda: not alive(begun))
+
+
+def begin(client: Client, campaign: str, file: Path) -> list[psutil.Process]:
+    """Have a run begin that lasts; returns what it has left behind so far."""
+    client.submit(make_submission(campaign, 1, leaves=str(file), sleep=600.0))
+    return eventually(lambda: file.exists() and len(found := processes(file)) == 2 and found)

@@ -1,0 +1,64 @@
+"""What a dead worker left in the spool, and who may take it over."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.paths import StatePaths
+from daemon.batch.run_process import RESULT
+from daemon.batch.worker import AdoptedWork, Spool
+from daemon.model.messages import Lease
+from tests.daemon.batch.samples import make_spec
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> StatePaths:
+    paths = StatePaths(tmp_path)
+    paths.make_folders()
+    return paths
+
+
+def lease(position: int) -> Lease:
+    return Lease(f"c.{position}", "c", 1, 7 + position, f"c/{position}.mcap", make_spec(position))
+
+
+def leave(places: StatePaths, holder: str = "") -> None:
+    """A worker that dies with two attempts, the first of them finished."""
+    with closing(Spool(places, "dead", holder)) as spool:
+        (spool.open(lease(0)).folder / RESULT).touch()
+        spool.open(lease(1))
+
+
+def adopt(places: StatePaths, worker: str, holder: str = "") -> AdoptedWork:
+    with closing(Spool(places, worker, holder)) as spool:
+        return spool.adopt()
+
+
+def test_finished_attempts_and_all_other_leases_are_adopted_once(places: StatePaths) -> None:
+    with closing(Spool(places, "heir")) as heir:
+        with closing(Spool(places, "living")) as living:
+            living.open(lease(2))
+            assert heir.adopt() == AdoptedWork()
+            living.open(lease(2)).discard()
+        leave(places)
+        adopted = heir.adopt()
+        assert adopted.unfinished == (lease(1),)
+        assert [(found.lease, found.finished) for found in adopted.finished] == [(lease(0), True)]
+        assert [path.name for path in places.spool.iterdir()] == ["heir"]
+        assert heir.adopt() == AdoptedWork()
+
+
+def test_what_was_leased_under_another_key_waits_for_that_key(places: StatePaths) -> None:
+    leave(places, "worker.spare")
+    assert adopt(places, "owners") == AdoptedWork()
+    assert adopt(places, "others", "worker.other") == AdoptedWork()
+    assert len(adopt(places, "heir", "worker.spare").finished) == 1
+
+
+def test_what_an_earlier_version_left_is_anybodys(places: StatePaths) -> None:
+    leave(places)
+    (places.spool / "dead" / "lock").write_text("")
+    assert len(adopt(places, "heir", "worker.spare").unfinished) == 1

@@ -1,0 +1,202 @@
+"""Every screen of the dashboard, of daemons, traces and files that want to steer the terminal."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.segment import Segment
+from textual.color import Color
+from textual.screen import Screen
+
+from scenario_tui.dashboard import screens
+from scenario_tui.dashboard.playback import open_playback
+from scenario_tui.dashboard.screens.compare import CompareScreen
+from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question, TextDialog
+from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.live import LiveApp
+from scenario_tui.dashboard.screens.matrix import MatrixScreen
+from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.dashboard.screens.submit import SubmitScreen
+from scenario_tui.dashboard.screens.workers import WorkersScreen
+from scenario_tui.submission import check_file
+from scenario_tui.terminal.filters import PrintableText
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
+from tests.scenario_tui.dashboard.test_live import Shown
+from tests.scenario_tui.fake import CAMPAIGN, make_live, make_rows
+from tests.scenario_tui.poison import (
+    NAME,
+    POISON,
+    WORD,
+    PoisonedDaemon,
+    assert_harmless,
+    poisoned,
+    record_poisoned,
+    yaml_text,
+)
+from tests.scenario_tui.terminal.pseudo_terminal import terminal
+
+WIDE = (120, 40)
+LOST = "\N{REPLACEMENT CHARACTER}"
+SEEN: set[type[Screen[Any]]] = set()
+"""The screens that were walked through."""
+
+
+@pytest.fixture(scope="module")
+def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_poisoned(tmp_path_factory.mktemp("poisoned") / f"in{NAME}" / "run.mcap")
+
+
+def look(pilot: Any, kind: type[Screen[Any]] | None = None) -> str:
+    """Check what the terminal would get to show this screen as a whole; return the text."""
+    screen = pilot.app.screen
+    SEEN.add(type(screen))
+    assert kind is None or type(screen) is kind
+    update = screen._compositor.render_update(full=True)
+    text = assert_harmless(update.render_segments(pilot.app.console).encode())
+    assert WORD in text or kind is Help  # which has words of ours alone
+    return text
+
+
+def daemon(trace: Path) -> PoisonedDaemon:
+    """Runs 5 and 6 are recorded, run 7 is on its way and waits for something."""
+    rows = tuple(replace(r, trace=str(trace)) if r.index in (5, 6) else r for r in make_rows())
+    waiting = poisoned(make_live(7, waiting="waiting for planner"))
+    live = replace(waiting, run=f"{CAMPAIGN}.7{NAME}")
+    return PoisonedDaemon(rows, live=(live,), trouble=f"no space left{POISON}")
+
+
+async def walk_through_the_dashboard(trace: Path, folder: Path) -> None:
+    (folder / f"bad{NAME}.yaml").write_text(
+        f"campaign: x\nabout: {yaml_text(POISON)}\nscenarios: {{{yaml_text(NAME)}: 1}}\n"
+    )
+    dashboard = make_dashboard(daemon(trace), check_file=check_file)
+    async with dashboard.run_test(size=WIDE) as pilot:
+        await settle(pilot)
+        look(pilot)
+        await press(pilot, "m", "n")
+        look(pilot, MatrixScreen)
+        await press(pilot, "a")
+        look(pilot, RunsScreen)
+        await press(pilot, "y")  # what is copied is said
+        look(pilot)
+        assert WORD in dashboard.clipboard
+        assert_harmless(dashboard.clipboard.encode())
+        for index, parts in ((5, 4), (7, 1), (9, 1)):
+            dashboard.open_run(f"{CAMPAIGN}.{index}{NAME}")
+            await settle(pilot)
+            for _ in range(parts):
+                look(pilot, RunScreen)
+                await press(pilot, "tab")
+            await press(pilot, "escape")
+        await press(pilot, "3")
+        look(pilot, WorkersScreen)
+        dashboard.say(f"done{POISON}", f"scenario{POISON}")
+        dashboard.problem(f"refused{POISON}")
+        await press(pilot, "colon")
+        look(pilot)
+        await press(pilot, "escape", "s")
+        look(pilot, SubmitScreen)
+        await press(pilot, "down")
+        look(pilot)
+
+
+async def walk_through_dialogs(trace: Path) -> None:
+    dashboard = make_dashboard(daemon(trace))
+    dialogs = (
+        Question(f"sure?{POISON}", f"scenario cancel {NAME}"),
+        Menu(f"which?{POISON}", [MenuChoice("1", f"this{POISON}", NAME)], f"note{POISON}"),
+        Prompt(f"what?{POISON}", f"value{NAME}", lambda _: f"wrong{NAME}", lambda _: NAME),
+        TextDialog(f"read{POISON}", f"scenario judge {NAME}"),
+    )
+    async with dashboard.run_test(size=WIDE) as pilot:
+        await settle(pilot)
+        for dialog in dialogs:
+            dashboard.push_screen(dialog)
+            await settle(pilot)
+            look(pilot, type(dialog))
+            dashboard.pop_screen()
+        await press(pilot, "question_mark")
+        look(pilot, Help)
+
+
+async def walk_through_what_moves(trace: Path, campaigns: Path) -> None:
+    playback = open_playback(trace)
+    for screen in (
+        ReplayScreen(playback, 0.6, clock=lambda: 0.0),
+        CompareScreen(playback, playback, clock=lambda: 0.0),
+    ):
+        async with ReplayApp(screen).run_test(size=WIDE) as pilot:
+            await pilot.pause(0)
+            look(pilot, type(screen))
+    shown = Shown(campaigns, to_type=f"relay{NAME}")
+    shown.connected = [f"Foxglove {POISON}"]
+    async with LiveApp(shown.screen).run_test(size=WIDE) as pilot:
+        await shown.passes(pilot, 1.0)
+        look(pilot, type(shown.screen))
+
+
+async def test_no_screen_lets_it_through(
+    trace: Path, tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    await walk_through_the_dashboard(trace, tmp_path)
+    await walk_through_dialogs(trace)
+    await walk_through_what_moves(trace, campaigns)
+    for module in pkgutil.iter_modules(screens.__path__):
+        importlib.import_module(f"{screens.__name__}.{module.name}")
+    assert set(_concrete(Screen)) <= SEEN
+
+
+def _concrete(kind: type[Any]) -> Iterator[type[Any]]:
+    """Return the screens of ours that no other one is made of."""
+    for below in kind.__subclasses__():
+        yield from _concrete(below)
+        if not below.__subclasses__() and below.__module__.startswith(screens.__name__):
+            yield below
+
+
+def test_a_line_stays_as_wide_as_it_was() -> None:
+    def shown(*texts: str) -> list[str]:
+        lines = PrintableText().apply([Segment(text) for text in texts], Color(0, 0, 0))
+        return [segment.text for segment in lines]
+
+    assert shown("plain", "  text") == ["plain", "  text"]
+    # Blanks behind it make room, so that the next column stays where it is.
+    assert shown("a\x1bb\u202e   c", "  d") == [f"a{LOST}b{LOST} c", "  d"]
+    assert shown("\x1b[2J", "   d") == [f"{LOST}[2J", "  d"]
+    # Where there are none it goes without a trace.
+    assert shown("a\x1bb\u202ec d") == ["abc d"]
+    assert shown("tab\there   ") == [f"tab{LOST}here  "]
+
+
+PROGRAM = """
+import sys
+from scenario_tui.cli import main, target
+from tests.scenario_tui.poison import PoisonedDaemon
+fake = PoisonedDaemon(trouble="no space left")
+target.DaemonTarget.open = lambda self: fake.open()
+main(["tui"])
+"""
+
+
+def test_what_the_dashboard_sends_a_real_terminal_is_its_own() -> None:
+    with terminal([sys.executable, "-c", PROGRAM], columns=120, rows=40) as shown:
+        shown.until(f"nightly-00ff00ff{LOST}")
+        shown.type("\r")
+        shown.until(f"S1{LOST}")
+        shown.type("\r")
+        shown.until("took")
+        shown.type("q")
+        assert shown.wait() == 0
+        assert WORD.encode() in shown.raw
+        # Cleared once, by us, before there is anything to see.
+        assert_harmless(bytes(shown.raw).replace(b"\x1b[2J\x1b[1;2H", b""))
