@@ -63,6 +63,8 @@ class KeyUpdates(LeaseUpdates):
         ).fetchall()
         for run, token in held:
             self._apply(run, Released(token, _void_reason(holder), blame=False), now)
+            # No setback of the run's: it need not wait for another worker.
+            self._db.execute("UPDATE run SET not_before = 0, setbacks = 0 WHERE id = ?", (run,))
         yield ()
         while True:
             # Results taken from the key's keep its name, so that they are found here as well.
