@@ -26,7 +26,7 @@ from daemon.batch.paths import (
     socket_path,
 )
 from daemon.batch.security import Credentials, DaemonCredentials, access_control, denial_text
-from daemon.model.messages import ASK, LARGEST_SUBMISSION, ErrorReply
+from daemon.model.messages import ASK, LARGEST_SUBMISSION, OWNER, ErrorReply
 from daemon.model.verbs import Verb
 from grammars.text import codec
 
@@ -179,7 +179,7 @@ def ask(
     deadline = time.monotonic() + min(timeout, _PATIENCE)
     while True:
         for reply in session.get(
-            f"{ASK}/{verb}",
+            f"{ASK}/{key_name(credentials)}/{verb}",
             payload=payload,
             timeout=timeout,
             # The usual one holds replies back until the last has come, and there is only one.
@@ -192,6 +192,11 @@ def ask(
         if time.monotonic() > deadline:
             raise _no_answer_error(endpoint, credentials)
         time.sleep(0.02)
+
+
+def key_name(credentials: Credentials | None) -> str:
+    """Return the name that stands in keys of the bus: that of the certificate, or the owner's."""
+    return OWNER if credentials is None else credentials.name
 
 
 def _no_answer_error(endpoint: str, credentials: Credentials | None) -> Unreachable:

@@ -184,13 +184,13 @@ class Client(DaemonClient):
         feeds = subscription._feeds
         feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, ChangeEvent, on_event))
         if on_live is not None:
-            feeds.append(_Feed(self._session, f"{LIVE}/*", _LIVE_KEPT, LiveSnapshot, on_live))
+            feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, LiveSnapshot, on_live))
         return subscription
 
     def watch(self, run: str, on_live: Callable[[LiveSnapshot], None]) -> Subscription:
         """Call back on detailed snapshots of one run while it runs."""
         subscription = Subscription()
         self._subscriptions.append(subscription)
-        key = f"{LIVE}/*/{run}"
+        key = f"{LIVE}/*/*/{run}"
         subscription._feeds.append(_Feed(self._session, key, _WATCHED_KEPT, LiveSnapshot, on_live))
         return subscription

@@ -17,9 +17,14 @@ from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec
 from daemon.model.status import PREFIX
 
 ASK: Final = f"{PREFIX}/ask"
+"""Questions are asked at ``ASK/<name>/<verb>``, under the name of the asker's key."""
 EVENTS: Final = f"{PREFIX}/event"
 LIVE: Final = f"{PREFIX}/live"
+"""Snapshots are published at ``LIVE/<name>/<worker>``, those of one run below that."""
 ALIVE: Final = f"{PREFIX}/alive"
+"""Workers are alive at ``ALIVE/<name>/<worker>``."""
+OWNER: Final = "owner"
+"""The name in keys of who has no key: the daemon's owner, and everybody over plain TCP."""
 WORK: Final = f"{PREFIX}/work"
 """Published without content when runs become available or unwanted: a hint, workers also poll."""
 
@@ -68,6 +73,13 @@ class IdRequest:
     """A request about one campaign, run or scene."""
 
     id: IdText
+
+
+@dataclass(frozen=True, slots=True)
+class KeyRequest:
+    """A request about a key, called as its certificate is."""
+
+    id: Annotated[str, Field(pattern=r"^(viewer|operator|worker)(\.[a-z0-9][a-z0-9-]{0,39})?$")]
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ from daemon.model.messages import (
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
+    KeyRequest,
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
@@ -52,6 +53,7 @@ from daemon.model.status import (
     DaemonOverview,
     DeletedCampaign,
     DiskUsage,
+    KeyDeliveries,
     LiveSnapshot,
     RunDetail,
     RunPage,
@@ -170,6 +172,11 @@ PRIORITISE: Final = Verb("prioritise", PriorityRequest, Empty,
     STEERING, WRITER)
 SHUTDOWN: Final = Verb("shutdown", Empty, Empty,
     "Ask the daemon to leave; what is running gets a while to finish.", STEERING)
+DELIVERIES: Final = Verb("deliveries", KeyRequest, KeyDeliveries,
+    "What a key has brought: of which campaigns, how many runs, since when.", STEERING, slow=True)
+VOID: Final = Verb("void", KeyRequest, Count,
+    "Let nothing count that a key has brought, and run it again; returns the number of runs.",
+    STEERING, WRITER, slow=True)
 WELCOME: Final = Verb("welcome", WorkerInfo, WelcomeReply,
     "What a worker must know before it starts.", WORKING)
 LEASE: Final = Verb("lease", LeaseRequest, LeaseReply,
@@ -251,6 +258,8 @@ class DaemonClient(ABC):
     prioritise = _question(PRIORITISE)
     delete = _question(DELETE)
     shutdown = _question(SHUTDOWN)
+    deliveries = _question(DELIVERIES)
+    void = _counting(VOID)
 
     def campaigns(self, *, unfinished: bool = False) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first; or all of which runs wait or run.

@@ -78,6 +78,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     operate.MetricsOutput,
     operate.GcOutput,
     keys.KeysOutput,
+    keys.VoidOutput,
     sut.SutOutput,
     sut_check.InspectionOutput,
     import_building.ImportOutput,

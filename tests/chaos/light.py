@@ -16,6 +16,7 @@ from daemon.batch.paths import StatePaths
 from daemon.model import verbs
 from daemon.model.messages import (
     ALIVE,
+    OWNER,
     Completion,
     Lease,
     LeaseRef,
@@ -44,7 +45,7 @@ class LightWorker:
         self._info = WorkerInfo(name, "here", 1, version("scenario-tui"), slots, 0)
         self._slots = slots
         self._places = places
-        self._token = session.liveliness().declare_token(f"{ALIVE}/{name}")
+        self._token = session.liveliness().declare_token(f"{ALIVE}/{OWNER}/{name}")
 
     def lease(self, count: int | None = None) -> tuple[Lease, ...]:
         """Take runs; raises like :func:`daemon.batch.bus.ask`."""

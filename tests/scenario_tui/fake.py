@@ -16,6 +16,7 @@ from daemon.model.messages import (
     DownloadChunk,
     Empty,
     IdRequest,
+    KeyRequest,
     PriorityRequest,
     RecordQuery,
     RetryRequest,
@@ -33,11 +34,13 @@ from daemon.model.spec import (
     TraceInfo,
 )
 from daemon.model.status import (
+    CampaignDeliveries,
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
     DeletedCampaign,
     DiskUsage,
+    KeyDeliveries,
     LiveSnapshot,
     RunDetail,
     RunPage,
@@ -368,6 +371,13 @@ class FakeDaemon(DaemonClient):
 
     def _prioritise(self, _: PriorityRequest) -> Empty:
         return Empty()
+
+    def _deliveries(self, request: KeyRequest) -> KeyDeliveries:
+        brought = CampaignDeliveries(CAMPAIGN, "first", 3, 1, NOW - 60.0, NOW)
+        return KeyDeliveries(request.id, (brought,), 1)
+
+    def _void(self, _: KeyRequest) -> Count:
+        return Count(3)
 
     def _shutdown(self, _: Empty) -> Empty:
         return Empty()

@@ -274,7 +274,7 @@ class LeaseUpdates(RunUpdates):
         before = self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
-            store_result(self._db, completion, digest, now)
+            store_result(self._db, completion, digest, now, holder)
         change = self._apply(completion.run, event, now, before)
         if before is not None and change.run.state is RunState.DONE:
             self._stop_others(completion, before, campaign, now)
@@ -282,6 +282,7 @@ class LeaseUpdates(RunUpdates):
             self._check_determinism(completion, digest, campaign, now)
         if change.answer is LedgerAnswer.DIFFERS:
             reason = change.run.reason
+            self._doubt(completion.run)
             self.record_event(now, "alarm", completion.run, campaign, NONDETERMINISTIC, reason)
         return change.answer
 
@@ -309,7 +310,12 @@ class LeaseUpdates(RunUpdates):
         run = completion.run
         reason = f"{NONDETERMINISTIC}: this gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
         self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (reason, run))
+        self._doubt(run, other[0])
         self.record_event(now, "alarm", run, campaign, NONDETERMINISTIC, reason)
+
+    def _doubt(self, *runs: str) -> None:
+        """Let no result of these runs' specification be used again: it came out differently."""
+        self._db.executemany("UPDATE run SET doubted = 1 WHERE id = ?", ((run,) for run in runs))
 
     def awaits_result(self, run: str, token: int) -> bool:
         """Whether a result under that lease would be recorded now, the run's first."""

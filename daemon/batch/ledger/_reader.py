@@ -14,6 +14,7 @@ from typing import Any, Final
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._granted import require_lease
+from daemon.batch.ledger._keys import read_deliveries
 from daemon.batch.ledger._results import (
     SpecReader,
     find_trace,
@@ -32,7 +33,14 @@ from daemon.model.messages import (
     RunQuery,
 )
 from daemon.model.spec import RunResult
-from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, RunState
+from daemon.model.status import (
+    CampaignRow,
+    KeyDeliveries,
+    RunDetail,
+    RunPage,
+    RunRow,
+    RunState,
+)
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 from grammars.text.diagnostics import did_you_mean
@@ -294,6 +302,10 @@ class LedgerReader:
             raise Refused(f"{run}: {missing_trace_text(row[1])}")
         info = codec.from_json(RunResult, row[3]).trace
         return TraceReference(run, location, info.sha256, info.size)
+
+    def deliveries(self, key: str) -> KeyDeliveries:
+        """What a key has brought."""
+        return read_deliveries(self._db, key)
 
     def expected_upload(self, run: str, token: int, *, holder: str = "") -> ExpectedUpload:
         """Return what the ledger has to say to an upload under a lease, also one that is over.

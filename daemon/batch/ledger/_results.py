@@ -178,7 +178,11 @@ _FIND_RESULTS: Final = (
     " WHERE new.campaign = ? AND new.position >= ? AND new.position < ?"
     " AND new.state = 'queued' AND new.result = ''"
     " AND old.campaign NOT IN (SELECT id FROM campaign WHERE visible = 0)"
-    " AND new.repeatable AND old.state = 'done' AND old.outcome <> 'error' GROUP BY new.id"
+    " AND new.repeatable AND old.state = 'done' AND old.outcome <> 'error'"
+    " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = new.digest"
+    " AND alarm.doubted = 1)"
+    " AND NOT EXISTS (SELECT 1 FROM result JOIN void_key ON void_key.name = result.holder"
+    " WHERE result.run = old.id) GROUP BY new.id"
 )
 # A result that was itself used again leads to the run that was executed, so that its trace is found
 # in one step.
@@ -188,8 +192,8 @@ _TAKE_RESULT: Final = (
     " CASE cached WHEN '' THEN id ELSE cached END FROM run WHERE serial = ?) WHERE id = ?"
 )
 _COPY_RESULT: Final = (
-    "INSERT INTO result (run, attempt, worker, digest, at, body)"
-    " SELECT ?, attempt, worker, digest, at, body FROM result"
+    "INSERT INTO result (run, attempt, worker, digest, at, body, holder)"
+    " SELECT ?, attempt, worker, digest, at, body, holder FROM result"
     " WHERE run = (SELECT id FROM run WHERE serial = ?)"
 )
 
@@ -233,14 +237,24 @@ def read_trace_location(db: sqlite3.Connection, run: str) -> tuple[str, str]:
     return str(row[0]), str(row[1])
 
 
-def store_result(db: sqlite3.Connection, completion: Completion, digest: str, now: float) -> None:
-    """Write down what a run gave, for good."""
+def store_result(
+    db: sqlite3.Connection, completion: Completion, digest: str, now: float, holder: str = ""
+) -> None:
+    """Write down what a run gave, for good, and under whose key it came."""
     result, verdict = completion.result, deciding_verdict(completion.result)
     # Ignored when there is one: the primary key makes it the first and only, whoever calls.
     db.execute(
-        "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body)"
-        " VALUES (?, ?, ?, ?, ?, ?)",
-        (completion.run, completion.attempt, completion.worker, digest, now, codec.to_json(result)),
+        "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body, holder)"
+        " VALUES (?, ?, ?, ?, ?, ?, ?)",
+        (
+            completion.run,
+            completion.attempt,
+            completion.worker,
+            digest,
+            now,
+            codec.to_json(result),
+            holder,
+        ),
     )
     db.execute(
         "UPDATE run SET outcome = ?, oracle = ?, margin = ?, unit = ?, simulated = ?, wall = ?,"

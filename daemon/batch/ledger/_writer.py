@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.ledger._connection import UNREADABLE, connect
 from daemon.batch.ledger._deletion import hides_anything, remove_campaign, remove_hidden
-from daemon.batch.ledger._leases import LeaseUpdates
+from daemon.batch.ledger._keys import KeyUpdates
 from daemon.batch.ledger._results import note_of_result, remove_result, reuse_in_steps
 from daemon.batch.ledger._staging import STAGED, drop_rows, enter_rows, read_campaign, stage_rows
 from daemon.batch.ledger._steps import STEP_ROWS, Steps, finish
@@ -26,7 +26,7 @@ from daemon.model.verdicts import Outcome
 T = TypeVar("T")
 
 
-class LedgerWriter(LeaseUpdates):
+class LedgerWriter(KeyUpdates):
     """The write side of the ledger on one connection, used by one thread, in transactions.
 
     A run is lost after ``attempts`` leases that ended badly; a lease lasts ``lease`` seconds.

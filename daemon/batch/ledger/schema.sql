@@ -80,6 +80,7 @@ CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 CREATE INDEX run_result ON run (digest) WHERE result <> '';
 -- Who took the result of a run, when that is to be removed.
 CREATE INDEX run_cached ON run (cached) WHERE cached <> '';
+CREATE INDEX run_doubted ON run (digest) WHERE doubted = 1;
 CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
 
 -- Stores that traces were ever kept in, besides the state directory.

@@ -35,6 +35,7 @@ INSERT INTO lease
     SELECT granted, id, attempt, worker, '', 0 FROM run WHERE granted > 0;
 
 CREATE INDEX result_holder ON result (holder) WHERE holder <> '';
+CREATE INDEX run_doubted ON run (digest) WHERE doubted = 1;
 UPDATE run SET doubted = 1 WHERE id IN (SELECT id FROM event WHERE kind = 'alarm');
 
 CREATE INDEX campaign_name ON campaign (name, serial);

@@ -11,9 +11,12 @@ from daemon.batch.security._access_control import (
     strip_control_characters,
 )
 from daemon.batch.security._keys import (
+    KEYS_VARIABLE,
+    REGISTER_FILE,
     Credentials,
     DaemonCredentials,
     IssuedKey,
+    KeyRegister,
     find_credentials,
     find_daemon_credentials,
     is_authority,
@@ -24,9 +27,12 @@ from daemon.model.verbs import Role
 
 __all__ = [
     "CLIENT_ROLES",
+    "KEYS_VARIABLE",
+    "REGISTER_FILE",
     "Credentials",
     "DaemonCredentials",
     "IssuedKey",
+    "KeyRegister",
     "Role",
     "access_control",
     "allowed_verbs",

@@ -28,6 +28,9 @@ _LIVE_KEYS: Final = f"{LIVE}/**"
 def access_control(register: KeyRegister) -> ZenohSetting:
     """Return Zenoh's ``access_control``: each name of the register may what its role may.
 
+    Questions, liveliness and telemetry are let in below the name of their sender only: what the
+    daemon reads there is what the certificate says.
+
     Whoever comes through the socket in the state directory may everything: the file system has
     let in nobody but the daemon's owner. Nobody may answer questions but the daemon itself.
     """
@@ -40,12 +43,11 @@ def access_control(register: KeyRegister) -> ZenohSetting:
     # Zenoh matches common names exactly and knows no patterns: every valid name stands here, and a
     # daemon does not know those that are issued after its start.
     for role in CLIENT_ROLES:
-        names = [one.name for one in register.valid(role)]
-        if names:
-            made = _role_rules(role)
+        for issued in register.valid(role):
+            made = _key_rules(issued.name, role)
             rules += made
-            subjects.append({"id": role.value, "cert_common_names": names})
-            policies.append({"rules": [one["id"] for one in made], "subjects": [role.value]})
+            subjects.append({"id": issued.name, "cert_common_names": [issued.name]})
+            policies.append({"rules": [one["id"] for one in made], "subjects": [issued.name]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -55,28 +57,28 @@ def access_control(register: KeyRegister) -> ZenohSetting:
     }
 
 
-def _role_rules(role: Role) -> list[ZenohSetting]:
-    questions = [f"{ASK}/{verb}" for verb in allowed_verbs(role)]
+def _key_rules(name: str, role: Role) -> list[ZenohSetting]:
+    questions = [f"{ASK}/{name}/{verb}" for verb in allowed_verbs(role)]
     # What comes in and what goes out are ruled apart: without the second rule a question is
     # answered and the answer dropped on its way.
     made = [
-        _rule(f"{role} asks", "ingress", ("query",), *questions),
-        _rule(f"{role} is answered", "egress", ("reply",), *questions),
+        _rule(f"{name} asks", "ingress", ("query",), *questions),
+        _rule(f"{name} is answered", "egress", ("reply",), *questions),
     ]
     if role is Role.WORKER:
         return [
             *made,
-            _rule("worker lives", "ingress", ("liveliness_token",), f"{ALIVE}/*"),
-            _rule("worker reports", "ingress", ("put",), _LIVE_KEYS),
+            _rule(f"{name} lives", "ingress", ("liveliness_token",), f"{ALIVE}/{name}/*"),
+            _rule(f"{name} reports", "ingress", ("put",), f"{LIVE}/{name}/**"),
             # It publishes only while it knows that somebody listens.
-            _rule("worker is watched", "egress", ("declare_subscriber",), _LIVE_KEYS),
-            _rule("worker listens", "ingress", ("declare_subscriber",), WORK),
-            _rule("worker is told", "egress", ("put",), WORK),
+            _rule(f"{name} is watched", "egress", ("declare_subscriber",), _LIVE_KEYS),
+            _rule(f"{name} listens", "ingress", ("declare_subscriber",), WORK),
+            _rule(f"{name} is told", "egress", ("put",), WORK),
         ]
     return [
         *made,
-        _rule(f"{role} listens", "ingress", ("declare_subscriber",), EVENTS, _LIVE_KEYS),
-        _rule(f"{role} is told", "egress", ("put",), EVENTS, _LIVE_KEYS),
+        _rule(f"{name} listens", "ingress", ("declare_subscriber",), EVENTS, _LIVE_KEYS),
+        _rule(f"{name} is told", "egress", ("put",), EVENTS, _LIVE_KEYS),
     ]
 
 

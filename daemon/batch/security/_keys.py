@@ -114,10 +114,14 @@ class Credentials:
 
 @dataclass(frozen=True, slots=True)
 class DaemonCredentials:
-    """What a daemon needs: its own key, and the names it admits."""
+    """What a daemon needs: its own key, and the names it admits.
+
+    ``folder`` is where the register lies that says, later on, who was revoked.
+    """
 
     credentials: Credentials
     register: KeyRegister
+    folder: Path
 
 
 def keys_folder(keys: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
@@ -154,7 +158,7 @@ def find_daemon_credentials(keys: Path | None = None) -> DaemonCredentials:
     own = read_credentials(folder) if alone else _newest_of_role(folder, register, Role.DAEMON)
     if own.role is not Role.DAEMON:
         raise KeysUnusable(f'the key "{own.name}" in {folder} is not one of a daemon')
-    return DaemonCredentials(own, register)
+    return DaemonCredentials(own, register, folder)
 
 
 def _newest_of_role(folder: Path, register: KeyRegister, role: Role) -> Credentials:

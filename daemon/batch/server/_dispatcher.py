@@ -8,6 +8,7 @@ error reply, never more.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -17,12 +18,10 @@ import zenoh
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.ledger import Steps
 from daemon.batch.security import strip_control_characters
+from daemon.batch.server._askers import Askers, holder_of, split_key
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.server._threads import (
-    LedgerJob,
-    LedgerThread,
-)
-from daemon.model.messages import ErrorReply
+from daemon.batch.server._threads import BUSY, LedgerJob, LedgerThread
+from daemon.model.messages import OWNER, ErrorReply
 from daemon.model.verbs import RENEW, VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
@@ -35,13 +34,27 @@ _LONGEST_KEY: Final = 200
 class VerbHandler:
     """What is done about a verb: ``act`` gets what the verb's thread owns of the ledger.
 
+    Its second argument is the request, its third the name of the asker's key, empty for the owner.
     What takes long in the writer is done in :class:`daemon.batch.ledger.Steps`, which ``act``
     returns. What takes long and needs no ledger a thread for that does first: then ``prepare``
     makes of the request, as it came, what ``act`` gets.
     """
 
-    act: Callable[[Any, Any], object]
+    act: Callable[[Any, Any, str], object]
     prepare: Callable[[bytes], object] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """A question under way: under which name it came, and its bytes."""
+
+    query: zenoh.Query
+    name: str
+    size: int
+
+    @property
+    def holder(self) -> str:
+        return holder_of(self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,26 +71,47 @@ class RequestDispatcher:
     carrier: LedgerThread
     preparer: LedgerThread
     overload: LedgerThread
+    askers: Askers
 
     def on_query(self, query: zenoh.Query) -> None:
         """Find the thread and enqueue: the callback of the queryable."""
         # Nothing is parsed or refused here: Zenoh calls from the thread that reads its sockets,
         # and whatever takes long in it delays everybody, heartbeats included.
-        verb = VERBS.get(str(query.key_expr).rpartition("/")[2])
+        name, word = split_key(str(query.key_expr))
+        size = 0 if query.payload is None else len(query.payload)
+        no = self.askers.admit(name, size) if name else None
+        if no is not None:
+            self._turn_away(query, no)
+            return
+        asked = _Question(query, name or OWNER, size)
+        verb = VERBS.get(word) if name else None
         if verb is None:
-            self._queue(self.reader, query, lambda _: _refuse_unknown(query))
+            self._queue(self.reader, asked, lambda _: _refuse_unknown(query))
             return
         handler = self.handlers[verb]
         if handler.prepare is not None:
-            self._prepare(verb, handler, handler.prepare, query)
+            self._prepare(verb, handler, handler.prepare, asked)
         else:
             self._queue(
                 self._thread(verb),
-                query,
+                asked,
                 lambda ledger: _answer(
-                    verb, handler, ledger, read_request(verb, _payload(verb, query))
+                    verb,
+                    handler,
+                    ledger,
+                    read_request(verb, _payload(verb, query)),
+                    asked.holder,
                 ),
             )
+
+    def _turn_away(self, query: zenoh.Query, problem: DaemonError) -> None:
+        """Say no at once; not in the log, which a flood would fill."""
+
+        def answer(_: object) -> None:
+            with query, suppress(zenoh.ZError):
+                query.reply_err(_error_reply(str(problem), problem))
+
+        self.overload.offer(LedgerJob(lambda _: problem, answer))
 
     def _thread(self, verb: AnyVerb) -> LedgerThread:
         if verb.thread is ServerThread.WRITER:
@@ -87,43 +121,46 @@ class RequestDispatcher:
     def _queue(
         self,
         thread: LedgerThread,
-        query: zenoh.Query,
+        asked: _Question,
         act: Callable[[Any], object],
         done: Callable[[object], None] | None = None,
     ) -> None:
-        size = 0 if query.payload is None else len(query.payload)
-        renews = str(query.key_expr).endswith(_RENEWS)
-        job = LedgerJob(act, done or (lambda value: self._reply(query, value)), size, renews)
-        if not thread.offer(job):
-            self.overload.offer(job)
+        answer = done or (lambda value: self._reply(asked, value))
+        renews = str(asked.query.key_expr).endswith(_RENEWS)
+        if thread.offer(LedgerJob(act, answer, asked.size, renews, asked.name)):
+            return
+        busy = LedgerJob(lambda _: BUSY, answer, asked.size, name=asked.name)
+        if not self.overload.offer(busy):
+            self.askers.answered(asked.name, asked.size)
 
     def _prepare(
         self,
         verb: AnyVerb,
         handler: VerbHandler,
         prepare: Callable[[bytes], object],
-        query: zenoh.Query,
+        asked: _Question,
     ) -> None:
         def go_on(value: object) -> None:
             if isinstance(value, Exception):
-                self._reply(query, value)
+                self._reply(asked, value)
             else:
                 self._queue(
-                    self._thread(verb), query, partial(_answer, verb, handler, request=value)
+                    self._thread(verb),
+                    asked,
+                    partial(_answer, verb, handler, request=value, asker=asked.holder),
                 )
 
-        self._queue(self.preparer, query, lambda _: prepare(_payload(verb, query)), go_on)
+        self._queue(self.preparer, asked, lambda _: prepare(_payload(verb, asked.query)), go_on)
 
-    def _reply(self, query: zenoh.Query, value: object) -> None:
+    def _reply(self, asked: _Question, value: object) -> None:
+        self.askers.answered(asked.name, asked.size)
         # The asker waits until the query is closed, whatever was replied.
-        with query:
+        with asked.query as query:
             try:
                 if isinstance(value, bytes):
                     query.reply(query.key_expr, value)
                 else:
-                    passing = isinstance(value, Unreachable)
-                    problem = ErrorReply(self._error_text(query, value), passing)
-                    query.reply_err(codec.to_json(problem))
+                    query.reply_err(_error_reply(self._error_text(query, value), value))
             except zenoh.ZError as error:
                 self.log.write("unanswered", key=str(query.key_expr), problem=str(error))
 
@@ -136,8 +173,13 @@ class RequestDispatcher:
         return str(value)[:_LONGEST_PROBLEM]
 
 
+def _error_reply(words: str, error: object) -> bytes:
+    return codec.to_json(ErrorReply(words, passing=isinstance(error, Unreachable)))
+
+
 def _refuse_unknown(query: zenoh.Query) -> object:
-    raise Refused(f"this daemon does not know how to {str(query.key_expr)[:_LONGEST_KEY]}")
+    key = str(query.key_expr)[:_LONGEST_KEY]
+    raise Refused(f"this daemon does not know how to {key}: versions differ?")
 
 
 def _payload(verb: AnyVerb, query: zenoh.Query) -> bytes:
@@ -158,9 +200,11 @@ def read_request(verb: AnyVerb, payload: bytes) -> object:
     return request
 
 
-def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> object:
+def _answer(
+    verb: AnyVerb, handler: VerbHandler, ledger: object, request: object, asker: str
+) -> object:
     # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
-    value = handler.act(ledger, request)
+    value = handler.act(ledger, request, asker)
     if isinstance(value, Generator):
         return _answer_in_steps(verb, value)
     return codec.to_json(value, verb.answer)

@@ -30,6 +30,7 @@ from daemon.model.messages import (
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
+    KeyRequest,
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
@@ -53,17 +54,33 @@ from daemon.model.status import (
     DaemonOverview,
     DeletedCampaign,
     DiskUsage,
+    KeyDeliveries,
     RunDetail,
     RunPage,
     SubmissionReceipt,
     WorkerRow,
 )
-from daemon.model.verbs import DELETE, SUBMIT, VERBS
+from daemon.model.verbs import (
+    COMPLETE,
+    DELETE,
+    LEASE,
+    RELEASE,
+    RENEW,
+    SUBMIT,
+    UPLOAD,
+    VERBS,
+    WELCOME,
+    AnyVerb,
+)
 from grammars.model.scene import Scene
 from grammars.text import codec
 
 _MOST_TROUBLES: Final = 32
 """Said at a time: with hundreds of workers on one full disk nobody reads them all."""
+
+
+_NAMED: Final = frozenset({WELCOME, LEASE, RENEW, COMPLETE, RELEASE, UPLOAD})
+"""What is done only for the key it was done for before: their methods get its name as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +118,17 @@ class Handlers:
         self._files = FileUploads(self.paths, self.log)
         self._inputs = InputStore(self.paths, self.log)
         self._started_at = self.clock.now()
-        self.by_verb = {verb: VerbHandler(getattr(self, name)) for name, verb in VERBS.items()}
+        self.by_verb = {verb: VerbHandler(self._method(verb)) for verb in VERBS.values()}
         # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
-        self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
-        self.by_verb[DELETE] = VerbHandler(self.delete, prepare=self._measure)
+        self.by_verb[SUBMIT] = VerbHandler(self._method(SUBMIT), prepare=self._admit)
+        self.by_verb[DELETE] = VerbHandler(self._method(DELETE), prepare=self._measure)
+
+    def _method(self, verb: AnyVerb) -> Callable[[Any, Any, str], object]:
+        """Return what is done about a verb; few of them depend on whose key asks."""
+        method: Callable[..., object] = getattr(self, verb.name)
+        if verb in _NAMED:
+            return method
+        return lambda ledger, request, _: method(ledger, request)
 
     # Questions, each answered from one snapshot of the ledger
 
@@ -169,8 +193,9 @@ class Handlers:
             raise Refused(f"there is no scene {request.id}: it was damaged")
         return scene
 
-    def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
+    def welcome(self, _: LedgerReader, worker: WorkerInfo, asker: str) -> WelcomeReply:
         self._check_version(worker)
+        self._check_holder(worker, asker)
         settings = self.settings
         return WelcomeReply(
             str(self.paths.state),
@@ -191,6 +216,9 @@ class Handlers:
         self.stop()
         return Empty()
 
+    def deliveries(self, ledger: LedgerReader, request: KeyRequest) -> KeyDeliveries:
+        return ledger.deliveries(request.id)
+
     # Megabytes, carried in a thread of their own
 
     def fetch(self, ledger: LedgerReader, request: TraceDownloadRequest) -> DownloadChunk:
@@ -205,8 +233,8 @@ class Handlers:
             self.log.write("trace fetched", run=request.run, bytes=trace.size)
         return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
 
-    def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
-        return self._traces.add_chunk(ledger, chunk)
+    def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk, asker: str) -> UploadProgress:
+        return self._traces.add_chunk(ledger, chunk, holder=asker)
 
     def keep(self, ledger: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
         return self._files.add_chunk(ledger, chunk)
@@ -278,39 +306,57 @@ class Handlers:
         self.log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
-    def lease(self, ledger: LedgerWriter, request: LeaseRequest) -> LeaseReply:
+    def void(self, ledger: LedgerWriter, request: KeyRequest) -> Steps[Count]:
+        runs = 0
+        for names in ledger.void_key(request.id, self.clock.now()):
+            # Before the commit: afterwards the next result's trace may lie there already.
+            for name in filter(None, names):
+                self.paths.trace(name).unlink(missing_ok=True)
+            runs += len(names)
+            yield
+        self.log.write("voided", key=request.id, runs=runs)
+        return Count(runs)
+
+    def lease(self, ledger: LedgerWriter, request: LeaseRequest, asker: str) -> LeaseReply:
         now = self.clock.now()
-        self._register_worker(ledger, request.worker, now)
+        ledger.check_trusted(asker)
+        self._register_worker(ledger, request.worker, asker, now)
         if self.draining:
             return LeaseReply((), draining=True)
         if self.quota.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
         self._end_waits(ledger)
+        worker = request.worker.id
+        slots = self.registry.slots(worker), self.registry.slots_of_holder(asker)
         return LeaseReply(
             ledger.lease(
-                request.worker.id,
-                request.count,
+                worker,
+                min(request.count, ledger.room_for_leases(worker, asker, slots)),
                 now,
                 store=self.settings.store,
                 lacks=request.lacks,
                 missing=self._inputs.missing,
+                holder=asker,
             )
         )
 
-    def renew(self, ledger: LedgerWriter, request: RenewRequest) -> RenewReply:
+    def renew(self, ledger: LedgerWriter, request: RenewRequest, asker: str) -> RenewReply:
         now = self.clock.now()
-        self._register_worker(ledger, request.worker, now)
-        return RenewReply(ledger.renew(request.worker.id, request.holds, now))
+        self._register_worker(ledger, request.worker, asker, now)
+        return RenewReply(ledger.renew(request.worker.id, request.holds, now, holder=asker))
 
-    def complete(self, ledger: LedgerWriter, completion: Completion) -> LedgerAcknowledgement:
+    def complete(
+        self, ledger: LedgerWriter, completion: Completion, asker: str
+    ) -> LedgerAcknowledgement:
+        ledger.check_trusted(asker)
         # First the trace, then the result: a result in the ledger is a promise that its trace is
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
-        ledger.check_completion(completion)
+        ledger.check_completion(completion, holder=asker)
         self._traces.take_enclosed(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
-        answer = ledger.complete(completion, self.clock.now())
+        answer = ledger.complete(completion, self.clock.now(), holder=asker)
         self._traces.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED and not completion.location:
             self.quota.add_bytes(completion.result.trace.size)
@@ -318,10 +364,12 @@ class Handlers:
             self.log.write("nondeterminism", run=completion.run, worker=completion.worker)
         return LedgerAcknowledgement(answer)
 
-    def release(self, ledger: LedgerWriter, request: ReleaseRequest) -> LedgerAcknowledgement:
+    def release(
+        self, ledger: LedgerWriter, request: ReleaseRequest, asker: str
+    ) -> LedgerAcknowledgement:
         if request.damaged:
             self._inputs.examine(request.damaged)
-        answer = ledger.release(request, self.clock.now())
+        answer = ledger.release(request, self.clock.now(), holder=asker)
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)
 
@@ -334,12 +382,19 @@ class Handlers:
                 f"{install_hint(self._identity)}"
             )
 
-    def _register_worker(self, ledger: LedgerWriter, worker: WorkerInfo, now: float) -> None:
+    def _check_holder(self, worker: WorkerInfo, asker: str) -> None:
+        if not self.registry.may_be(worker.id, asker):
+            raise Refused(f"worker {worker.id} belongs to another key: choose another name for it")
+
+    def _register_worker(
+        self, ledger: LedgerWriter, worker: WorkerInfo, asker: str, now: float
+    ) -> None:
         # With every request rather than once: after a restart the registry is empty, and workers
         # do not notice restarts.
         self._check_version(worker)
+        self._check_holder(worker, asker)
         if self.registry.is_full(worker.id):
             raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
-        if self.registry.record_contact(worker, now):
+        if self.registry.record_contact(worker, now, asker):
             ledger.record_event(now, "worker", worker.id, state="came")
             self.log.write("worker came", worker=worker.id, slots=worker.slots)

@@ -16,6 +16,7 @@ from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerWriter, WalState, set_damaged_aside
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import secure_state
+from daemon.batch.server._askers import Askers
 from daemon.batch.server._dispatcher import RequestDispatcher, VerbHandler
 from daemon.batch.server._runtime import DaemonSettings, EventLog, ListenSettings
 from daemon.batch.server._stopping import StopRequest
@@ -77,6 +78,11 @@ def _damage_text(wal: WalState, copy: Path | None) -> str:
     )
 
 
+def _for_anybody(method: Callable[[Any, Any], object]) -> Callable[[Any, Any, str], object]:
+    """Make what is done about a verb whoever asks."""
+    return lambda ledger, request, _: method(ledger, request)
+
+
 class WaitingDaemon:
     """Answers as well as it can while the state directory cannot be opened."""
 
@@ -98,12 +104,14 @@ class WaitingDaemon:
             thread = LedgerlessThread("without-ledger")
             thread.start()
             stack.callback(thread.finish)
-            handlers = {verb: VerbHandler(self._refuse) for verb in VERBS.values()}
+            handlers = {verb: VerbHandler(_for_anybody(self._refuse)) for verb in VERBS.values()}
             for name in ("overview", "workers", "disk", "shutdown"):
-                handlers[VERBS[name]] = VerbHandler(getattr(self, name))
+                handlers[VERBS[name]] = VerbHandler(_for_anybody(getattr(self, name)))
             threads = (thread,) * 5
-            dispatcher = RequestDispatcher(handlers, self._log, *threads)
-            stack.enter_context(session.declare_queryable(f"{ASK}/*", dispatcher.on_query))
+            dispatcher = RequestDispatcher(
+                handlers, self._log, *threads, askers=Askers(self._log, listening.keys)
+            )
+            stack.enter_context(session.declare_queryable(f"{ASK}/**", dispatcher.on_query))
             while True:
                 try:
                     return attempt()

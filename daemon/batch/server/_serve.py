@@ -19,11 +19,13 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import AlreadyRunning, DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.paths import DaemonContact, StatePaths
+from daemon.batch.paths import DaemonContact, StatePaths, is_encrypted
 from daemon.batch.permissions import open_private
 from daemon.batch.server._admission import Quota
+from daemon.batch.server._askers import Askers, holder_of
 from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.batch.server._dispatcher import RequestDispatcher
+from daemon.batch.server._door import Door
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
@@ -185,6 +187,7 @@ class _Daemon:
         self._removing = False
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
+        self._askers = Askers(log, listening.keys)
         self._registry = WorkerRegistry(settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
@@ -213,12 +216,15 @@ class _Daemon:
     def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
         """Open the bus, work, leave; ``stack`` closes what was opened."""
         self._local = local
+        door = self._open_door(stack)
         session = stack.enter_context(
-            bus.open_router(self._listening.endpoints, self._listening.keys)
+            bus.open_router(self._zenoh_endpoints(door), self._listening.keys)
         )
         self._hint = lambda: _publish_hint(session)
         remove_remains(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
+        if door is not None:
+            door.supervise()
         for keeper in (self._quota, Housekeeping(self._paths, self._log)):
             keeper.start()
             stack.callback(keeper.close)
@@ -228,6 +234,9 @@ class _Daemon:
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stop.asked:
             contact.write()
+            self._askers.look()
+            if door is not None:
+                door.supervise()
             if local is not None:
                 local.supervise()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
@@ -238,6 +247,20 @@ class _Daemon:
             self._stop.wait(self._settings.tick)
         self._leave(local)
         self._log.write("stopped")
+
+    def _open_door(self, stack: ExitStack) -> Door | None:
+        """Listen where keys are asked for; Zenoh does so behind it."""
+        address = self._listening.address
+        if not is_encrypted(address):
+            return None
+        door = Door(address, self._log)
+        stack.callback(door.close)
+        return door
+
+    def _zenoh_endpoints(self, door: Door | None) -> tuple[str, ...]:
+        if door is None:
+            return self._listening.endpoints
+        return (self._listening.socket, door.behind)
 
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
@@ -261,24 +284,35 @@ class _Daemon:
             thread.start()
             stack.callback(thread.finish)
         dispatcher = RequestDispatcher(
-            self._handlers.by_verb, self._log, writer, reader, carrier, preparer, overload
+            self._handlers.by_verb,
+            self._log,
+            writer,
+            reader,
+            carrier,
+            preparer,
+            overload,
+            self._askers,
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
-            session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
+            session.liveliness().declare_subscriber(
+                f"{ALIVE}/*/*", self._on_liveliness, history=True
+            )
         )
-        stack.enter_context(session.declare_queryable(f"{ASK}/*", dispatcher.on_query))
+        # The second is how versions before this one asked: they shall hear that they are refused.
+        for keys in (f"{ASK}/*/*", f"{ASK}/*"):
+            stack.enter_context(session.declare_queryable(keys, dispatcher.on_query))
         return writer, threads
 
     def _reader(self, stack: ExitStack, name: str) -> ReaderThread:
         return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
-        worker = str(sample.key_expr).rpartition("/")[2]
+        name, worker = str(sample.key_expr).split("/")[-2:]
         if sample.kind == zenoh.SampleKind.PUT:
-            self._registry.connected(worker)
+            self._registry.connected(worker, holder_of(name))
         else:
-            self._registry.disconnected(worker, self._clock.now())
+            self._registry.disconnected(worker, self._clock.now(), holder_of(name))
 
     def _tick(self, writer: WriterThread, ledger: LedgerWriter) -> int:
         moved = self._clock.follow_wall_clock()

@@ -12,7 +12,9 @@ from typing import Any, Final
 
 from daemon.batch.errors import Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.server._askers import TurnQueue
 from daemon.batch.server._checkpoints import IdleCheckpoints
+from daemon.model.messages import OWNER
 from daemon.model.status import ChangeEvent
 
 _BATCH: Final = 64
@@ -37,12 +39,14 @@ class LedgerJob:
     """Something to do with the ledger; ``done`` gets its value, or the exception it raised.
 
     ``size`` is what it holds in memory until it is done [bytes]. It ``renews`` leases, maybe.
+    ``name`` is whose turn it takes.
     """
 
     act: Callable[[Any], object]
     done: Callable[[object], None]
     size: int = 0
     renews: bool = False
+    name: str = OWNER
 
 
 class LedgerThread(threading.Thread):
@@ -54,14 +58,14 @@ class LedgerThread(threading.Thread):
 
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
-        self._jobs: queue.SimpleQueue[LedgerJob | None] = queue.SimpleQueue()
+        self._jobs: TurnQueue[LedgerJob] = TurnQueue()
         self._load = threading.Lock()
         self._offered = 0
         self._bytes = 0
 
     def put(self, job: LedgerJob) -> None:
         """Queue a job; returns at once."""
-        self._jobs.put(job)
+        self._jobs.put(job, job.name)
 
     def offer(self, job: LedgerJob) -> bool:
         """Queue a job unless too much waits already; returns at once, whether it is queued."""
@@ -79,12 +83,12 @@ class LedgerThread(threading.Thread):
                 self._bytes -= job.size
             job.done(value)
 
-        self.put(LedgerJob(job.act, done, job.size, job.renews))
+        self.put(LedgerJob(job.act, done, job.size, job.renews, job.name))
         return True
 
     def finish(self) -> None:
         """Do what is queued, then end the thread."""
-        self._jobs.put(None)
+        self._jobs.close()
         self.join()
 
 
@@ -128,7 +132,7 @@ class WriterThread(LedgerThread):
                 self._renewals -= 1
             return job.act(ledger)
 
-        super().put(LedgerJob(act, job.done, job.size))
+        super().put(LedgerJob(act, job.done, job.size, name=job.name))
 
     def run(self) -> None:
         """Work until told to finish; what is long and not done then is given up."""
@@ -245,7 +249,7 @@ class LedgerlessThread(LedgerThread):
 
 
 class OverloadReply(LedgerThread):
-    """Tells those to come again for whom there is no room; so that nobody else waits for that.
+    """Tells those no for whom there is no room, or who ask too much; nobody else waits for that.
 
     A thread, since a reply from within Zenoh's callback may deadlock (eclipse-zenoh/zenoh#1092).
     """
@@ -256,4 +260,4 @@ class OverloadReply(LedgerThread):
     def run(self) -> None:
         """Turn away until told to finish."""
         while (job := self._jobs.get()) is not None:
-            job.done(BUSY)
+            job.done(job.act(None))

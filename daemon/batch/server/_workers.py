@@ -22,6 +22,8 @@ from daemon.model.messages import WorkerInfo
 from daemon.model.status import WorkerRow
 
 MOST_WORKERS: Final = 4096
+MOST_SLOTS: Final = 1024
+"""Slots a worker is believed to have, when it is asked how many runs it may hold."""
 _REMEMBERED: Final = 5.0
 """Seconds for which a worker that is away and has no leases stays on the list.
 
@@ -45,6 +47,7 @@ class _KnownWorker:
     connected_at: float
     last_seen_at: float
     away_since: float | None = None
+    holder: str = ""
 
 
 @dataclass(slots=True)
@@ -65,27 +68,45 @@ class WorkerRegistry:
         with self._lock:
             return worker not in self._entries and len(self._entries) >= MOST_WORKERS
 
-    def record_contact(self, info: WorkerInfo, now: float) -> bool:
-        """A request came from this worker; returns whether it is a new one."""
+    def may_be(self, worker: str, holder: str) -> bool:
+        """Whether ``holder`` may call a worker so: nobody else does, or did until lately."""
+        with self._lock:
+            return worker not in self._entries or self._entries[worker].holder == holder
+
+    def slots(self, worker: str) -> int:
+        """Return how many slots a worker says it has, as far as that is believed."""
+        with self._lock:
+            entry = self._entries.get(worker)
+            return 0 if entry is None else min(entry.info.slots, MOST_SLOTS)
+
+    def slots_of_holder(self, holder: str) -> int:
+        """Return the slots of all workers of a key together, as far as they are believed."""
+        with self._lock:
+            mine = (e.info.slots for e in self._entries.values() if e.holder == holder)
+            return sum(min(slots, MOST_SLOTS) for slots in mine)
+
+    def record_contact(self, info: WorkerInfo, now: float, holder: str = "") -> bool:
+        """A request came from this worker of ``holder``; returns whether it is a new one."""
         with self._lock:
             entry = self._entries.get(info.id)
             if entry is None:
-                self._entries[info.id] = _KnownWorker(info, now, now)
+                self._entries[info.id] = _KnownWorker(info, now, now, holder=holder)
                 return True
             entry.info, entry.last_seen_at, entry.away_since = info, now, None
             return False
 
-    def connected(self, worker: str) -> None:
+    def connected(self, worker: str, holder: str = "") -> None:
         """The worker's liveliness token appeared."""
         with self._lock:
-            if worker in self._entries:
+            if worker in self._entries and self._entries[worker].holder == holder:
                 self._entries[worker].away_since = None
 
-    def disconnected(self, worker: str, now: float) -> None:
+    def disconnected(self, worker: str, now: float, holder: str = "") -> None:
         """The worker's liveliness token vanished."""
         with self._lock:
             entry = self._entries.get(worker)
-            if entry is not None and entry.away_since is None:
+            mine = entry is not None and entry.holder == holder
+            if entry is not None and mine and entry.away_since is None:
                 entry.away_since = now
 
     def shift(self, seconds: float) -> None:

@@ -115,6 +115,11 @@ class DaemonConnection:
     endpoint: str
     holder: Credentials | None = None
 
+    @property
+    def name(self) -> str:
+        """What stands for this worker's key in keys of the bus."""
+        return bus.key_name(self.holder)
+
     def ask(self, verb: Verb[..., A], request: object) -> A:
         """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
         return bus.ask(self.session, self.endpoint, verb, request, _TIMEOUT, self.holder)

@@ -11,7 +11,7 @@ import zenoh
 
 from daemon.batch.run_process import WATCHED
 from daemon.batch.worker._attempts import Execution
-from daemon.model.messages import LIVE
+from daemon.model.messages import LIVE, OWNER
 
 _LIVE_PERIOD: Final = 0.2
 """Seconds between two snapshots of a run for those who watch all runs, at least."""
@@ -33,11 +33,12 @@ class LivePublisher:
 
     session: zenoh.Session
     worker: str
+    name: str = OWNER
     _all: zenoh.Publisher = field(init=False)
     _runs: dict[str, _WatchedRun] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._all = self._publisher(f"{LIVE}/{self.worker}")
+        self._all = self._publisher(f"{LIVE}/{self.name}/{self.worker}")
 
     def _publisher(self, key: str) -> zenoh.Publisher:
         # Telemetry, never the record. With BLOCK a frozen daemon stops this loop for 5 s, and then
@@ -63,7 +64,7 @@ class LivePublisher:
         watch = self._runs.get(run)
         if watch is None or watch.folder != folder:
             self.forget(run)
-            key = f"{LIVE}/{self.worker}/{run}"
+            key = f"{LIVE}/{self.name}/{self.worker}/{run}"
             watch = self._runs[run] = _WatchedRun(self._publisher(key), folder)
         watched = _has_subscribers(watch.publisher)
         if watched != watch.watched:

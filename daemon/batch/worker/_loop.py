@@ -119,7 +119,7 @@ class WorkerLoop:
         self._refusal = ""
         # Kinds of systems under test that are not installed here: no run of them is leased again.
         self._missing_suts: dict[str, str] = {}
-        self._live = LivePublisher(daemon.session, info(0).id)
+        self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
 
     def run(self) -> None:
         """Work until told to leave, then finish or give back what is under way."""

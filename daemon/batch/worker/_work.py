@@ -88,7 +88,7 @@ def work(
         spool = Spool(paths.state, me.id, holder.name if holder else "")
         stack.callback(spool.close)
         # Present only once it can take runs; the token goes with the session, however it ends.
-        stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{me.id}"))
+        stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{daemon.name}/{me.id}"))
         stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.wake()))
         loop = WorkerLoop(
             daemon,

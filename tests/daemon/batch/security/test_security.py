@@ -109,8 +109,8 @@ def test_each_role_may_do_its_own_and_is_told_why_not_the_rest(
         worker.overview()
 
 
-def answered(session: zenoh.Session, verb: str) -> bool:
-    return bool(list(session.get(f"{ASK}/{verb}", payload=b"{", timeout=60.0)))
+def answered(session: zenoh.Session, name: str, verb: str) -> bool:
+    return bool(list(session.get(f"{ASK}/{name}/{verb}", payload=b"{", timeout=60.0)))
 
 
 @pytest.mark.parametrize("role", CLIENT_ROLES)
@@ -118,13 +118,13 @@ def test_the_bus_itself_drops_what_a_role_may_not_ask(
     daemon: DaemonPart, keys: Path, role: Role
 ) -> None:
     with raw(daemon, keys, role) as session:
-        verbs = {verb for verb in VERBS if answered(session, verb)}
+        verbs = {verb for verb in VERBS if answered(session, role, verb)}
         assert verbs == set(allowed_verbs(role))
         replies: list[zenoh.Reply] = []
-        for key in (f"{ASK}/*", f"{ASK}/**", "**"):
+        for key in (f"{ASK}/*/*", f"{ASK}/**", "**", f"{ASK}/*/{allowed_verbs(role)[0]}"):
             session.get(key, replies.append, payload=b"{", timeout=60.0)
             # What is asked later is answered: nothing else will be.
-            assert answered(session, allowed_verbs(role)[0])
+            assert answered(session, role, allowed_verbs(role)[0])
         assert replies == []
         # What Zenoh tells of itself: only the session's own.
         tellers = {str(reply.ok.key_expr).split("/")[1] for reply in session.get("@/**")}
@@ -153,12 +153,12 @@ def test_nobody_can_answer_publish_or_listen_in_the_daemons_place(
         watcher.events(events.append, lives.append)
         curious.declare_subscriber("**", note)
         nosy.declare_subscriber("**", note)
-        worker.declare_queryable(f"{ASK}/*", lambda query: stolen.append(str(query.key_expr)))
+        worker.declare_queryable(f"{ASK}/**", lambda query: stolen.append(str(query.key_expr)))
         for session in (worker, viewer):
-            for key in (EVENTS, WORK, f"{ASK}/submit", "scenario/v1/other"):
+            for key in (EVENTS, WORK, f"{ASK}/operator/submit", "scenario/v1/other"):
                 session.put(key, b"forged")
-        viewer.put(f"{LIVE}/ghost", b"forged")
-        viewer.liveliness().declare_token(f"{ALIVE}/ghost")
+        viewer.put(f"{LIVE}/viewer/ghost", b"forged")
+        viewer.liveliness().declare_token(f"{ALIVE}/viewer/ghost")
         mine.submit(make_submission("watched"))
         eventually(lambda: events)
         assert [event.kind for event in events] == ["campaign"]
@@ -171,8 +171,8 @@ def test_a_viewer_watches_a_run_and_its_worker_knows(daemon: DaemonPart, keys: P
         "first.1", Snapshot(1.0, 9.0, Pose2(), None, 0, 1, (), returns=(100, 200))
     )
     with as_role(daemon, keys, "viewer") as watcher, raw(daemon, keys, "worker") as worker:
-        mine = worker.declare_publisher(f"{LIVE}/worker-1/first.1")
-        other = worker.declare_publisher(f"{LIVE}/worker-1/first.2")
+        mine = worker.declare_publisher(f"{LIVE}/worker/worker-1/first.1")
+        other = worker.declare_publisher(f"{LIVE}/worker/worker-1/first.2")
         with watcher.watch("first.1", told.append):
             eventually(lambda: mine.matching_status.matching)
             assert not other.matching_status.matching
@@ -226,7 +226,7 @@ def test_the_key_of_a_worker_makes_no_daemon(keys: Path, tmp_path: Path) -> None
         find_daemon_credentials(with_register(keys, "worker", tmp_path / "worker"))
     fake = find_daemon_credentials(keys)
     settings = find_credentials(Role.WORKER, keys)
-    posing = type(fake)(settings, fake.register)
+    posing = type(fake)(settings, fake.register, fake.folder)
     endpoint = tls()
     with bus.open_router([endpoint], posing), pytest.raises(Unreachable, match="prove to be"):
         bus.open_client(endpoint, find_credentials(Role.OPERATOR, keys))
@@ -335,7 +335,16 @@ def test_every_verb_has_its_roles_and_its_size() -> None:
 
 
 def test_viewers_change_nothing_and_only_workers_touch_leases() -> None:
-    steering = {"submit", "cancel", "retry", "pause", "resume", "prioritise", "shutdown", "keep"}
+    steering = {
+        "submit",
+        "cancel",
+        "retry",
+        "pause",
+        "resume",
+        "prioritise",
+        "shutdown",
+        "keep",
+    } | {"deliveries", "void"}
     working = {"welcome", "lease", "renew", "complete", "release", "upload", "file"}
     assert not set(allowed_verbs(Role.VIEWER)) & (steering | working)
     assert set(allowed_verbs(Role.VIEWER)) < set(allowed_verbs(Role.OPERATOR))

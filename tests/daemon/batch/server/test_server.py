@@ -13,7 +13,7 @@ from daemon.batch.client import Client
 from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
 from daemon.model import verbs
-from daemon.model.messages import ASK, ErrorReply
+from daemon.model.messages import ASK, OWNER, ErrorReply
 from grammars.text import codec
 from tests.daemon.batch.harness import DaemonPart, Part, daemon_at
 from tests.daemon.batch.samples import SCENE, make_spec, make_submission, submission_of
@@ -93,18 +93,18 @@ def test_names_of_scenarios_stay_inside_the_traces(client: Client, daemon: Daemo
 
 @pytest.mark.parametrize("payload", [b"", b"{", b"[]", b'{"id": 7}', b"\xff\xfe", b"[" * 10_000])
 def test_malformed_requests_are_refused(daemon: DaemonPart, payload: bytes) -> None:
-    assert "malformed" in raw(daemon, f"{ASK}/cancel", payload)
+    assert "malformed" in raw(daemon, f"{ASK}/{OWNER}/cancel", payload)
 
 
 def test_oversized_requests_are_refused_unread(daemon: DaemonPart) -> None:
     limit = verbs.RUN.largest
-    complaint = raw(daemon, f"{ASK}/run", b" " * (limit + 1))
+    complaint = raw(daemon, f"{ASK}/{OWNER}/run", b" " * (limit + 1))
     assert f"at most {limit}" in complaint
 
 
 def test_unknown_verbs_are_refused(daemon: DaemonPart) -> None:
-    assert "does not know how to" in raw(daemon, f"{ASK}/evaluate", b"{}")
-    assert "does not know how to" in raw(daemon, f"{ASK}/*", b"{}")
+    assert "does not know how to" in raw(daemon, f"{ASK}/{OWNER}/evaluate", b"{}")
+    assert "does not know how to" in raw(daemon, f"{ASK}/{OWNER}/*", b"{}")
 
 
 def test_questions_about_unknown_things_are_refused(client: Client) -> None:
@@ -141,7 +141,7 @@ def test_many_clients_ask_at_once(daemon: DaemonPart, client: Client) -> None:
 
 def test_a_request_that_nobody_waits_for_does_no_harm(daemon: DaemonPart, client: Client) -> None:
     with bus.open_client(daemon.endpoint) as session:
-        handler = session.get(f"{ASK}/overview", payload=b"{}", timeout=1.0)
+        handler = session.get(f"{ASK}/{OWNER}/overview", payload=b"{}", timeout=1.0)
         del handler
     assert client.overview().state == str(daemon.state)
 

@@ -1,0 +1,342 @@
+"""Names of keys, over TLS against a real daemon: who asks, who is believed, who is let in."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sqlite3
+import ssl
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import psutil
+import pytest
+import zenoh
+
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError, Refused
+from daemon.batch.paths import StatePaths
+from daemon.batch.port import MOST_GREETED, MOST_SILENT_EACH
+from daemon.batch.security import Credentials, Role, find_credentials, find_daemon_credentials
+from daemon.batch.security.authority import create_authority, issue_key, revoke_key
+from daemon.batch.server import MOST_WAITING, Door, EventLog
+from daemon.model import verbs
+from daemon.model.messages import (
+    ASK,
+    Completion,
+    Empty,
+    ErrorReply,
+    Lease,
+    LeaseRequest,
+    LedgerAnswer,
+    WorkerInfo,
+)
+from daemon.model.status import RunState
+from grammars.text import codec
+from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually, free_endpoint
+from tests.daemon.batch.samples import make_result, make_submission
+
+NOW = datetime.now(UTC).replace(microsecond=0)
+HERE = ("localhost", "127.0.0.1", "::1")
+
+
+def tls() -> str:
+    return free_endpoint().replace("tcp/", "tls/")
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("keys") / "all"
+    create_authority(folder, HERE, NOW)
+    for name in ("spare", "bad", "good"):
+        issue_key(folder, Role.WORKER, name, (), NOW)
+    for name in ("late", "calm"):
+        issue_key(folder, Role.VIEWER, name, (), NOW)
+    issue_key(folder, Role.OPERATOR, "loud", (), NOW)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def daemon(keys: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    state = tmp_path_factory.mktemp("trust") / "state"
+    with daemon_at(state, listen=tls(), keys=str(keys), lease=900.0) as part:
+        eventually(lambda: reached(part))
+        yield part
+
+
+def reached(part: DaemonPart) -> bool:
+    return StatePaths(part.state).read_contact() is not None
+
+
+class Holder:
+    """A worker of a key by what it says on the bus."""
+
+    def __init__(self, daemon: DaemonPart, session: zenoh.Session, key: Credentials) -> None:
+        self.daemon, self.session, self.key = daemon, session, key
+        self.me = WorkerInfo(
+            f"of-{key.name.replace('.', '-')}", "h", 1, version("scenario-tui"), 4, 0
+        )
+
+    def ask(self, verb: verbs.Verb[..., verbs.A], request: object) -> verbs.A:
+        return bus.ask(self.session, self.daemon.endpoint, verb, request, 60.0, self.key)
+
+    def lease(self, count: int = 100) -> tuple[Lease, ...]:
+        return self.ask(verbs.LEASE, LeaseRequest(self.me, count)).grants
+
+    def complete(self, grant: Lease, margin: float = 0.5) -> LedgerAnswer:
+        trace = StatePaths(self.daemon.state).trace(grant.trace)
+        trace.parent.mkdir(parents=True, exist_ok=True)
+        trace.write_bytes(self.key.name.encode())
+        result = make_result(grant.spec, margin=margin)
+        done = Completion(self.me.id, grant.run, grant.attempt, grant.token, result)
+        return self.ask(verbs.COMPLETE, done).answer
+
+
+@contextmanager
+def holder(daemon: DaemonPart, keys: Path, name: str) -> Iterator[Holder]:
+    key = find_credentials(Role.WORKER, keys / name)
+    with bus.open_client(daemon.endpoint, key) as session:
+        yield Holder(daemon, session, key)
+
+
+def as_key(daemon: DaemonPart, keys: Path, name: str) -> Client:
+    return Client.open(daemon.endpoint, keys=keys / name, timeout=60.0)
+
+
+def owner(daemon: DaemonPart) -> Client:
+    return Client.open(StatePaths(daemon.state).endpoint, timeout=60.0)
+
+
+# --- names
+
+
+def test_a_key_asks_under_its_own_name_only(daemon: DaemonPart, keys: Path) -> None:
+    with owner(daemon) as mine, holder(daemon, keys, "worker.spare") as spare:
+        mine.submit(make_submission("named", 2))
+        replies: list[zenoh.Reply] = []
+        body = codec.to_json(LeaseRequest(spare.me, 1))
+        for name in ("worker", "owner", "operator", "*", "**", "worker.spar$*"):
+            spare.session.get(f"{ASK}/{name}/lease", replies.append, payload=body, timeout=60.0)
+        (grant,) = spare.lease(1)
+        assert replies == []
+        with closing(sqlite3.connect(StatePaths(daemon.state).ledger)) as ledger:
+            query = "SELECT holder FROM lease WHERE token = ?"
+            assert ledger.execute(query, (grant.token,)).fetchone() == ("worker.spare",)
+            assert spare.complete(grant) is LedgerAnswer.RECORDED
+            query = "SELECT holder FROM result WHERE run = ?"
+            assert ledger.execute(query, (grant.run,)).fetchone() == ("worker.spare",)
+        mine.cancel("named")
+
+
+def test_a_worker_of_another_key_keeps_its_name(daemon: DaemonPart, keys: Path) -> None:
+    with holder(daemon, keys, "worker.spare") as one, holder(daemon, keys, "worker") as other:
+        one.lease()
+        other.me = one.me
+        with pytest.raises(Refused, match="belongs to another key"):
+            other.lease()
+        with pytest.raises(Refused, match="belongs to another key"):
+            other.ask(verbs.WELCOME, other.me)
+
+
+def test_a_revoked_key_is_refused_by_a_daemon_that_runs(daemon: DaemonPart, keys: Path) -> None:
+    with as_key(daemon, keys, "viewer.late") as late:
+        late.overview()
+        revoke_key(keys, "viewer.late", NOW)
+        assert 'the key "viewer.late" was revoked' in eventually(lambda: refusal(late))
+    with as_key(daemon, keys, "viewer") as another:
+        another.overview()
+    assert [line["key"] for line in daemon.noted("key revoked")] == ["viewer.late"]
+
+
+def refusal(client: Client) -> str:
+    try:
+        client.overview()
+    except Refused as error:
+        return str(error)
+    return ""
+
+
+# --- voided keys
+
+
+def test_what_a_voided_key_brought_goes_and_comes_again(daemon: DaemonPart, keys: Path) -> None:
+    with (
+        owner(daemon) as mine,
+        as_key(daemon, keys, "operator") as operator,
+        holder(daemon, keys, "worker.bad") as bad,
+        holder(daemon, keys, "worker.good") as good,
+    ):
+        mine.submit(make_submission("forged", 3))
+        one, two, held = bad.lease()
+        assert {bad.complete(grant, 9.0) for grant in (one, two)} == {LedgerAnswer.RECORDED}
+        found = operator.deliveries("worker.bad")
+        assert [(c.campaign, c.runs) for c in found.campaigns] == [("forged", 2)]
+        assert found.held == 1
+        with pytest.raises(Refused, match="malformed"):
+            operator.void("owner")
+        assert operator.void("worker.bad") == 2
+        rows = mine.runs("forged").rows
+        assert {(row.state, row.outcome) for row in rows} == {(RunState.QUEUED, None)}
+        assert not StatePaths(daemon.state).trace(one.trace).exists()
+        for question in (bad.lease, lambda: bad.complete(held)):
+            with pytest.raises(Refused, match="was voided: use another key"):
+                question()
+        grants = good.lease()
+        assert {good.complete(grant) for grant in grants} == {LedgerAnswer.RECORDED}
+        assert StatePaths(daemon.state).trace(one.trace).read_bytes() == b"worker.good"
+        row = next(row for row in mine.campaigns() if row.id == "forged")
+        assert (row.done, row.passed, row.finished) == (3, 3, True)
+
+
+# --- floods
+
+
+def test_a_flood_under_one_key_keeps_nobody_else_waiting(daemon: DaemonPart, keys: Path) -> None:
+    calm = find_credentials(Role.VIEWER, keys / "viewer.calm")
+    loud = find_credentials(Role.OPERATOR, keys / "operator.loud")
+    ledger, problems = StatePaths(daemon.state).ledger, list[zenoh.Reply]()
+
+    def note(reply: zenoh.Reply) -> None:
+        if reply.err is not None:
+            problems.append(reply)
+
+    with (
+        bus.open_client(daemon.endpoint, calm) as session,
+        bus.open_client(daemon.endpoint, loud) as flood,
+        closing(sqlite3.connect(ledger, isolation_level=None)) as lock,
+    ):
+        # Held up, so that they wait however fast they come.
+        lock.execute("BEGIN IMMEDIATE")
+        for _ in range(MOST_WAITING + 100):
+            flood.get(f"{ASK}/operator.loud/cancel", note, payload=b'{"id":"no"}', timeout=60.0)
+        eventually(lambda: problems)
+        bus.ask(session, daemon.endpoint, verbs.OVERVIEW, Empty(), 60.0, calm)
+        words = codec.from_json(ErrorReply, problems[0].err.payload.to_bytes())
+        assert words.passing
+        assert 'too many requests under the key "operator.loud"' in words.problem
+        lock.execute("ROLLBACK")
+        eventually(lambda: len(problems) == MOST_WAITING + 100)
+    assert eventually(lambda: daemon.noted("too many requests"))
+    assert [line for line in daemon.noted("refused") if "too many" in line["problem"]] == []
+
+
+# --- the port
+
+
+@pytest.fixture
+def silence(daemon: DaemonPart) -> Iterator[int]:
+    port = int(daemon.endpoint.rpartition(":")[2])
+    with ExitStack() as stack:
+        for _ in range(2 * MOST_SILENT_EACH):
+            stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+        yield port
+
+
+def test_silent_connections_keep_nobody_out(daemon: DaemonPart, keys: Path, silence: int) -> None:
+    assert silence
+    with as_key(daemon, keys, "viewer") as client:
+        client.overview()
+
+
+def test_handshakes_that_do_not_go_on_keep_nobody_else_out(daemon: DaemonPart, keys: Path) -> None:
+    port = int(daemon.endpoint.rpartition(":")[2])
+    here = ("127.0.0.2", 0)
+    with ExitStack() as stack:
+        for _ in range(3 * MOST_GREETED):
+            one = socket.create_connection(("127.0.0.1", port), source_address=here)
+            stack.enter_context(one)
+            one.sendall(client_hello())
+        with as_key(daemon, keys, "viewer") as client:
+            client.overview()
+
+
+def client_hello() -> bytes:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    sent = ssl.MemoryBIO()
+    with pytest.raises(ssl.SSLWantReadError):
+        context.wrap_bio(ssl.MemoryBIO(), sent).do_handshake()
+    return sent.read()
+
+
+def test_what_is_no_hello_is_sent_away(daemon: DaemonPart) -> None:
+    port = int(daemon.endpoint.rpartition(":")[2])
+    for words in (
+        b"GET / HTTP/1.1\r\n\r\n",
+        b"\x16\x03\x01\xff\xff\x01",
+        b"\x16\x03\x01\x00\x05\x02",
+    ):
+        with socket.create_connection(("127.0.0.1", port), timeout=60.0) as one:
+            one.sendall(words)
+            assert end_of(one) == b""
+
+
+def end_of(one: socket.socket) -> bytes:
+    try:
+        return one.recv(1)
+    except ConnectionResetError:
+        return b""
+
+
+def test_who_comes_over_tls_is_not_the_owner(daemon: DaemonPart, keys: Path) -> None:
+    with bus.open_client(
+        daemon.endpoint, find_credentials(Role.WORKER, keys / "worker")
+    ) as session:
+        for name in ("worker", "owner"):
+            for verb in (verbs.SHUTDOWN, verbs.OVERVIEW):
+                assert list(session.get(f"{ASK}/{name}/{verb}", payload=b"{}", timeout=60.0)) == []
+
+
+def test_the_port_opens_again_and_closes_with_the_daemon(keys: Path, tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", listen=tls(), keys=str(keys)) as part:
+        eventually(lambda: reached(part))
+        first = int(part.noted("acceptor started")[0]["pid"])
+        os.kill(first, signal.SIGKILL)
+
+        def answers() -> bool:
+            try:
+                with as_key(part, keys, "viewer") as client:
+                    client.overview()
+            except DaemonError:
+                return False
+            return len(part.noted("acceptor started")) == 2
+
+        eventually(answers)
+        second = psutil.Process(int(part.noted("acceptor started")[1]["pid"]))
+        part.kill()
+        eventually(lambda: not alive([second]))
+
+
+def test_it_listens_at_addresses_of_either_kind(keys: Path, tmp_path: Path) -> None:
+    with closing(socket.socket(socket.AF_INET6)) as probe:
+        try:
+            probe.bind(("::1", 0))
+        except OSError:
+            pytest.skip("there is no IPv6 here")
+        port = probe.getsockname()[1]
+    log = EventLog(tmp_path / "log")
+    door = Door(f"tls/[::]:{port}", log)
+    with bus.open_router([door.behind], find_daemon_credentials(keys)) as _, closing(door):
+        door.supervise()
+        context = ssl.create_default_context(cafile=str(keys / "ca.pem"))
+        context.load_cert_chain(keys / "viewer" / "cert.pem", keys / "viewer" / "key.pem")
+        for host in ("::1", "127.0.0.1"):
+            with (
+                socket.create_connection((host, port), timeout=60.0) as plain,
+                context.wrap_socket(plain, server_hostname=host) as wrapped,
+            ):
+                assert wrapped.version() == "TLSv1.3"
+    log.close()
+
+
+def test_an_address_that_is_taken_is_said(keys: Path, tmp_path: Path) -> None:
+    log = EventLog(tmp_path / "log")
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken, closing(log):
+        port = taken.getsockname()[1]
+        with pytest.raises(DaemonError, match=f"cannot listen at tls/127.0.0.1:{port}"):
+            Door(f"tls/127.0.0.1:{port}", log)

@@ -1,0 +1,134 @@
+"""Whose turn it is, who is not heard any more, and how much one name may ask."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.errors import DaemonError, Refused, Unavailable
+from daemon.batch.security import find_daemon_credentials
+from daemon.batch.security.authority import create_authority, revoke_key
+from daemon.batch.server import MOST_WAITING, Askers, EventLog, TurnQueue
+
+NOW = datetime.now(UTC).replace(microsecond=0)
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("keys") / "all"
+    create_authority(folder, ("localhost",), NOW)
+    return folder
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Iterator[EventLog]:
+    made = EventLog(tmp_path / "log")
+    yield made
+    made.close()
+
+
+def words(no: DaemonError | None, kind: type[DaemonError]) -> str:
+    assert type(no) is kind
+    return str(no)
+
+
+def test_a_name_asks_so_much_and_not_more(keys: Path, log: EventLog, tmp_path: Path) -> None:
+    clock = Clock()
+    askers = Askers(log, find_daemon_credentials(keys), clock, rate=10.0, burst=20.0)
+    for _ in range(20):
+        assert askers.admit("worker", 10) is None
+        askers.answered("worker", 10)
+    said = words(askers.admit("worker", 10), Unavailable)
+    assert said == 'too many requests under the key "worker": ask again in 0.1 s'
+    assert askers.admit("operator", 10) is None
+    for _ in range(1000):
+        assert askers.admit("owner", 10) is None
+        askers.admit("worker", 10)
+    clock.now += 1.0
+    assert [askers.admit("worker", 10) is None for _ in range(11)] == [True] * 10 + [False]
+    askers.look()
+    askers.look()
+    # One line a second, whatever the flood.
+    (line,) = [json.loads(text) for text in (tmp_path / "log").read_text().splitlines()]
+    assert (line["event"], line["key"], line["turned_away"]) == (
+        "too many requests",
+        "worker",
+        1002,
+    )
+
+
+def test_a_name_has_so_much_waiting_and_not_more(keys: Path, log: EventLog) -> None:
+    askers = Askers(log, find_daemon_credentials(keys), Clock())
+    for _ in range(MOST_WAITING):
+        assert askers.admit("worker", 0) is None
+    assert "too many requests" in words(askers.admit("worker", 0), Unavailable)
+    askers.answered("worker", 0)
+    assert askers.admit("worker", 0) is None
+    # However large: one at a time.
+    assert askers.admit("operator", 2**30) is None
+    assert "too many requests" in words(askers.admit("operator", 1), Unavailable)
+
+
+def test_who_was_revoked_is_not_heard_any_more(tmp_path: Path, log: EventLog) -> None:
+    folder = tmp_path / "keys"
+    create_authority(folder, ("localhost",), NOW)
+    clock = Clock()
+    askers = Askers(log, find_daemon_credentials(folder), clock)
+    before = (folder / "register.json").read_bytes()
+    askers.look()
+    revoke_key(folder, "worker", NOW)
+    assert askers.admit("worker", 0) is None
+    clock.now += 1.0
+    askers.look()
+    assert 'the key "worker" was revoked' in words(askers.admit("worker", 0), Refused)
+    assert askers.admit("viewer", 0) is None
+    # Neither a register of before nor none at all makes anybody come back.
+    for spoil in (
+        lambda: (folder / "register.json").write_bytes(before),
+        (folder / "ca.key").touch,
+    ):
+        spoil()
+        clock.now += 1.0
+        askers.look()
+        assert "was revoked" in words(askers.admit("worker", 0), Refused)
+    os.remove(folder / "register.json")  # noqa: PTH107
+    clock.now += 1.0
+    askers.look()
+    assert "was revoked" in words(askers.admit("worker", 0), Refused)
+    assert askers.admit("viewer", 0) is None
+
+
+def test_without_keys_there_is_nobody_but_the_owner(log: EventLog) -> None:
+    askers = Askers(log)
+    assert askers.admit("owner", 0) is None
+    for name in ("worker", "*", "", "x" * 1000):
+        assert words(askers.admit(name, 0), Refused).startswith("this daemon knows no key")
+
+
+def test_names_take_turns() -> None:
+    line: TurnQueue[str] = TurnQueue()
+    for number in range(5):
+        line.put(f"flood {number}", "flood")
+    for number in range(2):
+        line.put(f"calm {number}", "calm")
+    line.put("late", "late")
+    line.close()
+    order = []
+    while (item := line.get()) is not None:
+        order.append(item)
+    assert order == [
+        "flood 0", "calm 0", "late", "flood 1", "calm 1", "flood 2", "flood 3", "flood 4",
+    ]  # fmt: skip
+    assert line.empty()
