@@ -49,10 +49,11 @@ def trees(folder: Path, *, endings: tuple[str, ...] = ENDINGS) -> Report:
 
 def _end(part: Report, folder: Path, ending: str) -> None:
     folder.mkdir()
-    pids = folder / "pids"
+    pids, gate = folder / "pids", folder / "gate"
     wall = 3.0 if ending == "wall limit" else 300.0
     quick = ending in ("done", "raise", "crash")
-    asked = {"tree": str(pids), "ending": ending, "sleep": 0.1 if quick else 600.0}
+    asked: dict[str, float | str] = {"tree": str(pids), "ending": ending}
+    asked |= {"sleep": 0.1} if quick else {"until": str(gate)}
     with (
         daemon_at(folder / "state", 1, executor=EXECUTOR, wall=wall, attempts=1) as daemon,
         daemon.client() as client,
@@ -60,6 +61,8 @@ def _end(part: Report, folder: Path, ending: str) -> None:
         client.submit(make_submission("tree", 1, **asked))
         processes = eventually(lambda: _tree(pids))
         _acts(daemon, processes).get(ending, lambda: None)()
+        if ending == "daemon killed":
+            gate.touch()  # its worker finishes what runs
         if ending == "cancel":
             client.cancel("tree")
             eventually(lambda: client.runs("tree").rows[0].state is RunState.CANCELLED)
