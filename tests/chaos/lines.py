@@ -67,6 +67,8 @@ class _Direction:
         while data:
             due, data = await self._under_way.get()
             await asyncio.sleep(max(0.0, due - clock.time()))
+            if self._writer.is_closing():
+                continue  # what still comes in is for nobody
             with suppress(ConnectionError):
                 self._writer.write(data)
                 await self._writer.drain()
