@@ -13,7 +13,7 @@ from tests.daemon.batch.samples import make_spec, submission_of
 
 EXECUTOR = "tests.chaos.executor:execute"
 MIB = 2**20
-LARGEST_OUTPUT = 16 * MIB
+LARGEST_OUTPUT = 2 * MIB
 """Bytes of one run's output on the disk, at most, while it prints on."""
 MOST_MEMORY = 500 * MIB
 """Bytes of the daemon."""
@@ -26,11 +26,12 @@ def output(
     chatter: int = 64 * MIB,
     huge: int = 60,
     evidence: int = 4 * 1000 * 1000,
+    others: int = 10,
 ) -> Report:
     """Print and deliver far too much beside runs as usual: these are done, memory stays small."""
     report = Report("output: runs that print without end, results of megabytes")
     log, gate = Executions(folder / "executions"), folder / "gate"
-    usual = [make_spec(i, sleep=0.2, log=str(log.path)) for i in range(10)]
+    usual = [make_spec(i, sleep=0.2, log=str(log.path)) for i in range(others)]
     said = Executions(folder / "said")
     asked = {"chatter": chatter, "until": str(gate), "log": str(said.path)}
     talkers = [make_spec(i, scenario="talk", **asked) for i in range(chatty)]
