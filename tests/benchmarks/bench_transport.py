@@ -1,7 +1,7 @@
 """Traces on their way: what parts, base64 and digests cost, and what others notice of it.
 
 A real daemon over loopback; the sender is this process. CPU times are of the daemon process. At the
-end short runs over a link of 200 ms: a worker elsewhere, behind a relay that delays every byte.
+end short runs over a link of 200 ms: a worker elsewhere, behind a line that delays every byte.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import TraceInfo
 from tests.benchmarks.bench_daemon import cpu, fresh, row
-from tests.chaos.links import delay_relay
+from tests.chaos.lines import slow_line
 from tests.daemon.batch.harness import DaemonPart, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_result, make_submission
 
@@ -115,7 +115,7 @@ def distance() -> None:
     for size in (0, DISTANT_TRACE):
         for delay in (0.0, 0.1):
             with fresh(lease=30.0) as daemon, daemon.client() as client, ExitStack() as stack:
-                link = stack.enter_context(delay_relay(daemon.endpoint, delay))
+                link = stack.enter_context(slow_line(daemon.endpoint, delay=delay))
                 elsewhere = str(daemon.state.parent / "elsewhere")
                 options = {"connect": link.endpoint}
                 stack.enter_context(worker_for(daemon, 8, "--state", elsewhere, **options))

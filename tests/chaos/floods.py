@@ -172,9 +172,10 @@ def voided(folder: Path, *, runs: int = 12) -> Report:
         client.submit(make_submission("first", runs, log=str(log.path)))
         with bad:
             eventually(lambda: finished(client, runs))
-        done = _command(daemon, keys, "keys", "revoke", "worker.bad", "--void")
+        done = _command(daemon, keys, "keys", "revoke", "worker.bad", "--void", "--yes")
         report.fact("keys revoke --void", (done.stdout + done.stderr).strip()[-300:])
-        report.expect(done.returncode == 0, f"keys revoke left with {done.returncode}")
+        if not report.expect(done.returncode == 0, f"keys revoke left with {done.returncode}"):
+            return report
         good = worker_for(
             daemon, 2, "--keys", str(folder / "good"), "--state", str(folder / "away-good"),
             executor=EXECUTOR,
@@ -198,6 +199,7 @@ def _command(daemon: DaemonPart, keys: Path, *words: str) -> subprocess.Complete
         [*base, *words],
         env={**os.environ, **settings},
         cwd=ROOT,
+        stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         check=False,

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -21,10 +20,12 @@ from tests.chaos.links import Link, Namespace, Relay
 from tests.daemon.batch.harness import eventually, free_endpoint
 
 ROOT = Path(__file__).parents[2]
-CHUNK = 4096
-"""Bytes passed on at a time: a tenth of a second of a line of 40 kB/s."""
+CHUNKS = (2**12, 2**16)
+"""Bytes passed on at a time, at least and at most: a tenth of a second where that is between."""
 BUFFER = 2**18
-"""Bytes under way in each direction at most: 1.3 MB/s at a delay of 0.2 s."""
+"""Bytes that may wait in each direction; what is under way on a long and fast line comes on top."""
+UNLIMITED = 1e9
+"""Bytes per second of a line that only delays: more than goes through this program."""
 
 
 class _Direction:
@@ -39,7 +40,9 @@ class _Direction:
     ) -> None:
         self._reader, self._writer = reader, writer
         self._delay, self._rate = delay, rate
-        self._under_way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(BUFFER // CHUNK)
+        self._chunk = min(max(CHUNKS[0], int(rate / 10.0)), CHUNKS[1])
+        room = int(BUFFER + rate * delay) // self._chunk
+        self._under_way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(room)
 
     async def run(self) -> None:
         """Pass on until one of both ends is closed."""
@@ -54,7 +57,7 @@ class _Direction:
         while data:
             data = b""
             with suppress(ConnectionError):
-                data = await self._reader.read(CHUNK)
+                data = await self._reader.read(self._chunk)
             free = max(free, clock.time()) + len(data) / self._rate
             await self._under_way.put((free + self._delay, data))
 
@@ -64,6 +67,8 @@ class _Direction:
         while data:
             due, data = await self._under_way.get()
             await asyncio.sleep(max(0.0, due - clock.time()))
+            if self._writer.is_closing():
+                continue  # what still comes in is for nobody
             with suppress(ConnectionError):
                 self._writer.write(data)
                 await self._writer.drain()
@@ -102,7 +107,7 @@ class SlowLine:
 
 
 @contextmanager
-def slow_line(endpoint: str, *, delay: float = 0.0, rate: float = 1e9) -> Iterator[Link]:
+def slow_line(endpoint: str, *, delay: float = 0.0, rate: float = UNLIMITED) -> Iterator[Link]:
     """A line to ``endpoint`` with ``delay`` [s] each way and ``rate`` [bytes/s] each way."""
     mine = free_endpoint()
     command = [sys.executable, "-m", "tests.chaos.lines", mine.rpartition(":")[2]]
@@ -121,10 +126,7 @@ class BreakingLine(Relay):
     """A relay that ends its connections when it is cut: both ends know at once."""
 
     def cut(self) -> None:
-        super().cut()
-        for one in self._sockets:
-            with suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
+        self.sever()
 
 
 @contextmanager
@@ -150,7 +152,7 @@ def main() -> None:
     parser.add_argument("port", type=int)
     parser.add_argument("target")
     parser.add_argument("--delay", type=float, default=0.0)
-    parser.add_argument("--rate", type=float, default=1e9)
+    parser.add_argument("--rate", type=float, default=UNLIMITED)
     asked = parser.parse_args()
     host, _, port = asked.target.rpartition(":")
     asyncio.run(_serve(asked.port, (host, int(port)), asked.delay, asked.rate))

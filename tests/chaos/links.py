@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import itertools
 import os
-import queue
 import shutil
 import socket
 import subprocess
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import pytest
 
@@ -66,7 +64,7 @@ class Relay:
 
     def sever(self) -> None:
         """Cut it so that both ends notice at once: new connections wait until it is mended."""
-        self.cut()
+        self._whole.clear()
         for one in self._sockets:
             with suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
@@ -106,41 +104,6 @@ class Relay:
                 one.shutdown(socket.SHUT_RDWR)
 
 
-_Delayed: TypeAlias = "queue.SimpleQueue[tuple[float, bytes]]"
-
-
-class DelayRelay(Relay):
-    """A cable of great length: every byte arrives ``delay`` seconds later, each way.
-
-    As many bytes are under way as are sent: it costs time, never throughput. It can be cut too;
-    what is under way then arrives, what is sent meanwhile waits.
-    """
-
-    def __init__(self, endpoint: str, delay: float = 0.1) -> None:
-        self.delay = delay
-        super().__init__(endpoint)
-
-    def _pump(self, source: socket.socket, sink: socket.socket) -> None:
-        under_way: _Delayed = queue.SimpleQueue()
-        threading.Thread(target=self._arrive, args=(under_way, sink), daemon=True).start()
-        with suppress(OSError):
-            while data := source.recv(_CHUNK):
-                self._whole.wait()
-                under_way.put((time.monotonic() + self.delay, data))
-        under_way.put((time.monotonic() + self.delay, b""))
-
-    def _arrive(self, under_way: _Delayed, sink: socket.socket) -> None:
-        with suppress(OSError):
-            while True:
-                due, data = under_way.get()
-                time.sleep(max(0.0, due - time.monotonic()))
-                if not data:
-                    break
-                sink.sendall(data)
-        with suppress(OSError):
-            sink.shutdown(socket.SHUT_RDWR)
-
-
 @dataclass(slots=True)
 class Namespace:
     """A network namespace with one veth pair to ours."""
@@ -164,16 +127,6 @@ class Namespace:
 def relay(endpoint: str) -> Iterator[Relay]:
     """A cable that is a relay, for the block."""
     made = Relay(endpoint)
-    try:
-        yield made
-    finally:
-        made.close()
-
-
-@contextmanager
-def delay_relay(endpoint: str, delay: float = 0.1) -> Iterator[DelayRelay]:
-    """A cable that delays every byte by ``delay`` seconds each way, for the block."""
-    made = DelayRelay(endpoint, delay)
     try:
         yield made
     finally:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from daemon.batch.client import Client
 from tests.chaos.executions import Executions
-from tests.chaos.lines import breaking_line, drop_packets, slow_line
+from tests.chaos.lines import UNLIMITED, breaking_line, drop_packets, slow_line
 from tests.chaos.links import Link, Namespace, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
@@ -129,7 +129,7 @@ class _Scene:
         if case.shaped:
             endpoint = free_endpoint()
             line: Link = stack.enter_context(
-                slow_line(endpoint, delay=case.delay, rate=case.rate or 1e9)
+                slow_line(endpoint, delay=case.delay, rate=case.rate or UNLIMITED)
             )
         elif case.breaks:
             endpoint = free_endpoint()

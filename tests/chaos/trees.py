@@ -13,7 +13,7 @@ import psutil
 from daemon.model.status import RunState
 from tests.chaos.executor import TREE
 from tests.chaos.report import Report
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually
 from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
@@ -49,24 +49,29 @@ def trees(folder: Path, *, endings: tuple[str, ...] = ENDINGS) -> Report:
 
 def _end(part: Report, folder: Path, ending: str) -> None:
     folder.mkdir()
-    pids = folder / "pids"
+    pids, gate = folder / "pids", folder / "gate"
     wall = 3.0 if ending == "wall limit" else 300.0
     quick = ending in ("done", "raise", "crash")
-    asked = {"tree": str(pids), "ending": ending, "sleep": 0.1 if quick else 600.0}
+    asked: dict[str, float | str] = {"tree": str(pids), "ending": ending}
+    asked |= {"sleep": 0.1} if quick else {"until": str(gate)}
     with (
         daemon_at(folder / "state", 1, executor=EXECUTOR, wall=wall, attempts=1) as daemon,
         daemon.client() as client,
     ):
         client.submit(make_submission("tree", 1, **asked))
         processes = eventually(lambda: _tree(pids))
+        local = psutil.Process(daemon.pid).children()
         _acts(daemon, processes).get(ending, lambda: None)()
+        if ending == "daemon killed":
+            gate.touch()  # its worker finishes what runs, and leaves
+            eventually(lambda: not alive(local))
         if ending == "cancel":
             client.cancel("tree")
             eventually(lambda: client.runs("tree").rows[0].state is RunState.CANCELLED)
         deadline = time.monotonic() + PATIENCE
-        while _alive(processes) and time.monotonic() < deadline:
+        while alive(processes) and time.monotonic() < deadline:
             time.sleep(0.1)
-        left = _alive(processes)
+        left = alive(processes)
         part.runs, part.executions = 1, 1
         part.expect(not left, f"{len(left)} of {TREE} processes were left")
         for process in left:
@@ -76,7 +81,8 @@ def _end(part: Report, folder: Path, ending: str) -> None:
 
 def _acts(daemon: DaemonPart, processes: list[psutil.Process]) -> dict[str, Callable[[], None]]:
     """What is done to end the run, by the name of the ending."""
-    local = psutil.Process(daemon.pid).children()
+    children = psutil.Process(daemon.pid).children()
+    local = [child for child in children if "worker" in child.cmdline()]
 
     def kill_run() -> None:
         """The process that started the first of the tree."""
@@ -103,7 +109,3 @@ def _tree(pids: Path) -> list[psutil.Process]:
         with suppress(psutil.NoSuchProcess):
             found.append(psutil.Process(int(number)))
     return found
-
-
-def _alive(processes: list[psutil.Process]) -> list[psutil.Process]:
-    return [one for one in processes if one.is_running() and one.status() != "zombie"]

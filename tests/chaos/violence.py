@@ -178,10 +178,14 @@ def violence(
     return report
 
 
-def _await_end(scene: Yard, folder: Path, runs: int, patience: float = 30.0) -> None:
-    """Let the last runs and deliveries happen undisturbed."""
+def _await_end(scene: Yard, folder: Path, runs: int, patience: float = 60.0) -> None:
+    """Let the last runs and deliveries happen undisturbed, for as long as any do."""
     deadline = time.monotonic() + patience
+    before = None
     while time.monotonic() < deadline:
-        if progress(scene.daemon.endpoint) == (runs, 0) and not attempts_below(folder):
+        now = progress(scene.daemon.endpoint), len(attempts_below(folder))
+        if now == ((runs, 0), 0):
             return
+        if now[0] is not None and now != before:
+            deadline, before = time.monotonic() + patience, now
         time.sleep(0.2)

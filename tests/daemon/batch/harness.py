@@ -41,12 +41,14 @@ def eventually(condition: Callable[[], Any], seconds: float = DEADLINE) -> Any:
     time something takes, it finds out by making every other cause impossible for longer.
     """
     deadline = time.monotonic() + seconds
+    pause = 0.01
     while True:
         value = condition()
         if value:
             return value
         assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.01)
+        time.sleep(pause)
+        pause = min(1.2 * pause, 0.05)  # to ask costs as much time as what is waited for
 
 
 def family(pid: int) -> list[psutil.Process]:
