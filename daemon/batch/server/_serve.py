@@ -21,14 +21,14 @@ from daemon.batch.errors import AlreadyRunning, DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths, is_encrypted
 from daemon.batch.permissions import open_private
+from daemon.batch.server._acceptor_process import AcceptorProcess
 from daemon.batch.server._admission import Quota
-from daemon.batch.server._askers import Askers, holder_of
 from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.batch.server._dispatcher import RequestDispatcher
-from daemon.batch.server._door import Door
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
+from daemon.batch.server._request_limits import RequestLimits, holder_of
 from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
@@ -187,7 +187,7 @@ class _Daemon:
         self._removing = False
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
-        self._askers = Askers(log, listening.keys)
+        self._request_limits = RequestLimits(log, listening.keys)
         self._registry = WorkerRegistry(settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
@@ -216,15 +216,15 @@ class _Daemon:
     def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
         """Open the bus, work, leave; ``stack`` closes what was opened."""
         self._local = local
-        door = self._open_door(stack)
+        acceptor = self._start_acceptor(stack)
         session = stack.enter_context(
-            bus.open_router(self._zenoh_endpoints(door), self._listening.keys)
+            bus.open_router(self._zenoh_endpoints(acceptor), self._listening.keys)
         )
         self._hint = lambda: _publish_hint(session)
         remove_remains(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
-        if door is not None:
-            door.supervise()
+        if acceptor is not None:
+            acceptor.supervise()
         for keeper in (self._quota, Housekeeping(self._paths, self._log)):
             keeper.start()
             stack.callback(keeper.close)
@@ -234,9 +234,9 @@ class _Daemon:
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stop.asked:
             contact.write()
-            self._askers.look()
-            if door is not None:
-                door.supervise()
+            self._request_limits.look()
+            if acceptor is not None:
+                acceptor.supervise()
             if local is not None:
                 local.supervise()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
@@ -248,19 +248,19 @@ class _Daemon:
         self._leave(local)
         self._log.write("stopped")
 
-    def _open_door(self, stack: ExitStack) -> Door | None:
+    def _start_acceptor(self, stack: ExitStack) -> AcceptorProcess | None:
         """Listen where keys are asked for; Zenoh does so behind it."""
         address = self._listening.address
         if not is_encrypted(address):
             return None
-        door = Door(address, self._log)
-        stack.callback(door.close)
-        return door
+        acceptor = AcceptorProcess(address, self._log)
+        stack.callback(acceptor.close)
+        return acceptor
 
-    def _zenoh_endpoints(self, door: Door | None) -> tuple[str, ...]:
-        if door is None:
+    def _zenoh_endpoints(self, acceptor: AcceptorProcess | None) -> tuple[str, ...]:
+        if acceptor is None:
             return self._listening.endpoints
-        return (self._listening.socket, door.behind)
+        return (self._listening.socket, acceptor.behind)
 
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
@@ -291,7 +291,7 @@ class _Daemon:
             carrier,
             preparer,
             overload,
-            self._askers,
+            self._request_limits,
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from daemon.batch.port._handshake import (
+from daemon.batch.acceptor._failure_limits import FailureLimits, address_key
+from daemon.batch.acceptor._handshake import (
     HANDSHAKE_TIME,
     LARGEST_RECORD,
     Records,
     grace_of,
     may_be_hello,
 )
-from daemon.batch.port._patience import Patience, address_key
 
 MOST_OPEN: Final = 960
 """Links that are open; Zenoh takes 1000 sessions, those through the owner's socket included."""
@@ -85,7 +85,7 @@ class Acceptor:
         self._links: dict[_State, dict[_Link, None]] = {state: {} for state in _State}
         self._counts: dict[_State, Counter[str]] = {state: Counter() for state in _State}
         self._dropped: Counter[str] = Counter()
-        self._patience = Patience(clock())
+        self._failures = FailureLimits(clock())
         self._report_at = clock() + _REPORT_EVERY
         self._buffer = bytearray(_CHUNK)
         listener.setblocking(False)
@@ -163,7 +163,7 @@ class Acceptor:
         if not self._leave(link):
             return
         if link.state is _State.GREETED:
-            self._patience.blame(link.address, self._clock())
+            self._failures.record_failure(link.address, self._clock())
         for end in (link.client, link.server):
             if end is not None:
                 with suppress(KeyError, ValueError):
@@ -198,10 +198,10 @@ class Acceptor:
         # The newest of each address, those with the fewest first: who came long ago may be gone.
         newest = {link.address: link for link in self._links[_State.WAITING]}
         for address in sorted(newest, key=lambda one: counts[one]):
-            bearable = self._patience.bearable(address, counts, self._clock())
-            if not bearable:
+            allowed = self._failures.allowed(address, counts, self._clock())
+            if not allowed:
                 self._drop(newest[address])
-            elif counts[address] < bearable and self._make_room(address):
+            elif counts[address] < allowed and self._make_room(address):
                 return newest[address]
         return None
 
@@ -280,7 +280,7 @@ class Acceptor:
                 link.records.feed(data)
         elif link.records.encrypted:
             self._enter(link, _State.OPEN)
-            self._patience.remember(link.address)
+            self._failures.record_success(link.address)
             self._promote()
         else:
             link.answered = True
