@@ -10,13 +10,13 @@ from typing import Any, Final
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, Steps, count_states
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._admission import Quota
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._inputs import InputStore
+from daemon.batch.server._quota import Quota
 from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
 from daemon.batch.server._submissions import stage_request
 from daemon.batch.server._uploads import FileUploads, TraceUploads
-from daemon.batch.server._workers import MOST_WORKERS, WorkerRegistry
+from daemon.batch.server._workers import WorkerRegistry
 from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_id
@@ -48,7 +48,7 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.spec import ENGINE_VERSION, install_hint, own_version, version_text
+from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import (
     CampaignRow,
     DaemonOverview,
@@ -113,7 +113,6 @@ class Handlers:
     draining: bool = False
 
     def __post_init__(self) -> None:
-        self._identity = own_version()
         self._traces = TraceUploads(self.paths, self.log)
         self._files = FileUploads(self.paths, self.log)
         self._inputs = InputStore(self.paths, self.log)
@@ -194,8 +193,7 @@ class Handlers:
         return scene
 
     def welcome(self, _: LedgerReader, worker: WorkerInfo, requester: str) -> WelcomeReply:
-        self._check_version(worker)
-        self._check_holder(worker, requester)
+        self.registry.check_identity(worker, requester)
         settings = self.settings
         return WelcomeReply(
             str(self.paths.state),
@@ -375,28 +373,13 @@ class Handlers:
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)
 
-    def _check_version(self, worker: WorkerInfo) -> None:
-        # Results must not depend on who computed them, and trace bytes do depend on the version.
-        theirs = version_text(worker.version, worker.engine)
-        if theirs != self._identity:
-            raise Refused(
-                f"worker {worker.id} has {theirs}, this daemon {self._identity}: "
-                f"{install_hint(self._identity)}"
-            )
-
-    def _check_holder(self, worker: WorkerInfo, requester: str) -> None:
-        if not self.registry.may_be(worker.id, requester):
-            raise Refused(f"worker {worker.id} belongs to another key: choose another name for it")
-
     def _register_worker(
         self, ledger: LedgerWriter, worker: WorkerInfo, requester: str, now: float
     ) -> None:
         # With every request rather than once: after a restart the registry is empty, and workers
         # do not notice restarts.
-        self._check_version(worker)
-        self._check_holder(worker, requester)
-        if self.registry.is_full(worker.id):
-            raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
+        self.registry.check_identity(worker, requester)
+        self.registry.check_room(worker.id)
         if self.registry.record_contact(worker, now, requester):
             ledger.record_event(now, "worker", worker.id, state="came")
             self.log.write("worker came", worker=worker.id, slots=worker.slots)

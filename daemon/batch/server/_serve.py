@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version as installed_version
@@ -17,17 +16,17 @@ from typing import Final
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.errors import AlreadyRunning, DaemonError, Unavailable
+from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.paths import DaemonContact, StatePaths, is_encrypted
-from daemon.batch.permissions import open_private
+from daemon.batch.paths import StatePaths, is_encrypted
 from daemon.batch.server._acceptor_process import AcceptorProcess
-from daemon.batch.server._admission import Quota
 from daemon.batch.server._checkpoints import IdleCheckpoints
+from daemon.batch.server._contact import ContactFile, hold_alone
 from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
+from daemon.batch.server._quota import Quota
 from daemon.batch.server._request_limits import RequestLimits, holder_of
 from daemon.batch.server._runtime import (
     DaemonClock,
@@ -53,7 +52,6 @@ from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent
 from grammars.text import codec
-from grammars.text.files import write_atomically
 
 _LAST_MOMENT: Final = 3.0
 """Seconds a worker has to give its runs back, and then to be killed."""
@@ -94,7 +92,7 @@ def serve(
     settings = _checked(settings or DaemonSettings())
     paths = StatePaths.find(state)
     with ExitStack() as stack:
-        stack.enter_context(_only_one(paths))
+        stack.enter_context(hold_alone(paths))
         log = EventLog(paths.log)
         stack.callback(log.close)
         listening = prepare_endpoints(paths, listen, keys, insecure=insecure)
@@ -146,24 +144,6 @@ def _open(
         return opening()
     except Unavailable:
         return WaitingDaemon(paths, stop, log).wait(listening, opening)
-
-
-@contextmanager
-def _only_one(paths: StatePaths) -> Iterator[None]:
-    with ExitStack() as stack:
-        try:
-            paths.state.mkdir(mode=0o700, parents=True, exist_ok=True)
-            lock = stack.enter_context(os.fdopen(open_private(paths.lock), "a"))
-        except OSError as error:
-            words = f"{error.filename or paths.state} cannot be used: {error.strerror}"
-            raise DaemonError(f"{words}; choose another directory with --state") from error
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            contact = paths.read_contact()
-            where = f", process {contact.pid}" if contact else ""
-            raise AlreadyRunning(f"a daemon already keeps {paths.state}{where}") from None
-        yield
 
 
 class _Daemon:
@@ -229,7 +209,7 @@ class _Daemon:
             keeper.start()
             stack.callback(keeper.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
-        contact = _ContactFile(self._paths, self._listening.socket, self._version)
+        contact = ContactFile(self._paths, self._listening.socket, self._version)
         stack.callback(contact.remove)
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stop.asked:
@@ -376,26 +356,6 @@ class _Daemon:
         if not local.wait(_LAST_MOMENT):
             local.signal(signal.SIGKILL)
             local.wait(_LAST_MOMENT)
-
-
-class _ContactFile:
-    """Says where the daemon is; written when there is room, found by the socket until then."""
-
-    def __init__(self, paths: StatePaths, endpoint: str, version: str) -> None:
-        self._path = paths.contact_file
-        self._contact = DaemonContact(endpoint, os.getpid(), version, time.time())
-        self._written = False
-
-    def write(self) -> None:
-        """Write it unless that is done, or there is no room for it."""
-        if not self._written:
-            with suppress(OSError):
-                write_atomically(self._path, codec.to_json(self._contact), mode=0o600)
-                self._written = True
-
-    def remove(self) -> None:
-        """Remove it."""
-        self._path.unlink(missing_ok=True)
 
 
 def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:
