@@ -165,9 +165,9 @@ class _Daemon:
         self._clock = DaemonClock()
         self._stalls = StallMeter(settings.tick)
         self._removing = False
+        self._request_limits = RequestLimits(log, listening.keys)
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
-        self._request_limits = RequestLimits(log, listening.keys)
         self._registry = WorkerRegistry(settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")

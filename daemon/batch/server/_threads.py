@@ -29,8 +29,6 @@ then is told to come again."""
 BUSY: Final = Unavailable(
     f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
 )
-
-
 _LEAVING: Final = Unavailable("the daemon is leaving: try again when it is back")
 
 
