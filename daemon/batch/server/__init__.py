@@ -6,11 +6,13 @@ from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
     EventLog,
+    StallMeter,
     exposure_warning,
     prepare_endpoints,
 )
 from daemon.batch.server._serve import STOP_MARGIN, serve
 from daemon.batch.server._submissions import admit_submission
+from daemon.batch.server._threads import LedgerJob, WriterThread
 from daemon.batch.server._turn_queue import TurnQueue
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import WorkerRegistry
@@ -23,10 +25,13 @@ __all__ = [
     "DaemonSettings",
     "EventLog",
     "FileUploads",
+    "LedgerJob",
     "RequestLimits",
+    "StallMeter",
     "TraceUploads",
     "TurnQueue",
     "WorkerRegistry",
+    "WriterThread",
     "admit_submission",
     "exposure_warning",
     "prepare_endpoints",
