@@ -120,9 +120,10 @@ def refuse_exposed_keys(folder: Path) -> None:
         )
 
 
-def open_private(path: Path, flags: int = os.O_WRONLY | os.O_APPEND) -> int:
-    """Return a descriptor of a file that is made for its owner alone; raises ``OSError``."""
-    return os.open(path, flags | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+def open_private(path: Path) -> int:
+    """Return a descriptor to add to a file that is made for its owner alone; raises ``OSError``."""
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+    return os.open(path, flags, 0o600)
 
 
 def open_private_log(path: Path) -> IO[bytes]:

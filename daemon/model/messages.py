@@ -17,7 +17,7 @@ from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec
 from daemon.model.status import PREFIX
 
 ASK: Final = f"{PREFIX}/ask"
-"""Questions are asked at ``ASK/<name>/<verb>``, under the name of the asker's key."""
+"""Questions are asked at ``ASK/<name>/<verb>``, under the name of the requester's key."""
 EVENTS: Final = f"{PREFIX}/event"
 LIVE: Final = f"{PREFIX}/live"
 """Snapshots are published at ``LIVE/<name>/<worker>``, those of one run below that."""

@@ -8,7 +8,7 @@ A run is a *cell* (everything that is the same for all repeats of a scenario wit
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Final, NamedTuple, TypeAlias, get_type_hints
 
@@ -120,21 +120,6 @@ def pack_submission(submission: Submission) -> PackedSubmission:
     )
 
 
-def unpack_submission(packed: PackedSubmission) -> Submission:
-    """Make the submission again; raises ``ValueError`` for a number that stands for nothing."""
-    runs, reserve = (tuple(_unpack_runs(packed, each)) for each in (packed.runs, packed.reserve))
-    same = (packed.campaign, packed.name, packed.about, packed.source)
-    return Submission(*same, runs, packed.scenes, packed.declared, reserve, packed.fresh)
-
-
-def _unpack_runs(packed: PackedSubmission, runs: Iterable[PackedRun]) -> Iterator[RunSpec]:
-    cells, scripts = packed.cells, packed.scripts
-    for cell, script, repeat, seed in runs:
-        if cell >= len(cells) or script >= len(scripts):
-            raise ValueError(f"there is no cell {cell} or no script {script} in the parcel")
-        yield replace(cells[cell], repeat=repeat, seed=seed, behaviours=scripts[script])
-
-
 _VARYING: Final = frozenset({"repeat", "behaviours", "seed"})
 """Fields of a run that are not its cell's, in the order of their declaration."""
 
@@ -164,7 +149,7 @@ class RunTexts:
         """The text of a run; raises ``ValueError`` for a number that stands for nothing."""
         cell, script, repeat, seed = run
         if cell >= len(self._cells) or script >= len(self._scripts):
-            raise ValueError(f"there is no cell {cell} or no script {script} in the parcel")
+            raise ValueError(f"there is no cell {cell} or no script {script} in the submission")
         head, middle, tail, end = self._cells[cell]
         return b"%b%d%b%b%b%d%b" % (head, repeat, middle, self._scripts[script], tail, seed, end)
 

@@ -29,7 +29,7 @@ from typing import Final, NoReturn
 
 from .child import adopt_orphans, die_with_parent, lower_session, session_niceness
 from .output_file import OutputFile
-from .remains import KILL_LIMIT, end_children
+from .remains import KILL_LIMIT, end_children, reap_children
 
 _TOLD_TO_END: Final = (signal.SIGTERM, signal.SIGQUIT)
 _NOT_ITS_BUSINESS: Final = (signal.SIGINT, signal.SIGHUP)
@@ -195,15 +195,9 @@ class _Guardian:
         return bool(data)
 
     def _reap(self) -> None:
-        while True:
-            try:
-                process, status = os.waitpid(-1, os.WNOHANG)
-            except ChildProcessError:
-                return
-            if not process:
-                return
+        for process, code in reap_children():
             if process == self._run:
-                self._code = os.waitstatus_to_exitcode(status)
+                self._code = code
 
     def _end(self) -> None:
         if not Path("/proc/self/stat").exists():

@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -34,6 +34,18 @@ def marked_processes(token: str) -> set[int]:
                 if mark in (process / "environ").read_bytes().split(b"\0"):
                     found.add(int(process.name))
     return found
+
+
+def reap_children() -> Iterator[tuple[int, int]]:
+    """Yield every child that has ended and its exit code, below 0 for a signal."""
+    while True:
+        try:
+            process, status = os.waitpid(-1, os.WNOHANG)
+        except ChildProcessError:
+            return
+        if not process:
+            return
+        yield process, os.waitstatus_to_exitcode(status)
 
 
 def send_signal(processes: Iterable[int], number: int) -> None:

@@ -44,6 +44,7 @@ from .remains import (
     descendants,
     end_container,
     marked_processes,
+    reap_children,
     send_signal,
 )
 from .shared_memory import remove_shared_memory
@@ -239,15 +240,8 @@ class Supervisor:
                     break
 
     def _reap(self) -> None:
-        while True:
-            try:
-                process, status = os.waitpid(-1, os.WNOHANG)
-            except ChildProcessError:
-                return
-            if not process:
-                return
+        for process, code in reap_children():
             role = self._children.pop(process, "")
-            code = os.waitstatus_to_exitcode(status)
             if role == "setup" and not self._ending:
                 self._drain_all()
                 self._setup_ended(code)

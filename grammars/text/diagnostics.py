@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final, TypeAlias
 
-from grammars.text.terminal_text import printable as printable
 from grammars.text.terminal_text import spell_out
 
 

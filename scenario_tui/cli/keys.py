@@ -206,15 +206,13 @@ def bundle(
 def _print_deliveries(campaigns: tuple[CampaignDeliveries, ...]) -> None:
     from datetime import datetime
 
-    from grammars.text.diagnostics import printable
-
     table = plain_table("CAMPAIGN", "NAME", "RUNS", "TAKEN AGAIN", "SINCE", "UNTIL")
     for one in campaigns:
         times = (
             f"{datetime.fromtimestamp(at).astimezone():%Y-%m-%d %H:%M}"
             for at in (one.first_at, one.last_at)
         )
-        table.add_row(one.campaign, printable(one.name), str(one.runs), str(one.cached), *times)
+        table.add_row(one.campaign, one.name, str(one.runs), str(one.cached), *times)
     stdout_console().print(table)
 
 

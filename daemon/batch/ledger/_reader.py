@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import re
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
@@ -15,6 +14,7 @@ from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._granted import require_lease
 from daemon.batch.ledger._keys import read_deliveries
+from daemon.batch.ledger._queries import campaign_filter, run_filter, run_order
 from daemon.batch.ledger._results import (
     SpecReader,
     find_trace,
@@ -43,53 +43,23 @@ from daemon.model.status import (
 )
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
-from grammars.text.diagnostics import did_you_mean
 
-_SEVERITY: Final = (
-    "CASE outcome WHEN 'fail' THEN 0 WHEN 'error' THEN 1 WHEN 'inconclusive' THEN 2"
-    " WHEN 'pass' THEN 3 ELSE 4 END"
-)
-_SORTABLE: Final = {
-    "index": "serial",
-    "campaign": "campaign",
-    "scenario": "scenario",
-    "sut": "sut",
-    "repeat": "repeat",
-    "state": "state",
-    "attempt": "attempt",
-    "worker": "worker",
-    "outcome": _SEVERITY,
-    "oracle": "oracle",
-    "margin": "margin",
-    "simulated": "simulated",
-    "limit": "time_limit",
-    "wall": "wall",
-}
 # Named like the fields of RunRow, and what its trace is found by.
 _ROW: Final = (
     'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
     " trace_at, repeatable, not_before, setbacks"
 )
-_TEXT: Final = (
-    "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
-)
-_WORDS: Final = ("scenario", "sut", "oracle", "id", "repeat", "reason")
-"""The columns of that text: what neither slash nor space is in stands in one of them."""
 _OUTCOMES: Final = {
     "passed": Outcome.PASS, "failed": Outcome.FAIL,
     "inconclusive": Outcome.INCONCLUSIVE, "errors": Outcome.ERROR,
 }  # fmt: skip
 """Outcomes by the names of their counts."""
-_WILD: Final = re.compile(r"[\\%_]")
-_ESCAPED: Final = r"\\\g<0>"
 _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
 
 
 _ALL_CAMPAIGNS: Final = CampaignQuery(limit=2**53)
-_AFTER_ANY_TEXT: Final = "\U0010ffff"
-"""Behind every text that begins with what stands before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +107,7 @@ class LedgerReader:
 
     def campaigns(self, query: CampaignQuery = _ALL_CAMPAIGNS) -> tuple[CampaignRow, ...]:
         """A page of campaigns, the newest first."""
-        where, values = _campaign_filter(query)
+        where, values = campaign_filter(query)
         rows = self._db.execute(
             "SELECT id, name, about, submitted_at, finished_at, total, cached, paused, priority"
             f" FROM campaign {where} ORDER BY serial DESC LIMIT ? OFFSET ?",
@@ -192,9 +162,9 @@ class LedgerReader:
 
         It has fewer than asked for when their texts are long: ``total`` says how many there are.
         """
-        where, values = _filter(query)
+        where, values = run_filter(query)
         rows = self._db.execute(
-            f"SELECT {_ROW} FROM run {where} ORDER BY {_order(query)} LIMIT ? OFFSET ?",
+            f"SELECT {_ROW} FROM run {where} ORDER BY {run_order(query)} LIMIT ? OFFSET ?",
             (*values, query.limit, query.offset),
         )
         found: list[RunRow] = []
@@ -350,55 +320,3 @@ def count_states(counts: Counter[str]) -> dict[str, int]:
 def _campaign_row(row: sqlite3.Row, counts: Counter[str]) -> CampaignRow:
     values: dict[str, Any] = dict(row) | {"paused": bool(row["paused"])} | count_states(counts)
     return CampaignRow(**values)
-
-
-def _campaign_filter(query: CampaignQuery) -> tuple[str, list[Any]]:
-    conditions: list[str] = ["finished_at IS NULL"] if query.unfinished else []
-    values: list[Any] = []
-    for column in ("id", "name"):
-        wanted = getattr(query, column)
-        if wanted:
-            conditions.append(f"{column} = ?")
-            values.append(wanted)
-    if query.beginning:
-        # By comparison, not LIKE: only that uses the index on ids.
-        conditions.append("id >= ? AND id < ?")
-        values += [query.beginning, query.beginning + _AFTER_ANY_TEXT]
-    return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
-
-
-def _order(query: RunQuery) -> str:
-    column = _SORTABLE.get(query.sort)
-    if column is None:
-        raise Refused(f"cannot sort by {query.sort!r}: {did_you_mean(query.sort, _SORTABLE)}")
-    if column == "serial" and query.campaign:
-        column = "position"  # the same order, and there is an index on it
-    order = f"{column} {'DESC' if query.descending else 'ASC'}"
-    if column == "margin":
-        order = f"margin IS NULL, {order}"  # what has none comes last, either way
-    return order if column in ("serial", "position") else f"{order}, serial"
-
-
-def _filter(query: RunQuery) -> tuple[str, list[Any]]:
-    conditions: list[str] = []
-    values: list[Any] = []
-    for column in ("campaign", "state", "outcome", "scenario", "sut"):
-        wanted = getattr(query, column)
-        if wanted:
-            _check_word(column, wanted)
-            conditions.append(f"{column} = ?")
-            values.append(wanted)
-    if query.text:
-        # Looking through 100,000 texts put together takes twice as long as through their parts.
-        columns = (f"({_TEXT})",) if set(query.text) & {"/", " "} else _WORDS
-        found = " OR ".join(f"{column} LIKE ? ESCAPE '\\'" for column in columns)
-        conditions.append(f"({found})")
-        values += [f"%{_WILD.sub(_ESCAPED, query.text)}%"] * len(columns)
-    return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
-
-
-def _check_word(column: str, word: str) -> None:
-    known: Iterable[str] = {"state": RunState, "outcome": Outcome}.get(column, ())
-    names = [str(name) for name in known]
-    if names and word not in names:
-        raise Refused(f"there is no {column} {word!r}: {did_you_mean(word, names)}")

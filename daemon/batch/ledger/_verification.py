@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError
+from daemon.batch.inputs import verify_file, verify_scene
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._inputs import referenced_inputs
 from daemon.batch.ledger._results import SpecReader, deciding_verdict
@@ -24,7 +25,6 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.model.ids import is_digest
 from daemon.model.spec import RunResult
-from grammars.model.scene import Scene
 from grammars.text import codec
 
 VerificationProgress: TypeAlias = Callable[[str, int, int], None]
@@ -110,9 +110,9 @@ def verify_contents(
         raise DaemonError(f"{paths.ledger} cannot be read: {error}") from error
     scenes = files = 0
     if not quick:
-        scenes = _verify_files(paths.scenes.glob("*.json"), "scenes", _is_scene, found, progress)
+        scenes = _verify_files(paths.scenes.glob("*.json"), "scenes", verify_scene, found, progress)
         kept = (path for path in paths.files.glob("*") if is_digest(path.name))
-        files = _verify_files(kept, "files", _is_file, found, progress)
+        files = _verify_files(kept, "files", verify_file, found, progress)
     missing = _missing(paths, waiting)
     return ContentReport(results, specs, scenes, files, seen, found.lines, missing)
 
@@ -292,28 +292,12 @@ def _verify_files(
     every = sorted(paths)
     for i, path in enumerate(every, start=1):
         try:
-            if not is_good(path):
+            if not is_good(path) and path.exists():  # else housekeeping was faster
                 found.add(f"{what} differ from their digest", str(path))
-        except FileNotFoundError:
-            pass  # housekeeping was faster
         except OSError as error:
             found.add(f"{what} cannot be read", f"{path} ({error.strerror})")
         progress(what, i, len(every))
     return len(every)
-
-
-def _is_scene(path: Path) -> bool:
-    data = path.read_bytes()
-    if hashlib.sha256(data).hexdigest() == path.stem:
-        return True
-    try:
-        return codec.from_json(Scene, data).digest == path.stem
-    except ValueError:
-        return False
-
-
-def _is_file(path: Path) -> bool:
-    return file_sha256(path) == path.name
 
 
 def _missing(paths: StatePaths, waiting: Iterable[str]) -> tuple[str, ...]:

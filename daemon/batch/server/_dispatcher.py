@@ -18,7 +18,7 @@ import zenoh
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.ledger import Steps
 from daemon.batch.security import strip_control_characters
-from daemon.batch.server._askers import Askers, holder_of, split_key
+from daemon.batch.server._request_limits import RequestLimits, holder_of, split_key
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import BUSY, LedgerJob, LedgerThread
 from daemon.model.messages import OWNER, ErrorReply
@@ -34,10 +34,10 @@ _LONGEST_KEY: Final = 200
 class VerbHandler:
     """What is done about a verb: ``act`` gets what the verb's thread owns of the ledger.
 
-    Its second argument is the request, its third the name of the asker's key, empty for the owner.
-    What takes long in the writer is done in :class:`daemon.batch.ledger.Steps`, which ``act``
-    returns. What takes long and needs no ledger a thread for that does first: then ``prepare``
-    makes of the request, as it came, what ``act`` gets.
+    Its second argument is the request, its third the name of the requester's key, empty for the
+    owner. What takes long in the writer is done in :class:`daemon.batch.ledger.Steps`, which
+    ``act`` returns. What takes long and needs no ledger a thread for that does first: then
+    ``prepare`` makes of the request, as it came, what ``act`` gets.
     """
 
     act: Callable[[Any, Any, str], object]
@@ -71,7 +71,7 @@ class RequestDispatcher:
     carrier: LedgerThread
     preparer: LedgerThread
     overload: LedgerThread
-    askers: Askers
+    limits: RequestLimits
 
     def on_query(self, query: zenoh.Query) -> None:
         """Find the thread and enqueue: the callback of the queryable."""
@@ -79,7 +79,7 @@ class RequestDispatcher:
         # and whatever takes long in it delays everybody, heartbeats included.
         name, word = split_key(str(query.key_expr))
         size = 0 if query.payload is None else len(query.payload)
-        no = self.askers.admit(name, size) if name else None
+        no = self.limits.admit(name, size) if name else None
         if no is not None:
             self._turn_away(query, no)
             return
@@ -131,7 +131,7 @@ class RequestDispatcher:
             return
         busy = LedgerJob(lambda _: BUSY, answer, asked.size, name=asked.name)
         if not self.overload.offer(busy):
-            self.askers.answered(asked.name, asked.size)
+            self.limits.answered(asked.name, asked.size)
 
     def _prepare(
         self,
@@ -147,14 +147,14 @@ class RequestDispatcher:
                 self._queue(
                     self._thread(verb),
                     asked,
-                    partial(_answer, verb, handler, request=value, asker=asked.holder),
+                    partial(_answer, verb, handler, request=value, requester=asked.holder),
                 )
 
         self._queue(self.preparer, asked, lambda _: prepare(_payload(verb, asked.query)), go_on)
 
     def _reply(self, asked: _Question, value: object) -> None:
-        self.askers.answered(asked.name, asked.size)
-        # The asker waits until the query is closed, whatever was replied.
+        self.limits.answered(asked.name, asked.size)
+        # The requester waits until the query is closed, whatever was replied.
         with asked.query as query:
             try:
                 if isinstance(value, bytes):
@@ -201,10 +201,10 @@ def read_request(verb: AnyVerb, payload: bytes) -> object:
 
 
 def _answer(
-    verb: AnyVerb, handler: VerbHandler, ledger: object, request: object, asker: str
+    verb: AnyVerb, handler: VerbHandler, ledger: object, request: object, requester: str
 ) -> object:
     # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
-    value = handler.act(ledger, request, asker)
+    value = handler.act(ledger, request, requester)
     if isinstance(value, Generator):
         return _answer_in_steps(verb, value)
     return codec.to_json(value, verb.answer)

@@ -10,13 +10,13 @@ from typing import Any, Final
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, Steps, count_states
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._admission import Quota
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._inputs import InputStore
+from daemon.batch.server._quota import Quota
 from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
 from daemon.batch.server._submissions import stage_request
 from daemon.batch.server._uploads import FileUploads, TraceUploads
-from daemon.batch.server._workers import MOST_WORKERS, WorkerRegistry
+from daemon.batch.server._workers import WorkerRegistry
 from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_id
@@ -48,7 +48,7 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.spec import ENGINE_VERSION, install_hint, own_version, version_text
+from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import (
     CampaignRow,
     DaemonOverview,
@@ -113,7 +113,6 @@ class Handlers:
     draining: bool = False
 
     def __post_init__(self) -> None:
-        self._identity = own_version()
         self._traces = TraceUploads(self.paths, self.log)
         self._files = FileUploads(self.paths, self.log)
         self._inputs = InputStore(self.paths, self.log)
@@ -193,9 +192,8 @@ class Handlers:
             raise Refused(f"there is no scene {request.id}: it was damaged")
         return scene
 
-    def welcome(self, _: LedgerReader, worker: WorkerInfo, asker: str) -> WelcomeReply:
-        self._check_version(worker)
-        self._check_holder(worker, asker)
+    def welcome(self, _: LedgerReader, worker: WorkerInfo, requester: str) -> WelcomeReply:
+        self.registry.check_identity(worker, requester)
         settings = self.settings
         return WelcomeReply(
             str(self.paths.state),
@@ -233,8 +231,10 @@ class Handlers:
             self.log.write("trace fetched", run=request.run, bytes=trace.size)
         return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
 
-    def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk, asker: str) -> UploadProgress:
-        return self._traces.add_chunk(ledger, chunk, holder=asker)
+    def upload(
+        self, ledger: LedgerReader, chunk: TraceUploadChunk, requester: str
+    ) -> UploadProgress:
+        return self._traces.add_chunk(ledger, chunk, holder=requester)
 
     def keep(self, ledger: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
         return self._files.add_chunk(ledger, chunk)
@@ -317,46 +317,46 @@ class Handlers:
         self.log.write("voided", key=request.id, runs=runs)
         return Count(runs)
 
-    def lease(self, ledger: LedgerWriter, request: LeaseRequest, asker: str) -> LeaseReply:
+    def lease(self, ledger: LedgerWriter, request: LeaseRequest, requester: str) -> LeaseReply:
         now = self.clock.now()
-        ledger.check_trusted(asker)
-        self._register_worker(ledger, request.worker, asker, now)
+        ledger.check_trusted(requester)
+        self._register_worker(ledger, request.worker, requester, now)
         if self.draining:
             return LeaseReply((), draining=True)
         if self.quota.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
         self._end_waits(ledger)
         worker = request.worker.id
-        slots = self.registry.slots(worker), self.registry.slots_of_holder(asker)
+        slots = self.registry.slots(worker), self.registry.slots_of_holder(requester)
         return LeaseReply(
             ledger.lease(
                 worker,
-                min(request.count, ledger.room_for_leases(worker, asker, slots)),
+                min(request.count, ledger.room_for_leases(worker, requester, slots)),
                 now,
                 store=self.settings.store,
                 lacks=request.lacks,
                 missing=self._inputs.missing,
-                holder=asker,
+                holder=requester,
             )
         )
 
-    def renew(self, ledger: LedgerWriter, request: RenewRequest, asker: str) -> RenewReply:
+    def renew(self, ledger: LedgerWriter, request: RenewRequest, requester: str) -> RenewReply:
         now = self.clock.now()
-        self._register_worker(ledger, request.worker, asker, now)
-        return RenewReply(ledger.renew(request.worker.id, request.holds, now, holder=asker))
+        self._register_worker(ledger, request.worker, requester, now)
+        return RenewReply(ledger.renew(request.worker.id, request.holds, now, holder=requester))
 
     def complete(
-        self, ledger: LedgerWriter, completion: Completion, asker: str
+        self, ledger: LedgerWriter, completion: Completion, requester: str
     ) -> LedgerAcknowledgement:
-        ledger.check_trusted(asker)
+        ledger.check_trusted(requester)
         # First the trace, then the result: a result in the ledger is a promise that its trace is
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
-        ledger.check_completion(completion, holder=asker)
+        ledger.check_completion(completion, holder=requester)
         self._traces.take_enclosed(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
-        answer = ledger.complete(completion, self.clock.now(), holder=asker)
+        answer = ledger.complete(completion, self.clock.now(), holder=requester)
         self._traces.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED and not completion.location:
             self.quota.add_bytes(completion.result.trace.size)
@@ -365,36 +365,21 @@ class Handlers:
         return LedgerAcknowledgement(answer)
 
     def release(
-        self, ledger: LedgerWriter, request: ReleaseRequest, asker: str
+        self, ledger: LedgerWriter, request: ReleaseRequest, requester: str
     ) -> LedgerAcknowledgement:
         if request.damaged:
             self._inputs.examine(request.damaged)
-        answer = ledger.release(request, self.clock.now(), holder=asker)
+        answer = ledger.release(request, self.clock.now(), holder=requester)
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)
 
-    def _check_version(self, worker: WorkerInfo) -> None:
-        # Results must not depend on who computed them, and trace bytes do depend on the version.
-        theirs = version_text(worker.version, worker.engine)
-        if theirs != self._identity:
-            raise Refused(
-                f"worker {worker.id} has {theirs}, this daemon {self._identity}: "
-                f"{install_hint(self._identity)}"
-            )
-
-    def _check_holder(self, worker: WorkerInfo, asker: str) -> None:
-        if not self.registry.may_be(worker.id, asker):
-            raise Refused(f"worker {worker.id} belongs to another key: choose another name for it")
-
     def _register_worker(
-        self, ledger: LedgerWriter, worker: WorkerInfo, asker: str, now: float
+        self, ledger: LedgerWriter, worker: WorkerInfo, requester: str, now: float
     ) -> None:
         # With every request rather than once: after a restart the registry is empty, and workers
         # do not notice restarts.
-        self._check_version(worker)
-        self._check_holder(worker, asker)
-        if self.registry.is_full(worker.id):
-            raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
-        if self.registry.record_contact(worker, now, asker):
+        self.registry.check_identity(worker, requester)
+        self.registry.check_room(worker.id)
+        if self.registry.record_contact(worker, now, requester):
             ledger.record_event(now, "worker", worker.id, state="came")
             self.log.write("worker came", worker=worker.id, slots=worker.slots)

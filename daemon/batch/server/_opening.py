@@ -16,8 +16,8 @@ from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerWriter, WalState, set_damaged_aside
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import secure_state
-from daemon.batch.server._askers import Askers
 from daemon.batch.server._dispatcher import RequestDispatcher, VerbHandler
+from daemon.batch.server._request_limits import RequestLimits
 from daemon.batch.server._runtime import DaemonSettings, EventLog, ListenSettings
 from daemon.batch.server._stopping import StopRequest
 from daemon.batch.server._threads import LedgerlessThread
@@ -109,7 +109,7 @@ class WaitingDaemon:
                 handlers[VERBS[name]] = VerbHandler(_for_anybody(getattr(self, name)))
             threads = (thread,) * 5
             dispatcher = RequestDispatcher(
-                handlers, self._log, *threads, askers=Askers(self._log, listening.keys)
+                handlers, self._log, *threads, limits=RequestLimits(self._log, listening.keys)
             )
             stack.enter_context(session.declare_queryable(f"{ASK}/**", dispatcher.on_query))
             while True:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version as installed_version
@@ -17,18 +16,18 @@ from typing import Final
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.errors import AlreadyRunning, DaemonError, Unavailable
+from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.paths import DaemonContact, StatePaths, is_encrypted
-from daemon.batch.permissions import open_private
-from daemon.batch.server._admission import Quota
-from daemon.batch.server._askers import Askers, holder_of
+from daemon.batch.paths import StatePaths, is_encrypted
+from daemon.batch.server._acceptor_process import AcceptorProcess
 from daemon.batch.server._checkpoints import IdleCheckpoints
+from daemon.batch.server._contact import ContactFile, hold_alone
 from daemon.batch.server._dispatcher import RequestDispatcher
-from daemon.batch.server._door import Door
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
+from daemon.batch.server._quota import Quota
+from daemon.batch.server._request_limits import RequestLimits, holder_of
 from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
@@ -53,7 +52,6 @@ from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent
 from grammars.text import codec
-from grammars.text.files import write_atomically
 
 _LAST_MOMENT: Final = 3.0
 """Seconds a worker has to give its runs back, and then to be killed."""
@@ -94,7 +92,7 @@ def serve(
     settings = _checked(settings or DaemonSettings())
     paths = StatePaths.find(state)
     with ExitStack() as stack:
-        stack.enter_context(_only_one(paths))
+        stack.enter_context(hold_alone(paths))
         log = EventLog(paths.log)
         stack.callback(log.close)
         listening = prepare_endpoints(paths, listen, keys, insecure=insecure)
@@ -148,24 +146,6 @@ def _open(
         return WaitingDaemon(paths, stop, log).wait(listening, opening)
 
 
-@contextmanager
-def _only_one(paths: StatePaths) -> Iterator[None]:
-    with ExitStack() as stack:
-        try:
-            paths.state.mkdir(mode=0o700, parents=True, exist_ok=True)
-            lock = stack.enter_context(os.fdopen(open_private(paths.lock), "a"))
-        except OSError as error:
-            words = f"{error.filename or paths.state} cannot be used: {error.strerror}"
-            raise DaemonError(f"{words}; choose another directory with --state") from error
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            contact = paths.read_contact()
-            where = f", process {contact.pid}" if contact else ""
-            raise AlreadyRunning(f"a daemon already keeps {paths.state}{where}") from None
-        yield
-
-
 class _Daemon:
     def __init__(
         self,
@@ -185,9 +165,9 @@ class _Daemon:
         self._clock = DaemonClock()
         self._stalls = StallMeter(settings.tick)
         self._removing = False
+        self._request_limits = RequestLimits(log, listening.keys)
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
-        self._askers = Askers(log, listening.keys)
         self._registry = WorkerRegistry(settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
@@ -216,27 +196,27 @@ class _Daemon:
     def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
         """Open the bus, work, leave; ``stack`` closes what was opened."""
         self._local = local
-        door = self._open_door(stack)
+        acceptor = self._start_acceptor(stack)
         session = stack.enter_context(
-            bus.open_router(self._zenoh_endpoints(door), self._listening.keys)
+            bus.open_router(self._zenoh_endpoints(acceptor), self._listening.keys)
         )
         self._hint = lambda: _publish_hint(session)
         remove_remains(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
-        if door is not None:
-            door.supervise()
+        if acceptor is not None:
+            acceptor.supervise()
         for keeper in (self._quota, Housekeeping(self._paths, self._log)):
             keeper.start()
             stack.callback(keeper.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
-        contact = _ContactFile(self._paths, self._listening.socket, self._version)
+        contact = ContactFile(self._paths, self._listening.socket, self._version)
         stack.callback(contact.remove)
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stop.asked:
             contact.write()
-            self._askers.look()
-            if door is not None:
-                door.supervise()
+            self._request_limits.look()
+            if acceptor is not None:
+                acceptor.supervise()
             if local is not None:
                 local.supervise()
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
@@ -248,19 +228,19 @@ class _Daemon:
         self._leave(local)
         self._log.write("stopped")
 
-    def _open_door(self, stack: ExitStack) -> Door | None:
+    def _start_acceptor(self, stack: ExitStack) -> AcceptorProcess | None:
         """Listen where keys are asked for; Zenoh does so behind it."""
         address = self._listening.address
         if not is_encrypted(address):
             return None
-        door = Door(address, self._log)
-        stack.callback(door.close)
-        return door
+        acceptor = AcceptorProcess(address, self._log)
+        stack.callback(acceptor.close)
+        return acceptor
 
-    def _zenoh_endpoints(self, door: Door | None) -> tuple[str, ...]:
-        if door is None:
+    def _zenoh_endpoints(self, acceptor: AcceptorProcess | None) -> tuple[str, ...]:
+        if acceptor is None:
             return self._listening.endpoints
-        return (self._listening.socket, door.behind)
+        return (self._listening.socket, acceptor.behind)
 
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
@@ -291,7 +271,7 @@ class _Daemon:
             carrier,
             preparer,
             overload,
-            self._askers,
+            self._request_limits,
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
@@ -376,26 +356,6 @@ class _Daemon:
         if not local.wait(_LAST_MOMENT):
             local.signal(signal.SIGKILL)
             local.wait(_LAST_MOMENT)
-
-
-class _ContactFile:
-    """Says where the daemon is; written when there is room, found by the socket until then."""
-
-    def __init__(self, paths: StatePaths, endpoint: str, version: str) -> None:
-        self._path = paths.contact_file
-        self._contact = DaemonContact(endpoint, os.getpid(), version, time.time())
-        self._written = False
-
-    def write(self) -> None:
-        """Write it unless that is done, or there is no room for it."""
-        if not self._written:
-            with suppress(OSError):
-                write_atomically(self._path, codec.to_json(self._contact), mode=0o600)
-                self._written = True
-
-    def remove(self) -> None:
-        """Remove it."""
-        self._path.unlink(missing_ok=True)
 
 
 def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:

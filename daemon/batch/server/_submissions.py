@@ -1,6 +1,6 @@
 """What the daemon admits of submissions: those that make sense, made ready for the ledger.
 
-Reading, checking and fingerprinting a million runs takes Python half a minute. A large submission
+Reading, checking and digesting a million runs takes Python half a minute. A large submission
 is admitted in a process of its own (:mod:`daemon.batch.server._admission_process`): in ours it
 would keep every other thread waiting, and leases with it.
 """
@@ -160,7 +160,7 @@ class _CheckedCells:
         if cell >= len(self._cells) or script >= len(self._packed.scripts):
             raise Refused(
                 "the request is malformed: "
-                f"there is no cell {cell} or no script {script} in the parcel"
+                f"there is no cell {cell} or no script {script} in the submission"
             )
         for problem in self._wrong[cell]:
             yield f"{self._label(run)}{problem}"

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from daemon.batch.errors import Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.server._askers import TurnQueue
 from daemon.batch.server._checkpoints import IdleCheckpoints
+from daemon.batch.server._turn_queue import TurnQueue
 from daemon.model.messages import OWNER
 from daemon.model.status import ChangeEvent
 
@@ -29,8 +29,6 @@ then is told to come again."""
 BUSY: Final = Unavailable(
     f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
 )
-
-
 _LEAVING: Final = Unavailable("the daemon is leaving: try again when it is back")
 
 
@@ -173,7 +171,7 @@ class WriterThread(LedgerThread):
     def _work(self, batch: list[LedgerJob]) -> None:
         try:
             with self._ledger.transaction():
-                # An error is its value: the asker is told; what is no refusal goes to the log too.
+                # An error is its value, and its answer; what is no refusal goes to the log too.
                 values = [self._ledger.attempt(job.act) for job in batch]
         except Unavailable as failure:
             values = [failure for _ in batch]
@@ -193,7 +191,7 @@ class WriterThread(LedgerThread):
         try:
             with self._ledger.transaction():
                 over, value = _slice(steps)
-        except Exception as failure:  # the asker is told; what is no refusal goes to the log too
+        except Exception as failure:  # it is the answer; what is no refusal goes to the log too
             over, value = True, failure
         if self._ledger.events:
             self._publish(self._ledger.events)
@@ -232,7 +230,7 @@ class ReaderThread(LedgerThread):
             with self._reader.snapshot():
                 return job.act(self._reader)
         except Exception as error:
-            return error  # the asker is told; what is no refusal goes to the log too
+            return error  # it is the answer; what is no refusal goes to the log too
 
 
 class LedgerlessThread(LedgerThread):
@@ -244,7 +242,7 @@ class LedgerlessThread(LedgerThread):
             try:
                 value = job.act(None)
             except Exception as error:
-                value = error  # the asker is told; what is no refusal goes to the log too
+                value = error  # it is the answer; what is no refusal goes to the log too
             job.done(value)
 
 

@@ -13,12 +13,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
+from daemon.batch.errors import Refused
 from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
 from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import WorkerInfo
+from daemon.model.spec import install_hint, own_version, version_text
 from daemon.model.status import WorkerRow
 
 MOST_WORKERS: Final = 4096
@@ -56,22 +58,36 @@ class WorkerRegistry:
 
     A worker not heard of for ``silence`` seconds is away, whatever its connection says. Being away
     costs it nothing: its leases last as long as they do. It is forgotten when it has none any more.
+    Workers must have our ``version``.
     """
 
     silence: float
+    version: str = field(default_factory=own_version)
     _entries: dict[str, _KnownWorker] = field(default_factory=dict)
     # Asked by the ledger's threads, told by Zenoh's callbacks.
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def is_full(self, worker: str) -> bool:
-        """Whether there is no room for this worker."""
+    def check_room(self, worker: str) -> None:
+        """Refuse one worker too many."""
         with self._lock:
-            return worker not in self._entries and len(self._entries) >= MOST_WORKERS
+            if worker not in self._entries and len(self._entries) >= MOST_WORKERS:
+                raise Refused(f"worker {worker} has to wait: there are {MOST_WORKERS} already")
 
-    def may_be(self, worker: str, holder: str) -> bool:
-        """Whether ``holder`` may call a worker so: nobody else does, or did until lately."""
+    def check_identity(self, worker: WorkerInfo, holder: str) -> None:
+        """Refuse a worker of another version, or one whose id is that of another key's worker."""
+        # Results must not depend on who computed them, and trace bytes do depend on the version.
+        theirs = version_text(worker.version, worker.engine)
+        if theirs != self.version:
+            raise Refused(
+                f"worker {worker.id} has {theirs}, this daemon {self.version}: "
+                f"{install_hint(self.version)}"
+            )
         with self._lock:
-            return worker not in self._entries or self._entries[worker].holder == holder
+            entry = self._entries.get(worker.id)
+            if entry is not None and entry.holder != holder:
+                raise Refused(
+                    f"worker {worker.id} belongs to another key: choose another name for it"
+                )
 
     def slots(self, worker: str) -> int:
         """Return how many slots a worker says it has, as far as that is believed."""

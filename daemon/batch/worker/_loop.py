@@ -7,7 +7,7 @@ key; whoever executes it is told by a file in the attempt's folder, and makes th
 
 What becomes of a lease here:
 
-    leased ──▶ executing ──▶ finished: outbox ──▶ delivered, forgotten
+    leased ──▶ executing ──▶ finished ──▶ delivered, forgotten
        │           ├───────▶ ended without a result: released, blamed or not
        │           └───────▶ not wanted any more (cancelled, another was first): stopped, forgotten
        └─ no disk, no process, no scene: released, not blamed
@@ -35,6 +35,7 @@ from daemon.batch.worker._connection import (
     InputDamaged,
     WorkerPaths,
 )
+from daemon.batch.worker._deliveries import Deliveries
 from daemon.batch.worker._live import LivePublisher
 from daemon.batch.worker._signals import WorkerSignals
 from daemon.batch.worker._trouble import WorkerTrouble
@@ -48,7 +49,7 @@ from daemon.model.messages import (
     RenewRequest,
     WorkerInfo,
 )
-from daemon.model.verbs import LEASE, RELEASE, RENEW
+from daemon.model.verbs import LEASE, RENEW
 
 _POLL: Final = 1.0
 """Seconds between two requests for work: hints that there is some are sent once, unconfirmed."""
@@ -65,8 +66,6 @@ _LEAVE_TIMEOUT: Final = 10.0
 
 Traces that are on their way go on.
 """
-
-
 _LEASING: Final = "lease"
 _Answer: TypeAlias = Future[Any]
 
@@ -91,6 +90,12 @@ class WorkerLoop:
         self._info = info
         self._paths = paths.state
         self._uploader = ResultUploader(daemon, info(0).id, paths, log)
+        self._asks = BackgroundAsks()
+        # Of executing, and of delivering: each is over when that succeeds.
+        self._trouble, undelivered = (WorkerTrouble(log, self._renew_soon) for _ in range(2))
+        self._deliveries = Deliveries(
+            daemon, self._uploader, self._asks, undelivered, info(0).id, log
+        )
         self._inputs = InputCache(daemon, paths, self._renew_between)
         # Leased, not started yet: scenes and files for those before are fetched, or, over a long
         # way, leased ahead so that no slot waits for an answer. Renewed like those that run.
@@ -102,17 +107,11 @@ class WorkerLoop:
         self._renew_period = renew
         self._log = log
         self._executions: list[Execution] = []
-        self._outbox: list[Attempt] = []
-        self._releases: list[ReleaseRequest] = []
         self._renew_at = 0.0
         self._lease_at = 0.0
         self._silent_until = 0.0
-        self._asks = BackgroundAsks()
         self._pace = LeasePace()
         self._begun: dict[int, float] = {}
-        # Of executing, and of delivering: each is over when that succeeds.
-        self._trouble = WorkerTrouble()
-        self._undelivered = WorkerTrouble()
         self._shortage = ""
         self._leave_by = 0.0
         self._moved = 0
@@ -143,14 +142,14 @@ class WorkerLoop:
             self._moved, self._leave_by = self._uploader.moved, 0.0
         self._leave_by = self._leave_by or now + _LEAVE_TIMEOUT
         # An answer under way may grant runs: they are given back before it leaves.
-        owed = self._outbox or self._releases or self._leased or len(self._asks)
+        owed = self._deliveries.pending or self._leased or len(self._asks)
         return now > self._leave_by or not owed
 
     def _wait(self) -> None:
         now = time.monotonic()
         moments = [now + _POLL, max(self._renew_at, self._silent_until)]
         moments += [execution.deadline for execution in self._executions]
-        troubles = (self._trouble, self._undelivered)
+        troubles = (self._trouble, self._deliveries.trouble)
         moments += [trouble.until for trouble in troubles if trouble.until > now]
         if len(self._asks) and self._renew_at <= now:
             # The renewal waits for the answers under way, and those wake this loop.
@@ -181,54 +180,40 @@ class WorkerLoop:
         begun = self._begun.pop(execution.attempt.lease.token, time.monotonic())
         if execution.attempt.finished:
             self._pace.ran(time.monotonic() - begun)
-            self._recovered(self._trouble)
-            self._outbox.append(execution.attempt)
+            self._trouble.clear()
+            self._deliveries.finished.append(execution.attempt)
         elif end.sut_missing:
             self._give_back_missing_sut(execution.attempt, end.why)
         else:
             if not end.counts:
-                self._met(self._trouble, end.why)
-            self._give_back(execution.attempt, end.why, blame=end.counts)
+                self._trouble.note(end.why)
+            self._deliveries.give_back_attempt(execution.attempt, end.why, blame=end.counts)
         execution.close()
 
-    def _met(self, trouble: WorkerTrouble, words: str) -> None:
-        """Leave off for a while because of a trouble; the daemon is told."""
-        if not trouble.words:
-            self._renew_at = 0.0
-        # The end says what it was; before it comes what the run printed.
-        trouble.note((words.strip() or "a run was not executed").splitlines()[-1])
-
-    def _recovered(self, trouble: WorkerTrouble) -> None:
-        if trouble.words:
-            self._log(f"over: {trouble.words}")
-            trouble.clear()
-            self._renew_at = 0.0
+    def _renew_soon(self) -> None:
+        """Tell the daemon what has changed about this worker."""
+        self._renew_at = 0.0
 
     def _give_back_missing_sut(self, attempt: Attempt, why: str) -> None:
         """Give a run back whose system under test is not installed here, and lease no such."""
         kind, me = attempt.lease.spec.sut.kind, self._info(0)
         remedy = f'install what brings the system under test "{kind}" for worker {me.id}'
         self._missing_suts[kind] = f"{remedy} on {me.host}, and start it again"
-        self._give_back(attempt, f"{why}\n{remedy} on {me.host}, and start it again", blame=False)
-
-    def _give_back(self, attempt: Attempt, why: str, *, blame: bool) -> None:
-        lease = attempt.lease
-        self._log(f"{lease.run} attempt {lease.attempt}: {why}")
-        self._releases.append(ReleaseRequest(self._info(0).id, lease.run, lease.token, why, blame))
-        attempt.discard()
+        words = f"{why}\n{remedy} on {me.host}, and start it again"
+        self._deliveries.give_back_attempt(attempt, words, blame=False)
 
     def _talk_to_daemon(self) -> None:
         self._take_answers()
         if time.monotonic() < self._silent_until:
             return
-        self._send_releases()
+        self._deliveries.send_releases()
         try:
             if time.monotonic() >= self._renew_at:
                 # A renewal lists all that is held here: a run that is being granted meanwhile would
                 # not be on the list and taken back, one whose result is being taken would be on it
                 # and gone. So it goes alone, and nothing new is asked until it has gone.
-                self._adopt()
-                if len(self._asks) or self._releases:
+                self._deliveries.adopt(self._spool.adopt())
+                if len(self._asks) or self._deliveries.releases:
                     return
                 self._renew()
         except (Unreachable, Refused) as error:
@@ -243,10 +228,10 @@ class WorkerLoop:
         """Renew while something large is fetched, when it is due."""
         if time.monotonic() < self._renew_at:
             return
-        self._send_releases()
+        self._deliveries.send_releases()
         self._asks.wait()
         self._take_answers()
-        if not self._releases:
+        if not self._deliveries.releases:
             self._renew()
 
     def _take_answers(self) -> None:
@@ -260,17 +245,9 @@ class WorkerLoop:
         if key == _LEASING:
             self._take_grants(answer)
         elif isinstance(key, ReleaseRequest):
-            try:
-                answer.result()
-            except Refused as error:
-                # Somebody else's by now, or forgotten: there is nothing left to give back.
-                self._log(f"{key.run}: {error}")
-            if key in self._releases:  # else it was sent twice, while something was fetched
-                self._releases.remove(key)
-        else:
-            attempt = next((one for one in self._outbox if one.lease.token == key), None)
-            if attempt is not None:
-                self._take_acknowledgement(attempt, answer)
+            self._deliveries.take_release_answer(key, answer)
+        elif isinstance(key, int):
+            self._deliveries.take_result_answer(key, answer)
 
     def _not_answered(self, error: DaemonError) -> None:
         if isinstance(error, Unreachable):
@@ -282,52 +259,12 @@ class WorkerLoop:
         self._refusal = str(error)
         self._silent_until = time.monotonic() + _POLL
 
-    def _send_releases(self) -> None:
-        for release in self._releases:
-            if release not in self._asks:
-                self._asks.start(release, partial(self._daemon.ask, RELEASE, release))
-
-    def _adopt(self) -> None:
-        """Take over what dead workers left, whenever leases are renewed."""
-        if time.monotonic() < self._renew_at:
-            return
-        left = self._spool.adopt()
-        self._outbox += left.finished
-        # Certain, unlike a connection that is lost: nobody holds the lock of that spool.
-        me = self._info(0).id
-        self._releases += [
-            ReleaseRequest(me, lease.run, lease.token, "its worker died", blame=False)
-            for lease in left.unfinished
-        ]
-
     def _deliver(self) -> None:
-        if time.monotonic() < self._undelivered.until:
-            return
-        # After trouble one tries whether it is over.
-        for attempt in self._outbox[: 1 if self._undelivered.words else None]:
-            token = attempt.lease.token
-            if token not in self._asks:
-                self._asks.start(token, partial(self._uploader.deliver, attempt))
-
-    def _take_acknowledgement(self, attempt: Attempt, answer: _Answer) -> None:
-        try:
-            delivered = answer.result()
-        except (Refused, ValueError) as error:
-            # Never to be taken: not a run of this ledger, or damaged in the spool.
-            self._outbox.remove(attempt)
-            self._give_back(attempt, f"the result was not taken: {error}", blame=True)
-        except OSError as error:
-            # A full disk, say: the spool keeps it.
-            self._log(f"{attempt.lease.run}: delivered later, {error}")
-            self._met(self._undelivered, f"results cannot be delivered: {error}")
-        else:
-            if delivered:  # else it is a large trace: the next turn of it comes
-                self._recovered(self._undelivered)
-                self._outbox.remove(attempt)
-                attempt.discard()
+        if time.monotonic() >= self._deliveries.trouble.until:
+            self._deliveries.send_results()
 
     def _busy(self) -> WorkerInfo:
-        own = (self._shortage, self._trouble.words, self._undelivered.words)
+        own = (self._shortage, self._trouble.words, self._deliveries.trouble.words)
         words = (*own, self._backend.trouble)
         trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
         return replace(self._info(len(self._executions)), trouble=trouble)
@@ -335,7 +272,7 @@ class WorkerLoop:
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
             return
-        attempts = [execution.attempt for execution in self._executions] + self._outbox
+        attempts = [execution.attempt for execution in self._executions] + self._deliveries.finished
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
         reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds))
@@ -354,7 +291,7 @@ class WorkerLoop:
         self._live.forget(execution.attempt.lease.run)
         execution.close()
         if execution.attempt.finished:  # in that very moment
-            self._outbox.append(execution.attempt)
+            self._deliveries.finished.append(execution.attempt)
         else:
             execution.attempt.discard()
 
@@ -364,12 +301,13 @@ class WorkerLoop:
         wanted = min(slots + self._pace.ahead(slots) - held, _MOST_LEASED)
         if slots <= 0 or wanted <= 0 or self._signals.drain or _LEASING in self._asks:
             return
-        if time.monotonic() < max(self._lease_at, self._trouble.until, self._undelivered.until):
+        pauses = (self._trouble.until, self._deliveries.trouble.until)
+        if time.monotonic() < max(self._lease_at, *pauses):
             return
         if self._is_disk_short():
             self._lease_at = time.monotonic() + _LOOK_AT_DISK
             return
-        if self._trouble.words or self._undelivered.words:
+        if self._trouble.words or self._deliveries.trouble.words:
             # One run tries whether it is over.
             if held:
                 return
@@ -400,9 +338,8 @@ class WorkerLoop:
         # A worker that leaves, or is in trouble, keeps no run from others that it has not begun.
         troubled = self._trouble.words and len(self._leased) > 1
         if self._leased and (self._signals.drain or troubled):
-            me, why = self._info(0).id, "" if troubled else "the worker was stopped"
             for lease in self._leased:
-                self._releases.append(ReleaseRequest(me, lease.run, lease.token, why, blame=False))
+                self._deliveries.give_back(lease, "" if troubled else "the worker was stopped")
             self._leased.clear()
         self._fill_slots()
 
@@ -429,18 +366,17 @@ class WorkerLoop:
             self._log(f"{lease.run}: not started, {error}")
             words = f"not started: {error}"
             damaged = error.digest if isinstance(error, InputDamaged) else ""
-            release = (self._info(0).id, lease.run, lease.token, words)
-            self._releases.append(ReleaseRequest(*release, blame=False, damaged=damaged))
-            self._met(self._trouble, words)
+            self._deliveries.give_back(lease, words, damaged=damaged)
+            self._trouble.note(words)
 
     def _give_up(self) -> None:
         for execution in self._executions:
             execution.kill("the worker was stopped")
             if execution.attempt.finished:
-                self._outbox.append(execution.attempt)
+                self._deliveries.finished.append(execution.attempt)
             else:
                 why = execution.end.why if execution.end is not None else ""
-                self._give_back(execution.attempt, why, blame=False)
+                self._deliveries.give_back_attempt(execution.attempt, why, blame=False)
             execution.close()
         self._executions.clear()
         deadline = time.monotonic() + _LAST_WORDS
@@ -448,12 +384,12 @@ class WorkerLoop:
         self._take_answers()
         self._start_leased()  # gives them back
         self._silent_until = 0.0
-        while self._releases or self._outbox or _LEASING in self._asks:
-            self._send_releases()
+        while self._deliveries.pending or _LEASING in self._asks:
+            self._deliveries.send_releases()
             self._deliver()
             self._asks.wait(max(0.0, deadline - time.monotonic()))
             self._take_answers()
-            if self._undelivered.words or self._silent_until or time.monotonic() > deadline:
+            if self._deliveries.trouble.words or self._silent_until or time.monotonic() > deadline:
                 self._log("left without telling the daemon all: results stay in the spool")
                 return
 

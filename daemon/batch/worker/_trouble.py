@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import time
+from collections.abc import Callable
 from typing import Final
 
 from daemon.model.messages import LONGEST_TROUBLE
@@ -19,9 +20,16 @@ class WorkerTrouble:
     """A trouble of the worker's surroundings: a full disk, no process to be had, a damaged scene.
 
     Each time it is met again, after a pause, the next pause is twice as long; one success ends it.
+    ``changed`` is called when it begins and when it ends, which ``log`` gets too.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        log: Callable[[str], None] = lambda _: None,
+        changed: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._log = log
+        self._changed = changed
         self.words = ""
         """What it is, empty when there is none."""
         self.until = 0.0
@@ -29,8 +37,11 @@ class WorkerTrouble:
         self._pause = 0.0
 
     def note(self, words: str) -> None:
-        """It was met."""
-        self.words = words.strip()[-LONGEST_TROUBLE:] or "unknown trouble"
+        """It was met; of several lines the last says what it was, as what ends a run does."""
+        if not self.words:
+            self._changed()
+        last = (words.strip() or "a run was not executed").splitlines()[-1]
+        self.words = last[-LONGEST_TROUBLE:]
         now = time.monotonic()
         if now < self.until:
             return  # of what was under way when the pause began
@@ -39,4 +50,7 @@ class WorkerTrouble:
 
     def clear(self) -> None:
         """Something succeeded."""
+        if self.words:
+            self._log(f"over: {self.words}")
+            self._changed()
         self.words, self.until, self._pause = "", 0.0, 0.0

@@ -15,7 +15,6 @@ from daemon.model.packed_submission import (
     PackedSubmission,
     pack_submission,
     submission_digest,
-    unpack_submission,
 )
 from daemon.model.spec import RunSpec
 from daemon.model.status import Submission
@@ -29,11 +28,11 @@ def submission(campaigns: Path) -> Submission:
     return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
 
 
-def test_unpacked_it_is_the_submission_again(submission: Submission) -> None:
-    travelled = codec.from_json(PackedSubmission, codec.to_json(pack_submission(submission)))
-    assert unpack_submission(travelled) == submission
+def test_on_the_bus_nothing_of_it_is_lost(submission: Submission) -> None:
     spare = replace(submission, runs=submission.runs[:1], reserve=submission.runs[1:])
-    assert unpack_submission(pack_submission(spare)) == spare
+    for one in (submission, spare):
+        travelled = codec.from_json(PackedSubmission, codec.to_json(pack_submission(one)))
+        assert submission_digest(travelled) == codec.digest(one)
 
 
 def test_digests_are_those_of_what_is_written_out(submission: Submission) -> None:
@@ -72,8 +71,6 @@ def _repeated(submission: Submission, times: int) -> Submission:
 def test_a_number_for_nothing_is_refused(packed: tuple[int, int, int, int]) -> None:
     packed_form = pack_submission(submission_of("c", make_spec()))
     text = codec.to_json(packed_form).replace(b"[0,0,0,0]", str(list(packed)).encode())
-    with pytest.raises(ValueError, match="no cell"):
-        unpack_submission(codec.from_json(PackedSubmission, text))
     with pytest.raises(ValueError, match="no cell"):
         submission_digest(codec.from_json(PackedSubmission, text))
 

@@ -14,8 +14,7 @@ import pytest
 
 from daemon.batch.errors import DaemonError, KeysUnusable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.operation import DoctorFinding, FindingLevel, examine
-from daemon.batch.operation._checks import check_keys
+from daemon.batch.operation import DoctorFinding, FindingLevel, check_keys, examine
 from daemon.batch.paths import Endpoint, StatePaths, find_endpoint
 from daemon.batch.permissions import refuse_exposed_keys
 from daemon.model.messages import Completion

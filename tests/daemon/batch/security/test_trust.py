@@ -18,13 +18,13 @@ import pytest
 import zenoh
 
 from daemon.batch import bus
+from daemon.batch.acceptor import MOST_GREETED, MOST_SILENT_EACH
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.port import MOST_GREETED, MOST_SILENT_EACH
 from daemon.batch.security import Credentials, Role, find_credentials, find_daemon_credentials
 from daemon.batch.security.authority import create_authority, issue_key, revoke_key
-from daemon.batch.server import MOST_WAITING, Door, EventLog
+from daemon.batch.server import MOST_WAITING, AcceptorProcess, EventLog
 from daemon.model import verbs
 from daemon.model.messages import (
     ASK,
@@ -320,9 +320,9 @@ def test_it_listens_at_addresses_of_either_kind(keys: Path, tmp_path: Path) -> N
             pytest.skip("there is no IPv6 here")
         port = probe.getsockname()[1]
     log = EventLog(tmp_path / "log")
-    door = Door(f"tls/[::]:{port}", log)
-    with bus.open_router([door.behind], find_daemon_credentials(keys)) as _, closing(door):
-        door.supervise()
+    acceptor = AcceptorProcess(f"tls/[::]:{port}", log)
+    with bus.open_router([acceptor.behind], find_daemon_credentials(keys)) as _, closing(acceptor):
+        acceptor.supervise()
         context = ssl.create_default_context(cafile=str(keys / "ca.pem"))
         context.load_cert_chain(keys / "viewer" / "cert.pem", keys / "viewer" / "key.pem")
         for host in ("::1", "127.0.0.1"):
@@ -339,4 +339,4 @@ def test_an_address_that_is_taken_is_said(keys: Path, tmp_path: Path) -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as taken, closing(log):
         port = taken.getsockname()[1]
         with pytest.raises(DaemonError, match=f"cannot listen at tls/127.0.0.1:{port}"):
-            Door(f"tls/127.0.0.1:{port}", log)
+            AcceptorProcess(f"tls/127.0.0.1:{port}", log)

@@ -14,10 +14,9 @@ from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
+from daemon.batch.server import LedgerJob, StallMeter, WriterThread
 from daemon.batch.server import _submissions as submissions
 from daemon.batch.server import _threads as threads
-from daemon.batch.server._runtime import StallMeter
-from daemon.batch.server._threads import LedgerJob, WriterThread
 from daemon.model.packed_submission import pack_submission
 from grammars.text import codec
 from tests.chaos.light import LightWorker

@@ -7,14 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-FAULTS_EACH: Final = 10.0
-FAULTS: Final = 12.0
-"""Handshakes that fail at once, of one address and of all whose handshakes never succeeded; each
-second gives back so many. Zenoh stands ten a second, and a worker with a bad key tries twice."""
-_FORGIVEN_EACH: Final = 3.0
-_FORGIVEN: Final = 5.0
+FAILURES_EACH: Final = 10.0
+FAILURES: Final = 12.0
+"""Handshakes that may fail at once, of one address and of all whose handshakes never succeeded.
+Zenoh takes ten failures a second, and a worker with a bad key makes two."""
+_RECOVERED_EACH: Final = 3.0
+_RECOVERED: Final = 5.0
+"""How many more may fail with each second that passes."""
 _MOST_KNOWN: Final = 4096
-"""Addresses that are remembered, those with faults and those known for a handshake."""
+"""Addresses that are remembered, those with failures and those known for a handshake."""
 
 
 @dataclass(slots=True)
@@ -36,40 +37,40 @@ class _Allowance:
         return self.left
 
 
-class Patience:
-    """What is borne of each address, and of strangers: those whose handshakes never succeeded.
+class FailureLimits:
+    """Failures of each address, and of strangers: those whose handshakes never succeeded.
 
     Whatever strangers do, addresses that are known for a handshake are not kept out by it.
     """
 
     def __init__(self, now: float) -> None:
         self._each: dict[str, _Allowance] = {}
-        self._common = _Allowance(FAULTS, _FORGIVEN, now)
+        self._common = _Allowance(FAILURES, _RECOVERED, now)
         self._known: dict[str, None] = {}
 
-    def bearable(self, address: str, under_way: Mapping[str, int], now: float) -> int:
+    def allowed(self, address: str, under_way: Mapping[str, int], now: float) -> int:
         """Return how many handshakes of an address may be under way: each of them may fail.
 
-        None when it, or all strangers together, failed too often lately.
+        It is 0 when the address, or all strangers together, failed too often lately.
         """
         own = self._each.get(address)
-        most = int(FAULTS_EACH if own is None else own.remaining(now))
+        most = int(FAILURES_EACH if own is None else own.remaining(now))
         if address in self._known:
             return most
         common = int(self._common.remaining(now))
         others = sum(n for one, n in under_way.items() if one not in self._known and one != address)
         return min(most, max(1, common - others) if common else 0)
 
-    def blame(self, address: str, now: float) -> None:
+    def record_failure(self, address: str, now: float) -> None:
         """A handshake of the address failed."""
-        own = self._each.pop(address, None) or _Allowance(FAULTS_EACH, _FORGIVEN_EACH, now)
+        own = self._each.pop(address, None) or _Allowance(FAILURES_EACH, _RECOVERED_EACH, now)
         for one in (own,) if address in self._known else (own, self._common):
             one.left = max(0.0, one.remaining(now) - 1.0)
         self._each[address] = own  # at the end: the one that failed longest ago goes first
         if len(self._each) > _MOST_KNOWN:
             del self._each[next(iter(self._each))]
 
-    def remember(self, address: str) -> None:
+    def record_success(self, address: str) -> None:
         """A handshake of the address succeeded."""
         self._known.pop(address, None)
         self._known[address] = None

@@ -1,4 +1,4 @@
-"""``python -m daemon.batch.port FD PORT``: the process at the daemon's port."""
+"""``python -m daemon.batch.acceptor FD PORT``: the process at the daemon's port."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import socket
 import sys
 from contextlib import suppress
 
-from daemon.batch.port._acceptor import Acceptor
+from daemon.batch.acceptor._acceptor import Acceptor
 
 
 def _raise_descriptor_limit() -> None:

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from daemon.batch.port._handshake import (
+from daemon.batch.acceptor._failure_limits import FailureLimits, address_key
+from daemon.batch.acceptor._handshake import (
     HANDSHAKE_TIME,
     LARGEST_RECORD,
     Records,
     grace_of,
     may_be_hello,
 )
-from daemon.batch.port._patience import Patience, address_key
 
 MOST_OPEN: Final = 960
 """Links that are open; Zenoh takes 1000 sessions, those through the owner's socket included."""
@@ -75,18 +75,16 @@ class Acceptor:
         listener: socket.socket,
         port: int,
         report: Callable[[dict[str, int]], None],
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._listener = listener
         self._behind = ("127.0.0.1", port)
         self._report = report
-        self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._links: dict[_State, dict[_Link, None]] = {state: {} for state in _State}
         self._counts: dict[_State, Counter[str]] = {state: Counter() for state in _State}
         self._dropped: Counter[str] = Counter()
-        self._patience = Patience(clock())
-        self._report_at = clock() + _REPORT_EVERY
+        self._failures = FailureLimits(time.monotonic())
+        self._report_at = time.monotonic() + _REPORT_EVERY
         self._buffer = bytearray(_CHUNK)
         listener.setblocking(False)
         self._selector.register(listener, selectors.EVENT_READ, self._accept)
@@ -122,7 +120,7 @@ class Acceptor:
             client.setblocking(False)
             with suppress(OSError):
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            link = _Link(client, address_key(found[0]), self._clock())
+            link = _Link(client, address_key(found[0]), time.monotonic())
             self._enter(link, _State.SILENT)
             self._selector.register(client, selectors.EVENT_READ, lambda one=link: self._hear(one))
             if self._counts[_State.SILENT][link.address] > MOST_SILENT_EACH:
@@ -163,7 +161,7 @@ class Acceptor:
         if not self._leave(link):
             return
         if link.state is _State.GREETED:
-            self._patience.blame(link.address, self._clock())
+            self._failures.record_failure(link.address, time.monotonic())
         for end in (link.client, link.server):
             if end is not None:
                 with suppress(KeyError, ValueError):
@@ -198,10 +196,10 @@ class Acceptor:
         # The newest of each address, those with the fewest first: who came long ago may be gone.
         newest = {link.address: link for link in self._links[_State.WAITING]}
         for address in sorted(newest, key=lambda one: counts[one]):
-            bearable = self._patience.bearable(address, counts, self._clock())
-            if not bearable:
+            allowed = self._failures.allowed(address, counts, time.monotonic())
+            if not allowed:
                 self._drop(newest[address])
-            elif counts[address] < bearable and self._make_room(address):
+            elif counts[address] < allowed and self._make_room(address):
                 return newest[address]
         return None
 
@@ -214,7 +212,7 @@ class Acceptor:
         else:
             return True
         oldest = next(one for one in self._links[_State.GREETED] if one.address == whose)
-        if self._clock() - oldest.since < grace_of(oldest.client):
+        if time.monotonic() - oldest.since < grace_of(oldest.client):
             return False
         self._drop(oldest)
         return True
@@ -236,7 +234,7 @@ class Acceptor:
             self._drop(link)
             return
         link.hello.clear()
-        link.since = self._clock()
+        link.since = time.monotonic()
         to_server = _Stream(link.client, link.server)
         to_client = _Stream(link.server, link.client)
         link.streams = (to_server, to_client)
@@ -280,7 +278,7 @@ class Acceptor:
                 link.records.feed(data)
         elif link.records.encrypted:
             self._enter(link, _State.OPEN)
-            self._patience.remember(link.address)
+            self._failures.record_success(link.address)
             self._promote()
         else:
             link.answered = True
@@ -313,7 +311,7 @@ class Acceptor:
             self._selector.modify(end, wanted, data)
 
     def _tidy(self) -> None:
-        now = self._clock()
+        now = time.monotonic()
         late = [*self._overdue(_State.SILENT, now - HELLO_TIME)]
         late += self._overdue(_State.WAITING, now - HELLO_TIME)
         late += self._overdue(_State.GREETED, now - HANDSHAKE_TIME)

@@ -1,4 +1,4 @@
-"""Who asks: names of keys, those revoked since the start, how much each may ask, whose turn it is.
+"""Who asks: names of keys, those revoked since the start, how much each may ask.
 
 A question comes at ``ASK/<name>/<verb>``, and Zenoh lets each certificate ask below its own name
 only (:mod:`daemon.batch.security`). Who comes through the socket, or over plain TCP, is the owner:
@@ -7,20 +7,16 @@ nothing of this limits him, for the file system (or he who opened the port) has 
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final, Generic, TypeVar
+from typing import Final
 
 from daemon.batch.errors import DaemonError, KeysUnusable, Refused, Unavailable
 from daemon.batch.security import REGISTER_FILE, DaemonCredentials, KeyRegister, load_register
 from daemon.batch.server._runtime import EventLog
 from daemon.model.messages import ASK, OWNER
-
-T = TypeVar("T")
 
 RATE: Final = 1000.0
 """Questions a second under one name. A key that 200 workers share asks as many when runs are short:
@@ -56,7 +52,7 @@ class _Account:
 
 
 @dataclass(slots=True)
-class Askers:
+class RequestLimits:
     """Admits questions by name; without ``keys`` there is nobody but the owner.
 
     Asked by Zenoh's callbacks and by the ledger's threads, looked after by the daemon's own.
@@ -159,58 +155,3 @@ class Askers:
         for name in sorted(revoked - self._revoked):
             self.log.write("key revoked", key=name)
         self._revoked |= revoked
-
-
-class TurnQueue(Generic[T]):
-    """A queue in which names take turns: who puts much waits behind his own, not others behind him.
-
-    What comes under one name keeps its order.
-    """
-
-    def __init__(self) -> None:
-        self._waiting: dict[str, deque[T]] = {}
-        self._turns: deque[str] = deque()
-        self._changed = threading.Condition()
-        self._closed = False
-
-    def put(self, item: T, name: str = "") -> None:
-        """Add an item; returns at once."""
-        with self._changed:
-            line = self._waiting.get(name)
-            if line is None:
-                line = self._waiting[name] = deque()
-                self._turns.append(name)
-            line.append(item)
-            self._changed.notify()
-
-    def close(self) -> None:
-        """Let :meth:`get` return ``None`` when nothing is left."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
-
-    def get(self, *, block: bool = True, timeout: float | None = None) -> T | None:
-        """Wait for the item whose turn it is, ``None`` at the end.
-
-        Raises ``queue.Empty`` after ``timeout`` seconds, at once when it is not to ``block``.
-        """
-        with self._changed:
-            if block:
-                self._changed.wait_for(lambda: self._turns or self._closed, timeout)
-            if not self._turns:
-                if self._closed:
-                    return None
-                raise queue.Empty
-            name = self._turns.popleft()
-            line = self._waiting[name]
-            item = line.popleft()
-            if line:
-                self._turns.append(name)
-            else:
-                del self._waiting[name]
-            return item
-
-    def empty(self) -> bool:
-        """Whether nothing waits, so that :meth:`get` would wait too."""
-        with self._changed:
-            return not self._turns

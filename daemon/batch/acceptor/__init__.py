@@ -1,4 +1,4 @@
-"""The daemon's door: accepts TLS connections and lets in those that get on with their handshake.
+"""Accepts TLS connections for the daemon; passes on those that get on with their handshake.
 
 Zenoh 1.10.2 lets 64 handshakes wait for ten seconds each and accepts nobody else meanwhile: seven
 silent connections a second close its port. After each handshake that failed it rests 0.1 s, so ten
@@ -16,10 +16,10 @@ handshake is done shows in the types of records (RFC 8446, 5.1): the daemon's si
 something after the client's first encrypted record.
 
 A process of its own, so that neither a busy daemon nor Python's lock delays a link; it imports the
-standard library only. ``python -m daemon.batch.port FD PORT`` serves the listening socket FD
+standard library only. ``python -m daemon.batch.acceptor FD PORT`` serves the listening socket FD
 until standard input ends.
 """
 
-from daemon.batch.port._acceptor import MOST_GREETED, MOST_SILENT_EACH, Acceptor
+from daemon.batch.acceptor._acceptor import MOST_GREETED, MOST_SILENT_EACH, Acceptor
 
 __all__ = ["MOST_GREETED", "MOST_SILENT_EACH", "Acceptor"]

@@ -21,7 +21,7 @@ _PAUSE: Final = 0.5
 _LAST_MOMENT: Final = 2.0
 
 
-class Door:
+class AcceptorProcess:
     """Listens at an encrypted address and passes connections to a port that Zenoh listens at.
 
     Raises :class:`DaemonError` when it cannot listen at the address.
@@ -53,7 +53,7 @@ class Door:
 
     def _start(self) -> None:
         descriptor = self._listener.fileno()
-        command = python_command("-m", "daemon.batch.port", str(descriptor), str(self.port))
+        command = python_command("-m", "daemon.batch.acceptor", str(descriptor), str(self.port))
         process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,  # its end tells the process that the daemon is gone

@@ -13,7 +13,7 @@ import pytest
 from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.security import find_daemon_credentials
 from daemon.batch.security.authority import create_authority, revoke_key
-from daemon.batch.server import MOST_WAITING, Askers, EventLog, TurnQueue
+from daemon.batch.server import MOST_WAITING, EventLog, RequestLimits, TurnQueue
 
 NOW = datetime.now(UTC).replace(microsecond=0)
 
@@ -46,20 +46,20 @@ def words(no: DaemonError | None, kind: type[DaemonError]) -> str:
 
 def test_a_name_asks_so_much_and_not_more(keys: Path, log: EventLog, tmp_path: Path) -> None:
     clock = Clock()
-    askers = Askers(log, find_daemon_credentials(keys), clock, rate=10.0, burst=20.0)
+    limits = RequestLimits(log, find_daemon_credentials(keys), clock, rate=10.0, burst=20.0)
     for _ in range(20):
-        assert askers.admit("worker", 10) is None
-        askers.answered("worker", 10)
-    said = words(askers.admit("worker", 10), Unavailable)
+        assert limits.admit("worker", 10) is None
+        limits.answered("worker", 10)
+    said = words(limits.admit("worker", 10), Unavailable)
     assert said == 'too many requests under the key "worker": ask again in 0.1 s'
-    assert askers.admit("operator", 10) is None
+    assert limits.admit("operator", 10) is None
     for _ in range(1000):
-        assert askers.admit("owner", 10) is None
-        askers.admit("worker", 10)
+        assert limits.admit("owner", 10) is None
+        limits.admit("worker", 10)
     clock.now += 1.0
-    assert [askers.admit("worker", 10) is None for _ in range(11)] == [True] * 10 + [False]
-    askers.look()
-    askers.look()
+    assert [limits.admit("worker", 10) is None for _ in range(11)] == [True] * 10 + [False]
+    limits.look()
+    limits.look()
     # One line a second, whatever the flood.
     (line,) = [json.loads(text) for text in (tmp_path / "log").read_text().splitlines()]
     assert (line["event"], line["key"], line["turned_away"]) == (
@@ -70,30 +70,30 @@ def test_a_name_asks_so_much_and_not_more(keys: Path, log: EventLog, tmp_path: P
 
 
 def test_a_name_has_so_much_waiting_and_not_more(keys: Path, log: EventLog) -> None:
-    askers = Askers(log, find_daemon_credentials(keys), Clock())
+    limits = RequestLimits(log, find_daemon_credentials(keys), Clock())
     for _ in range(MOST_WAITING):
-        assert askers.admit("worker", 0) is None
-    assert "too many requests" in words(askers.admit("worker", 0), Unavailable)
-    askers.answered("worker", 0)
-    assert askers.admit("worker", 0) is None
+        assert limits.admit("worker", 0) is None
+    assert "too many requests" in words(limits.admit("worker", 0), Unavailable)
+    limits.answered("worker", 0)
+    assert limits.admit("worker", 0) is None
     # However large: one at a time.
-    assert askers.admit("operator", 2**30) is None
-    assert "too many requests" in words(askers.admit("operator", 1), Unavailable)
+    assert limits.admit("operator", 2**30) is None
+    assert "too many requests" in words(limits.admit("operator", 1), Unavailable)
 
 
 def test_who_was_revoked_is_not_heard_any_more(tmp_path: Path, log: EventLog) -> None:
     folder = tmp_path / "keys"
     create_authority(folder, ("localhost",), NOW)
     clock = Clock()
-    askers = Askers(log, find_daemon_credentials(folder), clock)
+    limits = RequestLimits(log, find_daemon_credentials(folder), clock)
     before = (folder / "register.json").read_bytes()
-    askers.look()
+    limits.look()
     revoke_key(folder, "worker", NOW)
-    assert askers.admit("worker", 0) is None
+    assert limits.admit("worker", 0) is None
     clock.now += 1.0
-    askers.look()
-    assert 'the key "worker" was revoked' in words(askers.admit("worker", 0), Refused)
-    assert askers.admit("viewer", 0) is None
+    limits.look()
+    assert 'the key "worker" was revoked' in words(limits.admit("worker", 0), Refused)
+    assert limits.admit("viewer", 0) is None
     # Neither a register of before nor none at all makes anybody come back.
     for spoil in (
         lambda: (folder / "register.json").write_bytes(before),
@@ -101,20 +101,20 @@ def test_who_was_revoked_is_not_heard_any_more(tmp_path: Path, log: EventLog) ->
     ):
         spoil()
         clock.now += 1.0
-        askers.look()
-        assert "was revoked" in words(askers.admit("worker", 0), Refused)
+        limits.look()
+        assert "was revoked" in words(limits.admit("worker", 0), Refused)
     os.remove(folder / "register.json")  # noqa: PTH107
     clock.now += 1.0
-    askers.look()
-    assert "was revoked" in words(askers.admit("worker", 0), Refused)
-    assert askers.admit("viewer", 0) is None
+    limits.look()
+    assert "was revoked" in words(limits.admit("worker", 0), Refused)
+    assert limits.admit("viewer", 0) is None
 
 
 def test_without_keys_there_is_nobody_but_the_owner(log: EventLog) -> None:
-    askers = Askers(log)
-    assert askers.admit("owner", 0) is None
+    limits = RequestLimits(log)
+    assert limits.admit("owner", 0) is None
     for name in ("worker", "*", "", "x" * 1000):
-        assert words(askers.admit(name, 0), Refused).startswith("this daemon knows no key")
+        assert words(limits.admit(name, 0), Refused).startswith("this daemon knows no key")
 
 
 def test_names_take_turns() -> None:

@@ -1,0 +1,116 @@
+"""What a worker owes its daemon: results of finished attempts, and leases it gives back.
+
+Both are kept until the daemon has answered, whatever breaks in between, and asked in threads; the
+loop hands the answers in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from typing import Any
+
+from daemon.batch.errors import Refused
+from daemon.batch.worker._attempts import AdoptedWork, Attempt
+from daemon.batch.worker._background import BackgroundAsks
+from daemon.batch.worker._connection import DaemonConnection
+from daemon.batch.worker._trouble import WorkerTrouble
+from daemon.batch.worker._uploader import ResultUploader
+from daemon.model.messages import Lease, ReleaseRequest
+from daemon.model.verbs import RELEASE
+
+
+class Deliveries:
+    """Results and leases on their way from ``worker`` to its daemon.
+
+    ``trouble`` is what keeps results from being taken.
+    """
+
+    def __init__(
+        self,
+        daemon: DaemonConnection,
+        uploader: ResultUploader,
+        asks: BackgroundAsks,
+        trouble: WorkerTrouble,
+        worker: str,
+        log: Callable[[str], None],
+    ) -> None:
+        self._daemon = daemon
+        self._uploader = uploader
+        self._asks = asks
+        self._worker = worker
+        self._log = log
+        self.trouble = trouble
+        self.finished: list[Attempt] = []
+        self.releases: list[ReleaseRequest] = []
+
+    @property
+    def pending(self) -> bool:
+        """Whether something was not taken yet."""
+        return bool(self.finished or self.releases)
+
+    def adopt(self, left: AdoptedWork) -> None:
+        """Take over what dead workers left."""
+        self.finished += left.finished
+        for lease in left.unfinished:
+            # Certain, unlike a connection that is lost: nobody holds the lock of that spool.
+            self.give_back(lease, "its worker died")
+
+    def give_back(self, lease: Lease, why: str, *, blame: bool = False, damaged: str = "") -> None:
+        """Give a lease back; ``damaged`` is the digest of the scene or file that was no good."""
+        release = ReleaseRequest(
+            self._worker, lease.run, lease.token, why, blame=blame, damaged=damaged
+        )
+        self.releases.append(release)
+
+    def give_back_attempt(self, attempt: Attempt, why: str, *, blame: bool) -> None:
+        """Give back the lease of an attempt that left no result, and forget the attempt."""
+        lease = attempt.lease
+        self._log(f"{lease.run} attempt {lease.attempt}: {why}")
+        self.give_back(lease, why, blame=blame)
+        attempt.discard()
+
+    def send_releases(self) -> None:
+        """Ask the daemon to take back the leases it was not asked to yet."""
+        for release in self.releases:
+            if release not in self._asks:
+                self._asks.start(release, partial(self._daemon.ask, RELEASE, release))
+
+    def send_results(self) -> None:
+        """Deliver the results that are not on their way; after trouble one tries."""
+        for attempt in self.finished[: 1 if self.trouble.words else None]:
+            token = attempt.lease.token
+            if token not in self._asks:
+                self._asks.start(token, partial(self._uploader.deliver, attempt))
+
+    def take_release_answer(self, release: ReleaseRequest, answer: Future[Any]) -> None:
+        """Forget a lease that was taken back; raises :class:`Unreachable`."""
+        try:
+            answer.result()
+        except Refused as error:
+            # Somebody else's by now, or forgotten: there is nothing left to give back.
+            self._log(f"{release.run}: {error}")
+        if release in self.releases:  # else it was sent twice, while something was fetched
+            self.releases.remove(release)
+
+    def take_result_answer(self, token: int, answer: Future[Any]) -> None:
+        """Forget an attempt whose result was taken; raises :class:`Unreachable`."""
+        attempt = next((one for one in self.finished if one.lease.token == token), None)
+        if attempt is None:
+            return
+        try:
+            delivered = answer.result()
+        except (Refused, ValueError) as error:
+            # Never to be taken: not a run of this ledger, or damaged in the spool.
+            self.finished.remove(attempt)
+            self.give_back_attempt(attempt, f"the result was not taken: {error}", blame=True)
+        except OSError as error:
+            # A full disk, say: the spool keeps it.
+            self._log(f"{attempt.lease.run}: delivered later, {error}")
+            self.trouble.note(f"results cannot be delivered: {error}")
+        else:
+            if delivered:  # else it is a large trace: the next turn of it comes
+                self.trouble.clear()
+                self.finished.remove(attempt)
+                attempt.discard()
