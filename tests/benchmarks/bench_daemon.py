@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ EMPTY = 3000
 QUEUED = 100_000
 LARGE = 1_000_000
 CAMPAIGNS = 20_000
+LEASED = 4000
 WORKERS = 400
 PROCESSES = 4
 RUNS = 20
@@ -183,6 +185,22 @@ def many_campaigns() -> None:
             row("  one by its id", asked(lambda: reader.campaign_page(id="c777", limit=1)))
             row("  one by its name", asked(lambda: reader.campaign_page(name="n77", limit=1)))
             row("  the counts of all", asked(reader.counts, 20))
+
+
+def room_for_leases() -> None:
+    """What it takes to see how many leases a worker may get, beside those that others have."""
+    with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
+        paths = StatePaths(Path(folder))
+        paths.make_folders()
+        with LedgerWriter.open(paths) as ledger:
+            for running, workers in ((100, 1), (LEASED, LEASED // 100)):
+                with ledger.transaction():
+                    ledger.submit(make_submission(f"c{running}", running), 0.0)
+                    for i in range(workers):
+                        ledger.lease(f"w{i}", 100, 0.0, holder="a key" if i % 2 else "")
+                for words, holder in (("the owner", ""), ("a key", "a key")):
+                    took = asked(partial(ledger.room_for_leases, "w2", holder, (50, 2000)))
+                    row(f"room for leases of {words}, {running} running: p50, p99", took)
 
 
 def submit() -> None:
@@ -345,6 +363,7 @@ def main() -> None:
         submit,
         large,
         many_campaigns,
+        room_for_leases,
         busy_questions,
         scale,
         efficiency,

@@ -34,17 +34,31 @@ class KeyUpdates(LeaseUpdates):
         ``slots`` are the worker's, and those of all workers of its key: two leases for each and
         some more. The owner's workers are bounded one by one only.
         """
-        mine, all_mine = self._db.execute(
-            "SELECT count(*) FILTER (WHERE run.worker = ?),"
-            " count(*) FILTER (WHERE lease.holder = ?)"
-            " FROM run LEFT JOIN lease ON lease.token = run.token WHERE state = 'running'",
-            (worker, holder),
-        ).fetchone()
         own, together = slots
-        room = 2 * own + _SPARE_LEASES - mine
+        room = 2 * own + _SPARE_LEASES - self._running("worker = ?", worker)
         if holder:
-            room = min(room, min(2 * together + _SPARE_LEASES, MOST_LEASES) - all_mine)
-        return max(0, int(room))
+            most = min(2 * together + _SPARE_LEASES, MOST_LEASES)
+            # Whose leases they are takes a look at each: not where all together are few enough.
+            if self._running() + room > most:
+                room = min(room, most - self._held_leases(holder))
+        return max(0, room)
+
+    def _running(self, condition: str = "TRUE", *values: str) -> int:
+        # Without being told, SQLite reads the rows of all that is running.
+        found = self._db.execute(
+            "SELECT count(*) FROM run INDEXED BY run_working"
+            f" WHERE state = 'running' AND {condition}",
+            values,
+        ).fetchone()
+        return int(found[0])
+
+    def _held_leases(self, holder: str) -> int:
+        found = self._db.execute(
+            "SELECT count(*) FROM run JOIN lease ON lease.token = run.token"
+            " WHERE state = 'running' AND lease.holder = ?",
+            (holder,),
+        ).fetchone()
+        return int(found[0])
 
     def void_key(self, holder: str, now: float) -> Iterator[tuple[str, ...]]:
         """Let nothing count that a key has brought: its runs are queued again.

@@ -76,6 +76,8 @@ CREATE INDEX run_queue ON run (state, serial);
 CREATE INDEX run_ready ON run (campaign, serial) WHERE state = 'queued' AND not_before = 0;
 CREATE INDEX run_delayed ON run (not_before) WHERE state = 'queued' AND not_before > 0;
 CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
+-- What each worker has: asked with every request for work and every renewal.
+CREATE INDEX run_working ON run (worker, token) WHERE state = 'running';
 -- The first lets a new run find an old result of the same specification.
 CREATE INDEX run_result ON run (digest) WHERE result <> '';
 -- Who took the result of a run, when that is to be removed.

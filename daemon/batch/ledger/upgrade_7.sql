@@ -11,6 +11,7 @@ ALTER TABLE result ADD COLUMN holder TEXT NOT NULL DEFAULT '';
 DROP INDEX run_waiting;
 CREATE INDEX run_ready ON run (campaign, serial) WHERE state = 'queued' AND not_before = 0;
 CREATE INDEX run_delayed ON run (not_before) WHERE state = 'queued' AND not_before > 0;
+CREATE INDEX run_working ON run (worker, token) WHERE state = 'running';
 
 CREATE TABLE lease (
     token      INTEGER PRIMARY KEY,
