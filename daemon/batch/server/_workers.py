@@ -272,7 +272,8 @@ class LocalWorker:
     def _log_tail(self, code: int) -> str:
         words = ""
         with suppress(FileNotFoundError), self._paths.worker_log.open("rb") as log:
-            log.seek(self._log_start)
+            size = log.seek(0, os.SEEK_END)
+            log.seek(max(self._log_start, size - 4 * _LONGEST_TAIL))
             words = log.read().decode("utf-8", "replace").strip()
         return words[-_LONGEST_TAIL:] or f"the worker ended with code {code}"
 

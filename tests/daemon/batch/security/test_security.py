@@ -159,6 +159,8 @@ def test_nobody_can_answer_publish_or_listen_in_the_daemons_place(
                 session.put(key, b"forged")
         viewer.put(f"{LIVE}/viewer/ghost", b"forged")
         viewer.liveliness().declare_token(f"{ALIVE}/viewer/ghost")
+        # Answered behind it on the same link: the daemon knows who listens.
+        watcher.overview()
         mine.submit(make_submission("watched"))
         eventually(lambda: events)
         assert [event.kind for event in events] == ["campaign"]
