@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, settings
 # new ones are sought on developers' machines.
 settings.register_profile(
     "project",
-    max_examples=35,
+    max_examples=25,
     deadline=None,
     derandomize="CI" in os.environ,
     suppress_health_check=[HealthCheck.too_slow],

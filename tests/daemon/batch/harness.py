@@ -32,6 +32,10 @@ def free_endpoint() -> str:
 
 DEADLINE = 120.0
 """Seconds after which a test is broken, and not the machine busy: below the limit of pytest."""
+# Most conditions are questions to a daemon, for which both have to work: what is waited for long is
+# asked for less often.
+_FIRST_PAUSE = 0.01
+_LONGEST_PAUSE = 0.05
 
 
 def eventually(condition: Callable[[], Any], seconds: float = DEADLINE) -> Any:
@@ -40,15 +44,14 @@ def eventually(condition: Callable[[], Any], seconds: float = DEADLINE) -> Any:
     The deadline only tells a broken test from a slow machine: what a test has to find out by the
     time something takes, it finds out by making every other cause impossible for longer.
     """
-    deadline = time.monotonic() + seconds
-    pause = 0.01
+    deadline, pause = time.monotonic() + seconds, _FIRST_PAUSE
     while True:
         value = condition()
         if value:
             return value
         assert time.monotonic() < deadline, "it did not happen in time"
         time.sleep(pause)
-        pause = min(1.2 * pause, 0.05)  # to ask costs as much time as what is waited for
+        pause = min(1.2 * pause, _LONGEST_PAUSE)
 
 
 def family(pid: int) -> list[psutil.Process]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from daemon.model.spec import (
@@ -53,7 +54,9 @@ def make_spec(repeat: int = 0, *, scenario: str = "S1", **parameters: Any) -> Ru
 
 def make_submission(campaign: str, runs: int = 3, **parameters: Any) -> Submission:
     """A campaign of ``runs`` repeats of one scenario."""
-    specs = tuple(make_spec(repeat, **parameters) for repeat in range(runs))
+    # They share all that is the same: so packing many takes no time.
+    first = make_spec(**parameters)
+    specs = (replace(first, repeat=repeat, seed=repeat) for repeat in range(runs))
     return submission_of(campaign, *specs)
 
 

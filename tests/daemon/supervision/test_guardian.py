@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
 import os
 import signal
@@ -24,6 +25,7 @@ CONTEXT = multiprocessing.get_context("fork")
 
 
 def guarded(folder: Path, run: Callable[[], object]) -> None:
+    faulthandler.disable()  # pytest's would tell of crashes that are meant
     guard(folder / "output")
     leave_process(folder / "left")
     (folder / "run").write_text(str(os.getpid()))

@@ -1,6 +1,5 @@
 import hashlib
 import os
-import shutil
 import signal
 import sqlite3
 from collections.abc import Iterator
@@ -317,6 +316,8 @@ def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path)
             daemon.signal(signal.SIGCONT)
             with worker_for(daemon, 1):
                 eventually(lambda: finished(client, 2))
+                # The dead one may have sent them, and never have learnt that they came.
+                eventually(lambda: not list(spool.glob("*/*/attempt-1")))
             assert [row.attempt for row in client.runs("c").rows] == [1, 1]
             assert len(log.read_text().splitlines()) == 2
             assert list(spool.iterdir()) == []
@@ -394,16 +395,14 @@ def test_a_worker_of_another_version_is_refused_with_the_remedy(
 def test_a_scene_damaged_on_the_daemons_disk_is_put_aside_and_healed(tmp_path: Path) -> None:
     """By a worker on the same file system, which reads it there, and by one that asks for it."""
     for number, options in enumerate(((), ("--state", str(tmp_path / "elsewhere")))):
-        with daemon_at(tmp_path / f"state{number}", attempts=1) as daemon:
-            with daemon.client() as client, worker_for(daemon, 1, *options):
-                client.submit(make_submission("c", 2, until=str(tmp_path / "no")))
-                eventually(lambda c=client: c.overview().running == 1)
-                client.cancel("c")
-                (scene,) = (daemon.state / "scenes").iterdir()
+        with (
+            daemon_at(tmp_path / f"state{number}", attempts=1) as daemon,
+            daemon.client() as client,
+        ):
+            client.submit(make_submission("c", 2, until=str(tmp_path / "no")))
+            (scene,) = (daemon.state / "scenes").iterdir()
             scene.write_text(scene.read_text().replace("4.0", "5.0"))
-            shutil.rmtree(tmp_path / "elsewhere", ignore_errors=True)
-            with daemon.client() as client, worker_for(daemon, 1, *options) as worker:
-                client.retry("c", only="cancelled")
+            with worker_for(daemon, 1, *options) as worker:
                 eventually(lambda w=worker: "not started" in w.output)
                 eventually(lambda c=client: any("was damaged" in t for t in c.overview().troubles))
                 assert not scene.exists()
@@ -426,7 +425,7 @@ def test_a_worker_in_trouble_leaves_off_and_says_why(tmp_path: Path) -> None:
         daemon.client() as client,
         worker_for(daemon, 2),
     ):
-        client.submit(make_submission("c", 30, full=str(room), log=str(log)))
+        client.submit(make_submission("c", 12, full=str(room), log=str(log)))
         trouble = eventually(lambda: client.overview().trouble)
         assert "Disk quota exceeded" in trouble
         assert client.workers()[0].trouble in trouble
@@ -437,7 +436,7 @@ def test_a_worker_in_trouble_leaves_off_and_says_why(tmp_path: Path) -> None:
         assert all("Disk quota exceeded" in row.reason for row in waiting)
         room.touch()
         failed = executed()
-        eventually(lambda: finished(client, 30))
+        eventually(lambda: finished(client, 12))
         assert failed <= 8
         assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
         eventually(lambda: client.overview().troubles == ())

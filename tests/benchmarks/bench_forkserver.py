@@ -1,0 +1,77 @@
+"""What the process of a run costs when the run does nothing: fork, guardian, lease, result, exit.
+
+The fork server is warm for runs of the simulator, since what it has in memory is what a fork costs.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from multiprocessing.connection import wait
+from pathlib import Path
+
+import psutil
+
+from daemon.batch import run_process
+from daemon.batch.worker._attempts import Attempt
+from daemon.batch.worker._forkserver import ForkServerPool, prepare_environment
+from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits
+from daemon.model.messages import Lease
+from grammars.text import codec
+from tests.daemon.batch.fake_run import execute
+from tests.daemon.batch.samples import SCENE, make_spec
+
+RUNS = 200
+WARM = 10
+KINDS = ("guarded", "unguarded")
+
+guarded = unguarded = execute
+
+
+def warm_up() -> None:
+    """Called by the fork server alone."""
+    from daemon.run import warm_up as warm_up_runs
+
+    warm_up_runs()
+    if os.environ[EXECUTOR_VARIABLE].endswith(":unguarded"):
+        run_process.guard = lambda *_, **__: None
+
+
+def measure(kind: str) -> float:
+    """CPU of a run's processes and of the fork server, for one run [ms]."""
+    prepare_environment(f"{__name__}:{kind}")
+    with tempfile.TemporaryDirectory(prefix="bench-forkserver-") as folder:
+        scene = Path(folder) / "scene.json"
+        scene.write_bytes(codec.to_json(SCENE))
+        pool = ForkServerPool(1)
+        pool.warm_up()
+        (server,) = (
+            one for one in psutil.Process().children() if "forkserver" in "".join(one.cmdline())
+        )
+        before = 0.0
+        for number in range(WARM + RUNS):
+            if number == WARM:
+                before = sum(server.cpu_times())
+            lease = Lease("c.0", "c", 1, number, "c/S1.mcap", make_spec(number))
+            attempt = Attempt.prepare(Path(folder) / "c.0" / "attempt-1", lease)
+            execution = pool.start(attempt, scene, RunLimits())
+            while execution.end is None:
+                wait(execution.waitables)
+            execution.close()
+        return 1e3 * (sum(server.cpu_times()) - before) / RUNS
+
+
+def main() -> None:
+    """Each in a process of its own: one has only one fork server."""
+    program = f"import sys; from {__name__} import measure; print(measure(sys.argv[1]))"
+    took = {}
+    for kind in KINDS:
+        done = subprocess.run(
+            [sys.executable, "-c", program, kind], capture_output=True, text=True, check=True
+        )
+        took[kind] = float(done.stdout)
+    for kind, value in took.items():
+        print(f"CPU of an empty run, {kind:42} {value:.2f} ms")
+    print(f"{'  ratio':62} {took['guarded'] / took['unguarded']:.2f}")
