@@ -36,7 +36,7 @@ bench: $(VENV)/.installed-test    ## measure, side by side in one process
 fuzz: $(VENV)/.installed-test     ## 10 000 mutated files of every language; some hours
 	$(BIN)/python -m tests.fuzz
 
-chaos: $(VENV)/.installed-test    ## kill, freeze, starve, flood and cut off; half an hour
+chaos: $(VENV)/.installed-test    ## kill, freeze, starve, flood and cut off; 38 minutes beside other work
 	$(BIN)/python -m tests.chaos
 
 docs: $(VENV)/.installed-docs     ## build the documentation as a site: site/index.html

@@ -36,7 +36,7 @@ def cut_off(
 
     Where nobody else ran it, the late result is the result; where a substitute did, it is known.
     """
-    report = Report(f"cut off for {seconds:g} s and back (leases last {lease:g} s)")
+    report = Report(f"cut off: {seconds:g} s and back (leases last {lease:g} s)")
     isolated = may_make_namespaces() if isolated is None else isolated
     report.fact("cable", "veth pair taken down" if isolated else "relay that stops")
     with ExitStack() as stack:
