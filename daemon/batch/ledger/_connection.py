@@ -39,7 +39,8 @@ def connect(path: Path) -> sqlite3.Connection:
     """
     try:
         # SQLite gives the WAL and its index the mode of the file, and the file what the umask says.
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+        if str(path) != ":memory:":  # SQLite's name for no file at all
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
     except OSError as error:
         raise _open_error(path, error) from error
     # No isolation level: the module would otherwise begin transactions of its own, and ours must
