@@ -207,7 +207,10 @@ class StatePaths:
         _make_private(self.socket.parent)
 
     def disk_shortage(self) -> str:
-        """Say so when the disk is too full to keep what a run leaves, empty when it is not."""
+        """Say so when the disk is too full to keep what a run leaves, empty when it is not.
+
+        The same words however much is left: another amount is no other trouble.
+        """
         try:
             free = shutil.disk_usage(self.state).free
         except OSError as error:
@@ -215,7 +218,7 @@ class StatePaths:
         if free >= _SPARE_SPACE:
             return ""
         return (
-            f"the disk of {self.state} is full ({free / 2**20:.0f} MiB left): "
+            f"the disk of {self.state} is full: "
             f"runs wait until {_SPARE_SPACE // 2**20} MiB are free"
         )
 

@@ -270,6 +270,8 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
 
 
 def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
+    from daemon.model.status import RunState
+
     row = detail.row
     if row.trace:
         begin = f" --from {row.oracle}" if row.outcome == "fail" else ""
@@ -279,3 +281,5 @@ def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
         yield f"scenario verify {row.id}", "how far its outcomes spread"
     if row.outcome == "fail":
         yield f"scenario blame {row.id}", "what makes it fail"
+    if row.state in (RunState.LOST, RunState.CANCELLED):
+        yield f"scenario retry {row.campaign}", "queue what is lost or cancelled again"

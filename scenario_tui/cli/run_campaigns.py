@@ -21,7 +21,7 @@ from scenario_tui.cli.options import (
     Slots,
     State,
     Wall,
-    read_age,
+    read_duration,
     read_wall,
 )
 from scenario_tui.cli.output import Output, report_diagnostics, say, stdout_console
@@ -238,7 +238,7 @@ def _prepare_submission(path: Path, *, fresh: bool = False) -> Submission:
 def wait(
     campaign: CampaignName,
     timeout: Annotated[
-        str, typer.Option("--timeout", metavar="AGE", help="At most so long: 30s, 10min, 2h.")
+        str, typer.Option("--timeout", metavar="TIME", help="At most so long: 30s, 10min, 2h.")
     ] = "",
     connect: Connect = "",
     state: State = None,
@@ -258,7 +258,7 @@ def wait(
     from scenario_tui.text.formatting import pluralise
     from scenario_tui.text.results import conclude, gather_results
 
-    limit = read_age(timeout) if timeout else inf
+    limit = read_duration(timeout) if timeout else inf
     deadline = time.monotonic() + limit
     patience = limit if timeout else PATIENCE
     target = DaemonTarget(connect, state)

@@ -30,7 +30,8 @@ _WAITING: Final = " AND run.state IN ('queued', 'running')"
 def referenced_inputs(db: sqlite3.Connection) -> tuple[frozenset[str], frozenset[str]]:
     """Return the digests of scenes and files that any run needs, and those of runs that wait.
 
-    Runs that may still be made of a reserve count among all. Raises ``sqlite3.Error``.
+    Runs that may still be made of a reserve count among all. Raises ``sqlite3.Error``, and
+    ``ValueError``, ``TypeError`` or ``KeyError`` for a ledger that is damaged there.
     """
     every = _inputs(db, (_BODIES.format(joined="", waiting=""), _RESERVES))
     every |= _inputs_of(body for query in _written_out() for (body,) in db.execute(query))
@@ -47,8 +48,16 @@ def _written_out() -> tuple[str, str]:
 
 def _inputs(db: sqlite3.Connection, queries: tuple[str, ...]) -> set[str]:
     cells = {name for query in queries for (name,) in db.execute(query)}
-    bodies = (db.execute("SELECT body FROM part WHERE name = ?", (name,)) for name in cells)
-    return _inputs_of(row[0] for found in bodies for row in found)
+    return _inputs_of(_part(db, name) for name in cells)
+
+
+def _part(db: sqlite3.Connection, name: str) -> bytes:
+    row = db.execute("SELECT body FROM part WHERE name = ?", (name,)).fetchone()
+    if row is None:
+        # What its runs need would look superfluous.
+        raise ValueError(f"there is no part {name!r} of a specification")
+    body: bytes = row[0]
+    return body
 
 
 def _inputs_of(bodies: Iterator[bytes]) -> set[str]:

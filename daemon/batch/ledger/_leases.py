@@ -94,7 +94,10 @@ class RunUpdates:
         note_attempt(self._db, run, event, change, now)
         if after.state is not before.state and not quiet:
             campaign = self._campaign_of(run)
-            self.record_event(now, "run", run, campaign, after.state, after.reason)
+            # Why the attempt before left no result was told when it ended.
+            stale = after.state is RunState.RUNNING and after.reason == before.reason
+            note = "" if stale else after.reason
+            self.record_event(now, "run", run, campaign, after.state, note)
             if after.state not in (RunState.QUEUED, RunState.RUNNING):
                 self._close_if_finished(campaign, now)
         return change

@@ -120,8 +120,9 @@ def verify_contents(
 def _waiting_inputs(db: sqlite3.Connection, found: _Findings) -> frozenset[str]:
     try:
         return referenced_inputs(db)[1]
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        found.add("specifications name no scene or no files", type(error).__name__)
+    except (ValueError, TypeError, KeyError, AttributeError, sqlite3.OperationalError) as error:
+        # SQLite says that also of texts that are no UTF-8: which these are was found before.
+        found.add("specifications name no scene or no files", str(error) or type(error).__name__)
         return frozenset()
 
 

@@ -43,6 +43,7 @@ _SILENCE: Final = 30.0
 _SKEW: Final = 2.0
 _SHOWN: Final = 3
 _ROOMY: Final = 2 * 2**30
+_FREE_SOME: Final = "free some: `scenario gc --max-size 10GiB --dry-run`"
 _LARGEST_PID: Final = 2**31
 _OLDEST_NOW: Final = 1_735_689_600.0
 """2025-01-01: a clock before that was never set."""
@@ -136,9 +137,9 @@ def _state(paths: StatePaths) -> Iterator[DoctorFinding]:
     sizes = f"{disk.free / 2**30:.1f} of {disk.total / 2**30:.1f} GiB free, "
     sizes += f"ledger {disk.ledger / 2**20:.1f} MiB"
     if shortage := paths.disk_shortage():
-        yield problem("disk", shortage, "free some: `scenario gc --max-size 10GiB --dry-run`")
+        yield problem("disk", shortage, _FREE_SOME)
     elif disk.free < _ROOMY:
-        yield warning("disk", sizes, "free some: `scenario gc --max-size 10GiB --dry-run`")
+        yield warning("disk", sizes, _FREE_SOME)
     else:
         yield ok("disk", sizes)
 
@@ -272,7 +273,7 @@ def _answering(
         yield ok("daemon", f"answers at {endpoint_text(endpoint.address)}, {waiting}")
     if overview.trouble:
         last = overview.trouble.strip().splitlines()[-1]
-        yield problem("daemon", f"no run can start: {last}", f"see {paths.worker_log}")
+        yield problem("daemon", f"no run can start: {last}", _remedy(overview.trouble, paths))
     for trouble in overview.troubles:
         if trouble != overview.trouble:
             remedy = _remedy(trouble, paths)
@@ -281,11 +282,13 @@ def _answering(
 
 def _remedy(trouble: str, paths: StatePaths) -> str:
     """What to do about a trouble that does not say it itself."""
+    if trouble.startswith(("the disk of ", "traces of unfinished ")):
+        return _FREE_SOME
     if trouble.startswith("worker "):
         return "see to its machine; it tries again by itself, at least once a minute"
     if "submit its campaign again" in trouble:
         return f"`scenario submit` the same campaign; what was damaged lies aside in {paths.state}"
-    return f"see {paths.log}"
+    return f"see {paths.worker_log} and {paths.log}"
 
 
 def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterator[DoctorFinding]:

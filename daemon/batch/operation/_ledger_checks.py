@@ -62,6 +62,10 @@ def check_ledger(
     except DaemonError as error:
         yield problem("ledger", str(error), _BACKUP)
         return
+    if not found.version and _holds_work(paths):
+        words = "is empty, though scenes or traces lie beside it: what was recorded is gone"
+        yield problem("ledger", words, "restore a backup before a daemon starts here")
+        return
     yield _ledger_finding(found)
     if found.version == SCHEMA_VERSION and not found.damage:
         yield from _history_findings(found, now)
@@ -71,6 +75,10 @@ def check_ledger(
             yield problem("contents", str(error), _BACKUP)
         else:
             yield from _content_findings(report, quick=quick)
+
+
+def _holds_work(paths: StatePaths) -> bool:
+    return any(any(folder.glob("*")) for folder in (paths.scenes, paths.traces))
 
 
 def _wal_findings(paths: StatePaths) -> Iterator[DoctorFinding]:

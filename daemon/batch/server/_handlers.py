@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -159,7 +160,13 @@ class Handlers:
         """Why no run can start, if so; and all that keeps runs or workers from it, that first."""
         workers = [row for row in self.registry.rows(self.clock.now()) if not row.away]
         halting = list(self.troubles())
-        idle = [f"worker {row.id}: {row.trouble}" for row in workers if row.trouble]
+        here = socket.gethostname()
+        idle = [
+            f"worker {row.id}: {row.trouble}"
+            for row in workers
+            # The disk of this machine is full for both: said once.
+            if row.trouble and not (row.host == here and row.trouble in halting)
+        ]
         if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
             halting += idle[:1]
         troubles = tuple(dict.fromkeys((*halting, self.damage, *idle, *self._inputs.troubles())))

@@ -61,7 +61,9 @@ class WorkersScreen(BaseScreen):
         others = [words for words in troubles if words.strip() != trouble]
         message = "" if state.workers and not trouble else nobody
         message = "\n\n".join(filter(None, (message, *(f"! {words}" for words in others))))
-        show_message_or(self.query_one("#empty"), table, message)
+        above = self.query_one("#empty")
+        above.set_class(bool(state.workers), "-above")
+        show_message_or(above, table, message)
         table.display = bool(state.workers)
         table.fill([worker_cells(row, now) for row in state.workers])
         if self.focused is None:

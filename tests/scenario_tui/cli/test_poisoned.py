@@ -218,6 +218,7 @@ def test_help_keeps_its_colours(place: Place) -> None:
 
 def test_neither_do_the_files_of_a_report(place: Place) -> None:
     page, junit = (place.folder / "out" / f"report.{ending}" for ending in ("html", "xml"))
+    page.parent.mkdir(exist_ok=True)
     code, _ = place.type("report", "traces", "-o", str(page), "--junit", str(junit))
     assert code == 0
     ElementTree.parse(junit)

@@ -191,7 +191,9 @@ def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch) -> None:
     said = scenario("wait", "first", "--timeout", "0s")
     assert said.code == 4
     assert said.err.startswith(f"{CAMPAIGN}: 2 runs left after 0s")
-    assert scenario("wait", "first", "--timeout", "soon").code == 2
+    said = scenario("wait", "first", "--timeout", "12")
+    assert said.code == 2
+    assert "is not a time" in said.err
     assert scenario("wait", "frist").code == 2
 
 

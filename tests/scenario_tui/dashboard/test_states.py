@@ -26,7 +26,7 @@ def empty(fake: FakeDaemon) -> None:
 
 
 def stuck(fake: FakeDaemon) -> None:
-    fake.trouble = "the disk of /state is full (3 MiB left): runs wait until 32 MiB are free"
+    fake.trouble = "the disk of /state is full: runs wait until 32 MiB are free"
 
 
 def named(fake: FakeDaemon) -> None:
@@ -104,6 +104,18 @@ async def test_a_full_disk_is_told_on_the_first_line_and_explained_below() -> No
         await press(pilot, "3")
         assert "the disk of /state is full" in shown(pilot)
         assert "32 MiB" in shown(pilot)
+
+
+async def test_what_keeps_one_worker_from_working_is_readable_to_its_end() -> None:
+    fake = FakeDaemon()
+    stuck(fake)
+    fake.troubles = (f"worker spare-1: {'the forkserver says a lot, ' * 8}and so it ends",)
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "3")
+        assert screen_text(pilot)[1].rstrip().endswith("…")  # cut, and looks like it
+        assert "and so it ends" in " ".join(shown(pilot).split())
+        assert "last heard" in shown(pilot)  # and the table still has room
 
 
 async def test_everything_paused_is_told_on_the_first_line() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer
+from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
 from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = 1000.0
@@ -110,3 +110,11 @@ def test_what_a_worker_does_not_claim_it_never_got(book: LedgerWriter) -> None:
     assert book.busy_workers() == frozenset()
     (again,) = book.lease("v", 1, NOW)
     assert (again.attempt, again.token > grant.token) == (2, True)
+
+
+def test_why_an_attempt_failed_is_told_once(book: LedgerWriter, reader: LedgerReader) -> None:
+    (grant,) = book.lease("w", 1, NOW)
+    book.release(ReleaseRequest("w", grant.run, grant.token, "it crashed", blame=True), NOW)
+    book.lease("w", 1, LATER)
+    told = [(state, note) for _, state, note in reader.steps("c.0")]
+    assert told == [("running", ""), ("queued", "it crashed"), ("running", "")]

@@ -83,6 +83,10 @@ def test_a_healthy_place_is_whole(places: StatePaths, how: dict[str, bool]) -> N
         ("UPDATE run SET digest = id WHERE id = 'c.5'", "differ from their digest: c.5"),
         ("UPDATE spec SET body = CAST(replace(body, ',5,5]', ',5,6]') AS BLOB)", "digest: c.5"),
         ("UPDATE part SET body = CAST(replace(body, 'disc', 'disk') AS BLOB)", "c.0, c.1, c.2"),
+        (
+            "UPDATE spec SET body = CAST(x'5b22ff' || substr(body, 4) AS BLOB) WHERE run = 'c.4'",
+            "specifications cannot be read: c.4",
+        ),
     ],
 )
 def test_what_was_changed_afterwards_is_found(
@@ -153,7 +157,7 @@ def test_a_damaged_ledger_never_ends_the_examination_nor_the_daemon_in_a_traceba
 @pytest.mark.parametrize(
     ("spoil", "subject"),
     [
-        (lambda p: p.ledger.write_bytes(b""), None),
+        (lambda p: p.ledger.write_bytes(b""), "ledger"),
         (lambda p: (p.ledger.unlink(), p.ledger.mkdir()), "ledger"),
         (lambda p: change(p, "DROP TABLE tally"), "ledger"),
         (lambda p: change(p, "PRAGMA user_version = 99"), "ledger"),
