@@ -50,6 +50,12 @@ def names_in(folder: Path, wanted: Callable[[Path], bool] = is_file) -> list[str
         return []
 
 
+def _inside(folder: Path) -> str:
+    """Suggest the campaign that lies in a folder, which is what people mean by it."""
+    campaign = folder / "campaign.yaml"
+    return f'did you mean "{campaign}"?' if is_file(campaign) else ""
+
+
 def refuse_unreadable(path: str | Path, what: str = "the file", most: int = MAX_BYTES) -> None:
     """Raise :class:`InputError` for what is no ordinary file of at most ``most`` bytes.
 
@@ -63,7 +69,7 @@ def refuse_unreadable(path: str | Path, what: str = "the file", most: int = MAX_
     except (OSError, ValueError) as error:
         raise InputError.at(where, f"{what} cannot be read: {reason_of(error)}") from error
     if stat.S_ISDIR(status.st_mode):
-        raise InputError.at(where, "is a folder, expected a file")
+        raise InputError.at(where, "is a folder, expected a file", _inside(file))
     if not stat.S_ISREG(status.st_mode):
         raise InputError.at(where, "is no ordinary file", "copy what it holds into one")
     if status.st_size > most:

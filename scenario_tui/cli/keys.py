@@ -146,19 +146,22 @@ def revoke(
     """Take a key's rights away, at once; a daemon that runs sees it within a second.
 
     With --void the daemon is asked what the key has brought, and lets none of it count: results
-    and their traces go, those taken from them too, and their runs are queued again. With --json
-    nobody is asked: without --yes it only says what there is.
+    and their traces go, those taken from them too, and their runs are queued again. --void --json
+    asks nobody: without --yes it only says what there is, and changes nothing.
     """
-    from daemon.batch.security import keys_folder
+    from daemon.batch.security import keys_folder, load_register
     from daemon.batch.security.authority import revoke_key as withdraw
     from daemon.batch.security.authority import utc_now
 
     place = keys_folder(keys)
     if not void:
         withdraw(place, key, utc_now())
+        if as_json:
+            found_keys = tuple(one for one in load_register(place).issued if one.name == key)
+            KeysOutput(str(place), found_keys).emit()
         say(f'"{key}" is revoked')
         return
-    from daemon.batch.security import KEYS_VARIABLE, load_register
+    from daemon.batch.security import KEYS_VARIABLE
     from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.text.formatting import pluralise
 

@@ -90,6 +90,9 @@ def test_a_missing_file_suggests_its_neighbour(tmp_path: Path) -> None:
 def test_a_folder_and_a_binary_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is a folder"):
         load_yaml(tmp_path)
+    (tmp_path / "campaign.yaml").write_text("a: 1")
+    with pytest.raises(InputError, match=r'did you mean ".*campaign\.yaml"'):
+        load_yaml(tmp_path)
     (tmp_path / "x.yaml").write_bytes(b"a: \xff\xfe")
     with pytest.raises(InputError, match="not UTF-8"):
         load_yaml(tmp_path / "x.yaml")

@@ -26,7 +26,10 @@ def folder(scenario, tmp_path, monkeypatch) -> Path:
 
 def test_keys_are_made_issued_listed_and_revoked(scenario, folder) -> None:
     assert scenario("keys", "issue", "worker", "spare").code == 0
-    assert scenario("keys", "revoke", "worker.spare").code == 0
+    revoked = json.loads(scenario("keys", "revoke", "worker.spare", "--json").out)
+    assert [(key["name"], key["revoked_at"] is None) for key in revoked["keys"]] == [
+        ("worker.spare", False)
+    ]
     listed = scenario("keys", "list")
     assert [line.split()[0] for line in listed.out.splitlines()] == [
         "KEY", "viewer", "operator", "worker", "daemon", "worker.spare",

@@ -18,6 +18,7 @@ from daemon.model.messages import LeaseRequest, WorkerInfo
 from daemon.model.spec import SutReference
 from daemon.model.status import LiveSnapshot, RunState
 from daemon.model.verdicts import Outcome
+from tests.chaos.disk import fill, may_mount, small_disk
 from tests.daemon.batch.harness import (
     DaemonPart,
     Part,
@@ -359,6 +360,23 @@ def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
             client.submit(make_submission("c", 1))
             eventually(lambda: finished(client, 1))
         assert client.overview().troubles == ()
+
+
+@pytest.mark.skipif(not may_mount(), reason="mounting a small file system needs root")
+def test_a_full_disk_of_daemon_and_worker_is_one_trouble(tmp_path: Path) -> None:
+    with (
+        small_disk(tmp_path / "disk") as disk,
+        daemon_at(disk / "state", 1) as daemon,
+        daemon.client() as client,
+    ):
+        eventually(client.workers)
+        fill(disk / "ballast")
+        eventually(lambda: any(row.trouble for row in client.workers()))
+        now = client.overview()
+        assert "is full: runs wait" in now.trouble
+        assert now.troubles == (now.trouble,)
+        (disk / "ballast").unlink()
+        eventually(lambda: client.overview().troubles == ())
 
 
 def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> None:
