@@ -12,6 +12,6 @@ from daemon.batch.ledger import connect
 
 def memory_ledger() -> sqlite3.Connection:
     """An empty ledger in memory."""
-    # An empty file of this very name is made where we are, since a ledger is private from the start.
+    # A ledger is private from the start: an empty file of this very name is made where we are.
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         return connect(Path(":memory:"))
