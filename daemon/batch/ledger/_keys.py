@@ -32,12 +32,13 @@ class KeyUpdates(LeaseUpdates):
         """Return how many more leases a worker may get, so that no key empties the queue.
 
         ``slots`` are the worker's, and those of all workers of its key: two leases for each and
-        some more. The owner's workers are bounded one by one only.
+        some more. Slots are what workers say: a key begins with few leases and gets two more with
+        every result it has brought. The owner's workers are bounded one by one only.
         """
         own, together = slots
         room = 2 * own + _SPARE_LEASES - self._running("worker = ?", worker)
         if holder:
-            most = min(2 * together + _SPARE_LEASES, MOST_LEASES)
+            most = _SPARE_LEASES + 2 * min(together, self._brought(holder))
             # Whose leases they are takes a look at each: not where all together are few enough.
             if self._running() + room > most:
                 room = min(room, most - self._held_leases(holder))
@@ -49,6 +50,14 @@ class KeyUpdates(LeaseUpdates):
             "SELECT count(*) FROM run INDEXED BY run_working"
             f" WHERE state = 'running' AND {condition}",
             values,
+        ).fetchone()
+        return int(found[0])
+
+    def _brought(self, holder: str) -> int:
+        """Return how many results a key has brought, as far as it matters for its leases."""
+        found = self._db.execute(
+            "SELECT count(*) FROM (SELECT 1 FROM result WHERE holder = ? LIMIT ?)",
+            (holder, (MOST_LEASES - _SPARE_LEASES) // 2),
         ).fetchone()
         return int(found[0])
 

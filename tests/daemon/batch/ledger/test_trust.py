@@ -167,8 +167,16 @@ def test_no_worker_and_no_key_empties_a_queue(ledger: Ledger) -> None:
         room = ledger.book.room_for_leases(worker, holder, slots)
         return len(ledger.book.lease(worker, min(1024, room), NOW, holder=holder))
 
-    assert [take("one", BAD, (8, 8)) for _ in range(2)] == [80, 0]
-    # Another worker of the key: its slots count, what it may hold beyond them is there already.
-    assert take("two", BAD, (8, 16)) == 16
-    assert take("three", GOOD, (8, 8)) == 80
+    # Slots are what a worker says: thousands of them are worth nothing before a result.
+    assert [take("one", BAD, (1024, 40_000)) for _ in range(2)] == [64, 0]
+    assert take("two", BAD, (8, 40_008)) == 0
+    assert take("three", GOOD, (8, 8)) == 64
+    # The owner's workers are bounded one by one only.
     assert take("mine", "", (8, 8)) == 80
+
+
+def test_a_key_holds_more_leases_the_more_it_has_brought(ledger: Ledger) -> None:
+    ledger.submit("short", 10)
+    ledger.work(GOOD)
+    assert ledger.book.room_for_leases("one", GOOD, (8, 8)) == 64 + 2 * 8
+    assert ledger.book.room_for_leases("one", GOOD, (640, 640)) == 64 + 2 * 10
