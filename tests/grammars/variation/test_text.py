@@ -126,7 +126,7 @@ def test_a_strange_file_name_stays_inside_its_comment(tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(HOUSE.encode())
     text = f'import "{name}" gap: uniform([1])'
     variant = sample(parse_variation(text, "test.variation", tmp_path), 1, seed=1)[0]
-    assert variant.text.splitlines()[0] == "// Source plan: house (a?Floor plan?.fpm)"
+    assert variant.text.splitlines()[0] == "// Source plan: house (a Floor plan .fpm)"
 
 
 def test_a_literal_keeps_the_unit_it_was_written_in(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerWriter
+from daemon.batch.ledger import LedgerWriter, connect
 from daemon.model.messages import (
     Completion,
     Lease,
@@ -27,7 +28,6 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import TraceInfo
 from daemon.model.status import RunState
-from tests.daemon.batch.ledger.memory import memory_ledger
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
 
 HOLDERS = {"w1": "", "w2": "", "w3": "worker.spare"}
@@ -41,7 +41,7 @@ VARYING = "c.2"
 class LedgerMachine(RuleBasedStateMachine):
     @initialize()
     def open(self) -> None:
-        self.db = memory_ledger()
+        self.db = connect(Path(":memory:"))
         self.book = LedgerWriter(self.db, attempts=3, lease=LEASE)
         self.now = 1000.0
         self.granted: list[tuple[str, Lease]] = []

@@ -17,7 +17,6 @@ from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion, RetryRequest
 from daemon.model.spec import SutReference
 from daemon.model.status import RunState
-from tests.daemon.batch.ledger.memory import memory_ledger
 from tests.daemon.batch.samples import make_result, make_spec, make_submission, submission_of
 
 NOW = 1000.0
@@ -121,7 +120,7 @@ STEPS = st.lists(
 @given(sizes=st.lists(st.integers(1, 4), min_size=3, max_size=3), steps=STEPS)
 def test_leases_follow_the_plain_rule(sizes: list[int], steps: list[tuple[str, int]]) -> None:
     """Against queues in memory: unpaused, highest priority, served longest ago, in order."""
-    db = memory_ledger()
+    db = connect(Path(":memory:"))
     book = LedgerWriter(db)
     names = ("a", "b", "c")
     for name, size in zip(names, sizes, strict=True):
