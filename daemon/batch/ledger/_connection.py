@@ -13,6 +13,8 @@ from typing import Final
 from daemon.batch.errors import DaemonError, Unavailable
 
 SCHEMA_VERSION: Final = 7
+_IN_MEMORY: Final = Path(":memory:")
+"""What SQLite calls a database that is gone with its connection: no file has this name."""
 UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
 """What a question to a damaged ledger may raise: also that its message is no text."""
 _READER_PATIENCE: Final = 5.0
@@ -39,7 +41,8 @@ def connect(path: Path) -> sqlite3.Connection:
     """
     try:
         # SQLite gives the WAL and its index the mode of the file, and the file what the umask says.
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+        if path != _IN_MEMORY:
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
     except OSError as error:
         raise _open_error(path, error) from error
     # No isolation level: the module would otherwise begin transactions of its own, and ours must
