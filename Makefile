@@ -19,7 +19,7 @@ test: $(VENV)/.installed-test     ## lint, types, import contracts and every tes
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
-	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 3 --dist loadfile
+	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 4 --dist loadfile
 
 test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each), test against them
 	$(BIN)/python -m tests.ros2.environment jazzy kilted
