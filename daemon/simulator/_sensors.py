@@ -29,6 +29,10 @@ _TOLERANCE = 1e-9
 """Widening of a segment's interval of rays [rad], so that no ray slips through a corner."""
 
 
+_DRAWN_AHEAD = 256
+"""Normal numbers that odometry draws at a time; even, since every sample takes two."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserPlane:
     """What lasers at one height can hit, cut there once for all of them.
@@ -289,6 +293,8 @@ class OdometrySensor:
         self._to_odom = frame.inverse()
         self._exact = noise.translation == noise.rotation == noise.drift == 0.0
         self._generator = generator
+        # Drawn ahead, the next one last: many at once are the same numbers as one by one.
+        self._normals: list[float] = []
         self._truth, self._pose, self._time = start, self._to_odom @ start, 0.0
 
     def sample(self, time: float, truth: Pose2, twist: Twist2) -> Odometry:
@@ -305,7 +311,9 @@ class OdometrySensor:
 
     def _err(self, truth: Pose2, twist: Twist2, elapsed: float) -> Twist2:
         """Add the way since the last sample to the pose, with errors; return the measured twist."""
-        forward, turning = self._generator.standard_normal(2).tolist()
+        if not self._normals:
+            self._normals = self._generator.standard_normal(_DRAWN_AHEAD).tolist()[::-1]
+        forward, turning = self._normals.pop(), self._normals.pop()
         noise, last, pose = self._noise, self._truth, self._pose
         dx, dy, turn = truth.x - last.x, truth.y - last.y, wrap_angle(truth.yaw - last.yaw)
         way = math.hypot(dx, dy)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 import pymunk
 
 from daemon.model.sut import TICK_RATE, Odometry
+from daemon.simulator import _chipmunk as chipmunk
 from daemon.simulator._assembly import SLEEP_TIME, BodyStates, JointReader, assemble
 from daemon.simulator._behaviours import starting_positions
 from daemon.simulator._building import (
@@ -85,6 +86,7 @@ class World:
         self._set_up_lasers(scene, robot, seed)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
         self._state_tick, self._state = -1, (start, Twist2())
+        self._step: Callable[[], None] = self._first_step
         self._between_ticks = robot.odometry.period > 0.0
         self._before = (start.x, start.y, start.yaw)
 
@@ -126,21 +128,28 @@ class World:
 
     def advance(self, ticks: int = 1) -> None:
         """Simulate ``ticks`` steps of 10 ms."""
-        step, drive, log = self._space.step, self._base.update, self._contacts
-        act, acting = self._scheduler.update, self._scheduler.active
-        body, last = self._base.body, self.tick + ticks - 1 if self._between_ticks else -1
-        for tick in range(self.tick, self.tick + ticks):
+        step, drive, log, scheduler = self._step, self._base.update, self._contacts, self._scheduler
+        end = self.tick + ticks
+        body, last = self._base.handle, end - 1 if self._between_ticks else -1
+        for tick in range(self.tick, end):
             # Before the step, inside of which Chipmunk calls the log back.
-            self.tick = log.tick = tick
+            log.tick = tick
             if tick == last:
-                self._before = (*body.position, body.angle)
+                position = chipmunk.position(body)
+                self._before = (position.x, position.y, chipmunk.angle(body))
             # Doors and people first, then the robot, then all move at once: whoever acts sees the
             # world as it was recorded at this tick, and nobody sees another's half-done step.
-            if acting:
-                act(tick)
+            if tick >= scheduler.due:
+                self.tick = tick
+                scheduler.update(tick)
             drive(tick)
-            step(DT)
-        self.tick += 1 if ticks > 0 else 0
+            step()
+        self.tick = max(self.tick, end)
+
+    def _first_step(self) -> None:
+        """Step by pymunk, which looks once whether every body has a mass; then without it."""
+        self._space.step(DT)
+        self._step = chipmunk.stepper(self._space)
 
     def pose(self) -> Pose2:
         """Return the true pose of base_link in the world."""
@@ -157,12 +166,20 @@ class World:
         return self._state
 
     def joint_positions(self) -> Floats:
-        """Return the joint positions [rad or m], shape (joints,)."""
-        return self._joints.at(self.tick, self._bodies.at(self.tick))[0].copy()
+        """Return the joint positions [rad or m], shape (joints,), to be read and kept.
+
+        The same array as before while no joint has moved.
+        """
+        return self._joint_states()[0]
 
     def joint_velocities(self) -> Floats:
-        """Return the joint velocities [rad/s or m/s], shape (joints,)."""
-        return self._joints.at(self.tick, self._bodies.at(self.tick))[1].copy()
+        """Return the joint velocities [rad/s or m/s], shape (joints,), to be read and kept."""
+        return self._joint_states()[1]
+
+    def _joint_states(self) -> tuple[Floats, Floats]:
+        # In this order: the version is that of the table as it is now.
+        table = self._bodies.at(self.tick)
+        return self._joints.at(table, self._bodies.version)
 
     def scan(self, laser: str | None = None) -> npt.NDArray[np.float32]:
         """Take one laser sweep, shape (rays,) in metres; nan, inf and -inf as in REP 117.
@@ -195,7 +212,7 @@ class World:
     def _between(self, ago: float) -> Pose2:
         """Return the true pose a fraction of a tick ago: within a tick the velocity is constant."""
         x, y, yaw = self._before
-        now, angle = self._base.body.position, self._base.body.angle
+        now, angle = chipmunk.position(self._base.handle), chipmunk.angle(self._base.handle)
         return Pose2(
             now.x + ago * (x - now.x),
             now.y + ago * (y - now.y),
@@ -208,6 +225,8 @@ class World:
 
     def take_events(self) -> tuple[WorldEvent, ...]:
         """Return what behaviours did since the last call, in order."""
+        if not self._events:
+            return ()
         events = tuple(self._events)
         self._events.clear()
         return events
