@@ -313,11 +313,10 @@ class BodyStates:
         # The one that was awake last time is asked first: a leaf takes seconds to come to rest.
         if sleepers and not is_sleeping(sleepers[self._awake]):
             return False
-        for k, body in enumerate(sleepers):
-            if not is_sleeping(body):
-                self._awake = k
-                return False
-        return True
+        if all(map(is_sleeping, sleepers)):
+            return True
+        self._awake = next(k for k, body in enumerate(sleepers) if not is_sleeping(body))
+        return False
 
     def _read(self) -> None:
         self.version += 1

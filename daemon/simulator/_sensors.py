@@ -13,7 +13,9 @@ Odometry is the true motion with errors that grow with the way travelled.
 from __future__ import annotations
 
 import math
+import struct
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +27,7 @@ from grammars.model.robot import Laser, OdometryNoise
 
 OwnerIds = npt.NDArray[np.int32]
 
+_POSE: Final = struct.Struct("=3d")
 _TOLERANCE = 1e-9
 """Widening of a segment's interval of rays [rad], so that no ray slips through a corner."""
 
@@ -240,8 +243,15 @@ class LaserScanner:
         self._noise_stream, self._dropout_stream = noise, dropout
         self._noise = np.empty(laser.rays if laser.noise > 0.0 else 0)
         self._chance = np.empty(laser.rays if laser.dropout > 0.0 else 0)
+        self._seen = (0, b"")
 
-    def _cast(self, base: Pose2, bodies: Floats) -> None:
+    def _cast(self, base: Pose2, bodies: Floats, version: int) -> None:
+        # Nothing has moved since the last time: a robot that waits, beside doors at rest. Poses are
+        # compared by their bits, which also tell 0.0 from -0.0.
+        seen = (version, _POSE.pack(base.x, base.y, base.yaw))
+        if seen == self._seen:
+            return
+        self._seen = seen
         laser, plane = self._laser, self._plane
         cast_rays(
             (base.x, base.y, base.yaw), self._mount,
@@ -251,20 +261,23 @@ class LaserScanner:
             self._cosines, self._sines, self._inverse, self._hits,
         )  # fmt: skip
 
-    def true_ranges(self, base: Pose2, bodies: Floats) -> tuple[Floats, OwnerIds]:
-        """Return exact ranges [m] (inf beyond range_max) and owner indices (-1 there)."""
-        self._cast(base, bodies)
+    def true_ranges(self, base: Pose2, bodies: Floats, version: int) -> tuple[Floats, OwnerIds]:
+        """Return exact ranges [m] (inf beyond range_max) and owner indices (-1 there).
+
+        ``bodies`` are as they were before when ``version`` is.
+        """
+        self._cast(base, bodies, version)
         ranges = np.where(self._hits >= 0, 1.0 / self._inverse, np.inf)
         return ranges, self._hits.copy()
 
-    def scan(self, base: Pose2, bodies: Floats) -> npt.NDArray[np.float32]:
-        """Return one measured sweep, shape (rays,).
+    def scan(self, base: Pose2, bodies: Floats, version: int) -> npt.NDArray[np.float32]:
+        """Return one measured sweep, shape (rays,); ``version`` as for ``true_ranges``.
 
         Lost rays are nan, rays without return within range_max inf, returns nearer than
         range_min -inf (REP 117) unless the laser clamps them; noisy ranges are clamped to the
         range of the sensor.
         """
-        self._cast(base, bodies)
+        self._cast(base, bodies, version)
         laser = self._laser
         # Drawn for every ray, also those without a return; see the class.
         if self._noise.size:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,6 @@ from daemon.simulator._building import (
 )
 from daemon.simulator._joints import JointDrive
 from daemon.simulator._mobile_base import make_base
-from daemon.simulator._physics import DT
 from daemon.simulator._scheduler import BehaviourScheduler
 from daemon.simulator._sensors import LaserPlane, LaserScanner, OdometrySensor
 from grammars.model.behaviour import Behaviour, Servo, Trigger, Walk
@@ -86,7 +85,9 @@ class World:
         self._set_up_lasers(scene, robot, seed)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
         self._state_tick, self._state = -1, (start, Twist2())
-        self._step: Callable[[], None] = self._first_step
+        # A step of no time moves nothing: pymunk looks at whether every body has a mass.
+        space.step(0.0)
+        self._step = chipmunk.stepper(space)
         self._between_ticks = robot.odometry.period > 0.0
         self._before = (start.x, start.y, start.yaw)
 
@@ -146,11 +147,6 @@ class World:
             step()
         self.tick = max(self.tick, end)
 
-    def _first_step(self) -> None:
-        """Step by pymunk, which looks once whether every body has a mass; then without it."""
-        self._space.step(DT)
-        self._step = chipmunk.stepper(self._space)
-
     def pose(self) -> Pose2:
         """Return the true pose of base_link in the world."""
         return self._true_state()[0]
@@ -186,14 +182,16 @@ class World:
 
         ``laser`` is its name; the first laser when left out. Raises ``KeyError`` for another one.
         """
-        return self._scanner(laser).scan(self.pose(), self._bodies.at(self.tick))
+        table = self._bodies.at(self.tick)
+        return self._scanner(laser).scan(self.pose(), table, self._bodies.version)
 
     def true_ranges(self, laser: str | None = None) -> tuple[Floats, npt.NDArray[np.int32]]:
         """Return exact ranges [m] and, for each ray, the index in ``owners`` of what it hits.
 
         Rays that hit nothing within range_max give inf and -1. Draws no random numbers.
         """
-        return self._scanner(laser).true_ranges(self.pose(), self._bodies.at(self.tick))
+        table = self._bodies.at(self.tick)
+        return self._scanner(laser).true_ranges(self.pose(), table, self._bodies.version)
 
     def _scanner(self, laser: str | None) -> LaserScanner:
         return self._lasers[self._first_laser if laser is None else laser]
