@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 import pymunk
-from pymunk.batch import BodyFields, Buffer, get_space_bodies
 
 from daemon.model.kernels import kernel
 from daemon.model.sut import TICK_RATE
@@ -246,14 +245,6 @@ def _add_shapes(
         space.add(shape)
 
 
-_FIELDS = (
-    BodyFields.BODY_ID
-    | BodyFields.POSITION
-    | BodyFields.ANGLE
-    | BodyFields.VELOCITY
-    | BodyFields.ANGULAR_VELOCITY
-)
-
 SLEEP_TIME = 0.5
 """How long bodies have to rest before they fall asleep [s]."""
 
@@ -272,12 +263,11 @@ class BodyStates:
     """
 
     def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body]) -> None:
-        self._space = space
+        self._read_bodies = chipmunk.body_reader(space)
         self._rows = {body.id: row for row, body in enumerate(bodies) if row > 0}
         # One spare row at the end takes bodies that are not asked for.
         self._spare = len(bodies)
         self._table = np.zeros((len(bodies) + 1, 6))
-        self._buffer = Buffer()
         self._listing = b""
         self._order: npt.NDArray[np.intp] = np.empty(0, dtype=np.intp)
         self.version = 0
@@ -320,16 +310,12 @@ class BodyStates:
 
     def _read(self) -> None:
         self.version += 1
-        self._buffer.clear()
-        get_space_bodies(self._space, _FIELDS, self._buffer)
-        # Sleeping bodies are listed too, and the space's own static body, but in another order.
-        listing = bytes(self._buffer.int_buf())
+        listing, values = self._read_bodies()
         if listing != self._listing:
             ids = np.frombuffer(listing, dtype=np.uintp).tolist()
             self._order = np.array([self._rows.get(i, self._spare) for i in ids], dtype=np.intp)
             self._listing = listing
-        values = np.frombuffer(self._buffer.float_buf(), dtype=np.float64)
-        self._table[self._order] = values.reshape(-1, 6)
+        self._table[self._order] = values
 
 
 @kernel

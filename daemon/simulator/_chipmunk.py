@@ -13,14 +13,34 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final, NamedTuple, Protocol
 
+import numpy as np
 import pymunk
+from pymunk.batch import BodyFields, Buffer, get_space_bodies
 
 from daemon.simulator._physics import DT
+from grammars.model.geometry import Floats
 
 Handle = Any
 """A body as the functions take it; valid for as long as the body is."""
+
+BodyReader = Callable[[], tuple[bytes, Floats]]
+"""Reads all bodies of a space: their ids, and rows (x, y, angle, vx, vy, w) in the same order.
+
+Sleeping bodies are among them and the space's own static body may be; the order changes when a
+body falls asleep or wakes. The rows are valid until the next call.
+"""
+
+_FIELDS: Final = (
+    BodyFields.BODY_ID
+    | BodyFields.POSITION
+    | BodyFields.ANGLE
+    | BodyFields.VELOCITY
+    | BodyFields.ANGULAR_VELOCITY
+)
+_COLUMNS: Final = 6
 
 
 class Vector(Protocol):
@@ -50,6 +70,7 @@ class BodyFunctions(NamedTuple):
     set_velocity: Callable[[Handle, tuple[float, float]], None]
     set_angular_velocity: Callable[[Handle, float], None]
     step: Callable[[pymunk.Space], Callable[[], None]]
+    reader: Callable[[pymunk.Space], BodyReader]
 
 
 def _set_velocity(body: pymunk.Body, velocity: tuple[float, float]) -> None:
@@ -64,6 +85,18 @@ def _public_step(space: pymunk.Space) -> Callable[[], None]:
     return lambda: space.step(DT)
 
 
+def _public_reader(space: pymunk.Space) -> BodyReader:
+    buffer = Buffer()
+
+    def read() -> tuple[bytes, Floats]:
+        buffer.clear()
+        get_space_bodies(space, _FIELDS, buffer)
+        values = np.frombuffer(buffer.float_buf(), dtype=np.float64)
+        return bytes(buffer.int_buf()), values.reshape(-1, _COLUMNS)
+
+    return read
+
+
 PUBLIC: Final = BodyFunctions(
     lambda body: body,
     operator.attrgetter("position"),
@@ -74,6 +107,7 @@ PUBLIC: Final = BodyFunctions(
     _set_velocity,
     _set_angular_velocity,
     _public_step,
+    _public_reader,
 )
 """The same by what pymunk promises."""
 
@@ -81,7 +115,7 @@ PUBLIC: Final = BodyFunctions(
 def find_direct() -> BodyFunctions | None:
     """Return Chipmunk's own functions; ``None`` when this pymunk keeps them elsewhere."""
     try:
-        from pymunk._chipmunk_cffi import lib
+        from pymunk._chipmunk_cffi import ffi, lib
 
         body, space = pymunk.Body(), pymunk.Space()
         handle, handle_of_space = operator.attrgetter("_body"), operator.attrgetter("_space")
@@ -95,14 +129,19 @@ def find_direct() -> BodyFunctions | None:
             lib.cpBodySetVelocity,
             lib.cpBodySetAngularVelocity,
             _direct_step(lib.cpSpaceStep, handle_of_space),
+            partial(_direct_reader, ffi, lib, handle_of_space),
         )
         # Tried once: names alone do not say that they still mean what they did.
+        body.mass = body.moment = 1.0
+        space.add(body)
         found.set_velocity(handle(body), (1.0, 2.0))
         found.step(space)()
+        (ids, rows), (same_ids, same_rows) = found.reader(space)(), PUBLIC.reader(space)()
         moved = (found.velocity(handle(body)).x, found.velocity(handle(body)).y)
     except (ImportError, AttributeError, TypeError):
         return None
-    return found if moved == (1.0, 2.0) else None
+    read = ids == same_ids and np.array_equal(rows, same_rows)
+    return found if read and moved == (1.0, 2.0) else None
 
 
 def _direct_step(
@@ -120,6 +159,34 @@ def _direct_step(
     return of
 
 
+def _direct_reader(
+    ffi: Any, lib: Any, handle: Callable[[pymunk.Space], Any], space: pymunk.Space
+) -> BodyReader:
+    """Return what :func:`pymunk.batch.get_space_bodies` does, set up once for all calls."""
+    raw, buffer = handle(space), Buffer()
+    ints, floats = buffer._int_arr, buffer._float_arr
+    data = ffi.new("pmBatchedData *")
+    visit = ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched")
+    data.fields, data.intArray, data.floatArray = _FIELDS.value, ints, floats
+    each, seen = lib.cpSpaceEachBody, (ffi.NULL, ffi.NULL, 0)
+    ids = np.empty(0, dtype=np.uintp)
+    values: Floats = np.empty((0, _COLUMNS))
+
+    def read() -> tuple[bytes, Floats]:
+        nonlocal seen, ids, values
+        ints.num = floats.num = 0
+        each(raw, visit, data)
+        # Chipmunk's arrays move when they grow, at first.
+        now = (ints.arr, floats.arr, ints.num)
+        if now != seen:
+            seen = now
+            ids = np.frombuffer(buffer.int_buf(), dtype=np.uintp)
+            values = np.frombuffer(buffer.float_buf(), dtype=np.float64).reshape(-1, _COLUMNS)
+        return ids.tobytes(), values
+
+    return read
+
+
 (
     handle,
     position,
@@ -130,4 +197,5 @@ def _direct_step(
     set_velocity,
     set_angular_velocity,
     stepper,
+    body_reader,
 ) = find_direct() or PUBLIC

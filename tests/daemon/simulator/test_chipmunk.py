@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from types import SimpleNamespace
 
+import numpy as np
 import pymunk
 import pytest
 from hypothesis import given
@@ -46,6 +47,14 @@ def test_reading_and_writing_is_that_of_the_properties(
         found.append((position.x, position.y, velocity.x, velocity.y))
         found[-1] += (use.angle(handle), use.angular_velocity(handle))
         assert not use.is_sleeping(handle)
+        # Read again after a body more, for which Chipmunk's arrays have to grow.
+        read = use.reader(space)
+        for _ in range(2):
+            ids, rows = read()
+            row = rows[np.frombuffer(ids, dtype=np.uintp).tolist().index(body.id)].tolist()
+            assert row == [*body.position, body.angle, vx, vy, spin]
+            assert len(rows) == len(ids) // np.uintp(0).nbytes
+            space.add(*(pymunk.Body(1.0, 1.0) for _ in range(20)))
     assert found[0] == found[1]
     assert found[0] == (*bodies[0].position, *bodies[0].velocity, bodies[0].angle, spin)
 
@@ -69,7 +78,8 @@ def test_a_world_is_the_same_by_pymunk_alone(monkeypatch: pytest.MonkeyPatch) ->
     direct = digest(5)
     names = _chipmunk.BodyFunctions._fields
     for name, function in zip(names, _chipmunk.PUBLIC, strict=True):
-        monkeypatch.setattr(_chipmunk, "stepper" if name == "step" else name, function)
+        name = {"step": "stepper", "reader": "body_reader"}.get(name, name)
+        monkeypatch.setattr(_chipmunk, name, function)
     assert digest(5) == direct
 
 
