@@ -25,7 +25,7 @@ from daemon.trace._model import (
     ProgressRecord,
     ScanTrack,
 )
-from daemon.trace._signals import decode_path
+from daemon.trace._views import decode_path
 from daemon.trace.layouts import HEADER, ByteArray, MessageLayout
 from grammars.model.geometry import Floats
 from grammars.model.robot import Laser
