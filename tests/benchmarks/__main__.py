@@ -42,7 +42,7 @@ def main(arguments: list[str]) -> None:
         module = importlib.import_module(f"tests.benchmarks.{arguments[0]}")
         made = printed(arguments[0], lambda: module.main(arguments[1:]))
     else:
-        made = [(name, one) for name in chosen(arguments) for one in measured(name)]
+        made = [each for name in chosen(arguments) for each in measured(name)]
     print()
     for row in goal_table(made):
         print(row)
