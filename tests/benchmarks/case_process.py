@@ -24,6 +24,8 @@ CAMPAIGNS = {
     "rude-house": ("demo", "rude-house", None),
 }
 """Campaign, scenario and system under test of the cases that come from a campaign."""
+REFERENCE = "s1"
+"""The case by which the speed of a machine is told."""
 CORRIDORS = ("rest", "moving", "s2")
 """The cases of ``bench_run``, in its order."""
 
@@ -49,10 +51,22 @@ def load(name: str) -> tuple[Any, Any]:
 
 def incremental(spec: Any) -> Any:
     """The run with the planner that keeps its wave; as it was in a checkout that has no such."""
-    if not Path("daemon/stacks/ros1/navfn/incremental.py").exists():
+    if '"planner"' not in Path("daemon/stacks/ros1/configuration.py").read_text("utf-8"):
         return spec
     parameters = {**spec.sut.parameters, "planner": "incremental"}
     return replace(spec, sut=replace(spec.sut, parameters=parameters))
+
+
+def tell_cpu(name: str) -> None:
+    """Print the CPU seconds that a case takes in a process that has everything loaded."""
+    from daemon.run import execute, warm_up
+
+    warm_up()
+    spec, scene = load(name)
+    with tempfile.TemporaryDirectory(prefix="bench-case-") as folder:
+        start = time.process_time()
+        execute(spec, scene, trace_path=Path(folder) / "trace.mcap")
+        print(time.process_time() - start)
 
 
 def main(folder: Path) -> None:
