@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
 
-from tests.benchmarks.measurement import Measurement, goal_table, line
+from tests.benchmarks.measurement import Measurement, beside_yardstick, goal_table, line, yardstick
 
 COMMANDS = ("against", "campaign", "flame")
 """Modules with a command line of their own: ``main(arguments)`` yields measurements."""
@@ -73,7 +73,8 @@ def printed(
     """Print what is measured as it comes, and return it with the name of the benchmark."""
     made, start = [], time.monotonic()
     print(f"\n== {name}", flush=True)
-    for one in measure():
+    for each in measure():
+        one = beside_yardstick(each, yardstick())
         print(line(one), flush=True)
         made.append((name, one))
     print(f"-- {time.monotonic() - start:.0f} s", flush=True)
