@@ -81,18 +81,23 @@ class ForkedExecution:
     _reason: str = ""
     _failure: bytes = run_process.FAILED
     _swept: bool = False
+    _silent: bool = False
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
         """The end of the process, and what it sends."""
-        return self.process.sentinel, self.wire
+        # A pipe that nobody writes to any more is always ready: to wait for it would be to spin
+        # until the guardian ends, on a core that it needs for that.
+        return (self.process.sentinel,) if self._silent else (self.process.sentinel, self.wire)
 
     def listen(self) -> None:
         """Read what the child has sent, keep the newest snapshot and its last words; end it
         when its time is up.
         """
-        with suppress(EOFError):  # it is gone: its end is noticed by its process
+        try:
             self._read()
+        except EOFError:  # it is gone: its end is noticed by its process
+            self._silent = True
         if time.monotonic() > self.deadline and self.end is None:
             self.kill(stopped_after(self.limit))
         self._sweep()
