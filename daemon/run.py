@@ -130,16 +130,13 @@ class _PeriodicTimer:
     count: int = 0
     due: int = 0
 
-    def fires(self, tick: int) -> bool:
-        """Return whether it is due at ``tick``, and move on to the next time if so."""
-        if tick < self.due:
-            return False
+    def move_on(self) -> None:
+        """Wait for the next time: what was due has been done."""
         self.count += 1
         # From the count and not from the last due tick, so that a rate that does not divide 100 Hz
         # does not drift. Without the 1e-9 a quotient that is whole but for its last bit would be a
         # tick late: a period of 0.07 s is a rate whose first tick is 7.000000000000001.
         self.due = math.ceil(self.count * TICK_RATE / self.rate - 1e-9)
-        return True
 
 
 class RunLoop:
@@ -291,20 +288,23 @@ class RunLoop:
         tick, now = world.tick, world.time
         # Truth first: it is what was before anybody answered, and what an answer of this instant
         # is held against. It is in the trace even when that answer raises.
-        if self._clock.fires(tick):
+        if tick >= self._clock.due:
+            self._clock.move_on()
             trace.clock(now)
-        if self._state.fires(tick):
+        if tick >= self._state.due:
+            self._state.move_on()
             self._record_state()
         # Odometry before the scans, both before the update: the system under test can place a scan
         # by the odometry of the same stamp, and what it sees is of now, not of a tick ago.
-        if self._odom.fires(tick):
+        if tick >= self._odom.due:
             # A period need not be a multiple of a tick: the sample then lies within the last one.
-            at = (self._odom.count - 1) * self._period if self._period else now
-            sample = world.odometry(at)
+            sample = world.odometry(self._odom.count * self._period if self._period else now)
+            self._odom.move_on()
             trace.odometry(sample)
             self._odometry.append(sample)
         for laser, timer in self._scan_timers:
-            if timer.fires(tick):
+            if tick >= timer.due:
+                timer.move_on()
                 ranges = world.scan(laser)
                 trace.scan(now, ranges, laser)
                 self._scans.append(LaserScan(now, ranges, laser))
@@ -312,8 +312,12 @@ class RunLoop:
                     self._live_view.add_scan(world.pose(), ranges, laser)
         # Last, when everything of this instant has been measured: its command moves the robot from
         # the next step on, never in the one that led here.
-        finished = self._update.fires(tick) and self._update_sut(now)
-        if self._on_progress is not None and self._snapshot.fires(tick):
+        finished = False
+        if tick >= self._update.due:
+            self._update.move_on()
+            finished = self._update_sut(now)
+        if self._on_progress is not None and tick >= self._snapshot.due:
+            self._snapshot.move_on()
             self._publish_snapshot(now)
         return finished
 

@@ -219,16 +219,13 @@ class ImposedVelocityBase(MobileBase):
 
     def _impose(self, yaw: float) -> None:
         vx, vy, wz = self._goal
-        loss, turning_loss = self._drive.friction_loss, self._drive.turning_loss
-        spin = wz if turning_loss == 0.0 else _reduced_speed(wz, turning_loss)
+        loss, spin = self._drive.friction_loss, _reduced_speed(wz, self._drive.turning_loss)
         # The plugin turns the velocity with the heading at the start of each of its steps; over a
         # tick the mean of those directions is the one in the middle.
         heading = yaw + spin * _MEAN_UPDATE_TIME
         c, s = math.cos(heading), math.sin(heading)
-        vx, vy = c * vx - s * vy, s * vx + c * vy
-        if loss != 0.0:
-            vx, vy = _reduced_speed(vx, loss), _reduced_speed(vy, loss)
-        chipmunk.set_velocity(self.handle, (vx, vy))
+        speed = (_reduced_speed(c * vx - s * vy, loss), _reduced_speed(s * vx + c * vy, loss))
+        chipmunk.set_velocity(self.handle, speed)
         chipmunk.set_angular_velocity(self.handle, spin)
 
     def twist(self) -> Twist2:
@@ -249,4 +246,6 @@ def make_base(space: pymunk.Space, robot: Robot, start: Pose2) -> MobileBase:
 
 
 def _reduced_speed(speed: float, loss: float) -> float:
-    return math.copysign(max(0.0, abs(speed) - loss), speed)
+    if speed > loss:
+        return speed - loss
+    return speed + loss if speed < -loss else math.copysign(0.0, speed)

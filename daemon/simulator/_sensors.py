@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -310,20 +311,32 @@ class OdometrySensor:
         self._normals: list[float] = []
         self._truth, self._pose, self._time = start, self._to_odom @ start, 0.0
 
-    def sample(self, time: float, truth: Pose2, twist: Twist2) -> Odometry:
-        """Return the odometry at ``time`` [s]; draws two numbers per call unless noise free."""
+    def sample(self, time: float, truth: Pose2, twist: Callable[[], Twist2]) -> Odometry:
+        """Return the odometry at ``time`` [s]; draws two numbers per call unless noise free.
+
+        ``twist`` is asked for the true one only where it is what is measured.
+        """
         last, elapsed = self._pose, time - self._time
+        stretch, error = 1.0, 0.0
         if self._exact:
             self._pose = self._to_odom @ truth
         else:
-            twist = self._err(truth, twist, elapsed)
-        if self._noise.twist == "mean":
-            twist = _mean(last, self._pose, elapsed)
+            stretch, error = self._err(truth)
         self._truth, self._time = truth, time
-        return Odometry(time, self._pose, twist)
+        if self._noise.twist == "mean":
+            return Odometry(time, self._pose, _mean(last, self._pose, elapsed))
+        measured = twist()
+        if not self._exact:
+            spin = error / elapsed if elapsed > 0.0 else 0.0
+            vx, vy = measured.vx * stretch, measured.vy * stretch
+            measured = Twist2(vx, vy, measured.wz + spin)
+        return Odometry(time, self._pose, measured)
 
-    def _err(self, truth: Pose2, twist: Twist2, elapsed: float) -> Twist2:
-        """Add the way since the last sample to the pose, with errors; return the measured twist."""
+    def _err(self, truth: Pose2) -> tuple[float, float]:
+        """Add the way since the last sample to the pose, with errors.
+
+        Returns the factor by which the way was taken too long, and the error of the turn [rad].
+        """
         if not self._normals:
             self._normals = self._generator.standard_normal(_DRAWN_AHEAD).tolist()[::-1]
         forward, turning = self._normals.pop(), self._normals.pop()
@@ -337,8 +350,7 @@ class OdometrySensor:
         c, s = math.cos(pose.yaw - last.yaw), math.sin(pose.yaw - last.yaw)
         x, y = pose.x + stretch * (c * dx - s * dy), pose.y + stretch * (s * dx + c * dy)
         self._pose = Pose2(x, y, wrap_angle(pose.yaw + turn + error))
-        spin = error / elapsed if elapsed > 0.0 else 0.0
-        return Twist2(twist.vx * stretch, twist.vy * stretch, twist.wz + spin)
+        return stretch, error
 
 
 def _mean(before: Pose2, after: Pose2, elapsed: float) -> Twist2:

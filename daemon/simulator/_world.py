@@ -84,7 +84,9 @@ class World:
         )
         self._set_up_lasers(scene, robot, seed)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
-        self._state_tick, self._state = -1, (start, Twist2())
+        # Read from the physics once a tick.
+        self._pose_tick, self._pose = -1, start
+        self._twist_tick, self._twist = -1, Twist2()
         # A step of no time moves nothing: pymunk looks at whether every body has a mass.
         space.step(0.0)
         self._step = chipmunk.stepper(space)
@@ -145,21 +147,20 @@ class World:
                 scheduler.update(tick)
             drive(tick)
             step()
-        self.tick = max(self.tick, end)
+        if ticks > 0:
+            self.tick = end
 
     def pose(self) -> Pose2:
         """Return the true pose of base_link in the world."""
-        return self._true_state()[0]
+        if self._pose_tick != self.tick:
+            self._pose_tick, self._pose = self.tick, self._base.pose()
+        return self._pose
 
     def twist(self) -> Twist2:
         """Return the true velocity of base_link in its own frame."""
-        return self._true_state()[1]
-
-    def _true_state(self) -> tuple[Pose2, Twist2]:
-        """Return pose and twist, read from the physics once a tick."""
-        if self._state_tick != self.tick:
-            self._state_tick, self._state = self.tick, (self._base.pose(), self._base.twist())
-        return self._state
+        if self._twist_tick != self.tick:
+            self._twist_tick, self._twist = self.tick, self._base.twist()
+        return self._twist
 
     def joint_positions(self) -> Floats:
         """Return the joint positions [rad or m], shape (joints,), to be read and kept.
@@ -202,10 +203,10 @@ class World:
         ``at`` is the instant of the sample, within the last tick; now when left out. Only a robot
         whose odometry has a ``period`` can look back.
         """
-        pose, twist = self._true_state()
-        if at is None or at >= self.time:
-            return self._odometry.sample(self.time, pose, twist)
-        return self._odometry.sample(at, self._between((self.time - at) * TICK_RATE), twist)
+        now = self.time
+        if at is None or at >= now:
+            return self._odometry.sample(now, self.pose(), self.twist)
+        return self._odometry.sample(at, self._between((now - at) * TICK_RATE), self.twist)
 
     def _between(self, ago: float) -> Pose2:
         """Return the true pose a fraction of a tick ago: within a tick the velocity is constant."""
