@@ -120,7 +120,7 @@ def rings_data(rings: Iterable[Floats]) -> str:
     for length in {len(outline) for outline in outlines}:
         places = [i for i, outline in enumerate(outlines) if len(outline) == length]
         stack = np.stack([outlines[i] for i in places])
-        shown: Floats = np.round(np.clip(stack, -_FAR, _FAR), 1)
+        shown: Floats = np.clip(stack, -_FAR, _FAR).round(1)
         plain: npt.NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(stack), axis=(1, 2))
         plain &= ~np.logical_or.reduce(_idle(shown), axis=1)
         for i, as_it_is, points in zip(places, plain.tolist(), shown.tolist(), strict=True):
