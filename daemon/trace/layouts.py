@@ -92,11 +92,16 @@ class MessageLayout:
     names: tuple[str, ...] = field(init=False)
     """Fields of the message that vary, without the header's."""
     _constant_bits: ByteArray = field(init=False)
+    _packed: np.dtype[np.void] = field(init=False)
 
     def __post_init__(self) -> None:
         assert self.record.names is not None
         names = tuple(n for n in self.record.names if n not in _HEADER_FIELDS)
         object.__setattr__(self, "names", names)
+        # Stamps are the times once more.
+        kept = ("log_time", *(name for name in names if not name.startswith("stamp")))
+        packed = np.dtype([(name, self.record[name]) for name in kept])
+        object.__setattr__(self, "_packed", packed)
         bits = np.zeros(len(self.template), np.uint8)
         for start, stop in self.constant:
             bits[start:stop] = 0xFF
@@ -125,6 +130,14 @@ class MessageLayout:
         """Return rows of bytes (n, size) read from a file as records (n,)."""
         records: npt.NDArray[np.void] = np.ascontiguousarray(rows).view(self.record)[:, 0]
         return records
+
+    def pack(self, rows: ByteArray) -> npt.NDArray[np.void]:
+        """Return ``log_time`` and the fields but the stamps of rows (n, size), as a copy (n,)."""
+        records = self.view(rows)
+        packed = np.empty(len(rows), self._packed)
+        for name in self._packed.fields or ():
+            packed[name] = records[name]
+        return packed
 
     def fits(self, rows: ByteArray) -> npt.NDArray[np.bool_]:
         """Return which rows of bytes (n, size) have this layout: size and constant bytes."""
