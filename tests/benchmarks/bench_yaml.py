@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from grammars.text.documents import parse_yaml
 from tests.benchmarks.measurement import Measurement, Reference
 
-KEYS = 40_000
+KEYS = 10_000
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 
 
