@@ -23,6 +23,7 @@ from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.behaviour import Behaviour, KeyFrame, KeyFrames, Servo, Walk
 from grammars.model.geometry import Pose2, Ring
+from grammars.model.grid import OccupancyGrid
 from grammars.model.movers import with_planar_chain
 from grammars.model.robot import Robot
 from grammars.model.scene import Link, Scene, SceneObject
@@ -135,7 +136,7 @@ def rays() -> Iterator[Growth]:
     )  # fmt: skip
 
 
-def _updates(scene: Scene, robot: Robot, grid: bench_costmap.OccupancyGrid) -> Work:
+def _updates(scene: Scene, robot: Robot, grid: OccupancyGrid) -> Work:
     start = Pose2(*bench_costmap.BEGIN, 0.0)
     steps = bench_costmap.drive(world_at(scene, robot, start), robot)[:300]
     parameters = bench_costmap.GLOBAL

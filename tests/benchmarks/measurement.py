@@ -150,7 +150,7 @@ def line(one: Measurement) -> str:
     """A measurement as it is printed when it has been made."""
     beside = ""
     if one.reference is not None:
-        ratio = "-" if one.ratio is None else f"{one.ratio:.2f}"
+        ratio = "-" if one.ratio is None else number(one.ratio)
         beside = f"{ratio:>8} x {one.reference.name} ({number(one.reference.value)})"
     note = f"  {one.note}" if one.note else ""
     return f"{one.name:46} {number(one.value):>8} {one.unit:12} {beside}{note}".rstrip()
@@ -178,8 +178,8 @@ def _measured(one: Measurement, goal: Goal) -> str:
         return "no reference here"
     if goal.of_ratio:
         assert one.reference is not None
-        return f"{judged:.2f} x {one.reference.name}"
-    beside = f" ({one.ratio:.2f} x {one.reference.name})" if one.reference and one.ratio else ""
+        return f"{number(judged)} x {one.reference.name}"
+    beside = f" ({number(one.ratio)} x {one.reference.name})" if one.reference and one.ratio else ""
     return f"{number(judged)} {one.unit}{beside}"
 
 
