@@ -24,6 +24,10 @@ NEUTRAL: Final = 50
 BLOCKED: Final = 254
 PENDING: Final = 256
 """Flag of a cell that waits in a buffer; added to its cost, so that one look tells both."""
+DOUBTFUL: Final = 512
+"""Flag of a cell that a restricted wave left out, or that what was left out may have changed."""
+VALUE: Final = PENDING - 1
+"""Mask of what stands below the flags."""
 UNREACHED: Final = np.float32(1.0e10)
 
 Bytes: TypeAlias = npt.NDArray[np.uint8]
@@ -60,10 +64,10 @@ def translate_costs(
 BUFFER: Final = 10_000
 """Cells a priority buffer holds; what does not fit is lost (navfn ``PRIORITYBUFSIZE``)."""
 THRESHOLD_STEP: Final = 100.0
-GAINS: Final = np.full(2 * PENDING, np.inf, dtype=np.float32)
-"""By cost: how much a neighbour must at least gain, so that it is looked at again. No gain is
-enough for a cell that is blocked or waits already."""
-GAINS[:BLOCKED] = 0.707106781 * np.arange(BLOCKED)
+GAINS: Final = np.full(2 * DOUBTFUL, np.inf, dtype=np.float32)
+"""By cost and flags: how much a neighbour must at least gain, so that it is looked at again. No
+gain is enough for a cell that is blocked or waits already."""
+GAINS[:BLOCKED] = GAINS[DOUBTFUL : DOUBTFUL + BLOCKED] = 0.707106781 * np.arange(BLOCKED)
 
 
 @kernel
@@ -175,10 +179,9 @@ def propagate_wave(
 
 @kernel
 def reset_potentials(potentials: Singles, log: Integers, count: int) -> None:
-    """Make the cells among the first ``count`` of ``log`` unreached again; others are negative."""
+    """Make the first ``count`` cells of ``log`` unreached again."""
     for i in range(count):
-        if log[i] >= 0:
-            potentials[log[i]] = UNREACHED
+        potentials[np.uintp(log[i])] = UNREACHED
 
 
 STEP: Final = np.float32(0.5)
