@@ -37,8 +37,8 @@ class SearchBuffers(NamedTuple):
 
     ``seeds``, ``passable``, ``wanted`` and ``fronts`` are sets of cells as in
     :mod:`daemon.stacks.ros1.base_local_planner.map_grid`; ``speeds`` (3, 2) the dynamic window;
-    ``samples`` (3, most), ``counts`` (3,), ``weights`` (6,), ``pairs`` (most, 4), ``ends`` (all
-    samples, 2), ``known`` (3, cells), ``digits`` (3,), ``lower`` (all samples), ``arcs`` and
+    ``samples`` (3, most), ``counts`` (3,), ``weights`` (6,), ``pairs`` (most, 5), ``ends`` (all
+    samples, 2), ``known`` (3, cells), ``digits`` (3,), ``lower`` (all samples), ``least`` (most,), ``arcs`` and
     ``points`` (longest trajectory, 5), ``moving`` (3,) and ``answer`` (5,) as :mod:`._search` has
     them.
     """
@@ -56,6 +56,7 @@ class SearchBuffers(NamedTuple):
     known: Integers
     digits: Integers
     lower: Floats
+    least: Floats
     arcs: Floats
     points: Floats
     moving: Floats
@@ -160,9 +161,20 @@ def choose_trajectory(
         s,
         f,
         r.lower,
+        r.least,
     )
     return find_best_sample(
-        state, r.samples, r.counts, r.weights, r.points, r.moving, s, f, r.lower, r.answer
+        state,
+        r.samples,
+        r.counts,
+        r.weights,
+        r.points,
+        r.moving,
+        s,
+        f,
+        r.lower,
+        r.least,
+        r.answer,
     )
 
 
@@ -203,12 +215,13 @@ def allocate_buffers(shape: tuple[int, ...], settings: DwaSettings, longest: int
         speeds=np.zeros((3, 2)),
         samples=np.zeros((3, max(numbers))),
         counts=np.zeros(3, dtype=np.int32),
-        pairs=np.zeros((numbers[0] * numbers[1], 4)),
+        pairs=np.zeros((numbers[0] * numbers[1], 5)),
         weights=np.zeros(6),
         ends=np.zeros((int(np.prod(numbers)), 2), dtype=np.int32),
         known=np.zeros((3, shape[0] * shape[1]), dtype=np.int32),
         digits=np.zeros(3, dtype=np.int32),
         lower=np.zeros(int(np.prod(numbers))),
+        least=np.zeros(numbers[0] * numbers[1]),
         arcs=np.zeros((longest, 5)),
         points=np.zeros((longest, 5)),
         moving=np.zeros(3),
