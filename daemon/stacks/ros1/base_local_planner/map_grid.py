@@ -60,13 +60,21 @@ def contains_cell(cells: Bits, row: int, column: int) -> bool:
 
 
 @kernel
-def passable_cells(cells: Cells, out: Bits) -> None:
-    """Write the set of cells that distances spread through: known and below inscribed."""
-    out[:] = _NONE
-    for row in range(cells.shape[0]):
-        for column in range(cells.shape[1]):
-            if cells[row, column] < INSCRIBED:
-                add_cell(out, row, column)
+def passable_cells(cells: Cells, out: Bits) -> bool:
+    """Write the set of cells that distances spread through: known and below inscribed.
+
+    Returns whether they differ from those that ``out`` held.
+    """
+    rows, columns = cells.shape
+    different = _NONE
+    for row in range(rows):
+        for word in range((columns + 63) // 64):
+            bits = _NONE
+            for column in range(64 * word, min(64 * word + 64, columns)):
+                bits |= np.uint64(cells[row, column] < INSCRIBED) << np.uint64(column & 63)
+            different |= out[word + 1, row + 1] ^ bits
+            out[word + 1, row + 1] = bits
+    return bool(different != _NONE)
 
 
 @kernel
@@ -170,6 +178,16 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
             fit = passable[word, row] | seeds[word, row]
             out[FIT, word, row] = out[REACHED, word, row] & fit
     return used
+
+
+@kernel
+def all_reached(distances: Bits, wanted: Bits) -> bool:
+    """Whether every cell of ``wanted`` has been reached."""
+    missing = _NONE
+    for word in range(1, wanted.shape[0] - 1):
+        for row in range(1, wanted.shape[1] - 1):
+            missing |= wanted[word, row] & ~distances[REACHED, word, row]
+    return bool(missing == _NONE)
 
 
 @kernel

@@ -11,7 +11,6 @@ from daemon.model.kernels import kernel
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from grammars.model.geometry import Floats
 
-
 SLACK: Final = 1e-4
 """[m/s, rad/s] How much the original forgives samples that are too slow or too fast
 (``SimpleTrajectoryGenerator::generateTrajectory``)."""
