@@ -75,6 +75,7 @@ def descend_to_goal(
     one, line = np.uintp(1), np.uintp(columns)
     n, dx, dy = start, _ZERO, _ZERO
     column, row = start % columns, start // columns
+    goal_column, goal_row = goal % columns, goal // columns
     before, edge = -1, False
     ax, ay, bx, by = _ZERO, _ZERO, _ZERO, _ZERO
     cx, cy, ex, ey = _ZERO, _ZERO, _ZERO, _ZERO
@@ -83,7 +84,7 @@ def descend_to_goal(
         along = math.floor(dy + 0.5) if dy >= _ZERO else math.ceil(dy - 0.5)
         nearest = max(0, min(size - 1, n + across + columns * along))
         if potentials[nearest] < NEUTRAL:
-            path[at, 0], path[at, 1] = goal % columns, goal // columns
+            path[at, 0], path[at, 1] = goal_column, goal_row
             return int(capacity - at)
         if n <= columns or n >= size - columns - 1:
             return 0
@@ -120,7 +121,10 @@ def descend_to_goal(
                 bx, by = _slope(right, here, two, right_below, right_above)
                 cx, cy = _slope(above, left_above, right_above, here, higher)
                 ex, ey = _slope(right_above, above, two_above, right, right_higher)
-        if swinging or edge:
+        # One cell from the goal the gradients around it point all ways, and a path could go on
+        # swinging across it.
+        arriving = abs(column - goal_column) <= 1 and abs(row - goal_row) <= 1
+        if swinging or edge or arriving:
             n = _lowest_around(potentials, n, columns, limit)
             column, row = n % columns, n // columns
             dx, dy = _ZERO, _ZERO
