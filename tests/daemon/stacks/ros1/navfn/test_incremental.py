@@ -20,7 +20,7 @@ from daemon.stacks.ros1.navfn import (
 )
 from daemon.stacks.ros1.navfn.incremental import BEYOND, GoalField
 from daemon.stacks.ros1.navfn.propagation import BLOCKED, NEUTRAL, UNREACHED, translation_table
-from daemon.stacks.ros1.quirks import FIXED
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2
 
 F = np.float32
@@ -93,7 +93,7 @@ def change(rng: np.random.Generator, grid: CostGrid) -> None:
     grid.touch((max(column - 1, 0), max(row - 1, 0), right, top))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 @example(seed=0)
 def test_what_a_path_reads_is_as_if_there_had_been_no_plan_before(seed: int) -> None:
@@ -193,3 +193,125 @@ def test_paths_cost_about_as_much_as_those_of_navfn() -> None:
     assert compared > 40
     assert float(np.percentile(ratios, 95)) < 1.05
     assert abs(float(np.mean(ratios)) - 1.0) < 0.03
+
+
+def a_grid(rows: int = 30, columns: int = 40) -> CostGrid:
+    return CostGrid(0.05, 0.0, 0.0, np.zeros((rows, columns), dtype=np.uint8))
+
+
+def plans(
+    grid: CostGrid,
+    start: Pose2,
+    goal: Pose2,
+    parameters: NavfnParameters | None = None,
+    quirks: Quirks = ORIGINAL,
+) -> tuple[Floats | None, Floats | None]:
+    """The plans of a fresh navfn and of a fresh incremental one, each on a costmap of its own."""
+    given, twin = parameters or NavfnParameters(), CostGrid(0.05, 0.0, 0.0, grid.cells.copy())
+    exact = Navfn(given, quirks).plan(twin, start, goal)
+    return exact, IncrementalNavfn(given, quirks).plan(grid, start, goal)
+
+
+@pytest.mark.parametrize("quirks", [ORIGINAL, FIXED])
+def test_coordinates_and_ends_are_those_of_navfn(quirks: Quirks) -> None:
+    grid = a_grid()
+    exact, quick = plans(
+        grid, centre(grid, 10 * 40 + 5), centre(grid, 10 * 40 + 30, 1.5), quirks=quirks
+    )
+    assert exact is not None
+    assert quick is not None
+    for at in (0, -1):
+        assert quick[at].tolist() == pytest.approx(exact[at].tolist())
+    assert quick[5].tolist() == pytest.approx(exact[5].tolist(), abs=0.03)
+
+
+@pytest.mark.parametrize("quirks", [ORIGINAL, FIXED])
+def test_the_cell_of_the_robot_is_freed_when_that_is_asked_for(quirks: Quirks) -> None:
+    grid = a_grid()
+    grid.cells[10, 5] = 254
+    _, quick = plans(grid, centre(grid, 10 * 40 + 5), centre(grid, 10 * 40 + 30), quirks=quirks)
+    assert quick is not None
+    assert grid.cells[10, 5] == (0 if quirks.planner_frees_start_cell else 254)
+
+
+def walled(value: int) -> CostGrid:
+    """A costmap in two halves, with a wall of one value between them."""
+    grid = a_grid()
+    grid.cells[:, 20] = value
+    return grid
+
+
+@pytest.mark.parametrize(
+    ("grid", "start", "goal", "parameters"),
+    [
+        (walled(254), Pose2(0.4, 0.5), Pose2(1.5, 0.5), NavfnParameters()),
+        (walled(255), Pose2(0.4, 0.5), Pose2(1.5, 0.5), NavfnParameters(allow_unknown=False)),
+        (walled(253), Pose2(0.4, 0.5), Pose2(1.025, 0.5), NavfnParameters()),
+        (a_grid(), Pose2(0.4, 0.5), Pose2(9.0, 0.5), NavfnParameters()),
+        (a_grid(), Pose2(-0.4, 0.5), Pose2(1.5, 0.5), NavfnParameters()),
+        (a_grid(), Pose2(0.4, 0.5), Pose2(1.975, 0.5), NavfnParameters()),
+    ],
+    ids=["out of reach", "behind unknown", "blocked", "off the map", "robot off", "on the border"],
+)
+def test_there_is_no_plan_where_navfn_has_none(
+    grid: CostGrid, start: Pose2, goal: Pose2, parameters: NavfnParameters
+) -> None:
+    assert plans(grid, start, goal, parameters) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("start", "parameters"),
+    [
+        (Pose2(0.4, 0.5), NavfnParameters(default_tolerance=0.3)),
+        (Pose2(0.01, 0.5), NavfnParameters()),
+    ],
+    ids=["tolerance", "robot on the border"],
+)
+def test_what_it_cannot_plan_is_planned_by_navfn(start: Pose2, parameters: NavfnParameters) -> None:
+    exact, quick = plans(a_grid(), start, Pose2(1.5, 0.5), parameters)
+    assert exact is not None
+    assert quick is not None
+    assert np.array_equal(exact, quick)
+
+
+def test_a_door_that_shuts_and_opens_is_seen_by_the_next_plan() -> None:
+    grid = walled(254)
+    grid.cells[8:12, 20] = 0
+    planner = IncrementalNavfn(NavfnParameters(), ORIGINAL)
+    trip = Pose2(0.4, 0.5), Pose2(1.5, 0.5)
+    before = planner.plan(grid, *trip)
+    grid.cells[8:12, 20] = 254
+    grid.touch((20, 8, 21, 12))
+    assert planner.plan(grid, *trip) is None
+    # From the border another planner plans, and what changed meanwhile must not be missed.
+    assert planner.plan(grid, Pose2(0.01, 0.5), trip[1]) is None
+    grid.cells[8:12, 20] = 0
+    grid.touch((20, 8, 21, 12))
+    assert planner.plan(grid, Pose2(0.01, 0.5), trip[1]) is not None
+    after = planner.plan(grid, *trip)
+    assert before is not None
+    assert after is not None
+    assert np.array_equal(before, after)
+
+
+def test_another_costmap_or_another_size_of_it_starts_afresh() -> None:
+    planner = IncrementalNavfn(NavfnParameters(), ORIGINAL)
+    small, large = a_grid(), a_grid(60, 80)
+    for grid in (small, large, small):
+        assert planner.plan(grid, Pose2(0.4, 0.5), Pose2(1.5, 0.5)) is not None
+    small.cells = np.zeros((20, 60), dtype=np.uint8)
+    found = planner.plan(small, Pose2(0.4, 0.5), Pose2(2.9, 0.5))
+    assert found is not None
+    assert found[-1, 0] == 2.9
+
+
+def test_a_plan_looks_at_little_when_little_has_changed() -> None:
+    grid = a_grid(200, 200)
+    field = GoalField(grid, allow_unknown=True)
+    goal = 100 * 200 + 190
+    field.path(100 * 200 + 20, goal)
+    first = field.updates
+    grid.cells[100, 25] = 100
+    grid.touch((25, 100, 26, 101))
+    field.path(100 * 200 + 21, goal)
+    assert 0 < field.updates - first < first / 50
