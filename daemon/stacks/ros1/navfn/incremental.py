@@ -40,8 +40,11 @@ from daemon.stacks.ros1.navfn.propagation import (
 )
 from daemon.stacks.ros1.navfn.repair import (
     BUCKET,
-    LINKS,
+    FRESH,
+    LOWEST,
     NOWHERE,
+    UNUSED,
+    WAITING,
     repair,
     take_changed_costs,
 )
@@ -51,8 +54,9 @@ from grammars.model.geometry import Floats, Pose2
 BEYOND: Final = np.float32(300.0)
 """How far beyond the robot potentials are right [cost]: six free cells, and what reads them is
 two cells away."""
-_LARGEST: Final = float(1 << 22)
-"""[cost] A float32 holds quarters below."""
+_MOST_BUCKETS: Final = (1 << 16) - 2
+"""What ``queued`` can tell apart; it is also well below what a float32 holds quarters of."""
+_FEWEST_ENTRIES: Final = 1 << 16
 _MOST_CHANGES: Final = 0.1
 """Share of all cells whose costs may change, before a new potential is quicker than a repair."""
 
@@ -73,14 +77,15 @@ class GoalField:
         self.updates = 0
         self._table = translation_table(allow_unknown=allow_unknown).astype(np.uint8)
         cycles = max(size // 20, rows + columns)
-        self.highest: Final = np.float32(min(THRESHOLD_STEP * cycles, _LARGEST))
+        self.highest: Final = np.float32(min(THRESHOLD_STEP * cycles, _MOST_BUCKETS * BUCKET))
         self._costs = np.full(size, BLOCKED, dtype=np.uint8)
         self._seen = ~grid.cells
         self._changed = np.empty(size, dtype=np.int32)
         self._potentials = np.empty(0, dtype=np.float32)
-        self._links = np.empty((0, LINKS), dtype=np.int32)
+        self._queued = np.empty(0, dtype=np.uint16)
+        self._entries = np.empty((_FEWEST_ENTRIES, 2), dtype=np.int32)
         self._heads = np.empty(int(self.highest / BUCKET) + 3, dtype=np.int32)
-        self._state = np.zeros(2, dtype=np.int32)
+        self._state = np.zeros(4, dtype=np.int32)
         self._root, self._opened = NOWHERE, NOWHERE
         self._path = np.empty((4 * columns, 2), dtype=np.float32)
         grid.take_changed()
@@ -100,11 +105,7 @@ class GoalField:
             return self._path[:0]
         if goal != self._root or self._count > _MOST_CHANGES * self.size:
             self._begin(goal)
-        self.updates += repair(
-            self._costs, self._potentials, self._heads, self._links, self._state, self.columns,
-            self._changed, self._count, start, BEYOND, self.highest,
-        )  # fmt: skip
-        self._count = 0
+        self._repair(start, goal)
         if not self._potentials[start] < self.highest:
             return self._path[:0]
         length = descend_to_goal(
@@ -117,6 +118,20 @@ class GoalField:
         known = self._potentials <= self._limit(start)
         found: Singles = np.where(known, self._potentials, UNREACHED)
         return found
+
+    def _repair(self, start: int, goal: int) -> None:
+        while True:
+            done = repair(
+                self._costs, self._potentials, self._queued, self._heads, self._entries,
+                self._state, self.columns, self._changed, self._count, start, BEYOND, self.highest,
+            )  # fmt: skip
+            if done >= 0:
+                break
+            # The whole potential afresh, with more room.
+            self._entries = np.empty((4 * len(self._entries), 2), dtype=np.int32)
+            self._begin(goal)
+        self.updates += done
+        self._count = 0
 
     def _limit(self, start: int) -> np.float32:
         return np.float32(self._potentials[start] + BEYOND)
@@ -150,9 +165,9 @@ class GoalField:
         size, columns = self.size, self.columns
         self._potentials = np.full(size, UNREACHED, dtype=np.float32)
         # Memory of zeros that nobody touches costs nothing, and most cells never wait.
-        self._links = np.zeros((size, LINKS), dtype=np.int32)
+        self._queued = np.zeros(size, dtype=np.uint16)
         self._heads.fill(NOWHERE)
-        self._state[:] = 1, 0
+        self._state[[LOWEST, WAITING, UNUSED, FRESH]] = 1, 0, NOWHERE, 1
         self._root = goal
         self._potentials[goal] = 0.0
         inside = [goal - 1, goal + 1, goal - columns, goal + columns]

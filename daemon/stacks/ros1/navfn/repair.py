@@ -13,31 +13,35 @@ and the lowest is looked at first: one that is too high takes what its neighbour
 that is too low becomes unreached, and the neighbours that may have relied on it are looked at
 again. What waits beyond the limit of a repair goes on waiting for one that reaches as far.
 
-The queue is an array of buckets, narrower than the smallest step from cell to cell; each is a
-doubly linked list through the cells themselves, so that nothing can run over.
+The queue is an array of buckets, narrower than the smallest step from cell to cell; each is a list
+of entries. A cell that comes to wait in a lower bucket gets another entry there, and the one it
+had is passed over: little memory is touched, which is what a repair's time goes for.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.navfn.propagation import BLOCKED, NEUTRAL, UNREACHED, Bytes
 
+Shorts: TypeAlias = npt.NDArray[np.uint16]
+
 BUCKET: Final = np.float32(32.0)
 """Width of a bucket [cost]; from cell to cell it is at least 0.704 times NEUTRAL, or 35.2."""
-LINKS: Final = 4
-"""Columns of ``links``: the bucket a cell waits in, the next and the previous cell there; one is
-for nothing but that a cell's are side by side in one line of the cache."""
 NOWHERE: Final = 0
-"""No bucket, no cell: buckets count from 1, and cell 0 lies on the border."""
-_ONE: Final = np.float32(1.0)
+"""No bucket, no entry, no cell: they count from 1, and cell 0 lies on the border."""
+LOWEST, WAITING, UNUSED, FRESH = 0, 1, 2, 3
+"""The state of the queue: the lowest bucket that may not be empty, how many entries wait, the first
+of the entries that were used before, and how many never were."""
 GRAIN: Final = np.float32(4.0)
 """Potentials are whole numbers of 1 / GRAIN: a change too small to matter ends where it is rounded
 away, instead of running through everything behind it."""
+_ONE: Final = np.float32(1.0)
 _HALF: Final = np.float32(0.5)
 _CONSTANT, _LINEAR, _SQUARE = np.float32(0.7040), np.float32(0.5307), np.float32(0.2301)
 
@@ -51,13 +55,10 @@ def potential_between(
     The polynomial is navfn's, cut off at 1: otherwise a cell could depend on one that is higher.
     ``highest`` and more is unreached, as is a cell that is blocked.
     """
-    lowest, difference = min(across, along), abs(across - along)
-    value = lowest + cost
-    if difference < cost:
-        share = difference / cost
-        share = _CONSTANT + share * (_LINEAR - _SQUARE * share)
-        grains = int(cost * min(share, _ONE) * GRAIN + _HALF)
-        value = lowest + np.float32(grains) / GRAIN
+    lowest = min(across, along)
+    share = min(abs(across - along) / cost, _ONE)
+    share = min(_CONSTANT + share * (_LINEAR - _SQUARE * share), _ONE)
+    value = lowest + np.float32(int(cost * share * GRAIN + _HALF)) / GRAIN
     return value if value < highest and cost < BLOCKED else UNREACHED
 
 
@@ -106,8 +107,9 @@ def take_changed_costs(
 def repair(
     costs: Bytes,
     potentials: Singles,
+    queued: Shorts,
     heads: Integers,
-    links: Integers,
+    entries: Integers,
     state: Integers,
     columns: int,
     changed: Integers,
@@ -118,52 +120,60 @@ def repair(
 ) -> int:
     """Repair all potentials up to that of ``start`` and ``beyond``; return the number of updates.
 
-    ``state`` holds the lowest bucket that may not be empty, and how many cells wait.
+    ``changed`` holds the cells with ``count`` changed costs. ``queued`` is the lowest bucket each
+    cell waits in, ``heads`` the first entry of each bucket, ``entries`` (capacity, 2) the cell of
+    each and the next one. Returns -1 when there is no room for more of them.
     """
     one, line = np.uintp(1), np.uintp(columns)
-    bucket, waiting, updates = int(state[0]), int(state[1]), 0
+    bucket, waiting = int(state[LOWEST]), int(state[WAITING])
+    unused, fresh = int(state[UNUSED]), int(state[FRESH])
+    updates = 0
     while count > 0 or waiting > 0:
         if count > 0:
             count -= 1
             n = np.uintp(changed[count])
+            begin, end = 0, 1
             # All but the goal, whose 0 is given.
             floor = _ONE
-            begin, end = 0, 1
         else:
-            first = heads[bucket]
-            if first == NOWHERE:
+            entry = heads[bucket]
+            if entry == NOWHERE:
                 bucket += 1
-                if (
-                    potentials[start] < highest
-                    and bucket > (potentials[start] + beyond) / BUCKET + _ONE
-                ):
+                last = (potentials[start] + beyond) / BUCKET + _ONE
+                if potentials[start] < highest and bucket > last:
                     break
                 continue
-            n = np.uintp(first)
-            updates += 1
-            after = links[n, 1]
-            heads[bucket] = after
-            if after != NOWHERE:
-                links[np.uintp(after), 2] = NOWHERE
-            links[n, 0] = NOWHERE
+            n = np.uintp(entries[entry, 0])
+            heads[bucket] = entries[entry, 1]
+            entries[entry, 1] = unused
+            unused = entry
             waiting -= 1
+            if queued[n] != bucket:
+                continue
+            queued[n] = NOWHERE
+            updates += 1
+            floor = potentials[n]
             value = potential_between(
                 min(potentials[n - one], potentials[n + one]),
                 min(potentials[n - line], potentials[n + line]),
                 np.float32(costs[n]),
                 highest,
             )
+            if value == floor:
+                continue
             # No cell depends on one that is not lower.
             begin, end = 1, 5
-            floor = potentials[n]
-            if value < floor:
-                floor = value
+            if int(min(value, floor) / BUCKET) + 1 > bucket:
+                # What it waited for has risen in the meantime.
+                begin, end = 0, 1
+            elif value < floor:
                 potentials[n] = value
-            elif value > floor:
+                floor = value
+            else:
                 potentials[n] = UNREACHED
                 begin = 0
-            else:
-                continue
+        if fresh + 5 > entries.shape[0]:
+            return -1
         for k in range(begin, end):
             if k == 0:
                 m = n
@@ -178,38 +188,29 @@ def repair(
             here = potentials[m]
             if here < floor:
                 continue
-            cost = costs[m]
-            if cost >= BLOCKED and here >= UNREACHED and links[m, 0] == NOWHERE:
-                continue
             value = potential_between(
                 min(potentials[m - one], potentials[m + one]),
                 min(potentials[m - line], potentials[m + line]),
-                np.float32(cost),
+                np.float32(costs[m]),
                 highest,
             )
-            old = links[m, 0]
-            new = NOWHERE
-            if value != here:
-                new = int(min(value, here) / BUCKET) + 1
-            if new == old:
+            if value == here:
                 continue
-            if old != NOWHERE:
-                after, before = links[m, 1], links[m, 2]
-                if before == NOWHERE:
-                    heads[old] = after
-                else:
-                    links[np.uintp(before), 1] = after
-                if after != NOWHERE:
-                    links[np.uintp(after), 2] = before
-                waiting -= 1
-            links[m, 0] = new
-            if new != NOWHERE:
-                first = heads[new]
-                links[m, 1], links[m, 2] = first, NOWHERE
-                if first != NOWHERE:
-                    links[np.uintp(first), 2] = np.int32(m)
-                heads[new] = np.int32(m)
-                waiting += 1
-                bucket = min(bucket, new)
-    state[0], state[1] = bucket, waiting
+            new = int(min(value, here) / BUCKET) + 1
+            if queued[m] != NOWHERE and queued[m] <= new:
+                continue
+            queued[m] = new
+            if unused != NOWHERE:
+                entry = unused
+                unused = entries[entry, 1]
+            else:
+                entry = fresh
+                fresh += 1
+            entries[entry, 0] = np.int32(m)
+            entries[entry, 1] = heads[new]
+            heads[new] = entry
+            waiting += 1
+            bucket = min(bucket, new)
+    state[LOWEST], state[WAITING] = bucket, waiting
+    state[UNUSED], state[FRESH] = unused, fresh
     return updates
