@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Final, Literal
 
@@ -19,6 +20,7 @@ import numpy as np
 
 from daemon.judging import oracles
 from daemon.model.deadline import OutOfTime, check_wall_clock
+from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
 from daemon.model.live_view import LiveView
 from daemon.model.spec import (
     RunEnding,
@@ -43,7 +45,6 @@ from daemon.model.sut import (
 )
 from daemon.run_map import run_map
 from daemon.simulator import World
-from daemon.simulator import warm_up as warm_up_simulator
 from daemon.stacks.calls import SutError, check_decision, make_in_time, sut_call
 from daemon.trace import Recorder, TraceWriter, read_trace
 from grammars.model.geometry import Floats
@@ -72,14 +73,14 @@ class SceneMismatchError(ValueError):
     """The scene at hand is not the one the specification names."""
 
 
-def warm_up() -> None:
-    """Load every kernel and validator once, so that forked children start without compiling."""
-    from daemon.judging.oracles import warm_up as warm_up_oracles
-    from daemon.stacks import warm_up as warm_up_navigation
+def warm_up(rooms: Iterable[str] = (*RUN_ROOMS, *SYSTEM_ROOMS)) -> None:
+    """Load every validator and the kernels of ``rooms``, so that forked children need not.
 
-    warm_up_simulator()
-    warm_up_navigation()
-    warm_up_oracles()
+    What is not on the disk is compiled (:func:`daemon.model.kernel_rooms.kernel_rooms` says which
+    rooms a run enters).
+    """
+    for room in rooms:
+        import_module(room).warm_up()
     warm_up_codec(RunSpec, Scene, RunResult)
     package_versions()
 
