@@ -292,32 +292,33 @@ class SampleColumns:
 class MessageRecords:
     """Ready-made messages of one channel, for what is rare or of varying size."""
 
-    __slots__ = ("_channel", "_parts", "_times", "size")
+    __slots__ = ("_channel", "_lengths", "_parts", "_times", "size")
 
     def __init__(self, channel: int) -> None:
         self._channel = channel
         self._times: list[int] = []
+        self._lengths: list[int] = []
         self._parts: list[bytes] = []
         self.size = 0
 
     def add(self, time: int, payload: bytes) -> None:
         """Append a serialized message."""
-        length = HEADER.size - 9 + len(payload)
-        head = HEADER.pack(MESSAGE_OPCODE, length, self._channel, 0, time, time)
+        length = HEADER.size + len(payload)
         self._times.append(time)
-        self._parts.append(head + payload)
-        self.size += len(head) + len(payload)
+        self._lengths.append(length)
+        self._parts.append(HEADER.pack(MESSAGE_OPCODE, length - 9, self._channel, 0, time, time))
+        self._parts.append(payload)
+        self.size += length
 
     def drain(self) -> MessageBlock:
         """Return the messages as a block and start anew."""
-        lengths = np.array([0, *map(len, self._parts)], np.int64)
         block = MessageBlock(
             self._channel,
             np.array(self._times, np.int64),
-            np.cumsum(lengths)[:-1],
+            np.cumsum([0, *self._lengths[:-1]], dtype=np.int64)[: len(self._times)],
             b"".join(self._parts),
         )
-        self._times, self._parts, self.size = [], [], 0
+        self._times, self._lengths, self._parts, self.size = [], [], [], 0
         return block
 
 

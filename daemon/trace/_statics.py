@@ -19,7 +19,7 @@ import numpy.typing as npt
 from daemon.model import ros_messages as ros
 from daemon.trace.layouts import IntArray
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
-from grammars.model.kinematics import WORLD, cos_sin, link_tracks
+from grammars.model.kinematics import cos_sin, link_tracks
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene, SceneObject
@@ -62,8 +62,8 @@ class MovingLinks:
             if item.joints and not item.frozen:
                 # With no rows: it computes nothing but raises for joints that form no tree.
                 link_tracks(item, np.empty((0, len(item.joints))))
-                only = item.joints[0] if len(item.joints) == 1 else None
-                simple = only is not None and only.kind != "prismatic" and only.parent == WORLD
+                # The parent of an only joint, the world or a post, is where the object is.
+                simple = len(item.joints) == 1 and item.joints[0].kind != "prismatic"
                 (hinged if simple else others).append((item, column, len(names)))
                 names += (f"{item.name}/{link}" for link in _moving(item))
             column += len(item.joints)
@@ -93,7 +93,7 @@ class MovingLinks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _HingedLinks:
-    """The links of objects with one joint, a hinge in the world: most doors, placed all at once.
+    """The links of objects with one joint, a hinge: most doors, placed all at once.
 
     ``columns`` (m,) are those of their positions, ``indices`` (m,) those of their poses. The
     object's pose ``x, y, yaw`` with the ``cosine`` and ``sine`` of that, and the hinge at

@@ -120,7 +120,15 @@ def box_clearance(
     # The nearest polygon of the sample before is tried first: between two samples the robot moves a
     # few centimetres, so it mostly is the nearest again and rules out all that are farther.
     guess = 0
+    # Doors rest most of the time: cosine and sine of a frame are those of the sample before while
+    # its yaw is.
+    yaws = np.full(tracks.shape[1], math.nan)
+    cosines, sines = np.empty(len(yaws)), np.empty(len(yaws))
     for i in range(samples):
+        for f in range(len(yaws)):
+            if tracks[i, f, 2] != yaws[f]:
+                yaws[f] = tracks[i, f, 2]
+                cosines[f], sines[f] = math.cos(yaws[f]), math.sin(yaws[f])
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         bx = poses[i, 0] + c * centre[0] - s * centre[1]
         by = poses[i, 1] + s * centre[0] + c * centre[1]
@@ -132,7 +140,7 @@ def box_clearance(
             lc, ls, lx, ly = 1.0, 0.0, 0.0, 0.0
             if f >= 0:
                 lx, ly = tracks[i, f, 0], tracks[i, f, 1]
-                lc, ls = math.cos(tracks[i, f, 2]), math.sin(tracks[i, f, 2])
+                lc, ls = cosines[f], sines[f]
                 wx, wy = lx + lc * wx - ls * wy, ly + ls * wx + lc * wy
             # Farther than this no point of the circle can be as near as the best so far.
             limit = (best + reach) * _SQRT_2 + circle[p, 2] + _SLACK

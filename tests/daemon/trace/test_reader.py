@@ -131,6 +131,27 @@ def test_thinned_joint_states_interpolate_to_all_of_them(positions: list[float])
     np.testing.assert_array_equal(found, positions)
 
 
+@given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
+def test_joint_states_are_the_same_however_they_are_handed_over(positions: list[float]) -> None:
+    fresh, changed, kept = JointSamples(1), JointSamples(1), JointSamples(1)
+    velocity = np.zeros(1)
+    buffer, arrays = np.zeros(1), {position: np.array([position]) for position in positions}
+    for array in (velocity, *arrays.values()):
+        array.flags.writeable = False
+    for step, position in enumerate(positions):
+        time = step * 50_000_000
+        fresh.add(time, np.array([position]), np.zeros(1))
+        buffer[:] = position
+        changed.add(time, buffer, velocity)
+        kept.add(time, arrays[position], velocity)
+    for samples in (fresh, changed, kept):
+        samples.keep_last_repeat()
+    (times, states), *others = (samples.drain() for samples in (fresh, changed, kept))
+    for found_times, found_states in others:
+        np.testing.assert_array_equal(found_times, times)
+        np.testing.assert_array_equal(found_states, states)
+
+
 @given(st.floats(-math.pi, math.pi, exclude_min=True))
 @RELAXED
 def test_a_heading_comes_back_wrapped(tmp_path: Path, yaw: float) -> None:
