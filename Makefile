@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock
-# Machine code is made once here (about ten seconds), not in the first campaign.
+# For tests machine code is made once here, and not by each of their processes. The demo makes what
+# it needs, and says how far it is.
 WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
 # Each of the test processes reads every test; without bytecode of the last time that takes twice as
 # long. Some containers switch it off.
@@ -63,7 +64,6 @@ clean:                            ## forget the virtual environment
 $(VENV)/.installed: pyproject.toml requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --editable .
-	@$(WARM)
 	@touch $@
 
 $(VENV)/.installed-docs: pyproject.toml requirements.lock
