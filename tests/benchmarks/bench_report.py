@@ -12,8 +12,9 @@ import os
 import resource
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from daemon.analysis.report import (
@@ -74,9 +75,15 @@ def _report(folder: Path, executed: float) -> Iterator[Measurement]:
         f"{drawn - wall:.1f} s on {os.cpu_count()} cores, read and judged in {read - wall:.1f} s, "
         f"drawn in {drawn - read:.1f} s, {len(page.encode()) / 1e6:.2f} MB",
     )  # fmt: skip
-    for write, name in ((write_csv, "csv"), (write_parquet, "parquet"), (write_junit, "xml")):
+    assessed = material.input.name, material.assessment, records
+    tables: dict[str, Callable[[Path], None]] = {
+        "csv": partial(write_csv, material),
+        "parquet": partial(write_parquet, material),
+        "xml": partial(write_junit, *assessed),
+    }
+    for name, write in tables.items():
         begun = time.process_time()
-        write(material, folder / f"report.{name}")
+        write(folder / f"report.{name}")
         took = time.process_time() - begun
         size = f"{(folder / f'report.{name}').stat().st_size / 1e6:.2f} MB"
         yield Measurement(f"  {name}", took, "CPU s", beside, (), size)

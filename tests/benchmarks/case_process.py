@@ -51,7 +51,9 @@ def load(name: str) -> tuple[Any, Any]:
 
 def incremental(spec: Any) -> Any:
     """The run with the planner that keeps its wave; as it was in a checkout that has no such."""
-    if '"planner"' not in Path("daemon/stacks/ros1/configuration.py").read_text("utf-8"):
+    from daemon.stacks.ros1 import configuration
+
+    if "planner" not in configuration._SECTIONS:
         return spec
     parameters = {**spec.sut.parameters, "planner": "incremental"}
     return replace(spec, sut=replace(spec.sut, parameters=parameters))
