@@ -21,6 +21,8 @@ stands against that. On small random maps with margins drawn from 100 to 2500, i
 2000 and more used here, 8 paths in 1 315 180 differed; with those used here none in 118 125, nor
 in a whole run of S1. Without ``certified`` nothing is passed on, which saves a fortieth of the
 time; on the first kind of maps 79 paths in 63 180 differed.
+
+:mod:`.incremental` is another planner, by choice: the potential of the goal, kept between plans.
 """
 
 from daemon.stacks.ros1.navfn._planner import (
@@ -30,11 +32,19 @@ from daemon.stacks.ros1.navfn._planner import (
     PotentialField,
     warm_up,
 )
+from daemon.stacks.ros1.navfn.incremental import (
+    IncrementalNavfn,
+    IncrementalNavfnParameters,
+    warm_up_incremental,
+)
 
 __all__ = [
     "WITHOUT_EFFECT",
+    "IncrementalNavfn",
+    "IncrementalNavfnParameters",
     "Navfn",
     "NavfnParameters",
     "PotentialField",
     "warm_up",
+    "warm_up_incremental",
 ]
