@@ -108,7 +108,8 @@ class CostToGo:
     def renew(self, costs: States, goal: int, limit: float) -> bool:
         """Spread it over the costs as they are; it is of no use when a buffer ran over."""
         self.goal, self.limit = goal, limit
-        self._floor[:] = np.where(costs < BLOCKED, np.minimum(costs, COST_CAP), BLOCKED)
+        np.minimum(costs, COST_CAP, out=self._floor)
+        np.copyto(self._floor, BLOCKED, where=costs >= BLOCKED)
         self.ahead[:] = UNREACHED
         # What waits beyond the threshold when a block is done may still lower it: two blocks more.
         _, fill, ended = propagate_wave(
@@ -135,7 +136,8 @@ class CostToGo:
         Too low a bound still connects: where this is unreached and ``whole``, there is no path.
         """
         around = (start, start - 1, start + 1, start - self._columns, start + self._columns)
-        return min(float(self.ahead[n]) for n in around if 0 <= n < self.ahead.size)
+        ahead = self.ahead
+        return min([float(ahead.item(n)) for n in around if 0 <= n < ahead.size])
 
     def drop(self) -> None:
         """Forget the goal."""
