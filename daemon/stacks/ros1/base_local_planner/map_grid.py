@@ -115,17 +115,16 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
     """Write the distances [steps] from the nearest seed to ``out``, until all ``wanted`` have one.
 
     A cell that is not passable is reached but spreads no further and is not fit to stand in,
-    unless it is a seed. ``front`` (2, ...) is room for two sets. Returns how many digits are used.
+    unless it is a seed. ``front`` (2, ...) is room for two sets with empty rims. Returns how many
+    digits are used; what stands in the others means nothing.
     """
     words, rows = seeds.shape
-    out[:] = _NONE
-    front[:] = _NONE
     # Nothing happens in rows that no front has come near: only rows [low, high) are looked at.
     low, high = rows - 1, 1
     for word in range(1, words - 1):
         for row in range(1, rows - 1):
             bits = seeds[word, row]
-            front[0, word, row] = bits
+            front[0, word, row], front[1, word, row] = bits, _NONE
             out[REACHED, word, row] = bits
             if bits != _NONE:
                 low, high = min(low, row), max(high, row + 1)
@@ -145,7 +144,11 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
         changed = 0
         while not (level >> changed) & 1:
             changed += 1
-        used = max(used, changed + 1)
+        if changed == used:
+            # Cleared when it is first used: most digits never are.
+            for word in range(1, words - 1):
+                out[DIGITS + used, word, 1 : rows - 1] = _NONE
+            used += 1
         fresh_any = _NONE
         for word in range(1, words - 1):
             # Views from ``low`` on: indices from 0 are what several rows are done at once for.
@@ -204,7 +207,7 @@ def _enter_row(row: int, level: int, digits: int, out: Bits) -> None:
 def distance_at(distances: Bits, row: int, column: int, size: int, digits: int) -> int:
     """Return the distance of a cell: ``size`` when not fit, one more when not reached.
 
-    ``digits`` is how many of them are used, or more.
+    ``digits`` is how many of them are used, or more if the others have never been.
     """
     word, at, shift = (column >> 6) + 1, row + 1, np.uint64(column & 63)
     if (distances[FIT, word, at] >> shift) & _ONE == _NONE:
