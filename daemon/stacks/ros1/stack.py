@@ -42,15 +42,6 @@ from typing import Final
 import numpy as np
 
 from daemon.model.sut import Briefing, Cloud, Decision, Estimate, LaserScan, Observation
-from daemon.stacks.ros1 import (
-    amcl,
-    costmap,
-    dwa,
-    global_planner,
-    move_base,
-    navfn,
-    trajectory_planner,
-)
 from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.cost_grid import CostGrid
@@ -402,10 +393,9 @@ def common_step(*frequencies: float) -> float:
 
 
 def warm_up() -> None:
-    """Warm up every component, and what is recorded of them."""
-    controllers = (dwa, trajectory_planner)
-    for component in (amcl, costmap, navfn, global_planner, *controllers, move_base):
-        component.warm_up()
+    """Warm up what is recorded; the components are rooms of their own, of which a stack has some
+    (:mod:`daemon.model.kernel_rooms`).
+    """
     log = PlanRecorder()
     log.take(0.0, np.zeros((2, 3)))
     log.take(9.0, np.zeros((2, 3)))
