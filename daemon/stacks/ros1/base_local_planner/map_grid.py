@@ -3,11 +3,11 @@
 Distances are breadth first, all cells of a row at once. Every step costs the same, so the
 original's queue finds a cell in the round that is its distance. Here a round is a few operations
 per 64 cells, one bit per cell, and the number of the round is kept as bits as well: only the few
-cells that trajectories end in are ever read.
+cells that trajectories end in are ever read. The number is in Gray code, of which one digit changes
+from round to round: cells count as long as they are not reached.
 
 A set of cells has shape (words + 2, rows + 2): 64 columns per word, with an empty rim. Distances
-are a stack of sets: reached; reached and fit to stand in; then the binary digits of the
-distance.
+are a stack of sets: reached; reached and fit to stand in; then the digits of the distance.
 """
 
 from __future__ import annotations
@@ -67,11 +67,12 @@ def passable_cells(cells: Cells, out: Bits) -> bool:
     """
     rows, columns = cells.shape
     different = _NONE
-    for row in range(rows):
-        for word in range((columns + 63) // 64):
+    for word in range((columns + 63) // 64):
+        part = cells[:, 64 * word : min(64 * word + 64, columns)]
+        for row in range(rows):
             bits = _NONE
-            for column in range(64 * word, min(64 * word + 64, columns)):
-                bits |= np.uint64(cells[row, column] < INSCRIBED) << np.uint64(column & 63)
+            for k in range(part.shape[1]):
+                bits |= np.uint64(part[row, k] < INSCRIBED) << np.uint64(k)
             different |= out[word + 1, row + 1] ^ bits
             out[word + 1, row + 1] = bits
     return bool(different != _NONE)
