@@ -3,11 +3,11 @@
 Distances are breadth first, all cells of a row at once. Every step costs the same, so the
 original's queue finds a cell in the round that is its distance. Here a round is a few operations
 per 64 cells, one bit per cell, and the number of the round is kept as bits as well: only the few
-cells that trajectories end in are ever read.
+cells that trajectories end in are ever read. The number is in Gray code, of which one digit changes
+from round to round: cells count as long as they are not reached.
 
 A set of cells has shape (words + 2, rows + 2): 64 columns per word, with an empty rim. Distances
-are a stack of sets: reached; reached and fit to stand in; then the binary digits of the
-distance.
+are a stack of sets: reached; reached and fit to stand in; then the digits of the distance.
 """
 
 from __future__ import annotations
@@ -67,11 +67,12 @@ def passable_cells(cells: Cells, out: Bits) -> bool:
     """
     rows, columns = cells.shape
     different = _NONE
-    for row in range(rows):
-        for word in range((columns + 63) // 64):
+    for word in range((columns + 63) // 64):
+        part = cells[:, 64 * word : min(64 * word + 64, columns)]
+        for row in range(rows):
             bits = _NONE
-            for column in range(64 * word, min(64 * word + 64, columns)):
-                bits |= np.uint64(cells[row, column] < INSCRIBED) << np.uint64(column & 63)
+            for k in range(part.shape[1]):
+                bits |= np.uint64(part[row, k] < INSCRIBED) << np.uint64(k)
             different |= out[word + 1, row + 1] ^ bits
             out[word + 1, row + 1] = bits
     return bool(different != _NONE)
@@ -115,17 +116,16 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
     """Write the distances [steps] from the nearest seed to ``out``, until all ``wanted`` have one.
 
     A cell that is not passable is reached but spreads no further and is not fit to stand in,
-    unless it is a seed. ``front`` (2, ...) is room for two sets. Returns how many digits are used.
+    unless it is a seed. ``front`` (2, ...) is room for two sets with empty rims. Returns how many
+    digits are used; what stands in the others means nothing.
     """
     words, rows = seeds.shape
-    out[:] = _NONE
-    front[:] = _NONE
     # Nothing happens in rows that no front has come near: only rows [low, high) are looked at.
     low, high = rows - 1, 1
     for word in range(1, words - 1):
         for row in range(1, rows - 1):
             bits = seeds[word, row]
-            front[0, word, row] = bits
+            front[0, word, row], front[1, word, row] = bits, _NONE
             out[REACHED, word, row] = bits
             if bits != _NONE:
                 low, high = min(low, row), max(high, row + 1)
@@ -145,7 +145,11 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
         changed = 0
         while not (level >> changed) & 1:
             changed += 1
-        used = max(used, changed + 1)
+        if changed == used:
+            # Cleared when it is first used: most digits never are.
+            for word in range(1, words - 1):
+                out[DIGITS + used, word, 1 : rows - 1] = _NONE
+            used += 1
         fresh_any = _NONE
         for word in range(1, words - 1):
             # Views from ``low`` on: indices from 0 are what several rows are done at once for.
@@ -204,7 +208,7 @@ def _enter_row(row: int, level: int, digits: int, out: Bits) -> None:
 def distance_at(distances: Bits, row: int, column: int, size: int, digits: int) -> int:
     """Return the distance of a cell: ``size`` when not fit, one more when not reached.
 
-    ``digits`` is how many of them are used, or more.
+    ``digits`` is how many of them are used, or more if the others have never been.
     """
     word, at, shift = (column >> 6) + 1, row + 1, np.uint64(column & 63)
     if (distances[FIT, word, at] >> shift) & _ONE == _NONE:

@@ -8,7 +8,6 @@ from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.base_local_planner.map_grid import (
-    DIGITS,
     Bits,
     Cells,
     cell_of,
@@ -25,8 +24,9 @@ class ScoringGrid(NamedTuple):
 
     ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
     metres; ``path``, ``goal`` and ``front`` are grid distances, the latter to the goal pushed
-    ahead; ``banned`` (6,) the signs of vx, vy, wz that oscillation forbids: negative vx, positive
-    vx, and so on; ``spans`` is room for a rasterised footprint.
+    ahead, of which ``digits`` (3,) digits are used; ``banned`` (6,) the signs of vx, vy, wz that
+    oscillation forbids: negative vx, positive vx, and so on; ``spans`` is room for a rasterised
+    footprint.
     """
 
     cells: Cells
@@ -35,6 +35,7 @@ class ScoringGrid(NamedTuple):
     path: Bits
     goal: Bits
     front: Bits
+    digits: Integers
     banned: Integers
     spans: Integers
 
@@ -122,7 +123,7 @@ def _cost_of_end_cells(
 ) -> float:
     """Return the cost of a trajectory that ends in these cells."""
     columns, size = f.cells.shape[1], f.cells.size
-    digits = f.path.shape[0] - DIGITS
+    along, to_goal, to_front = f.digits[0], f.digits[1], f.digits[2]
     row, column, nose_row, nose_column = (
         at // columns,
         at % columns,
@@ -131,10 +132,10 @@ def _cost_of_end_cells(
     )
     return total_cost(
         obstacle,
-        distance_at(f.front, nose_row, nose_column, size, digits),
-        distance_at(f.path, nose_row, nose_column, size, digits),
-        distance_at(f.path, row, column, size, digits),
-        distance_at(f.goal, row, column, size, digits),
+        distance_at(f.front, nose_row, nose_column, size, to_front),
+        distance_at(f.path, nose_row, nose_column, size, along),
+        distance_at(f.path, row, column, size, along),
+        distance_at(f.goal, row, column, size, to_goal),
         wz,
         weights,
     )

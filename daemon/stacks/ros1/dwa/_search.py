@@ -188,7 +188,6 @@ def bound_costs(
     arcs: Floats,
     ends: Integers,
     known: Integers,
-    digits: Integers,
     points: Floats,
     moving: Floats,
     s: DwaSettings,
@@ -202,12 +201,11 @@ def bound_costs(
     at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. ``least`` gets the
     smallest bound of each (i, j). Room: ``pairs`` (most, 5) for what all turning speeds share,
     ``arcs`` (longest trajectory, 5) for what samples of one turning speed and number of points
-    share, ``ends`` (samples, 2) and ``known`` (3, cells). ``digits`` (3,) is how many digits the
-    distances of path, goal and front use.
+    share, ``ends`` (samples, 2) and ``known`` (3, cells).
     """
     points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
     points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
-    cells, frame, path, goal, front = f.cells, f.frame, f.path, f.goal, f.front
+    cells, frame, path, goal, front, digits = f.cells, f.frame, f.path, f.goal, f.front, f.digits
     here = footprint_cost(cells, frame, f.outline, 1.0, points[0], f.spans, not s.perimeter_only)
     fastest = _prepare_pairs(samples, counts, here, s, f, pairs)
     number, turns = counts[0] * counts[1], counts[2]

@@ -39,7 +39,7 @@ class SearchBuffers(NamedTuple):
     ``seeds``, ``passable``, ``wanted`` and ``fronts`` are sets of cells as in
     :mod:`daemon.stacks.ros1.base_local_planner.map_grid`; ``speeds`` (3, 2) the dynamic window;
     ``samples`` (3, most), ``counts`` (3,), ``weights`` (6,), ``pairs`` (most, 5), ``ends`` (all
-    samples, 2), ``known`` (3, cells), ``digits`` (3,), ``lower`` (all samples), ``least`` (most,),
+    samples, 2), ``known`` (3, cells), ``lower`` (all samples), ``least`` (most,),
     ``arcs`` and ``points`` (longest trajectory, 5), ``moving`` (3,) and ``answer`` (5,) as
     :mod:`._search` has them. ``sources`` (2, 2) says which cell the distances of goal and front
     lead to, -1 for none, and whether they were spread as far as they go (1); whoever changes
@@ -57,7 +57,6 @@ class SearchBuffers(NamedTuple):
     pairs: Floats
     ends: Integers
     known: Integers
-    digits: Integers
     lower: Floats
     least: Floats
     arcs: Floats
@@ -108,18 +107,20 @@ def fill_distances(
     last = mark_plan_cells(plan, n, plan[n - 1], f.cells, f.frame, r.seeds)
     if s.path_scale != 0.0:
         write_reach(state[0], state[1], nose, f.frame, f.cells.shape, r.wanted)
-        r.digits[0] = compute_distances(r.seeds, r.passable, r.wanted, f.path, r.fronts)
+        f.digits[0] = compute_distances(r.seeds, r.passable, r.wanted, f.path, r.fronts)
     if s.goal_scale == 0.0:
         return
     write_reach(state[0], state[1], near, f.frame, f.cells.shape, r.wanted)
-    _spread_from(last, 0, columns, f.goal, r)
+    _spread_from(last, 0, columns, f.goal, f.digits, r)
     last = mark_plan_cells(plan, n, front_end, f.cells, f.frame, r.seeds)
     write_reach(state[0], state[1], nose, f.frame, f.cells.shape, r.wanted)
-    _spread_from(last, 1, columns, f.front, r)
+    _spread_from(last, 1, columns, f.front, f.digits, r)
 
 
 @kernel
-def _spread_from(source: int, which: int, columns: int, out: Bits, r: SearchBuffers) -> None:
+def _spread_from(
+    source: int, which: int, columns: int, out: Bits, digits: Integers, r: SearchBuffers
+) -> None:
     """Write the distances from the cell ``source`` to ``out`` unless they are there already.
 
     The end of the plan stays in its cell for many a cycle, the costmap as it is for most.
@@ -129,7 +130,7 @@ def _spread_from(source: int, which: int, columns: int, out: Bits, r: SearchBuff
         return
     if source >= 0:
         write_single_cell(source // columns, source % columns, r.seeds)
-    r.digits[1 + which] = compute_distances(r.seeds, r.passable, r.wanted, out, r.fronts)
+    digits[1 + which] = compute_distances(r.seeds, r.passable, r.wanted, out, r.fronts)
     r.sources[which, 0] = source
     # Spreading ends when all that is wanted is reached or nothing is left to reach.
     r.sources[which, 1] = 0 if all_reached(out, r.wanted) else 1
@@ -176,7 +177,6 @@ def choose_trajectory(
         r.arcs,
         r.ends,
         r.known,
-        r.digits,
         r.points,
         r.moving,
         s,
@@ -219,6 +219,7 @@ def allocate_scoring_grid(local: CostGrid, outline: Floats, banned: Integers) ->
         path=unrestricted_distances(local.cells.shape),
         goal=unrestricted_distances(local.cells.shape),
         front=unrestricted_distances(local.cells.shape),
+        digits=np.zeros(3, dtype=np.int32),
         banned=banned,
         spans=np.zeros((rows, 2), dtype=np.int32),
     )
@@ -240,7 +241,6 @@ def allocate_buffers(shape: tuple[int, ...], settings: DwaSettings, longest: int
         weights=np.zeros(6),
         ends=np.zeros((int(np.prod(numbers)), 2), dtype=np.int32),
         known=np.zeros((3, shape[0] * shape[1]), dtype=np.int32),
-        digits=np.zeros(3, dtype=np.int32),
         lower=np.zeros(int(np.prod(numbers))),
         least=np.zeros(numbers[0] * numbers[1]),
         arcs=np.zeros((longest, 5)),
@@ -259,10 +259,10 @@ def _complete_distances(plan: Floats, old: ScoringGrid, r: SearchBuffers) -> Non
     passable_cells(old.cells, passable)
     write_box(0, columns, 0, rows, r.wanted)
     last = mark_plan_cells(plan, n, plan[n - 1], old.cells, old.frame, r.seeds)
-    compute_distances(r.seeds, passable, r.wanted, old.path, r.fronts)
+    old.digits[0] = compute_distances(r.seeds, passable, r.wanted, old.path, r.fronts)
     if last >= 0:
         write_single_cell(last // columns, last % columns, r.seeds)
-    compute_distances(r.seeds, passable, r.wanted, old.goal, r.fronts)
+    old.digits[1] = compute_distances(r.seeds, passable, r.wanted, old.goal, r.fronts)
 
 
 class LastCycleDistances:
@@ -281,7 +281,12 @@ class LastCycleDistances:
         if self._distances is None:
             path, goal = np.empty_like(field.path), np.empty_like(field.goal)
             self._distances = field._replace(
-                cells=self._cells, frame=self._frame, path=path, goal=goal
+                cells=self._cells,
+                frame=self._frame,
+                path=path,
+                goal=goal,
+                digits=field.digits.copy(),
             )
             _complete_distances(self._plan, self._distances, room)
-        return field._replace(path=self._distances.path, goal=self._distances.goal)
+        old = self._distances
+        return field._replace(path=old.path, goal=old.goal, digits=old.digits)
