@@ -78,8 +78,9 @@ class GoalField:
         self._table = translation_table(allow_unknown=allow_unknown).astype(np.uint8)
         cycles = max(size // 20, rows + columns)
         self.highest: Final = np.float32(min(THRESHOLD_STEP * cycles, _MOST_BUCKETS * BUCKET))
-        self._costs = np.full(size, BLOCKED, dtype=np.uint8)
-        self._seen = ~grid.cells
+        costs = np.full((rows, columns), BLOCKED, dtype=np.uint8)
+        costs[1:-1, 1:-1] = self._table[grid.cells[1:-1, 1:-1]]
+        self._costs, self._seen = costs.ravel(), grid.cells.copy()
         self._changed = np.empty(size, dtype=np.int32)
         self._potentials = np.empty(0, dtype=np.float32)
         self._queued = np.empty(0, dtype=np.uint16)
@@ -90,7 +91,6 @@ class GoalField:
         self._path = np.empty((4 * columns, 2), dtype=np.float32)
         grid.take_changed()
         self._count = 0
-        self._take((0, 0, columns, rows))
 
     def path(self, start: int, goal: int) -> Singles:
         """Return the path from ``goal`` back to ``start``, (n, 2) column and row, n may be 0.
