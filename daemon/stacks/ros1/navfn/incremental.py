@@ -43,6 +43,7 @@ from daemon.stacks.ros1.navfn.repair import (
     FRESH,
     LOWEST,
     NOWHERE,
+    UNKNOWN,
     UNUSED,
     WAITING,
     repair,
@@ -106,7 +107,7 @@ class GoalField:
         if goal != self._root or self._count > _MOST_CHANGES * self.size:
             self._begin(goal)
         self._repair(start, goal)
-        if not self._potentials[start] < self.highest:
+        if self._potentials[start] >= UNKNOWN:
             return self._path[:0]
         length = descend_to_goal(
             self._potentials, self.columns, start, goal, self._limit(start), self._path
@@ -115,8 +116,8 @@ class GoalField:
 
     def potentials(self, start: int) -> Singles:
         """Return the potentials a path from ``start`` reads, ``UNREACHED`` elsewhere, (size,)."""
-        known = self._potentials <= self._limit(start)
-        found: Singles = np.where(known, self._potentials, UNREACHED)
+        known = (self._potentials <= self._limit(start)) & (self._potentials < UNKNOWN)
+        found: Singles = np.where(known, self._potentials + self.highest, UNREACHED)
         return found
 
     def _repair(self, start: int, goal: int) -> None:
@@ -163,13 +164,13 @@ class GoalField:
     def _begin(self, goal: int) -> None:
         """Forget all potentials but that of a new goal."""
         size, columns = self.size, self.columns
-        self._potentials = np.full(size, UNREACHED, dtype=np.float32)
-        # Memory of zeros that nobody touches costs nothing, and most cells never wait.
+        # Memory of zeros that nobody touches costs nothing, and most cells are never reached.
+        self._potentials = np.zeros(size, dtype=np.float32)
         self._queued = np.zeros(size, dtype=np.uint16)
         self._heads.fill(NOWHERE)
         self._state[[LOWEST, WAITING, UNUSED, FRESH]] = 1, 0, NOWHERE, 1
         self._root = goal
-        self._potentials[goal] = 0.0
+        self._potentials[goal] = -self.highest
         inside = [goal - 1, goal + 1, goal - columns, goal + columns]
         self._count = len(inside)
         self._changed[: self._count] = inside
