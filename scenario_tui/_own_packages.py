@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
@@ -23,8 +22,11 @@ IMPORT_ROOT: Final = _INSTALLED if _INSTALLED.is_dir() else _HERE.parent
 """The folder our other packages lie in."""
 
 
-class OwnPackageFinder(MetaPathFinder):
-    """Finds our packages, and leaves everything else to others."""
+class OwnPackageFinder:
+    """Finds our packages, and leaves everything else to others.
+
+    A finder needs no base class; that of ``importlib.abc`` imports forty modules.
+    """
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None

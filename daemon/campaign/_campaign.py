@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import compress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -42,9 +42,7 @@ from daemon.campaign._scenarios import (
 from daemon.campaign._survey import survey_campaign
 from daemon.campaign._unused import CampaignUse, find_unused
 from daemon.model.assessments import AssessmentRules
-from daemon.model.packed_submission import pack_submission, submission_digest
 from daemon.model.spec import OracleText, RunSpec, SutReference
-from daemon.model.status import Submission
 from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
 from grammars.model.robot import Robot
@@ -59,6 +57,9 @@ from grammars.scenery.composition import (
 )
 from grammars.text.diagnostics import Diagnostic, InputError
 from grammars.text.documents import YamlDocument, load_yaml
+
+if TYPE_CHECKING:
+    from daemon.model.status import Submission
 
 T = TypeVar("T")
 
@@ -382,6 +383,9 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
     specs = tuple(_specs(campaign))
     now = [spec.repeat < campaign.repeats_with(spec.sut) for spec in specs]
     scenes = {cell.scene.digest: cell.scene for cell in campaign.cells}
+    # What only hands runs over is loaded when there are some to hand over.
+    from daemon.model.status import Submission
+
     submission = Submission(
         campaign="",
         name=campaign.name,
@@ -399,6 +403,8 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
 
 
 def _content_digest(submission: Submission) -> str:
+    from daemon.model.packed_submission import pack_submission, submission_digest
+
     return submission_digest(pack_submission(submission))
 
 

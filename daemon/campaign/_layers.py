@@ -15,9 +15,8 @@ from daemon.campaign._sut_files import LoadedSut, load_sut
 from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
-from grammars.floorplan import FloorPlan, load_floorplan
+from grammars.floorplan import WALLS_ENDING, FloorPlan, load_floorplan
 from grammars.jsonld import is_jsonld, load_floorplan_jsonld, load_scenery_jsonld
-from grammars.maps import WALLS_ENDING, load_walls
 from grammars.model.files import load_mission, load_robot
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
@@ -29,7 +28,6 @@ from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, d
 from grammars.text.documents import YamlDocument
 from grammars.text.shipped import shipped_folder
 from grammars.text.sources import is_file, is_folder, names_in, read_text
-from grammars.variation import floorplan_variants
 
 T = TypeVar("T")
 
@@ -146,6 +144,13 @@ class GivenMap:
     grid: OccupancyGrid
 
 
+def _load_walls(path: Path) -> FloorPlan:
+    # What reads maps and drawings is loaded by campaigns that have one.
+    from grammars.maps import load_walls
+
+    return load_walls(path)
+
+
 def _load_map(path: Path) -> GivenMap:
     grid = read_map(path)
     try:
@@ -176,6 +181,8 @@ class LayerLibrary:
 
     def variants(self, vary: PlanVariation, radius: float) -> tuple[tuple[str, FloorPlan], ...]:
         """Draw the variants of a floor plan that a robot of ``radius`` [m] can drive through."""
+        from grammars.variation import floorplan_variants
+
         path = find_layer(self.folder, vary.floorplan, VARIATION)
         draw = partial(
             floorplan_variants, n=vary.samples, seed=vary.seed, method=vary.cover, check=radius
@@ -240,7 +247,7 @@ class LayerLibrary:
             message = f"{path.name} has no variables, and so none to give another value"
             raise InputError(Diagnostic(where or Where(str(path)), message, "use a plan in .fpm"))
         else:
-            plan = load_walls(path) if is_walls else load_floorplan_jsonld(path)
+            plan = _load_walls(path) if is_walls else load_floorplan_jsonld(path)
         self.warnings.extend(plan.warnings)
         return plan
 

@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
-from grammars.roslaunch import LaunchSettings
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import StrictModel, YamlDocument
+
+if TYPE_CHECKING:
+    from grammars.roslaunch import LaunchSettings
 
 
 def _as_list(value: Any) -> Any:
@@ -149,6 +151,9 @@ def plan_launch(base: LaunchChange, changes: tuple[LaunchChange, ...]) -> Launch
 
     def where(path: tuple[str | int, ...]) -> Where:
         return places.get(path, base.where())
+
+    # What reads launch files is loaded by systems that have some.
+    from grammars.roslaunch import LaunchSettings
 
     return LaunchPlan(
         files=tuple(

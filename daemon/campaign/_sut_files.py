@@ -16,7 +16,6 @@ from typing import Annotated, Any, Final, TypeAlias
 from pydantic import BeforeValidator, Field
 
 from daemon.campaign._foreign_files import refuse_unread
-from daemon.campaign._launch import load_launched
 from daemon.campaign._parameter_files import (
     apply_common_costmap,
     load_package_folder,
@@ -45,7 +44,6 @@ from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
 from daemon.stacks.registry import check_parameters, is_built_in
 from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Keys
-from daemon.stacks.ros2.settings import REPEATABLE
 from grammars.model.files import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument, load_yaml, read_model
@@ -155,6 +153,8 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
     if layer.attached:
         tree = {**tree, FILES_PARAMETER: _attach(layer, document)}
     if layer.kind == ROS2:
+        from daemon.stacks.ros2.settings import REPEATABLE
+
         tree[REPEATABLE] = False
     try:
         findings = check_parameters(layer.kind, tree)
@@ -216,6 +216,8 @@ def _load(
     _refuse_keys_of_others(document, kind)
     launched = base is not None and base.launched
     if text.ros is not None and text.ros.launch:
+        from daemon.campaign._launch import load_launched
+
         plan = plan_launch(LaunchChange(text.ros, document, path.parent), changes)
         settings = merge_parameters(settings, load_launched(plan, path.parent, warnings))
         launched = True

@@ -16,6 +16,8 @@ from typing import Final
 DEFAULT_EXECUTOR: Final = "daemon.run:execute"
 EXECUTOR_VARIABLE: Final = "SCENARIO_EXECUTOR"
 """Environment variable through which a worker tells its fork server ``module:function``."""
+KERNEL_LIST_VARIABLE: Final = "SCENARIO_KERNEL_LIST"
+"""And the file that lists the rooms whose kernels runs need: a number that grows, then names."""
 
 
 _SAFE_PATH_VARIABLE: Final = "PYTHONSAFEPATH"

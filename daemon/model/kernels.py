@@ -1,19 +1,38 @@
-"""The one way numba kernels are declared, in simulator, stacks, oracles and analysis alike."""
+"""The one way numba kernels are declared, in simulator, stacks, oracles and analysis alike.
+
+And what happens when machine code for one is not on the disk yet: compiled at once, or not at all
+(:func:`loading_only`), with somebody who counts (:func:`counting_compiled`) or without.
+"""
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 from numba import njit
+from numba.core import event
 from numba.core.registry import CPUDispatcher
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _CONSTANTS: Final = (bool, int, float, str, bytes, tuple, np.generic)
+_COMPILING: Final = "numba:compile"
+"""The event around compiling one function; there is none when machine code is loaded."""
+_COLLECT_RARELY: Final = 50_000
+"""Objects made between two collections while numba compiles."""
+
+_declared: list[Any] = []
+
+
+class NotCompiledError(Exception):
+    """There is no machine code on the disk for a kernel that was called."""
 
 
 def kernel(function: F) -> F:
@@ -24,14 +43,22 @@ def kernel(function: F) -> F:
     # and the CPU: loading a kernel takes 3 to 10 ms, compiling one 250 to 850 ms.
     compiled: Any = njit(cache=True)(function)
     file = compiled._cache._cache_file
-    # numba looks at the file of the kernel alone. What a kernel calls is compiled into it, and so
-    # are constants from elsewhere: without them in the stamp an upgraded installation, in whose
-    # folders old machine code stays, would run half of the old version.
-    used = hashlib.sha256(repr(file._source_stamp).encode())
+    # numba looks at the file of the kernel alone, at its size and time. What a kernel calls is
+    # compiled into it, and so are constants from elsewhere: without them in the stamp an upgraded
+    # installation, in whose folders old machine code stays, would run half of the old version. Nor
+    # the time: a copy, or an image of a container, has the same source and another one.
+    used = hashlib.sha256(_content(function.__code__.co_filename).encode())
     for part in _compiled_in(function.__code__, function.__globals__):
         used.update(part.encode())
     file._source_stamp = used.hexdigest()
+    _declared.append(compiled)
     return cast(F, compiled)
+
+
+@cache
+def _content(file: str) -> str:
+    """Return the digest of a source file."""
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
 def _compiled_in(code: types.CodeType, known: dict[str, Any]) -> Iterator[str]:
@@ -57,3 +84,103 @@ def _named(code: types.CodeType, known: dict[str, Any]) -> Iterator[tuple[str, A
             yield from ((part, inside[part]) for part in code.co_names if part in inside)
         else:
             yield name, value
+
+
+def count_kernels(rooms: Collection[str]) -> int:
+    """Return how many kernels are declared in ``rooms`` (names of packages or modules that are
+    loaded), with those that they call elsewhere.
+    """
+    inside = [one for one in _declared if _lies_in(one.__module__, rooms)]
+    found = {id(one): one for one in inside}
+    while inside:
+        one = inside.pop()
+        code, known = one.py_func.__code__, one.py_func.__globals__
+        for _, value in _named(code, known):
+            if isinstance(value, CPUDispatcher) and id(value) not in found:
+                found[id(value)] = value
+                inside.append(value)
+    return len(found)
+
+
+def _lies_in(module: str, rooms: Collection[str]) -> bool:
+    return any(module == room or module.startswith(f"{room}.") for room in rooms)
+
+
+class _Listener(event.Listener):
+    """Calls ``began`` when the compilation of a function begins, ``ended`` when it has ended."""
+
+    def __init__(self, began: Callable[[Any], None], ended: Callable[[Any], None]) -> None:
+        self._began, self._ended = began, ended
+
+    def on_start(self, happened: Any) -> None:
+        """Take a beginning."""
+        self._began(happened.data["dispatcher"])
+
+    def on_end(self, happened: Any) -> None:
+        """Take an end."""
+        self._ended(happened.data["dispatcher"])
+
+
+def _ignore(_: Any) -> None:
+    """Do nothing about a beginning or an end."""
+
+
+@contextmanager
+def loading_only() -> Iterator[None]:
+    """Compile nothing meanwhile: raises :class:`NotCompiledError` where that would be needed."""
+
+    def refuse(dispatcher: Any) -> None:
+        raise NotCompiledError(f"{dispatcher.__module__}.{dispatcher.__name__}")
+
+    with event.install_listener(_COMPILING, _Listener(refuse, _ignore)):
+        yield
+
+
+@contextmanager
+def counting_compiled(report: Callable[[int], None]) -> Iterator[None]:
+    """Report how many kernels have been compiled meanwhile, at the end of each.
+
+    One that is compiled for several types counts once; parts of numba's own do not count.
+    """
+    compiled: set[int] = set()
+    declared = {id(one) for one in _declared}
+
+    def note(dispatcher: Any) -> None:
+        if id(dispatcher) in declared and id(dispatcher) not in compiled:
+            compiled.add(id(dispatcher))
+            report(len(compiled))
+
+    with event.install_listener(_COMPILING, _Listener(_ignore, note)):
+        yield
+
+
+class _RareCollections:
+    """Lets the garbage collector alone while something is compiled.
+
+    numba makes millions of small objects that live until a function is done. With Python's
+    thresholds a quarter of the time went into walking through them; with these a process is 10 MB
+    larger at the end.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._before = gc.get_threshold()
+
+    def begin(self, _: Any) -> None:
+        """Set the thresholds with the outermost function: one compiles those that it calls."""
+        if self._depth == 0:
+            self._before = gc.get_threshold()
+            gc.set_threshold(max(_COLLECT_RARELY, self._before[0]), *self._before[1:])
+        self._depth += 1
+
+    def end(self, _: Any) -> None:
+        """Set them back."""
+        self._depth -= 1
+        if self._depth == 0:
+            gc.set_threshold(*self._before)
+
+
+_collections: Final = _RareCollections()
+event.register(  # type: ignore[no-untyped-call]
+    _COMPILING, _Listener(_collections.begin, _collections.end)
+)

@@ -157,7 +157,8 @@ class PriorityRequest:
 class WorkerInfo:
     """Who a worker is, sent with every request so that a new daemon knows it at once.
 
-    ``trouble`` says what keeps it from working: its disk is full, it cannot start processes.
+    ``trouble`` says what keeps it from working: its disk is full, it cannot start processes;
+    ``preparing`` what it does before runs that it has leased can start.
     """
 
     id: WorkerId
@@ -168,6 +169,7 @@ class WorkerInfo:
     busy: NonNegativeInt
     engine: ShortText = ENGINE_VERSION
     trouble: Annotated[str, Field(max_length=LONGEST_TROUBLE)] = ""
+    preparing: ShortText = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,7 +221,8 @@ class WorkerRow:
     """A worker the daemon knows: ``busy`` of ``slots`` are running something.
 
     One that is ``away`` has lost its connection or is silent; what it runs is still its own.
-    ``trouble`` says what keeps it from working, empty when nothing does.
+    ``trouble`` says what keeps it from working, ``preparing`` what it does before runs can start
+    there; both are empty when there is nothing to say.
     """
 
     id: str
@@ -234,6 +235,7 @@ class WorkerRow:
     last_seen_at: float
     away: bool = False
     trouble: str = ""
+    preparing: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,6 +280,7 @@ class DaemonOverview:
     seconds_left: float | None
     trouble: str = ""
     troubles: tuple[str, ...] = ()
+    preparing: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from grammars.model.geometry import Floats, Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
+from grammars.model.slots import fills_slots
 
 TICK_RATE: Final = 100
 """Steps of the simulation per simulated second; everything periodic happens at one of them."""
@@ -40,6 +41,7 @@ class Briefing:
     seed: np.random.SeedSequence
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True)
 class Odometry:
     """A wheel odometry sample: ``pose`` of base_link in odom, ``twist`` in base_link."""
@@ -49,6 +51,7 @@ class Odometry:
     twist: Twist2
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserScan:
     """One sweep, taken at one instant: ``ranges`` [m] of shape (rays,), float32.
@@ -62,6 +65,7 @@ class LaserScan:
     laser: str = ""
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
     """Everything new since the previous update, oldest first; ``time`` is now [s].
@@ -77,6 +81,7 @@ class Observation:
     ground_truth: Pose2 | None = None
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """A pose estimate in the map frame; ``covariance`` (3, 3) over x, y, yaw [m, m, rad]."""
@@ -86,6 +91,7 @@ class Estimate:
     covariance: Floats
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
     """Summary of a particle cloud: ``count``, mean pose and (3, 3) covariance of all particles."""
@@ -113,6 +119,7 @@ class CostmapPicture:
     cells: npt.NDArray[np.uint8]
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True)
 class Progress:
     """Where the mission stands: ``current`` is the index of the waypoint being approached.
@@ -125,6 +132,7 @@ class Progress:
     state: Literal["active", "succeeded", "aborted"]
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True)
 class SutEvent:
     """A sentence for the log of the run, said by a part of a system: a node, a launcher."""
@@ -134,6 +142,7 @@ class SutEvent:
     source: str = "sut"
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
     """Answer to one observation; ``None`` fields mean "nothing new".

@@ -13,6 +13,7 @@ from pymunk.batch import BodyFields, Buffer, get_space_bodies
 
 from daemon.model.kernels import kernel
 from daemon.model.sut import TICK_RATE
+from daemon.simulator import _chipmunk as chipmunk
 from daemon.simulator._physics import FRICTION, link_filter, mass_properties, walker_filter
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
 from grammars.model.kinematics import joint_motion, link_poses
@@ -265,6 +266,9 @@ class BodyStates:
 
     The order in which a space lists its bodies changes when they fall asleep, so rows are found
     by body identity; the permutation is only worked out again when the listing changed.
+
+    Attributes:
+        version: a number that is another one whenever the table was read again.
     """
 
     def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body]) -> None:
@@ -276,11 +280,14 @@ class BodyStates:
         self._buffer = Buffer()
         self._listing = b""
         self._order: npt.NDArray[np.intp] = np.empty(0, dtype=np.intp)
+        self.version = 0
         self._tick, self._asleep = -1, False
         moving = [b for b in bodies[1:] if b.body_type != pymunk.Body.STATIC]
-        self._sleepers = [b for b in moving if b.body_type == pymunk.Body.DYNAMIC]
+        sleepers = [b for b in moving if b.body_type == pymunk.Body.DYNAMIC]
         # Kinematic bodies (people who walk) never sleep, whether they move or not.
-        self._restless = len(self._sleepers) < len(moving)
+        self._restless = len(sleepers) < len(moving)
+        self._sleepers = [chipmunk.handle(body) for body in sleepers]
+        self._awake = 0
 
     def at(self, tick: int) -> Floats:
         """Return the table, read again only when ``tick`` is new and something may have moved."""
@@ -296,12 +303,23 @@ class BodyStates:
         Within less than the time bodies take to fall asleep none can have woken, moved and
         fallen asleep again.
         """
-        asleep = not self._restless and all(body.is_sleeping for body in self._sleepers)
+        asleep = not self._restless and self._all_sleep()
         still = asleep and self._asleep and 0 <= tick - self._tick < _FALL_ASLEEP_TICKS
         self._asleep = asleep
         return still
 
+    def _all_sleep(self) -> bool:
+        sleepers, is_sleeping = self._sleepers, chipmunk.is_sleeping
+        # The one that was awake last time is asked first: a leaf takes seconds to come to rest.
+        if sleepers and not is_sleeping(sleepers[self._awake]):
+            return False
+        if all(map(is_sleeping, sleepers)):
+            return True
+        self._awake = next(k for k, body in enumerate(sleepers) if not is_sleeping(body))
+        return False
+
     def _read(self) -> None:
+        self.version += 1
         self._buffer.clear()
         get_space_bodies(self._space, _FIELDS, self._buffer)
         # Sleeping bodies are listed too, and the space's own static body, but in another order.
@@ -366,22 +384,23 @@ class JointReader:
         self._rest = np.zeros((2, len(names)))
         for name, position in held.items():
             self._rest[0, index[name]] = position
-        self._tick, self._states = -1, self._rest
+        self._version, self._states = 0, (self._rest[0], self._rest[1])
         self._parents = np.array([m.parent for m in motions], dtype=np.intp)
         self._children = np.array([m.child for m in motions], dtype=np.intp)
         self._geometry = np.array([_joint_geometry(m, bodies) for m in motions]).reshape(-1, 9)
 
-    def at(self, tick: int, bodies: Floats) -> tuple[Floats, Floats]:
-        """Return positions and velocities in the order of the names; computed once per tick.
+    def at(self, bodies: Floats, version: int) -> tuple[Floats, Floats]:
+        """Return positions and velocities in the order of the names.
 
-        The arrays are the caller's to read, not to change.
+        Worked out once for each ``version`` of the table of bodies, which is never 0. The arrays
+        are never changed again.
         """
-        if tick != self._tick:
-            self._tick, self._states = tick, self._rest.copy()
-            _read_joints(
-                bodies, self._parents, self._children, self._geometry, self._where, self._states
-            )
-        return self._states[0], self._states[1]
+        if version != self._version:
+            states = self._rest.copy()
+            _read_joints(bodies, self._parents, self._children, self._geometry, self._where, states)
+            states.flags.writeable = False
+            self._version, self._states = version, (states[0], states[1])
+        return self._states
 
 
 def _joint_geometry(motion: MovingJoint, bodies: list[pymunk.Body]) -> tuple[float, ...]:

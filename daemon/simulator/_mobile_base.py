@@ -20,6 +20,7 @@ from typing import Final
 import pymunk
 
 from daemon.model.sut import TICK_RATE
+from daemon.simulator import _chipmunk as chipmunk
 from daemon.simulator._physics import DT, FRICTION, ROBOT_COLLISION_TYPE, ROBOT_FILTER
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Robot
@@ -35,6 +36,7 @@ class MobileBase:
     The mass is balanced about the base frame's origin.
 
     Attributes:
+        handle: the body, for the functions of ``_chipmunk``.
         touching: pairs of shapes in contact, kept by whoever records contacts.
     """
 
@@ -45,12 +47,14 @@ class MobileBase:
         self.body = pymunk.Body(robot.mass, pymunk.moment_for_poly(robot.mass, corners))
         self.body.angle = start.yaw
         self.body.position = (start.x, start.y)
+        self.handle = chipmunk.handle(self.body)
         self.shape = pymunk.Poly(self.body, corners)
         self.shape.collision_type = ROBOT_COLLISION_TYPE
         self.shape.filter = ROBOT_FILTER
         self.shape.friction = FRICTION
         self._control = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         self._control.position = self.body.position
+        self._control_handle = chipmunk.handle(self._control)
         # Added to the space, but without a shape: nothing can touch it. Joints to a kinematic body
         # also keep the robot from falling asleep.
         space.add(self.body, self.shape, self._control)
@@ -88,8 +92,8 @@ class MobileBase:
 
     def pose(self) -> Pose2:
         """Return the true pose of the base frame in the world."""
-        position = self.body.position
-        return Pose2(position.x, position.y, math.remainder(self.body.angle, math.tau))
+        position, angle = chipmunk.position(self.handle), chipmunk.angle(self.handle)
+        return Pose2(position.x, position.y, math.remainder(angle, math.tau))
 
     def twist(self) -> Twist2:
         """Return the true velocity in the body frame."""
@@ -113,8 +117,7 @@ class MotorDrivenBase(MobileBase):
         """Set the velocity of the control body for the tick that starts now."""
         if tick >= self._expiry:
             self._goal, self._expiry = (0.0, 0.0, 0.0), math.inf
-        body, speed = self.body, self._speed
-        yaw = body.angle
+        speed, yaw = self._speed, chipmunk.angle(self.handle)
         settled = speed == self._goal
         # Straight on at a constant speed, which is most of a run: nothing to write.
         if settled and yaw == self._written_yaw:
@@ -126,12 +129,12 @@ class MotorDrivenBase(MobileBase):
             vx, vy, wz = speed
             heading = yaw + 1.5 * DT * wz
         else:
-            spin = body.angular_velocity
+            spin = chipmunk.angular_velocity(self.handle)
             vx, vy, wz = self._ramp(yaw, spin)
             heading = yaw + DT * (spin + 0.5 * wz)
-            self._control.angular_velocity = wz
+            chipmunk.set_angular_velocity(self._control_handle, wz)
         c, s = math.cos(heading), math.sin(heading)
-        self._control.velocity = (c * vx - s * vy, s * vx + c * vy)
+        chipmunk.set_velocity(self._control_handle, (c * vx - s * vy, s * vx + c * vy))
         self._written_yaw = yaw
 
     def _ramp(self, yaw: float, spin: float) -> tuple[float, float, float]:
@@ -147,13 +150,14 @@ class MotorDrivenBase(MobileBase):
 
     def twist(self) -> Twist2:
         """Return the true velocity in the body frame."""
-        wz = self.body.angular_velocity
-        vx, vy = self._body_velocity(self.body.angle, wz)
+        wz = chipmunk.angular_velocity(self.handle)
+        vx, vy = self._body_velocity(chipmunk.angle(self.handle), wz)
         return Twist2(vx, vy, wz)
 
     def _body_velocity(self, yaw: float, spin: float) -> tuple[float, float]:
         # The velocity was found for the heading in the middle of its step.
-        x, y = self.body.velocity
+        velocity = chipmunk.velocity(self.handle)
+        x, y = velocity.x, velocity.y
         heading = yaw + 0.5 * DT * spin
         c, s = math.cos(heading), math.sin(heading)
         return c * x + s * y, c * y - s * x
@@ -193,17 +197,16 @@ class ImposedVelocityBase(MobileBase):
         """Write the velocity for the tick that starts now, or have it written in contact."""
         if tick >= self._expiry:
             self._goal, self._expiry = (0.0, 0.0, 0.0), math.inf
-        body = self.body
         if self._resisted != (self.touching > 0):
             self._resisted = not self._resisted
             # Only while it lasts: a velocity function in Python costs 2.5 us in every step. The yaw
             # nan is unlike any, so that the velocity is written again afterwards.
             own = self._impose_in_contact if self._resisted else pymunk.Body.update_velocity
-            body.velocity_func = own
+            self.body.velocity_func = own
             self._written = (self._goal, math.nan)
         if self._resisted:
             return
-        yaw, (goal, heading) = body.angle, self._written
+        yaw, (goal, heading) = chipmunk.angle(self.handle), self._written
         if yaw != heading or goal != self._goal:
             self._written = (self._goal, yaw)
             self._impose(yaw)
@@ -212,28 +215,25 @@ class ImposedVelocityBase(MobileBase):
         self, body: pymunk.Body, gravity: tuple[float, float], damping: float, dt: float
     ) -> None:
         """Have the commanded velocity again, for the solver to take away what meets resistance."""
-        self._impose(body.angle)
+        self._impose(chipmunk.angle(self.handle))
 
     def _impose(self, yaw: float) -> None:
         vx, vy, wz = self._goal
-        loss = self._drive.friction_loss
-        spin = _reduced_speed(wz, self._drive.turning_loss)
+        loss, spin = self._drive.friction_loss, _reduced_speed(wz, self._drive.turning_loss)
         # The plugin turns the velocity with the heading at the start of each of its steps; over a
         # tick the mean of those directions is the one in the middle.
         heading = yaw + spin * _MEAN_UPDATE_TIME
         c, s = math.cos(heading), math.sin(heading)
-        self.body.velocity = (
-            _reduced_speed(c * vx - s * vy, loss),
-            _reduced_speed(s * vx + c * vy, loss),
-        )
-        self.body.angular_velocity = spin
+        speed = (_reduced_speed(c * vx - s * vy, loss), _reduced_speed(s * vx + c * vy, loss))
+        chipmunk.set_velocity(self.handle, speed)
+        chipmunk.set_angular_velocity(self.handle, spin)
 
     def twist(self) -> Twist2:
         """Return the true velocity of the last tick in the body frame."""
-        body = self.body
-        x, y = body.velocity
-        wz = body.angular_velocity
-        heading = body.angle if self._resisted else body.angle - (DT - _MEAN_UPDATE_TIME) * wz
+        velocity, yaw = chipmunk.velocity(self.handle), chipmunk.angle(self.handle)
+        x, y = velocity.x, velocity.y
+        wz = chipmunk.angular_velocity(self.handle)
+        heading = yaw if self._resisted else yaw - (DT - _MEAN_UPDATE_TIME) * wz
         c, s = math.cos(heading), math.sin(heading)
         return Twist2(c * x + s * y, c * y - s * x, wz)
 
@@ -246,4 +246,6 @@ def make_base(space: pymunk.Space, robot: Robot, start: Pose2) -> MobileBase:
 
 
 def _reduced_speed(speed: float, loss: float) -> float:
-    return math.copysign(max(0.0, abs(speed) - loss), speed)
+    if speed > loss:
+        return speed - loss
+    return speed + loss if speed < -loss else math.copysign(0.0, speed)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from daemon.model.sut import TICK_RATE
+from daemon.simulator import _chipmunk as chipmunk
 from daemon.simulator._assembly import BodyAssembly
 from daemon.simulator._behaviours import (
     EventReporter,
@@ -155,7 +156,7 @@ class BehaviourScheduler:
     """Owns the controllers of one run and calls them when, and only when, they can matter.
 
     Attributes:
-        active: whether there is anything to do at all.
+        due: tick at which :meth:`update` has to be called next: before it nothing happens.
     """
 
     def __init__(
@@ -194,11 +195,11 @@ class BehaviourScheduler:
         for behaviour in behaviours:
             if not isinstance(behaviour, Hold | Walk):
                 self._add(behaviour)
-        self.active = bool(self._timed or self._triggers or self._reacting or self._walkers)
         self._due = min((t.due for t in self._timed), default=math.inf)
         self._near: list[RobotProximity] = []
         self._seen = (0.0, 0.0, 0.0)
-        self._slack = 0.0
+        self._slack = 0.0 if self._triggers else math.inf
+        self.due: float = 0
 
     def _add(self, behaviour: KeyFrames | Trigger | Reaction) -> None:
         name, drive = behaviour.joint, self._drives[behaviour.joint]
@@ -249,6 +250,8 @@ class BehaviourScheduler:
     def progress(self, current: int, reached: int, tick: int) -> None:
         """Take note of what the mission has come to."""
         self._events.note_progress(current, reached, tick)
+        # What waited for this may have to happen at once.
+        self.due = min(self.due, self._events.due)
 
     def update(self, tick: int) -> None:
         """Let everything happen that is due at the start of ``tick``.
@@ -260,7 +263,7 @@ class BehaviourScheduler:
         if tick >= self._due:
             self._play(tick)
         # Not ``>=``: a robot whose position has become nan is checked, not trusted.
-        if self._triggers and not self._way_since_check() < self._slack:
+        if self._slack != math.inf and not self._way_since_check() < self._slack:
             self._check_triggers()
         if self._events.watching:
             self._events.check_moving_joints(tick)
@@ -272,6 +275,22 @@ class BehaviourScheduler:
         if self._walkers:
             for walker in self._walkers:
                 walker.update(tick)
+        self.due = self._next_due(tick)
+
+    def _next_due(self, tick: int) -> float:
+        """Return the first tick after ``tick`` at which anything can happen."""
+        # How far the robot is, whether a joint moves and whether a jump is still blocked can be
+        # another matter in every tick: only what is bound to a time can be waited for.
+        following = tick + 1
+        if self._slack != math.inf or self._events.watching:
+            return following
+        due = min(self._due, self._events.due)
+        for reacting in self._reacting:
+            if reacting.actuator.blocked:
+                return following
+        for walker in self._walkers:
+            due = min(due, walker.due)
+        return max(following, due)
 
     def _retry(self) -> None:
         for reacting in self._reacting:
@@ -280,10 +299,10 @@ class BehaviourScheduler:
 
     def _way_since_check(self) -> float:
         """Return a bound on what moved since the triggers were watched [m]."""
-        x, y = self._base.body.position
-        motion = math.hypot(x - self._seen[0], y - self._seen[1])
+        base, seen = chipmunk.position(self._base.handle), self._seen
+        motion = math.hypot(base.x - seen[0], base.y - seen[1])
         if self._near:
-            motion += self._radius * abs(self._base.body.angle - self._seen[2])
+            motion += self._radius * abs(chipmunk.angle(self._base.handle) - seen[2])
             motion += max(proximity.moved() for proximity in self._near)
         return motion
 
@@ -303,7 +322,7 @@ class BehaviourScheduler:
             # A blocked jump is retried every tick, so that it follows the robot out of its way.
             slacks.append(0.0 if trigger.actuator.blocked else slack)
         self._near = [trigger.proximity for trigger in self._triggers if trigger.near]
-        self._seen = (pose.x, pose.y, self._base.body.angle)
+        self._seen = (pose.x, pose.y, chipmunk.angle(self._base.handle))
         # Slightly less than the bound, so that rounding cannot make a check late.
         self._slack = min(slacks) - 1e-6
 

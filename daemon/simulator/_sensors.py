@@ -13,7 +13,10 @@ Odometry is the true motion with errors that grow with the way travelled.
 from __future__ import annotations
 
 import math
+import struct
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +28,13 @@ from grammars.model.robot import Laser, OdometryNoise
 
 OwnerIds = npt.NDArray[np.int32]
 
+_POSE: Final = struct.Struct("=3d")
 _TOLERANCE = 1e-9
 """Widening of a segment's interval of rays [rad], so that no ray slips through a corner."""
+
+
+_DRAWN_AHEAD = 256
+"""Normal numbers that odometry draws at a time; even, since every sample takes two."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,8 +244,15 @@ class LaserScanner:
         self._noise_stream, self._dropout_stream = noise, dropout
         self._noise = np.empty(laser.rays if laser.noise > 0.0 else 0)
         self._chance = np.empty(laser.rays if laser.dropout > 0.0 else 0)
+        self._seen = (0, b"")
 
-    def _cast(self, base: Pose2, bodies: Floats) -> None:
+    def _cast(self, base: Pose2, bodies: Floats, version: int) -> None:
+        # Nothing has moved since the last time: a robot that waits, beside doors at rest. Poses are
+        # compared by their bits, which also tell 0.0 from -0.0.
+        seen = (version, _POSE.pack(base.x, base.y, base.yaw))
+        if seen == self._seen:
+            return
+        self._seen = seen
         laser, plane = self._laser, self._plane
         cast_rays(
             (base.x, base.y, base.yaw), self._mount,
@@ -247,20 +262,23 @@ class LaserScanner:
             self._cosines, self._sines, self._inverse, self._hits,
         )  # fmt: skip
 
-    def true_ranges(self, base: Pose2, bodies: Floats) -> tuple[Floats, OwnerIds]:
-        """Return exact ranges [m] (inf beyond range_max) and owner indices (-1 there)."""
-        self._cast(base, bodies)
+    def true_ranges(self, base: Pose2, bodies: Floats, version: int) -> tuple[Floats, OwnerIds]:
+        """Return exact ranges [m] (inf beyond range_max) and owner indices (-1 there).
+
+        ``bodies`` are as they were before when ``version`` is.
+        """
+        self._cast(base, bodies, version)
         ranges = np.where(self._hits >= 0, 1.0 / self._inverse, np.inf)
         return ranges, self._hits.copy()
 
-    def scan(self, base: Pose2, bodies: Floats) -> npt.NDArray[np.float32]:
-        """Return one measured sweep, shape (rays,).
+    def scan(self, base: Pose2, bodies: Floats, version: int) -> npt.NDArray[np.float32]:
+        """Return one measured sweep, shape (rays,); ``version`` as for ``true_ranges``.
 
         Lost rays are nan, rays without return within range_max inf, returns nearer than
         range_min -inf (REP 117) unless the laser clamps them; noisy ranges are clamped to the
         range of the sensor.
         """
-        self._cast(base, bodies)
+        self._cast(base, bodies, version)
         laser = self._laser
         # Drawn for every ray, also those without a return; see the class.
         if self._noise.size:
@@ -289,23 +307,39 @@ class OdometrySensor:
         self._to_odom = frame.inverse()
         self._exact = noise.translation == noise.rotation == noise.drift == 0.0
         self._generator = generator
+        # Drawn ahead, the next one last: many at once are the same numbers as one by one.
+        self._normals: list[float] = []
         self._truth, self._pose, self._time = start, self._to_odom @ start, 0.0
 
-    def sample(self, time: float, truth: Pose2, twist: Twist2) -> Odometry:
-        """Return the odometry at ``time`` [s]; draws two numbers per call unless noise free."""
+    def sample(self, time: float, truth: Pose2, twist: Callable[[], Twist2]) -> Odometry:
+        """Return the odometry at ``time`` [s]; draws two numbers per call unless noise free.
+
+        ``twist`` is asked for the true one only where it is what is measured.
+        """
         last, elapsed = self._pose, time - self._time
+        stretch, error = 1.0, 0.0
         if self._exact:
             self._pose = self._to_odom @ truth
         else:
-            twist = self._err(truth, twist, elapsed)
-        if self._noise.twist == "mean":
-            twist = _mean(last, self._pose, elapsed)
+            stretch, error = self._err(truth)
         self._truth, self._time = truth, time
-        return Odometry(time, self._pose, twist)
+        if self._noise.twist == "mean":
+            return Odometry(time, self._pose, _mean(last, self._pose, elapsed))
+        measured = twist()
+        if not self._exact:
+            spin = error / elapsed if elapsed > 0.0 else 0.0
+            vx, vy = measured.vx * stretch, measured.vy * stretch
+            measured = Twist2(vx, vy, measured.wz + spin)
+        return Odometry(time, self._pose, measured)
 
-    def _err(self, truth: Pose2, twist: Twist2, elapsed: float) -> Twist2:
-        """Add the way since the last sample to the pose, with errors; return the measured twist."""
-        forward, turning = self._generator.standard_normal(2).tolist()
+    def _err(self, truth: Pose2) -> tuple[float, float]:
+        """Add the way since the last sample to the pose, with errors.
+
+        Returns the factor by which the way was taken too long, and the error of the turn [rad].
+        """
+        if not self._normals:
+            self._normals = self._generator.standard_normal(_DRAWN_AHEAD).tolist()[::-1]
+        forward, turning = self._normals.pop(), self._normals.pop()
         noise, last, pose = self._noise, self._truth, self._pose
         dx, dy, turn = truth.x - last.x, truth.y - last.y, wrap_angle(truth.yaw - last.yaw)
         way = math.hypot(dx, dy)
@@ -316,8 +350,7 @@ class OdometrySensor:
         c, s = math.cos(pose.yaw - last.yaw), math.sin(pose.yaw - last.yaw)
         x, y = pose.x + stretch * (c * dx - s * dy), pose.y + stretch * (s * dx + c * dy)
         self._pose = Pose2(x, y, wrap_angle(pose.yaw + turn + error))
-        spin = error / elapsed if elapsed > 0.0 else 0.0
-        return Twist2(twist.vx * stretch, twist.vy * stretch, twist.wz + spin)
+        return stretch, error
 
 
 def _mean(before: Pose2, after: Pose2, elapsed: float) -> Twist2:

@@ -16,6 +16,7 @@ import numpy as np
 import pymunk
 
 from daemon.model.sut import TICK_RATE
+from daemon.simulator import _chipmunk as chipmunk
 from daemon.simulator._mobile_base import MobileBase
 from daemon.simulator._physics import DT, convex_distance, ring_array, transform_array
 from grammars.model.behaviour import Walk
@@ -190,7 +191,8 @@ class Walker:
         footprint: Floats,
         report: Callable[[str, str], None],
     ) -> None:
-        self._walk, self._body, self._report = walk, body, report
+        self._walk, self._report = walk, report
+        self._body = chipmunk.handle(body)
         self._base, self._footprint = base, footprint
         self._follower = RouteFollower(walk)
         self._rings = [ring_array(ring) for ring in rings]
@@ -203,13 +205,21 @@ class Walker:
 
     def moved(self) -> float:
         """Return how far it is from where it started [m]."""
-        x, y = self._body.position
-        return math.hypot(x - self._home[0], y - self._home[1])
+        position = chipmunk.position(self._body)
+        return math.hypot(position.x - self._home[0], position.y - self._home[1])
 
     def set_out(self, tick: int) -> None:
         """Set out now: what the walk waited for has happened."""
         if self._began is None:
             self._began = tick / TICK_RATE
+
+    @property
+    def due(self) -> float:
+        """A tick before which :meth:`update` changes nothing; infinite while it stands for good."""
+        if self._began is None or self._still:
+            return math.inf
+        # Two ticks early: rounding must not make the first step late.
+        return -math.inf if self._on_the_way else math.floor(self._began * TICK_RATE) - 2
 
     def update(self, tick: int) -> None:
         """Set the velocity for the tick that starts now."""
@@ -224,15 +234,17 @@ class Walker:
         self._make_way(max(0.0, now))
         x, y, yaw = self._follower.at(then)
         body = self._body
-        px, py = body.position
-        if self._follower.done and abs(x - px) + abs(y - py) + abs(yaw - body.angle) < _NEAR:
-            body.velocity, body.angular_velocity = (0.0, 0.0), 0.0
+        position, angle = chipmunk.position(body), chipmunk.angle(body)
+        px, py = position.x, position.y
+        if self._follower.done and abs(x - px) + abs(y - py) + abs(yaw - angle) < _NEAR:
+            chipmunk.set_velocity(body, (0.0, 0.0))
+            chipmunk.set_angular_velocity(body, 0.0)
             self._still = True
             self._report(self._walk.object, "has arrived")
             return
         # From where the body is, so that rounding never adds up.
-        body.velocity = ((x - px) * TICK_RATE, (y - py) * TICK_RATE)
-        body.angular_velocity = (yaw - body.angle) * TICK_RATE
+        chipmunk.set_velocity(body, ((x - px) * TICK_RATE, (y - py) * TICK_RATE))
+        chipmunk.set_angular_velocity(body, (yaw - angle) * TICK_RATE)
 
     def _make_way(self, now: float) -> None:
         before, self._obstacle = self._obstacle, self._look(now)
@@ -247,8 +259,8 @@ class Walker:
 
     def _look(self, now: float) -> _RobotInTheWay:
         """Return whether the robot is in the way, and how much."""
-        (x, y), robot = self._body.position, self._base.body.position
-        dx, dy = robot.x - x, robot.y - y
+        here, robot = chipmunk.position(self._body), chipmunk.position(self._base.handle)
+        dx, dy = robot.x - here.x, robot.y - here.y
         yielding = self._walk.yielding or 0.0
         # Far away, as most of the time: no polygons.
         if dx * dx + dy * dy > (yielding + self._reach) ** 2:
@@ -272,6 +284,7 @@ class Walker:
     def _gap(self) -> float:
         """Return the distance between the mover and the robot [m]."""
         outline = transform_array(self._base.pose(), self._footprint)
-        pose = Pose2(*self._body.position, self._body.angle)
+        position = chipmunk.position(self._body)
+        pose = Pose2(position.x, position.y, chipmunk.angle(self._body))
         gaps = (convex_distance(transform_array(pose, ring), outline) for ring in self._rings)
         return float(min(gaps, default=math.inf))

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pymunk
 
 from daemon.model.sut import TICK_RATE, Odometry
+from daemon.simulator import _chipmunk as chipmunk
 from daemon.simulator._assembly import SLEEP_TIME, BodyStates, JointReader, assemble
 from daemon.simulator._behaviours import starting_positions
 from daemon.simulator._building import (
@@ -22,7 +23,6 @@ from daemon.simulator._building import (
 )
 from daemon.simulator._joints import JointDrive
 from daemon.simulator._mobile_base import make_base
-from daemon.simulator._physics import DT
 from daemon.simulator._scheduler import BehaviourScheduler
 from daemon.simulator._sensors import LaserPlane, LaserScanner, OdometrySensor
 from grammars.model.behaviour import Behaviour, Servo, Trigger, Walk
@@ -84,7 +84,12 @@ class World:
         )
         self._set_up_lasers(scene, robot, seed)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
-        self._state_tick, self._state = -1, (start, Twist2())
+        # Read from the physics once a tick.
+        self._pose_tick, self._pose = -1, start
+        self._twist_tick, self._twist = -1, Twist2()
+        # A step of no time moves nothing: pymunk looks at whether every body has a mass.
+        space.step(0.0)
+        self._step = chipmunk.stepper(space)
         self._between_ticks = robot.odometry.period > 0.0
         self._before = (start.x, start.y, start.yaw)
 
@@ -126,57 +131,68 @@ class World:
 
     def advance(self, ticks: int = 1) -> None:
         """Simulate ``ticks`` steps of 10 ms."""
-        step, drive, log = self._space.step, self._base.update, self._contacts
-        act, acting = self._scheduler.update, self._scheduler.active
-        body, last = self._base.body, self.tick + ticks - 1 if self._between_ticks else -1
-        for tick in range(self.tick, self.tick + ticks):
+        step, drive, log, scheduler = self._step, self._base.update, self._contacts, self._scheduler
+        end = self.tick + ticks
+        body, last = self._base.handle, end - 1 if self._between_ticks else -1
+        for tick in range(self.tick, end):
             # Before the step, inside of which Chipmunk calls the log back.
-            self.tick = log.tick = tick
+            log.tick = tick
             if tick == last:
-                self._before = (*body.position, body.angle)
+                position = chipmunk.position(body)
+                self._before = (position.x, position.y, chipmunk.angle(body))
             # Doors and people first, then the robot, then all move at once: whoever acts sees the
             # world as it was recorded at this tick, and nobody sees another's half-done step.
-            if acting:
-                act(tick)
+            if tick >= scheduler.due:
+                self.tick = tick
+                scheduler.update(tick)
             drive(tick)
-            step(DT)
-        self.tick += 1 if ticks > 0 else 0
+            step()
+        if ticks > 0:
+            self.tick = end
 
     def pose(self) -> Pose2:
         """Return the true pose of base_link in the world."""
-        return self._true_state()[0]
+        if self._pose_tick != self.tick:
+            self._pose_tick, self._pose = self.tick, self._base.pose()
+        return self._pose
 
     def twist(self) -> Twist2:
         """Return the true velocity of base_link in its own frame."""
-        return self._true_state()[1]
-
-    def _true_state(self) -> tuple[Pose2, Twist2]:
-        """Return pose and twist, read from the physics once a tick."""
-        if self._state_tick != self.tick:
-            self._state_tick, self._state = self.tick, (self._base.pose(), self._base.twist())
-        return self._state
+        if self._twist_tick != self.tick:
+            self._twist_tick, self._twist = self.tick, self._base.twist()
+        return self._twist
 
     def joint_positions(self) -> Floats:
-        """Return the joint positions [rad or m], shape (joints,)."""
-        return self._joints.at(self.tick, self._bodies.at(self.tick))[0].copy()
+        """Return the joint positions [rad or m], shape (joints,), to be read and kept.
+
+        The same array as before while no joint has moved.
+        """
+        return self._joint_states()[0]
 
     def joint_velocities(self) -> Floats:
-        """Return the joint velocities [rad/s or m/s], shape (joints,)."""
-        return self._joints.at(self.tick, self._bodies.at(self.tick))[1].copy()
+        """Return the joint velocities [rad/s or m/s], shape (joints,), to be read and kept."""
+        return self._joint_states()[1]
+
+    def _joint_states(self) -> tuple[Floats, Floats]:
+        # In this order: the version is that of the table as it is now.
+        table = self._bodies.at(self.tick)
+        return self._joints.at(table, self._bodies.version)
 
     def scan(self, laser: str | None = None) -> npt.NDArray[np.float32]:
         """Take one laser sweep, shape (rays,) in metres; nan, inf and -inf as in REP 117.
 
         ``laser`` is its name; the first laser when left out. Raises ``KeyError`` for another one.
         """
-        return self._scanner(laser).scan(self.pose(), self._bodies.at(self.tick))
+        table = self._bodies.at(self.tick)
+        return self._scanner(laser).scan(self.pose(), table, self._bodies.version)
 
     def true_ranges(self, laser: str | None = None) -> tuple[Floats, npt.NDArray[np.int32]]:
         """Return exact ranges [m] and, for each ray, the index in ``owners`` of what it hits.
 
         Rays that hit nothing within range_max give inf and -1. Draws no random numbers.
         """
-        return self._scanner(laser).true_ranges(self.pose(), self._bodies.at(self.tick))
+        table = self._bodies.at(self.tick)
+        return self._scanner(laser).true_ranges(self.pose(), table, self._bodies.version)
 
     def _scanner(self, laser: str | None) -> LaserScanner:
         return self._lasers[self._first_laser if laser is None else laser]
@@ -187,15 +203,15 @@ class World:
         ``at`` is the instant of the sample, within the last tick; now when left out. Only a robot
         whose odometry has a ``period`` can look back.
         """
-        pose, twist = self._true_state()
-        if at is None or at >= self.time:
-            return self._odometry.sample(self.time, pose, twist)
-        return self._odometry.sample(at, self._between((self.time - at) * TICK_RATE), twist)
+        now = self.time
+        if at is None or at >= now:
+            return self._odometry.sample(now, self.pose(), self.twist)
+        return self._odometry.sample(at, self._between((now - at) * TICK_RATE), self.twist)
 
     def _between(self, ago: float) -> Pose2:
         """Return the true pose a fraction of a tick ago: within a tick the velocity is constant."""
         x, y, yaw = self._before
-        now, angle = self._base.body.position, self._base.body.angle
+        now, angle = chipmunk.position(self._base.handle), chipmunk.angle(self._base.handle)
         return Pose2(
             now.x + ago * (x - now.x),
             now.y + ago * (y - now.y),
@@ -208,6 +224,8 @@ class World:
 
     def take_events(self) -> tuple[WorldEvent, ...]:
         """Return what behaviours did since the last call, in order."""
+        if not self._events:
+            return ()
         events = tuple(self._events)
         self._events.clear()
         return events

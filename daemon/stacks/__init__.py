@@ -5,16 +5,17 @@ A system under test knows what :mod:`daemon.model.sut` gives it and no more: nev
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from importlib import import_module
+
+from daemon.model.kernel_rooms import SYSTEM_ROOMS
 from daemon.stacks.pilot import PilotParameters, make_idle, make_pilot
 from daemon.stacks.ros1 import make_ros
 
 __all__ = ["PilotParameters", "make_idle", "make_pilot", "make_ros", "warm_up"]
 
 
-def warm_up() -> None:
-    """Compile or load every kernel once, so that forked children start without compiling."""
-    from daemon.stacks.pilot import warm_up as warm_up_pilot
-    from daemon.stacks.ros1 import warm_up as warm_up_ros
-
-    warm_up_pilot()
-    warm_up_ros()
+def warm_up(rooms: Iterable[str] = SYSTEM_ROOMS) -> None:
+    """Compile or load every kernel of these rooms once, so that forked children need not."""
+    for room in rooms:
+        import_module(room).warm_up()

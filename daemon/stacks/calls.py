@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Final
 
 import numpy as np
@@ -40,18 +40,36 @@ class SutError(Exception):
         super().__init__(self.note)
 
 
-@contextmanager
-def sut_call(name: str) -> Iterator[None]:
+class sut_call:  # noqa: N801  (used as a function is)
     """Raise :class:`SutError` for what a call of a system under test raises.
 
     Also for leaving the interpreter, and for not returning before the wall clock limit of
-    :mod:`daemon.model.deadline`.
+    :mod:`daemon.model.deadline`. ``name`` is the call, for what is said then.
     """
-    try:
-        with interruptible(name):
-            yield
-    except (Exception, SystemExit, OutOfTime) as error:
-        raise SutError(error) from error
+
+    __slots__ = ("_call",)
+
+    def __init__(self, name: str) -> None:
+        self._call = interruptible(name)
+
+    def __enter__(self) -> None:
+        try:
+            self._call.__enter__()
+        except OutOfTime as error:
+            raise SutError(error) from error
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            self._call.__exit__()
+        except OutOfTime as late:
+            error = error or late
+        if isinstance(error, Exception | SystemExit | OutOfTime):
+            raise SutError(error) from error
 
 
 class _NeverMade:

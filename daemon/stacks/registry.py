@@ -18,7 +18,6 @@ from daemon.model.attachments import SutMissing, resolve_paths
 from daemon.model.sut import SystemUnderTest
 from daemon.stacks.findings import ParameterFindings
 from daemon.stacks.pilot import make_idle, make_pilot
-from daemon.stacks.probe import check_plugged
 from daemon.stacks.ros1 import make_ros
 from daemon.stacks.ros2.factory import make_ros2
 from grammars.text.diagnostics import did_you_mean
@@ -87,6 +86,8 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindi
     if is_built_in(kind):
         make_sut(kind, parameters)
         return ParameterFindings()
+    from daemon.stacks.probe import check_plugged
+
     entry = _find_entry(kind)
     return check_plugged(partial(make_sut, kind), _name(entry), parameters)
 

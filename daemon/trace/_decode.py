@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
 from daemon.trace import layouts, messages
-from daemon.trace._mcap_reader import DamagedTraceError
+from daemon.trace._mcap_reader import DamagedTraceError, McapContents
 from daemon.trace._model import (
     CommandTrack,
     ContactRecord,
@@ -25,7 +25,7 @@ from daemon.trace._model import (
     ProgressRecord,
     ScanTrack,
 )
-from daemon.trace._signals import decode_path
+from daemon.trace._views import decode_path
 from daemon.trace.layouts import HEADER, ByteArray, MessageLayout
 from grammars.model.geometry import Floats
 from grammars.model.robot import Laser
@@ -42,56 +42,72 @@ _LOG_TIME_AT: Final = 15
 """Offset in an MCAP message record, after opcode, length, channel and sequence."""
 
 
-def motion(runs: Runs, topic: str, frame: str) -> MotionTrack:
+def known_layouts() -> dict[str, MessageLayout]:
+    """Return the layouts of the topics that are the same in every trace."""
+    return {
+        layout.topic: layout
+        for layout in (
+            layouts.odometry("/ground_truth", "map"),
+            layouts.odometry("/odom", "odom"),
+            layouts.command(),
+            layouts.estimate("/pose"),
+            layouts.estimate("/particle_cloud/summary"),
+            layouts.count(),
+            layouts.latency(),
+        )
+    }
+
+
+def motion(recording: McapContents, topic: str, frame: str) -> MotionTrack:
     """Decode ``/ground_truth`` or ``/odom``."""
-    found = _fields(runs, layouts.odometry(topic, frame))
+    found = _fields(recording, layouts.odometry(topic, frame))
     return MotionTrack(
         _seconds(found), found["x"], found["y"], _yaw(found), found["vx"], found["vy"], found["wz"]
     )
 
 
-def command(runs: Runs) -> CommandTrack:
+def command(recording: McapContents) -> CommandTrack:
     """Decode ``/cmd_vel``."""
-    found = _fields(runs, layouts.command())
+    found = _fields(recording, layouts.command())
     return CommandTrack(_seconds(found), found["vx"], found["vy"], found["wz"])
 
 
-def poses(runs: Runs, topic: str) -> PoseTrack:
+def poses(recording: McapContents, topic: str) -> PoseTrack:
     """Decode ``/pose`` or ``/particle_cloud/summary``."""
-    found = _fields(runs, layouts.estimate(topic))
+    found = _fields(recording, layouts.estimate(topic))
     covariance = np.stack([found[f"c{i}"] for i in range(9)], axis=1).reshape(-1, 3, 3)
     return PoseTrack(_seconds(found), found["x"], found["y"], _yaw(found), covariance)
 
 
-def cloud_count(runs: Runs) -> npt.NDArray[np.int64]:
+def cloud_count(recording: McapContents) -> npt.NDArray[np.int64]:
     """Decode ``/particle_cloud/count``."""
-    return _fields(runs, layouts.count())["count"].astype(np.int64)
+    return _fields(recording, layouts.count())["count"].astype(np.int64)
 
 
-def latency(runs: Runs) -> LatencyTrack:
+def latency(recording: McapContents) -> LatencyTrack:
     """Decode ``/sut/latency``; only external systems have any."""
-    found = _fields(runs, layouts.latency())
+    found = _fields(recording, layouts.latency())
     return LatencyTrack(_seconds(found), found["seconds"])
 
 
-def joints(runs: Runs, names: tuple[str, ...]) -> JointTrack:
+def joints(recording: McapContents, names: tuple[str, ...]) -> JointTrack:
     """Decode ``/joint_states``; a scene without joints has none."""
     if not names:
         nothing = np.empty((0, 0))
         return JointTrack((), np.empty(0), nothing, nothing)
-    found = _fields(runs, layouts.joints(names))
+    found = _fields(recording, layouts.joints(names))
     return JointTrack(names, _seconds(found), found["position"], found["velocity"])
 
 
-def scans(runs: Runs, laser: Laser) -> ScanTrack:
+def scans(recording: McapContents, laser: Laser) -> ScanTrack:
     """Decode the scans of a laser."""
-    rows = runs.get(messages.scan_topic(laser), [])
+    rows = recording.runs.get(messages.scan_topic(laser), [])
     if not rows:
         nothing = np.empty((0, max(laser.rays, 0)), np.float32)
         return ScanTrack(np.empty(0), nothing, laser.name)
     if not 0 < 4 * laser.rays < rows[0].shape[1] or not laser.rate > 0:
         raise DamagedTraceError("scans of another size than the robot's laser makes")
-    found = _fields(runs, layouts.scan(laser))
+    found = _fields(recording, layouts.scan(laser))
     return ScanTrack(_seconds(found), found["ranges"], laser.name)
 
 
@@ -154,16 +170,17 @@ def number(text: str) -> float:
     return value
 
 
-def _fields(runs: Runs, layout: MessageLayout) -> Fields:
+def _fields(recording: McapContents, layout: MessageLayout) -> Fields:
     """Return the varying fields of all messages on a topic, each of shape (n, ...)."""
-    views = []
-    for rows in runs.get(layout.topic, []):
+    packed = list(recording.packed.get(layout.topic, []))
+    for rows in recording.runs.get(layout.topic, []):
         if not layout.fits(rows).all():
             raise DamagedTraceError(f"{layout.topic} holds something else than expected")
-        views.append(layout.view(rows))
-    views = views or [np.empty(0, layout.record)]
-    names = ("log_time", *(name for name in layout.names if not name.startswith("stamp")))
-    return {name: np.concatenate([view[name] for view in views]) for name in names}
+        packed.append(layout.pack(rows))
+    packed = packed or [layout.pack(np.empty((0, len(layout.template)), np.uint8))]
+    # Field by field: numpy compares the types of whole records anew for every pair.
+    names = packed[0].dtype.names or ()
+    return {name: np.concatenate([part[name] for part in packed]) for name in names}
 
 
 def _seconds(fields: Fields) -> Floats:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import zstandard
 from mcap import records
 from mcap.data_stream import ReadDataStream
@@ -23,7 +24,7 @@ from mcap.opcode import Opcode
 
 from daemon.trace._mcap_writer import MAGIC
 from daemon.trace._model import TraceError
-from daemon.trace.layouts import HEADER, ByteArray
+from daemon.trace.layouts import HEADER, ByteArray, MessageLayout
 from daemon.trace.messages import KINDS, is_scan
 
 FILE_LIMIT: Final = 1 << 30
@@ -51,20 +52,31 @@ class DamagedTraceError(Exception):
 class McapContents:
     """What a file holds: ``runs`` are rows of message records (n, size), in file order.
 
-    ``cut`` says why reading stopped before the end of the file, or is empty.
+    Those of topics whose layout was known are in ``packed``, as :meth:`MessageLayout.pack` has
+    them; rows that do not fit it stay in ``runs``. ``cut`` says why reading stopped before the end
+    of the file, or is empty.
     """
 
     path: Path
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     runs: dict[str, list[ByteArray]] = field(default_factory=dict)
+    packed: dict[str, list[npt.NDArray[np.void]]] = field(default_factory=dict)
     cut: str = ""
 
 
-def read_mcap(path: Path, topics: Collection[str], *, scans: bool = False) -> McapContents:
+def read_mcap(
+    path: Path,
+    topics: Collection[str],
+    *,
+    layouts: Mapping[str, MessageLayout] | None = None,
+    scans: bool = False,
+) -> McapContents:
     """Read the messages on ``topics`` and everything that is not a message.
 
-    With ``scans`` also those of all lasers, whose names are only known afterwards.
+    With ``scans`` also those of all lasers, whose names are only known afterwards. With ``layouts``
+    of topics a chunk is let go of when it has been read, and what it says is kept: of a run of the
+    reference stack 2 MB instead of 26.
 
     Raises :class:`TraceError` when the file cannot be opened or is no MCAP file.
     """
@@ -80,7 +92,7 @@ def read_mcap(path: Path, topics: Collection[str], *, scans: bool = False) -> Mc
             "is empty" if not data else "is not an MCAP file",
             "traces are the .mcap files a run leaves; run it again to get one",
         )
-    walk = _McapWalk(McapContents(path), data, topics, scans)
+    walk = _McapWalk(McapContents(path), data, topics, layouts, scans)
     try:
         walk.run()
     except DamagedTraceError as error:
@@ -92,12 +104,17 @@ class _McapWalk:
     """One pass over the records of a file."""
 
     def __init__(
-        self, recording: McapContents, data: bytes, topics: Collection[str], scans: bool
+        self,
+        recording: McapContents,
+        data: bytes,
+        topics: Collection[str],
+        layouts: Mapping[str, MessageLayout] | None,
+        scans: bool,
     ) -> None:
         self.recording = recording
         self.at = len(MAGIC)
         self._data = data
-        self._topics, self._scans = topics, scans
+        self._topics, self._layouts, self._scans = topics, layouts, scans
         self._channels: dict[int, str] = {}
         self._schemas: dict[int, str] = {}
         self._total = 0
@@ -200,7 +217,7 @@ class _McapWalk:
         return topic in self._topics or (self._scans and is_scan(topic))
 
     def _decompressed(self, content: slice) -> bytes:
-        raw = self._data[content]
+        raw = memoryview(self._data)[content]
         if len(raw) < _CHUNK_HEAD.size:
             raise DamagedTraceError("a damaged chunk")
         _, _, size, crc, named = _CHUNK_HEAD.unpack_from(raw)
@@ -216,7 +233,7 @@ class _McapWalk:
                 self.recording.path,
                 f"holds more than {TOTAL_LIMIT >> 20} MiB of messages, or a chunk too large",
             )
-        data = decompress(raw[start:], raw[_CHUNK_HEAD.size : start - _LENGTH.size], size)
+        data = decompress(raw[start:], bytes(raw[_CHUNK_HEAD.size : start - _LENGTH.size]), size)
         if crc and zlib.crc32(data) != crc:
             raise DamagedTraceError("a chunk with a wrong checksum")
         return data
@@ -241,10 +258,19 @@ class _McapWalk:
             self._runs += 1
             if self._runs > RUN_LIMIT:
                 raise TraceError(self.recording.path, "holds too many scattered messages")
-            # A view: the decompressed chunk is kept alive by it and never copied.
             rows = np.frombuffer(data, np.uint8, count * size, at).reshape(count, size)
-            self.recording.runs.setdefault(topic, []).append(rows)
+            self._collect(topic, rows)
         return end
+
+    def _collect(self, topic: str, rows: ByteArray) -> None:
+        layout = None if self._layouts is None else self._layouts.get(topic)
+        if layout is not None and layout.fits(rows).all():
+            self.recording.packed.setdefault(topic, []).append(layout.pack(rows))
+            return
+        if self._layouts is not None and not is_scan(topic):
+            # A view would keep the whole chunk. Most of a chunk with scans is scans.
+            rows = rows.copy()
+        self.recording.runs.setdefault(topic, []).append(rows)
 
 
 def _run_length(data: bytes, at: int, size: int, head: bytes) -> int:
@@ -254,14 +280,17 @@ def _run_length(data: bytes, at: int, size: int, head: bytes) -> int:
     while count < most:
         step = min(_WINDOW, most - count)
         rows = np.frombuffer(data, np.uint8, step * size, at + count * size).reshape(step, size)
-        same = (rows[:, : len(head)] == wanted).all(axis=1)
-        if not same.all():
-            return count + int(np.argmin(same))
+        same = (rows[:, : len(head)] == wanted).ravel()
+        other = int(same.argmin())
+        if not same[other]:
+            return count + other // len(head)
         count += step
     return count
 
 
-def decompress(data: bytes, method: bytes, size: int | None, limit: int = CHUNK_LIMIT) -> bytes:
+def decompress(
+    data: bytes | memoryview, method: bytes, size: int | None, limit: int = CHUNK_LIMIT
+) -> bytes:
     """Decompress exactly ``size`` bytes, or any number up to ``limit`` when it is ``None``.
 
     Memory is only taken for what is allowed. Raises :class:`DamagedTraceError` for anything else.
@@ -270,10 +299,11 @@ def decompress(data: bytes, method: bytes, size: int | None, limit: int = CHUNK_
     try:
         if method == b"zstd":
             # As a stream: ``decompress`` allocates what the frame's header claims.
+            claimed = zstandard.frame_content_size(data)
             with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-                found = bytes(reader.read(most + 1))
+                found = reader.read(1 + (min(claimed, most) if claimed >= 0 else most))
         elif method == b"":
-            found = data
+            found = bytes(data)
         else:
             raise DamagedTraceError(f"unknown compression {method[:16]!r}")
     except zstandard.ZstdError as error:

@@ -43,7 +43,12 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
     Raises :class:`TraceError` when the file cannot be opened, is not a trace written by
     :class:`TraceWriter`, or is damaged before anything of it can be used.
     """
-    recording = read_mcap(path, _JUDGED | {"/plan"} if plans else _JUDGED, scans=scans)
+    recording = read_mcap(
+        path,
+        _JUDGED | {"/plan"} if plans else _JUDGED,
+        layouts=_decode.known_layouts(),
+        scans=scans,
+    )
     spec = _attached_spec(recording)
     scene = _attached_scene(recording, spec)
     try:
@@ -76,13 +81,13 @@ def read_outputs(path: Path) -> dict[str, str]:
 
 def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) -> Trace:
     runs = recording.runs
-    truth = _decode.motion(runs, "/ground_truth", "map")
-    joints = _decode.joints(runs, scene.joint_names)
+    truth = _decode.motion(recording, "/ground_truth", "map")
+    joints = _decode.joints(recording, scene.joint_names)
     outcome = recording.metadata.get("outcome", {})
     complete = not recording.cut and outcome.get("complete") == "true"
     last = float(truth.time[-1]) if len(truth.time) else 0.0
     valid_until = _decode.number(outcome.get("valid_until", "")) if complete else last
-    odometry = _decode.motion(runs, "/odom", "odom")
+    odometry = _decode.motion(recording, "/odom", "odom")
     return Trace(
         path=recording.path,
         spec=spec,
@@ -95,22 +100,22 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
         versions=recording.metadata.get("versions", {}),
         ground_truth=truth,
         odometry=odometry,
-        command=_decode.command(runs),
-        estimate=_decode.poses(runs, "/pose"),
-        cloud=_decode.poses(runs, "/particle_cloud/summary"),
-        cloud_count=_decode.cloud_count(runs),
+        command=_decode.command(recording),
+        estimate=_decode.poses(recording, "/pose"),
+        cloud=_decode.poses(recording, "/particle_cloud/summary"),
+        cloud_count=_decode.cloud_count(recording),
         joints=joints,
         contacts=_decode.contacts(runs),
         progress=_decode.progress(runs),
         events=_decode.events(runs),
-        scans=_scans(runs, spec) if scans else None,
+        scans=_scans(recording, spec) if scans else None,
         plans=_decode.plans(runs),
-        latency=_decode.latency(runs),
+        latency=_decode.latency(recording),
     )
 
 
-def _scans(runs: _decode.Runs, spec: RunSpec) -> tuple[ScanTrack, ...]:
-    return tuple(_decode.scans(runs, laser) for laser in spec.robot.lasers)
+def _scans(recording: McapContents, spec: RunSpec) -> tuple[ScanTrack, ...]:
+    return tuple(_decode.scans(recording, laser) for laser in spec.robot.lasers)
 
 
 def _attached_spec(recording: McapContents) -> RunSpec:

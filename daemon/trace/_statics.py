@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
+from daemon.trace.layouts import IntArray
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
-from grammars.model.kinematics import cos_sin, link_tracks
+from grammars.model.kinematics import WORLD, cos_sin, link_tracks
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene, SceneObject
@@ -43,7 +45,8 @@ class MovingLinks:
     """
 
     names: tuple[str, ...]
-    _objects: tuple[tuple[SceneObject, int], ...]
+    _hinged: _HingedLinks
+    _others: tuple[tuple[SceneObject, int, int], ...]
 
     @classmethod
     def of(cls, scene: Scene) -> MovingLinks:
@@ -51,16 +54,20 @@ class MovingLinks:
 
         Raises :class:`ValueError` when the joints of an object form no tree.
         """
-        objects: list[tuple[SceneObject, int]] = []
+        names: list[str] = []
+        hinged: list[tuple[SceneObject, int, int]] = []
+        others: list[tuple[SceneObject, int, int]] = []
         column = 0
         for item in scene.objects:
             if item.joints and not item.frozen:
                 # With no rows: it computes nothing but raises for joints that form no tree.
                 link_tracks(item, np.empty((0, len(item.joints))))
-                objects.append((item, column))
+                only = item.joints[0] if len(item.joints) == 1 else None
+                simple = only is not None and only.kind != "prismatic" and only.parent == WORLD
+                (hinged if simple else others).append((item, column, len(names)))
+                names += (f"{item.name}/{link}" for link in _moving(item))
             column += len(item.joints)
-        names = (f"{item.name}/{link}" for item, _ in objects for link in _moving(item))
-        return cls(tuple(names), tuple(objects))
+        return cls(tuple(names), _HingedLinks.of(hinged), tuple(others))
 
     def poses(self, positions: Floats) -> Floats:
         """Return the world poses (n, links, 4) as x, y, qz, qw for joint positions (n, k).
@@ -68,15 +75,81 @@ class MovingLinks:
         ``qz`` and ``qw`` are the quaternion of the yaw.
         """
         out = np.empty((len(positions), len(self.names), 4))
-        index = 0
-        for item, column in self._objects:
-            tracks = link_tracks(item, positions[:, column : column + len(item.joints)])
-            for link in _moving(item):
-                track = tracks[link]
-                qw, qz = cos_sin(track[:, 2] / 2)
-                out[:, index] = np.column_stack((track[:, 0], track[:, 1], qz, qw))
-                index += 1
+        self._hinged.place(positions, out)
+        for item, column, index in self._others:
+            self._place(item, positions[:, column : column + len(item.joints)], out[:, index:])
         return out
+
+    @staticmethod
+    def _place(item: SceneObject, positions: Floats, out: Floats) -> None:
+        new = _changes(positions).any(axis=1)
+        tracks = link_tracks(item, positions[new])
+        latest = np.cumsum(new) - 1
+        for index, link in enumerate(_moving(item)):
+            track = tracks[link]
+            qw, qz = cos_sin(track[:, 2] / 2)
+            out[:, index] = np.column_stack((track[:, 0], track[:, 1], qz, qw))[latest]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _HingedLinks:
+    """The links of objects with one joint, a hinge in the world: most doors, placed all at once.
+
+    ``columns`` (m,) are those of their positions, ``indices`` (m,) those of their poses. The
+    object's pose ``x, y, yaw`` with the ``cosine`` and ``sine`` of that, and the hinge at
+    ``anchor_x, anchor_y`` in it, are (m,) too.
+    """
+
+    columns: IntArray
+    indices: IntArray
+    x: Floats
+    y: Floats
+    yaw: Floats
+    cosine: Floats
+    sine: Floats
+    anchor_x: Floats
+    anchor_y: Floats
+
+    @classmethod
+    def of(cls, items: Sequence[tuple[SceneObject, int, int]]) -> _HingedLinks:
+        """Collect from objects, the column of each's position and the index of its link."""
+        rows = [(i.pose.x, i.pose.y, i.pose.yaw, *i.joints[0].anchor) for i, _, _ in items]
+        x, y, yaw, anchor_x, anchor_y = np.array(rows, np.float64).reshape(-1, 5).T.copy()
+        columns = np.array([column for _, column, _ in items], np.int64)
+        indices = np.array([index for _, _, index in items], np.int64)
+        return cls(columns, indices, x, y, yaw, *cos_sin(yaw), anchor_x, anchor_y)
+
+    def place(self, positions: Floats, out: Floats) -> None:
+        """Write x, y, qz, qw into ``out`` (n, links, 4) for joint positions (n, k).
+
+        The same sums in the same order as :func:`grammars.model.kinematics.link_tracks`, whose
+        last bit is recorded.
+        """
+        if not len(self.columns) or not len(positions):
+            return
+        angles = positions[:, self.columns]
+        # Doors rest most of the time: only what differs from the row above is computed.
+        new = _changes(angles)
+        angle, which = angles[new], np.nonzero(new)[1]
+        c, s = cos_sin(angle)
+        ax, ay = self.anchor_x[which], self.anchor_y[which]
+        x, y = ax - c * ax + s * ay, ay - s * ax - c * ay
+        cosine, sine = self.cosine[which], self.sine[which]
+        poses = np.empty((len(angle), 4))
+        poses[:, 0] = self.x[which] + cosine * x - sine * y
+        poses[:, 1] = self.y[which] + sine * x + cosine * y
+        poses[:, 3], poses[:, 2] = cos_sin((self.yaw[which] + angle) / 2)
+        latest = np.zeros(angles.shape, np.int64)
+        latest[new] = np.arange(len(angle))
+        out[:, self.indices] = poses[np.maximum.accumulate(latest, axis=0)]
+
+
+def _changes(positions: Floats) -> npt.NDArray[np.bool_]:
+    """Return where ``positions`` (n, k) differ from the row above, by their bits; all of row 0."""
+    bits = np.ascontiguousarray(positions).view(np.int64)
+    changes = np.ones(bits.shape, np.bool_)
+    np.not_equal(bits[1:], bits[:-1], out=changes[1:])
+    return changes
 
 
 def _moving(item: SceneObject) -> list[str]:

@@ -17,19 +17,16 @@ from daemon.model.spec import RunSpec
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import layouts, messages
 from daemon.trace._frames import Correction, MapCorrection
-from daemon.trace._signals import (
+from daemon.trace._signals import COVARIANCE, DOOR_PERIOD, POSE, TWIST
+from daemon.trace._statics import MovingLinks
+from daemon.trace._views import (
     COSTMAP,
-    COVARIANCE,
-    DOOR_PERIOD,
     PARTICLES,
-    POSE,
-    TWIST,
+    encode_costmap,
     encode_path,
     encode_poses,
-    published_costmap,
     thin_plan,
 )
-from daemon.trace._statics import MovingLinks
 from daemon.trace._writer import estimate_columns, latched_payloads, log_payload
 from daemon.trace.layouts import HEADER, MessageLayout
 from grammars.model.geometry import Floats, Point2, Pose2, Twist2
@@ -164,12 +161,7 @@ class MessageStream:
 
     def costmap(self, picture: CostmapPicture) -> None:
         """Hand over a costmap."""
-
-        def encode(now: int) -> bytes:
-            grid = ros.occupancy_grid(published_costmap(picture), now, picture.frame)
-            return ros.serialize(grid, messages.KINDS[COSTMAP])
-
-        self._made(COSTMAP, picture.time, encode)
+        self._made(COSTMAP, picture.time, lambda now: encode_costmap(now, picture))
 
     def progress(self, time: float, progress: Progress) -> None:
         """Hand over where the mission stands when that has changed, and the current waypoint."""

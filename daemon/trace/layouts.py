@@ -89,12 +89,23 @@ class MessageLayout:
     record: np.dtype[np.void]
     template: ByteArray
     constant: tuple[tuple[int, int], ...]
+    names: tuple[str, ...] = field(init=False)
+    """Fields of the message that vary, without the header's."""
+    _constant_bits: ByteArray = field(init=False)
+    _packed: np.dtype[np.void] = field(init=False)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Fields of the message that vary, without the header's."""
+    def __post_init__(self) -> None:
         assert self.record.names is not None
-        return tuple(n for n in self.record.names if n not in _HEADER_FIELDS)
+        names = tuple(n for n in self.record.names if n not in _HEADER_FIELDS)
+        object.__setattr__(self, "names", names)
+        # Stamps are the times once more.
+        kept = ("log_time", *(name for name in names if not name.startswith("stamp")))
+        packed = np.dtype([(name, self.record[name]) for name in kept])
+        object.__setattr__(self, "_packed", packed)
+        bits = np.zeros(len(self.template), np.uint8)
+        for start, stop in self.constant:
+            bits[start:stop] = 0xFF
+        object.__setattr__(self, "_constant_bits", bits)
 
     def encode(
         self, channel: int, times: IntArray, columns: Mapping[str, npt.NDArray[Any]]
@@ -120,13 +131,23 @@ class MessageLayout:
         records: npt.NDArray[np.void] = np.ascontiguousarray(rows).view(self.record)[:, 0]
         return records
 
+    def pack(self, rows: ByteArray) -> npt.NDArray[np.void]:
+        """Return ``log_time`` and the fields but the stamps of rows (n, size), as a copy (n,)."""
+        records = self.view(rows)
+        packed = np.empty(len(rows), self._packed)
+        for name in self._packed.fields or ():
+            packed[name] = records[name]
+        return packed
+
     def fits(self, rows: ByteArray) -> npt.NDArray[np.bool_]:
         """Return which rows of bytes (n, size) have this layout: size and constant bytes."""
         if rows.shape[1] != len(self.template):
             return np.zeros(len(rows), np.bool_)
-        fits = np.ones(len(rows), np.bool_)
-        for start, stop in self.constant:
-            fits &= (rows[:, start:stop] == self.template[start:stop]).all(axis=1)
+        # Whole rows at once: 200 of odometry take 27 us, one of its eight constant stretches 20.
+        other = (rows ^ self.template) & self._constant_bits
+        if not len(rows) or not other.max():
+            return np.ones(len(rows), np.bool_)
+        fits: npt.NDArray[np.bool_] = other.max(axis=1) == 0
         return fits
 
 
@@ -134,7 +155,7 @@ def stamps(times: IntArray) -> npt.NDArray[np.uint64]:
     """Return nanoseconds as CDR ``Time`` (int32 sec, uint32 nanosec) in one little-endian u64."""
     # One number instead of two fields: half the assignments, and stamps are in every message.
     seconds, rest = np.divmod(times, 1_000_000_000)
-    both: npt.NDArray[np.uint64] = (seconds | rest << 32).astype(np.uint64)
+    both: npt.NDArray[np.uint64] = (seconds | rest << 32).view(np.uint64)
     return both
 
 

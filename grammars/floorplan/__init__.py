@@ -6,6 +6,7 @@ from grammars.floorplan._shapes import CircleNode, PolygonNode, RectangleNode
 from grammars.floorplan._spaces import outer_corners, space_at, wall_frames
 from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import (
+    WALLS_ENDING,
     WORLD_FRAME,
     Feature,
     FloorPlan,
@@ -18,6 +19,7 @@ from grammars.floorplan.model import (
 )
 
 __all__ = [
+    "WALLS_ENDING",
     "WORLD_FRAME",
     "CircleNode",
     "Feature",

@@ -8,13 +8,15 @@ identifier (:func:`frames`). Metres and radians.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.text.diagnostics import Diagnostic, Where
 
 Point3: TypeAlias = tuple[float, float, float]
 NOWHERE = Where("<unknown>")
+WALLS_ENDING: Final = ".walls.yaml"
+"""What the name of every walls layer ends with (:mod:`grammars.maps`)."""
 
 
 @dataclass(frozen=True, slots=True)

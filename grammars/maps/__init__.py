@@ -5,11 +5,12 @@
 - :func:`read_drawing`: a building from a DXF drawing.
 """
 
+from grammars.floorplan import WALLS_ENDING
 from grammars.maps._drawing import read_drawing
 from grammars.maps._drawing_settings import DrawingSettings
 from grammars.maps._from_map import vectorise
 from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
-from grammars.maps._walls_file import WALLS_ENDING, WallsText, load_walls
+from grammars.maps._walls_file import WallsText, load_walls
 from grammars.maps._walls_text import walls_text
 from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, DrawnWall
 

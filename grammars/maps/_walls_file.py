@@ -27,8 +27,6 @@ from grammars.text.documents import (
     read_model,
 )
 
-WALLS_ENDING: Final = ".walls.yaml"
-"""What the name of every walls layer ends with."""
 _LARGEST: Final = 1e6
 """Greatest coordinate [m], as in floor plans."""
 _NARROWEST: Final = 1e-3

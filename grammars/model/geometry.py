@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
+from grammars.model.slots import fills_slots
+
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
@@ -47,6 +49,7 @@ def turn(a: Point2, b: Point2, c: Point2) -> float:
     return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True)
 class Pose2:
     """A pose in the plane, read as the transform child frame -> parent frame.
@@ -60,13 +63,19 @@ class Pose2:
 
     def __matmul__(self, other: Pose2) -> Pose2:
         """Compose transforms: ``world_from_a @ a_from_b`` is ``world_from_b``."""
-        x, y = self.apply((other.x, other.y))
-        return Pose2(x, y, wrap_angle(self.yaw + other.yaw))
+        # ``apply`` and ``wrap_angle`` written out: the stacks compose a hundred poses a second.
+        yaw, x, y = self.yaw, other.x, other.y
+        c, s = math.cos(yaw), math.sin(yaw)
+        turned = math.remainder(yaw + other.yaw, math.tau)
+        if turned == -math.pi:
+            turned = math.pi
+        return Pose2(self.x + c * x - s * y, self.y + s * x + c * y, turned)
 
     def inverse(self) -> Pose2:
         """Return the transform parent frame -> child frame."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, wrap_angle(-self.yaw))
+        x, y, yaw = self.x, self.y, self.yaw
+        c, s = math.cos(yaw), math.sin(yaw)
+        return Pose2(-c * x - s * y, s * x - c * y, wrap_angle(-yaw))
 
     def apply(self, point: Point2) -> Point2:
         """Return ``point`` (child frame) in the parent frame."""
@@ -78,6 +87,7 @@ class Pose2:
         return tuple(self.apply(corner) for corner in ring)
 
 
+@fills_slots
 @dataclass(frozen=True, slots=True)
 class Twist2:
     """A velocity in the plane, in the body frame: ``vx``, ``vy`` [m/s], ``wz`` [rad/s]."""

@@ -8,12 +8,13 @@ diagnostic where the offending value stands.
 from __future__ import annotations
 
 import re
+import threading
 import types
 import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -34,6 +35,7 @@ M = TypeVar("M", bound="StrictModel")
 
 _MOST_FINDINGS: Final = 50
 """So many are told of a file; whoever has more will not read them."""
+_BUILDING: Final = threading.Lock()
 
 
 class StrictModel(BaseModel):
@@ -43,11 +45,19 @@ class StrictModel(BaseModel):
     form.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     elsewhere: ClassVar[Mapping[str, str]] = {}
     """Keys that people look for here although they belong somewhere else: what to do instead.
     That of the empty key is said of keys that are like no other."""
+
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """Check what was written; the validator is built when it is first needed."""
+        # Of the forty models of a campaign most are never asked. Two threads may ask at once.
+        with _BUILDING:
+            cls.model_rebuild()
+        return super().model_validate(obj, **options)
 
 
 @dataclass(frozen=True)

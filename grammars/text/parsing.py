@@ -22,6 +22,7 @@ from grammars.text.diagnostics import (
     Where,
     in_source_order,
 )
+from grammars.text.grammar_trees import read_before
 
 _MOST_ERRORS: Final = 20
 _LONGEST: Final = 40
@@ -42,7 +43,7 @@ def load_metamodel(grammar: Path, *, classes: Sequence[type] = (), autokwd: bool
     """
     from textx import metamodel_from_file
 
-    with _TEXTX_LOCK:
+    with _TEXTX_LOCK, read_before(grammar):
         return metamodel_from_file(str(grammar), classes=list(classes), autokwd=autokwd)
 
 

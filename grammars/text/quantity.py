@@ -13,29 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import InputError, Where, did_you_mean, with_article
-
-_SI_UNITS: Final = {
-    "ratio": "1",
-    "length": "m",
-    "angle": "rad",
-    "time": "s",
-    "mass": "kg",
-    "frequency": "Hz",
-    "speed": "m/s",
-    "angular speed": "rad/s",
-    "acceleration": "m/s^2",
-    "angular acceleration": "rad/s^2",
-    "force": "N",
-    "torque": "N m",
-    "stiffness": "N/m",
-    "torsional stiffness": "N m/rad",
-    "damping": "N s/m",
-    "torsional damping": "N m s/rad",
-    "noise per root length": "m/m^0.5",
-    "noise per root angle": "rad/rad^0.5",
-    "drift per root length": "rad/m^0.5",
-}
-"""The dimensions people write, each with the SI unit its values are kept in."""
+from grammars.text.unit_table import SI_UNITS, UNITS
 
 PlanDimension: TypeAlias = Literal["length", "angle"]
 PLAN_UNITS: Final[dict[str, tuple[float, PlanDimension]]] = {
@@ -84,7 +62,7 @@ class Quantity:
     @property
     def unit(self) -> str:
         """The SI unit of ``value``: ``m``, ``rad/s``, ``1`` for ratios."""
-        return _SI_UNITS[self.dimension]
+        return SI_UNITS[self.dimension]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +76,7 @@ class Dimension:
         """The SI unit: ``m``, ``m/s``, ``1`` for a plain number."""
         name = _NAMES.get(self)
         if name is not None:
-            return _SI_UNITS[name]
+            return SI_UNITS[name]
         above, below = self.factors(1), self.factors(-1)
         return f"{' '.join(above) or '1'}/{'/'.join(below)}" if below else " ".join(above)
 
@@ -157,7 +135,7 @@ def _registry() -> Any:
 
 @functools.cache
 def _dimensions() -> dict[Any, str]:
-    return {_dimensionality(unit): name for name, unit in _SI_UNITS.items()}
+    return {_dimensionality(unit): name for name, unit in SI_UNITS.items()}
 
 
 def _parse_unit(text: str) -> Any:
@@ -190,6 +168,13 @@ def read_quantity(text: str) -> Quantity:
 @functools.cache
 def _unit(unit_text: str) -> tuple[float, str]:
     """Return (factor to SI, dimension) of a unit; raises ``ValueError``."""
+    if unit_text in UNITS:
+        return UNITS[unit_text]
+    return calculate_unit(unit_text)
+
+
+def calculate_unit(unit_text: str) -> tuple[float, str]:
+    """Return (factor to SI, dimension) of a unit, calculated by pint; raises ``ValueError``."""
     import pint
 
     try:
@@ -200,7 +185,7 @@ def _unit(unit_text: str) -> tuple[float, str]:
         raise ValueError(f'"{unit_text}" is not a unit: {hint}') from error
     if dimension is None:
         raise ValueError(f'"{unit_text}" is a unit of nothing that is measured here')
-    factor = _registry().Quantity(1.0, unit).to(_parse_unit(_SI_UNITS[dimension])).magnitude
+    factor = _registry().Quantity(1.0, unit).to(_parse_unit(SI_UNITS[dimension])).magnitude
     return float(factor), dimension
 
 
@@ -253,9 +238,9 @@ def parse_in(text: str, unit: str, subject: str, where: Where) -> float:
 
 def unit_of(dimension: str) -> str:
     """Return the SI unit values of ``dimension`` are kept in."""
-    return _SI_UNITS[dimension]
+    return SI_UNITS[dimension]
 
 
 def _example(dimension: str) -> str:
-    unit = _SI_UNITS[dimension]
+    unit = SI_UNITS[dimension]
     return '"0.5"' if unit == "1" else f'"0.5 {unit}"'

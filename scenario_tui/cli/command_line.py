@@ -8,102 +8,27 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Final
+from typing import Annotated, Any
 
 import typer
 
 from grammars.text.diagnostics import InputError
 from grammars.text.terminal_text import printable_streams
-from scenario_tui.cli import (
-    begin,
-    blame,
-    compare,
-    coverage,
-    editors,
-    export,
-    import_building,
-    judge,
-    keys,
-    logs,
-    look,
-    machines,
-    operate,
-    recorded_runs,
-    report,
-    run_campaigns,
-    serve,
-    steer,
-    sut,
-    vary,
-    verify,
-)
+from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import PlainFlagsCommand, PlainFlagsGroup, with_keys_option
 from scenario_tui.cli.output import report_diagnostics, say, settle_streams
-
-_PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
-    "Run campaigns": (
-        run_campaigns.demo,
-        begin.new,
-        begin.layers,
-        run_campaigns.check,
-        run_campaigns.run,
-        run_campaigns.submit,
-        run_campaigns.wait,
-        serve.serve,
-    ),
-    "Look": (
-        machines.tui,
-        look.status,
-        look.results,
-        look.show,
-        logs.logs,
-        recorded_runs.fetch,
-        recorded_runs.replay,
-        recorded_runs.plot,
-    ),
-    "Understand": (
-        judge.judge,
-        verify.verify,
-        compare.compare,
-        report.report,
-        coverage.coverage,
-        blame.blame,
-    ),
-    "Steer": (
-        steer.cancel,
-        steer.retry,
-        steer.pause,
-        steer.resume,
-        steer.priority,
-        steer.delete,
-        steer.stop,
-    ),
-    "Machines": (machines.daemon, machines.worker),
-    "Operate": (operate.doctor, operate.metrics, operate.gc),
-    "Artefacts": (import_building.import_building, export.export, vary.vary),
-    "Editors": (editors.schema, editors.vscode),
-}
+from scenario_tui.cli.plain_flags import load_help_pages
 
 app = typer.Typer(
     name="scenario",
     help="Test mobile robots in scenarios: run campaigns in simulation, judge every run, "
     "see what happened.",
     epilog="Start with: scenario demo, then scenario new my-tests",
-    cls=PlainFlagsGroup,
+    cls=CommandGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-# Help shows commands in the order they are added, panels in the order of their first command.
-for _panel, _commands in _PANELS.items():
-    for _command in _commands:
-        # "import" is a word of Python, which no function can have for its name.
-        _name = "import" if _command is import_building.import_building else None
-        _add = app.command(_name, rich_help_panel=_panel, cls=PlainFlagsCommand)
-        _add(with_keys_option(_command))
-app.add_typer(sut.sut_app, rich_help_panel="Run campaigns")
-app.add_typer(keys.keys_app, rich_help_panel="Machines")
 
 
 def _print_version(wanted: bool) -> None:
@@ -130,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     settle_streams()
     # A command reads a lot, makes a lot of it and ends: looking for circles after every 700 new
     # objects took 3 to 7 % of exporting a campaign (ortega2024, six times in turns).
-    gc.set_threshold(100_000, 10, 10)
+    gc.set_threshold(200_000, 10, 10)
     code = invoke(sys.argv[1:] if arguments is None else arguments)
     try:
         sys.stdout.flush()
@@ -139,6 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # can be said there.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = _report_unhandled(error)
+    # The interpreter looks for circles once more when it ends. All memory is given back anyway.
+    gc.freeze()
     sys.exit(code)
 
 
@@ -182,6 +109,7 @@ def _report_wrong_usage(error: typer.TyperException) -> int:
     # Usage errors show themselves with the command they are about; the root has only its words.
     show: Callable[[], None] | None = getattr(error, "show", None)
     if show is not None:
+        load_help_pages()
         show()
     else:
         sys.stderr.write(f"{error}\n")

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from scenario_tui.cli.options import AsJson, Connect, PlainFlagsCommand, PlainFlagsGroup, State
+from scenario_tui.cli.options import AsJson, Connect, State
 from scenario_tui.cli.output import Output, plain_table, say, stdout_console
+from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
 
 if TYPE_CHECKING:
     from daemon.batch.security import IssuedKey
@@ -20,6 +21,7 @@ keys_app = typer.Typer(
     name="keys",
     help="Make the keys with which machines prove to each other who they are.",
     no_args_is_help=True,
+    add_completion=False,
     cls=PlainFlagsGroup,
 )
 

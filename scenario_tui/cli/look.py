@@ -68,6 +68,8 @@ class StatusOutput(Output, schema="status"):
         if overview.seconds_left is not None:
             parts.append(f"{duration(overview.seconds_left)} left")
         console.print(wrap_parts(parts, console.width), markup=False)
+        if overview.preparing:
+            console.print(overview.preparing, markup=False, soft_wrap=True)
         if overview.trouble:
             last = overview.trouble.strip().splitlines()[-1]
             words = f"! no run can start: {last}"

@@ -1,21 +1,17 @@
-"""Options several commands share, the amounts people type in them, and how help shows flags."""
+"""Options several commands share, and the amounts people type in them."""
 
 from __future__ import annotations
 
 import functools
 import inspect
 import os
-import sys
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar
 
 import typer
-from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from daemon.batch.amounts import parse_size, parse_time
-from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import campaign_files
 
@@ -160,32 +156,6 @@ RunOrTrace: TypeAlias = Annotated[
         autocompletion=completion.runs_or_traces,
     ),
 ]
-
-
-class _PlainFlags:
-    """Shows flags without the ``<bool>`` that typer puts behind them, and help in colours."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Return the parameters as help shows them."""
-        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
-        for one in parameters:
-            if isinstance(one, TyperOption) and one.is_flag and one.metavar is None:
-                one.metavar = ""
-        return parameters
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the help, whose words are all ours, in colours."""
-        # rich, which typer prints it with, writes its styles as text of this stream.
-        with redirect_stdout(unfiltered(sys.stdout)):
-            super().format_help(ctx, formatter)  # type: ignore[misc]
-
-
-class PlainFlagsCommand(_PlainFlags, TyperCommand):
-    """A command whose flags are shown without ``<bool>``."""
-
-
-class PlainFlagsGroup(_PlainFlags, TyperGroup):
-    """A group of commands whose flags are shown without ``<bool>``."""
 
 
 def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:

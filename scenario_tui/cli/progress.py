@@ -45,7 +45,7 @@ _LOOK: Final = 2.0
 """Seconds between two questions whether the daemon is in trouble."""
 _SHOWN_RUNS: Final = 8
 _BAR: Final = 16
-_WAITING: Final = "waiting for a worker; the first one on a machine compiles for a while"
+_WAITING: Final = "waiting for a worker; the first runs on a machine compile for a while"
 
 
 @dataclass(slots=True)
@@ -57,6 +57,7 @@ class CampaignProgress:
     live: dict[str, LiveSnapshot] = field(default_factory=dict)
     per_minute: float = 0.0
     seconds_left: float | None = None
+    preparing: str = ""
 
 
 class ProgressDisplay:
@@ -115,8 +116,8 @@ def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     bar = ProgressBar(total=max(1, row.total), completed=finished, width=_BAR)
     line.add_row(head, bar, tail)
     runs = [_run_line(run, progress.live.get(run.id)) for run in progress.running[:_SHOWN_RUNS]]
-    if not finished and not progress.running:
-        runs.append(Text(f"  {_WAITING}", style="dim"))
+    if progress.preparing or not (finished or progress.running):
+        runs.append(Text(f"  {progress.preparing or _WAITING}", style="dim"))
     hidden = len(progress.running) - len(runs)
     if hidden > 0:
         runs.append(Text(f"  and {hidden} more", style="dim"))
@@ -182,13 +183,18 @@ class _TroubleReporter:
     words: str = ""
     since: float = 0.0
     look_at: float = 0.0
+    preparing: str = ""
 
     def look(self, daemon: DaemonClient, now: float) -> None:
         """Ask every now and then; raises :class:`DaemonError` when endurance is at its end."""
         if now < self.look_at:
             return
         self.look_at = now + _LOOK
-        words = daemon.overview().trouble.strip()
+        overview = daemon.overview()
+        words = overview.trouble.strip()
+        if overview.preparing and not self.preparing and not self.shown.on_screen:
+            self.shown.note(overview.preparing)  # a screen shows it as it goes on
+        self.preparing = overview.preparing
         if words and not self.words:
             self.since = now
         if words != self.words:
@@ -239,7 +245,11 @@ def watch(
                         pace = pace or _RunRate(now, row.total - row.queued - row.running)
                         trouble.look(daemon, now)
                         per_minute, left = pace.look(row, now)
-                        shown.show(CampaignProgress(row, running, live, per_minute, left))
+                        shown.show(
+                            CampaignProgress(
+                                row, running, live, per_minute, left, trouble.preparing
+                            )
+                        )
                         time.sleep(INTERVAL)
             except Unreachable:
                 now = time.monotonic()

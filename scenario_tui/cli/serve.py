@@ -90,7 +90,8 @@ def serve(
     is for developing a stack before testing it. Ctrl-C or q ends it.
     """
     from daemon.live.simulation import LiveSimulation, check_speed
-    from daemon.simulator import warm_up as warm_up_simulator
+    from daemon.model.kernel_rooms import kernel_rooms
+    from daemon.run import warm_up
 
     with wrong_usage("--speed"):
         check_speed(speed)
@@ -103,11 +104,8 @@ def serve(
             param_hint="--sut",
         )
     # Before the clock counts: a world that stutters at its start would say it cannot keep up.
-    warm_up_simulator()
-    if sut and spec.sut.repeatable:
-        from daemon.stacks import warm_up as warm_up_stacks
-
-        warm_up_stacks()
+    system = (spec.sut.kind, spec.sut.parameters) if sut and spec.sut.repeatable else ("", {})
+    warm_up(kernel_rooms(*system))
     simulation = LiveSimulation(spec, scene, speed=speed, sut=_maker(spec))
     with _served(simulation, foxglove, host, port, socket if ros2 else None) as services:
         with simulation.running() as thread:

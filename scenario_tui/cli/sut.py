@@ -12,8 +12,9 @@ import typer
 
 from scenario_tui.cli import completion, sut_ros
 from scenario_tui.cli.completion import sut_files
-from scenario_tui.cli.options import AsJson, PlainFlagsCommand, PlainFlagsGroup
+from scenario_tui.cli.options import AsJson
 from scenario_tui.cli.output import Output, plain_table, report_diagnostics, stdout_console
+from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
 from scenario_tui.cli.sut_check import check
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ sut_app = typer.Typer(
     help="Show a system under test, or start an external one and see what it lacks.",
     epilog="`scenario sut SUT.yaml` is `scenario sut show SUT.yaml`.",
     no_args_is_help=True,
+    add_completion=False,
     subcommand_metavar="SUT.yaml | COMMAND [ARGS]...",
 )
 

@@ -1,6 +1,6 @@
 """One update of AMCL, compiled and in plain numpy, and how long a large map takes.
 
-Run with ``python -m tests.benchmarks.bench_amcl``. A corridor with niches on a map of 1700 x 1730
+A corridor with niches on a map of 1700 x 1730
 cells is driven down with the published parameters: 2000 particles at most, 30 beams, resampled
 every second update. Both filters take the same scans in turns in one process.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,7 @@ from daemon.stacks.ros1.amcl.laser_model import map_range
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.amcl.plain import PlainAmcl
 from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED
 
@@ -61,8 +62,8 @@ def _timed(work: Callable[[], object]) -> float:
     return time.thread_time() - begin
 
 
-def main() -> None:
-    """Print the table."""
+def measure() -> Iterator[Measurement]:
+    """Yield an update and the building of a filter."""
     warm_up()
     grid = corridor()
     poses = [Pose2(STEP * k, 0.9, 0.0) for k in range(UPDATES)]
@@ -94,15 +95,11 @@ def main() -> None:
         rows["plain"].append(_timed(partial(plain, begin)) / BLOCK * 1e6)
         counts.append(len(amcl.particles))
         worst = max(worst, float(np.abs(amcl.particles - reference.poses).max()))
-    print(f"map of {grid.cells.shape[1]} x {grid.cells.shape[0]} cells, {LASER.rays} rays")
-    print(f"built for a new map {1e3 * first:8.1f} ms, for a known one {1e3 * again:6.1f} ms")
-    print(f"particles after resampling: {', '.join(str(count) for count in counts)}")
-    kernel = statistics.median(rows["compiled"])
-    for name, label in (("compiled", "compiled"), ("plain", "plain numpy, same random numbers")):
-        median = statistics.median(rows[name])
-        print(f"{label:34} {median:9.1f} us per update {median / kernel:8.1f} x compiled")
-    print(f"largest difference between their particles: {worst:.1e}")
-
-
-if __name__ == "__main__":
-    main()
+    sizes = f"map of {grid.cells.shape[1]} x {grid.cells.shape[0]} cells, {LASER.rays} rays"
+    plainly = Reference("plain numpy, same random numbers", statistics.median(rows["plain"]))
+    particles = f"particles {', '.join(str(count) for count in counts)}, differ by {worst:.1e}"
+    yield Measurement(
+        "an update, compiled", statistics.median(rows["compiled"]), "us", plainly, (), particles
+    )
+    known = Reference("for a known one", 1e3 * again)
+    yield Measurement("built for a new map", 1e3 * first, "ms", known, (), sizes)

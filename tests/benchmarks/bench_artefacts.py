@@ -1,6 +1,6 @@
 """All artefacts of building C: how long each takes, and all of them together.
 
-Run with ``python -m tests.benchmarks.bench_artefacts``. One process per row, so that every row
+One process per row, so that every row
 pays for the libraries it imports; the second number is a repeat in the same process. Loading the
 plan and composing the scene is a row of its own.
 """
@@ -11,16 +11,18 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from templates.artefacts import KINDS
+from tests.benchmarks.measurement import Measurement, Reference
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 PUBLISHED = 22.0
 """Seconds the published tools need for mesh, grid, tasks, Gazebo and key frames (measured)."""
 
 
-def measure(kinds: list[str]) -> None:
+def tell(kinds: list[str]) -> None:
     """Print what loading took, first and second time for ``kinds``, files and bytes."""
     from scenario_tui.cli.export import world_of_plan, worlds_of_campaign
     from templates.artefacts import export
@@ -40,15 +42,15 @@ def measure(kinds: list[str]) -> None:
     print(f"{loading:.6f} {times[0]:.6f} {times[1]:.6f} {len(done.paths)} {size}")
 
 
-def _row(name: str, *kinds: str) -> float:
-    command = [sys.executable, "-m", "tests.benchmarks.bench_artefacts", "--measure", *kinds]
+def _row(name: str, *kinds: str) -> tuple[Measurement, float]:
+    """What the kinds take, and what loading took [ms]."""
+    program = f"import sys; from {__name__} import tell; tell(sys.argv[1:])"
+    command = [sys.executable, "-c", program, *kinds]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     loading, first, second, files, size = (float(word) for word in said)
-    print(
-        f"{name:10} {first * 1000:9.0f} ms {second * 1000:9.0f} ms again {files:5.0f} files "
-        f"{size / 1e6:7.2f} MB"
-    )
-    return loading
+    note = f"{files:.0f} files, {size / 1e6:.2f} MB"
+    beside = Reference("again", 1e3 * second)
+    return Measurement(name, 1e3 * first, "ms", beside, (), note), 1e3 * loading
 
 
 def _command(source: str) -> float:
@@ -65,28 +67,20 @@ def _command(source: str) -> float:
         return time.perf_counter() - begin
 
 
-def main() -> None:
-    """Print the table."""
-    print("building C with eleven moving doors: first and second time, a process per row")
+def measure() -> Iterator[Measurement]:
+    """Yield each kind in a process of its own, and whole commands."""
     for kind in KINDS:
-        _row(kind, kind)
-    loading = _row("all")
-    print(f"{'loading':10} {loading * 1000:9.0f} ms  plan and campaign, scene, behaviours")
+        yield _row(kind, kind)[0]
+    everything, loading = _row("all")
+    yield everything
+    together = Reference("all artefacts", everything.value)
+    yield Measurement("plan and campaign read, scene composed", loading, "ms", together)
     sources = {
         "building_c.fpm": "the plan",
         "first.yaml": "two worlds",
         "campaign.yaml": "eight worlds",
     }
+    published = Reference("published tools, then", PUBLISHED)
     for source, worlds in sources.items():
         seconds = _command(source)
-        print(
-            f"scenario export {source} all: {seconds:.2f} s ({worlds}); published tools "
-            f"{PUBLISHED:.0f} s, {PUBLISHED / seconds:.1f} times as long"
-        )
-
-
-if __name__ == "__main__":
-    if "--measure" in sys.argv:
-        measure(sys.argv[2:])
-    else:
-        main()
+        yield Measurement(f"scenario export {source} all", seconds, "s", published, (), worlds)

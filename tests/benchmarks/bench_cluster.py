@@ -15,10 +15,12 @@ from pathlib import Path
 import psutil
 
 from daemon.batch.client import Client
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.batch.dask_harness import dask_in, gateway_for
 from tests.daemon.batch.harness import daemon_at, eventually, family
 from tests.daemon.batch.samples import make_submission
 
+LONG = "needs dask, starts a cluster"
 _RUNS = 400
 _SLOTS = 2
 _ROUNDS = 2
@@ -58,21 +60,20 @@ def _measure(client: Client, processes: Processes, name: str) -> tuple[float, fl
     return time.perf_counter() - start, _cpu(processes()) - before
 
 
-def main() -> None:
-    """Print runs per second and processor time per run, round by round."""
+def measure() -> Iterator[Measurement]:
+    """Yield time and processor time per run, round by round; the local worker is the reference."""
     with (
         tempfile.TemporaryDirectory() as name,
         _local(Path(name, "local")) as local,
         _cluster(Path(name, "cluster")) as cluster,
     ):
-        print(f"{_RUNS} empty runs, {_SLOTS} at a time: local worker | Dask gateway | more a run")
         for number in range(_ROUNDS):
             here = _measure(*local, f"round-{number}")
             there = _measure(*cluster, f"round-{number}")
-            cells = [f"{_RUNS / w:4.0f}/s {1e3 * c / _RUNS:5.1f} ms CPU" for w, c in (here, there)]
-            more = [1e3 * (b - a) / _RUNS for a, b in zip(here, there, strict=True)]
-            print(f"{' | '.join(cells)} | {more[0]:.1f} ms, {more[1]:.1f} ms CPU")
-
-
-if __name__ == "__main__":
-    main()
+            for what, unit, ours, theirs in zip(
+                ("wall", "CPU"), ("ms", "CPU ms"), here, there, strict=True
+            ):
+                yield Measurement(
+                    f"an empty run by Dask, {what}", 1e3 * theirs / _RUNS, unit,
+                    Reference("a local worker", 1e3 * ours / _RUNS),
+                )  # fmt: skip

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,6 +36,7 @@ from grammars.model.grid import OccupancyGrid
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from templates.occupancy import occupancy_grid
+from tests.benchmarks.measurement import Measurement, Reference
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 BEGIN, END, SPEED = (-12.86, 12.46), (20.76, 60.46), 0.22
@@ -102,20 +104,19 @@ def over_again(costmap: Costmap, *, in_order: bool = False) -> tuple[float, bool
     return taken, bool(np.array_equal(copy, costmap._master))
 
 
-def report(
-    name: str, grid: CostGrid, times: list[float], plain: list[float], ordered: list[float]
-) -> None:
+def report(name: str, grid: CostGrid, times: list[float], beside: Reference | None) -> Measurement:
+    """The mean time of an update."""
     rows, columns = grid.cells.shape
-    mean, worst = np.mean(times) * 1e6, np.percentile(times, 99) * 1e6
-    beside = f", plain {np.mean(plain) * 1e6:8.1f} us" if plain else ""
-    beside += f", in the queue's order {np.mean(ordered) * 1e6:8.1f} us" if ordered else ""
-    print(f"{name} {columns} x {rows}: {mean:7.1f} us mean, {worst:7.1f} us 99 %{beside}")
+    worst = f"{np.percentile(times, 99) * 1e6:.1f} us 99 %, {columns} x {rows} cells"
+    return Measurement(name, np.mean(times).item() * 1e6, "us", beside, (), worst)
 
 
-def compare_layers(steps: list[tuple[Pose2, SensedScan, SensedScan]], world: OccupancyGrid) -> None:
-    """Print what two lasers and a voxel layer cost beside one laser and an obstacle layer."""
+def compare_layers(
+    steps: list[tuple[Pose2, SensedScan, SensedScan]], world: OccupancyGrid
+) -> Iterator[Measurement]:
+    """Yield what two lasers and a voxel layer cost beside one laser and an obstacle layer."""
     kinds = {"one laser": SEEN, "two lasers": BOTH, "voxel layer": VOXELS}
-    for name, parameters in (("global", GLOBAL), ("local ", LOCAL)):
+    for name, parameters in (("global", GLOBAL), ("local", LOCAL)):
         costmaps, times = {}, dict.fromkeys(kinds, 0.0)
         for kind, seen in kinds.items():
             layers = tuple(seen if layer is SEEN else layer for layer in parameters.layers)
@@ -133,21 +134,25 @@ def compare_layers(steps: list[tuple[Pose2, SensedScan, SensedScan]], world: Occ
                 begin = time.process_time()
                 costmap.update(base, scans)
                 times[kind] += time.process_time() - begin
-        ratios = {kind: taken / times["one laser"] for kind, taken in times.items()}
-        beside = ", ".join(f"{kind} {ratio:.2f}" for kind, ratio in ratios.items())
-        print(f"{name} beside one laser: {beside}")
+        updates = len(steps[::10])
+        one = Reference("one laser", 1e6 * times["one laser"] / updates)
+        for kind, taken in times.items():
+            if kind != one.name:
+                yield Measurement(f"{name}, {kind}", 1e6 * taken / updates, "us", one)
 
 
-def main() -> None:
-    """Print the table."""
+def measure() -> Iterator[Measurement]:
+    """Yield building, updates of both costmaps, and what more layers cost."""
     warm_up()
     scene, robot, world_map = load()
     start = Pose2(BEGIN[0], BEGIN[1], 0.0)
     steps = drive(World(scene, robot, start, (), np.random.SeedSequence(1)), robot)
+    built = []
     for _ in range(2):
         begin = time.process_time()
         costmap = Costmap(GLOBAL, GLOBAL.padded_footprint(), ORIGINAL, world_map)
-        print(f"construction {(time.process_time() - begin) * 1e3:6.1f} ms")
+        built.append(1e3 * (time.process_time() - begin))
+    yield Measurement("global, built", built[0], "ms", Reference("built again", built[1]))
     local = Costmap(LOCAL, LOCAL.padded_footprint(), ORIGINAL)
     times: list[float] = []
     plain: list[float] = []
@@ -170,11 +175,13 @@ def main() -> None:
             begin = time.process_time()
             local.update(base, (exact,))
             locally.append(time.process_time() - begin)
-    report("global", costmap.grid, times[2:], plain, ordered)
-    report("local ", local.grid, locally, [], [])
-    compare_layers(steps, world_map)
-    print(f"cells in touched windows {changed / len(steps):.0f} per update; {differ} plain differ")
-
-
-if __name__ == "__main__":
-    main()
+    plainly = Reference("the plain cycle alone", np.mean(plain).item() * 1e6)
+    yield report("global, an update", costmap.grid, times[2:], plainly)
+    yield report("  the plain cycle in the queue's order", costmap.grid, ordered, plainly)
+    beside = Reference("global", np.mean(times[2:]).item() * 1e6)
+    yield report("local, an update", local.grid, locally, beside)
+    yield Measurement(
+        "cells in touched windows, an update", changed / len(steps), "cells", None, (),
+        f"{differ} of {len(plain)} plain cycles end otherwise",
+    )  # fmt: skip
+    yield from compare_layers(steps, world_map)

@@ -1,7 +1,7 @@
 """The daemon under load: runs through the ledger, submissions, questions, idle cost, many workers.
 
 Real processes over loopback. CPU times are of the daemon process; what waits for the machine is
-told as such. ``corridor`` at the end executes real runs with one slot and with two.
+told as such. At the end real runs are executed with one slot and with two.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.status import Submission
+from tests.benchmarks.measurement import Goal, Measurement, Reference, at_least, at_most
 from tests.chaos.light import Crew, LightWorker
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, family, finished
 from tests.daemon.batch.samples import make_submission
@@ -41,11 +42,8 @@ PROCESSES = 4
 RUNS = 20
 IDLE = 10.0
 QUESTIONS = 300
+LONG = "a million runs, 400 workers"
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "first.yaml"
-
-
-def row(what: str, value: str, target: str = "") -> None:
-    print(f"{what:58} {value:>22} {target}", flush=True)
 
 
 @contextmanager
@@ -64,7 +62,7 @@ def cpu(pid: int) -> float:
     return float(used.user + used.system)
 
 
-def empty_runs() -> None:
+def empty_runs() -> Iterator[Measurement]:
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", EMPTY))
         before, start = cpu(daemon.pid), time.monotonic()
@@ -72,11 +70,12 @@ def empty_runs() -> None:
         eventually(lambda: finished(client, EMPTY), 120.0)
         took, used = time.monotonic() - start, cpu(daemon.pid) - before
         crew.stop()
-    row("empty runs through the ledger, end to end", f"{EMPTY / took:.0f} /s", ">= 300")
-    row("  CPU of the daemon for one", f"{1e3 * used / EMPTY:.2f} ms")
+    ended = "empty runs through the ledger, end to end"
+    yield Measurement(ended, EMPTY / took, "/s", None, (at_least(300.0),))
+    yield Measurement("  CPU of the daemon for one", 1e3 * used / EMPTY, "CPU ms")
 
 
-def idle() -> None:
+def idle() -> Iterator[Measurement]:
     with fresh(2) as daemon, daemon.client() as client:
         client.submit(make_submission("idle", 20))
         eventually(lambda: finished(client, 20))
@@ -85,8 +84,13 @@ def idle() -> None:
         time.sleep(IDLE)
         used = (cpu(daemon.pid) - before) / IDLE
         memory = psutil.Process(daemon.pid).memory_full_info()
-        row("idle daemon, its worker connected: CPU", f"{100 * used:.2f} %", "< 1 %")
-        row("  USS, RSS", f"{memory.uss / 2**20:.0f}, {memory.rss / 2**20:.0f} MB", "< 120 MB")
+        yield Measurement(
+            "idle daemon, its worker connected: CPU", 100 * used, "%", None, (at_most(1.0),)
+        )
+        yield Measurement(
+            "  its RSS", memory.rss / 2**20, "MB", Reference("USS", memory.uss / 2**20),
+            (at_most(120.0),),
+        )  # fmt: skip
 
 
 def large_campaign(runs: int) -> Submission:
@@ -116,23 +120,20 @@ def leasing(endpoint: str, stop: Any, answer: Any) -> None:
 
 
 @contextmanager
-def leases_beside(daemon: DaemonPart) -> Iterator[None]:
-    """Have another process lease runs during the block, and say how long its leases took."""
+def leases_beside(daemon: DaemonPart) -> Iterator[list[Measurement]]:
+    """Have another process lease runs during the block; afterwards the list says how long for."""
     context = multiprocessing.get_context("spawn")
     stop, answer = context.Event(), context.Queue()
     process = context.Process(target=leasing, args=(daemon.endpoint, stop, answer))
     process.start()
+    found: list[Measurement] = []
     try:
-        yield
+        yield found
     finally:
         stop.set()
         took = sorted(1e3 * one for one in answer.get())
         process.join()
-    last = took[int(0.99 * len(took))]
-    row(
-        f"  lease beside it: p50, p99 of {len(took)}",
-        f"{statistics.median(took):.1f}, {last:.1f} ms",
-    )
+    found.append(spread("  lease beside it", took))
 
 
 def peak(pid: int) -> float:
@@ -141,37 +142,46 @@ def peak(pid: int) -> float:
     return int(status.split("VmHWM:")[1].split()[0]) / 2**10
 
 
-def large(runs: int = LARGE) -> None:
+def large(runs: int = LARGE) -> Iterator[Measurement]:
     """What a campaign of a million runs costs, and others meanwhile."""
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", QUEUED))
         submission = large_campaign(runs)
         process = psutil.Process(daemon.pid)
-        with leases_beside(daemon):
+        with leases_beside(daemon) as beside:
             start, before = time.monotonic(), process.cpu_times()
             client.submit(submission)
             took, used = time.monotonic() - start, process.cpu_times()
         own = used.user + used.system - before.user - before.system
         read = used.children_user + used.children_system
         read -= before.children_user + before.children_system
-        row(f"submit of {runs} runs", f"{took:.1f} s", "< 60 s" if runs == LARGE else "")
-        row("  CPU of the daemon; of the process that reads", f"{own:.1f}; {read:.1f} s")
-        row("  most memory of the daemon", f"{peak(daemon.pid):.0f} MiB", "< 600 MiB")
-        with leases_beside(daemon):
+        goals = (at_most(60.0),) if runs == LARGE else ()
+        yield Measurement(f"submit of {runs} runs", took, "s", None, goals)
+        submitting = Reference("the submission", took)
+        yield Measurement("  CPU of the daemon", own, "CPU s", submitting)
+        yield Measurement("  CPU of the process that reads", read, "CPU s", submitting)
+        most = peak(daemon.pid)
+        yield Measurement("  most memory of the daemon", most, "MiB", None, (at_most(600.0),))
+        yield from beside
+        with leases_beside(daemon) as beside:
             start = time.monotonic()
             client.cancel(submission.campaign)
             took = time.monotonic() - start
-        row(f"cancel of {runs} runs", f"{took:.1f} s")
-        with leases_beside(daemon):
+        yield Measurement(f"cancel of {runs} runs", took, "s", submitting)
+        yield from beside
+        with leases_beside(daemon) as beside:
             start = time.monotonic()
             client.delete((submission.campaign,))
-            took = time.monotonic() - start
+            hidden = time.monotonic() - start
             eventually(lambda: daemon.noted("removed"), 600.0)
-        row(f"delete of {runs} runs: hidden, gone", f"{took:.2f}, {time.monotonic() - start:.1f} s")
-        row("  ledger afterwards", f"{client.disk().ledger / 2**20:.0f} MiB")
+            took = time.monotonic() - start
+        note = f"hidden after {hidden:.2f} s"
+        yield Measurement(f"delete of {runs} runs", took, "s", submitting, (), note)
+        yield from beside
+        yield Measurement("  ledger afterwards", client.disk().ledger / 2**20, "MiB")
 
 
-def many_campaigns() -> None:
+def many_campaigns() -> Iterator[Measurement]:
     """What one of thousands of campaigns costs, against all of them."""
     with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
         paths = StatePaths(Path(folder))
@@ -180,14 +190,19 @@ def many_campaigns() -> None:
             for i in range(CAMPAIGNS):
                 ledger.submit(replace(make_submission(f"c{i}", 1), name=f"n{i % 100}"), float(i))
         with LedgerReader.open(paths) as reader:
-            row(f"all of {CAMPAIGNS} campaigns", asked(reader.campaigns, 5))
-            row("  the newest 500", asked(lambda: reader.campaign_page(limit=500), 20))
-            row("  one by its id", asked(lambda: reader.campaign_page(id="c777", limit=1)))
-            row("  one by its name", asked(lambda: reader.campaign_page(name="n77", limit=1)))
-            row("  the counts of all", asked(reader.counts, 20))
+            everything = asked(f"all of {CAMPAIGNS} campaigns", reader.campaigns, 5)
+            yield everything
+            beside = Reference("all", everything.value)
+            for name, question, times in (
+                ("  the newest 500", lambda: reader.campaign_page(limit=500), 20),
+                ("  one by its id", lambda: reader.campaign_page(id="c777", limit=1), QUESTIONS),
+                ("  one by its name", lambda: reader.campaign_page(name="n77", limit=1), QUESTIONS),
+                ("  the counts of all", reader.counts, 20),
+            ):
+                yield replace(asked(name, question, times), reference=beside)
 
 
-def room_for_leases() -> None:
+def room_for_leases() -> Iterator[Measurement]:
     """What it takes to see how many leases a worker may get, beside those that others have."""
     with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
         paths = StatePaths(Path(folder))
@@ -199,34 +214,43 @@ def room_for_leases() -> None:
                     for i in range(workers):
                         ledger.lease(f"w{i}", 100, 0.0, holder="a key" if i % 2 else "")
                 for words, holder in (("the owner", ""), ("a key", "a key")):
-                    took = asked(partial(ledger.room_for_leases, "w2", holder, (50, 2000)))
-                    row(f"room for leases of {words}, {running} running: p50, p99", took)
+                    question = partial(ledger.room_for_leases, "w2", holder, (50, 2000))
+                    took = asked(f"room for leases of {words}, {running} running", question)
+                    yield took
 
 
-def submit() -> None:
+def submit() -> Iterator[Measurement]:
     with fresh() as daemon, daemon.client() as client:
-        for runs, target in ((10_000, "<= 2 s"), (QUEUED, "")):
+        for runs, goals in ((10_000, (at_most(2.0),)), (QUEUED, ())):
             submission = large_campaign(runs)
             before, start = cpu(daemon.pid), time.monotonic()
             mine = time.process_time()
             client.submit(submission)
             took, used = time.monotonic() - start, cpu(daemon.pid) - before
             mine = time.process_time() - mine
-            row(f"submit of {runs} runs of building C", f"{took:.2f} s", target)
-            row("  CPU of client, daemon", f"{mine:.2f}, {used:.2f} s")
-        size = client.disk().ledger
-        row("  ledger afterwards", f"{size / 2**20:.0f} MiB")
+            name = f"submit of {runs} runs of building C"
+            yield Measurement(name, took, "s", Reference("CPU of the client", mine), goals)
+            yield Measurement("  CPU of the daemon", used, "CPU s", Reference("all of it", took))
+        yield Measurement("  ledger afterwards", client.disk().ledger / 2**20, "MiB")
 
 
-def asked(question: Callable[[], object], times: int = QUESTIONS) -> str:
-    """Median and 99th percentile of a question [ms]."""
+def asked(
+    name: str, question: Callable[[], object], times: int = QUESTIONS, goals: tuple[Goal, ...] = ()
+) -> Measurement:
+    """Ask a question many times."""
     took = []
     for _ in range(times):
         start = time.perf_counter()
         question()
         took.append(1e3 * (time.perf_counter() - start))
         time.sleep(0.002)
-    return f"{statistics.median(took):.2f}, {statistics.quantiles(took, n=100)[98]:.2f} ms"
+    return replace(spread(name, took), goals=goals)
+
+
+def spread(name: str, took: list[float]) -> Measurement:
+    """The median of milliseconds, the 99th percentile noted."""
+    last = statistics.quantiles(took, n=100)[98]
+    return Measurement(name, statistics.median(took), "ms", None, (), f"99 %: {last:.2f} ms")
 
 
 def _burn(stop: float) -> None:
@@ -234,13 +258,15 @@ def _burn(stop: float) -> None:
         sum(range(1000))
 
 
-def busy_questions() -> None:
+def busy_questions() -> Iterator[Measurement]:
     with fresh(2, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
-        row("status, quiet: p50, p99", asked(client.overview))
+        quiet = asked("status, quiet", client.overview)
+        yield quiet
         client.submit(replace(large_campaign(200), campaign="busy"))
         eventually(lambda: client.overview().running == 2, 60.0)
         time.sleep(3.0)
-        row("status while runs fill 2 cores: p50, p99", asked(client.overview), "p99 < 50 ms")
+        busy = asked("status while runs fill 2 cores", client.overview, goals=(at_most(50.0),))
+        yield replace(busy, reference=Reference("quiet", quiet.value))
 
 
 def crowd(endpoint: str, number: int, workers: int, ready: object, stop: object) -> None:
@@ -283,7 +309,7 @@ def crowded(endpoint: str) -> Iterator[None]:
             process.kill()
 
 
-def scale() -> None:
+def scale() -> Iterator[Measurement]:
     with fresh() as daemon, daemon.client() as client:
         for part in range(10):
             client.submit(replace(large_campaign(QUEUED // 10), campaign=f"part-{part}"))
@@ -292,33 +318,40 @@ def scale() -> None:
             before, start = cpu(daemon.pid), time.monotonic()
             time.sleep(5.0)
             used = (cpu(daemon.pid) - before) / (time.monotonic() - start)
-            print(f"-- {QUEUED} queued runs, {WORKERS} workers that renew every 10 s")
-            row("CPU of the daemon", f"{100 * used:.1f} %")
-            row("  USS", f"{psutil.Process(daemon.pid).memory_full_info().uss / 2**20:.0f} MB")
-            ask_everything(client)
+            load = f"{QUEUED} queued runs, {WORKERS} workers that renew every 10 s"
+            yield Measurement("CPU of the daemon", 100 * used, "%", None, (), load)
+            memory = psutil.Process(daemon.pid).memory_full_info()
+            yield Measurement(
+                "  its RSS", memory.rss / 2**20, "MB", Reference("USS", memory.uss / 2**20)
+            )
+            yield from ask_everything(client)
             with bus.open_client(daemon.endpoint) as session:
                 worker = LightWorker(session, daemon.endpoint, "one", 1)
-                row("lease of one run: p50, p99", asked(worker.lease))
+                yield asked("lease of one run", worker.lease)
             submission = replace(large_campaign(1000), campaign="more")
             start = time.monotonic()
             client.submit(submission)
-            row("submit of 1000 runs", f"{time.monotonic() - start:.2f} s")
+            yield Measurement("submit of 1000 runs", time.monotonic() - start, "s")
 
 
-def ask_everything(client: Client) -> None:
+def ask_everything(client: Client) -> Iterator[Measurement]:
     few = 40
-    row("overview: p50, p99", asked(client.overview))
-    row("campaigns: p50, p99", asked(client.campaigns))
-    row("workers: p50, p99", asked(client.workers, few))
-    row("first page of 200 runs: p50, p99", asked(lambda: client.runs(), few))
-    row(
-        "page in the middle of one campaign", asked(lambda: client.runs("part-5", offset=5000), few)
-    )
-    row("last page of all", asked(lambda: client.runs(offset=QUEUED - 200), few))
-    row("sorted by margin", asked(lambda: client.runs(sort="margin"), few))
-    row("of one state", asked(lambda: client.runs(state="queued"), few))
-    row("of one scenario and system", asked(lambda: client.runs(scenario="S2", sut="pilot"), few))
-    row("with a text in them", asked(lambda: client.runs(text="S2/pilot/77"), few))
+    overview = asked("overview", client.overview)
+    yield overview
+    beside = Reference("overview", overview.value)
+    questions: dict[str, Callable[[], object]] = {
+        "campaigns": client.campaigns,
+        "workers": client.workers,
+        "first page of 200 runs": lambda: client.runs(),
+        "page in the middle of one campaign": lambda: client.runs("part-5", offset=5000),
+        "last page of all": lambda: client.runs(offset=QUEUED - 200),
+        "sorted by margin": lambda: client.runs(sort="margin"),
+        "of one state": lambda: client.runs(state="queued"),
+        "of one scenario and system": lambda: client.runs(scenario="S2", sut="pilot"),
+        "with a text in them": lambda: client.runs(text="S2/pilot/77"),
+    }
+    for name, question in questions.items():
+        yield replace(asked(name, question, few), reference=beside)
 
 
 def overhead(pid: int) -> tuple[float, float]:
@@ -338,7 +371,7 @@ def await_runs(client: Client, runs: int) -> None:
         time.sleep(0.25)
 
 
-def efficiency() -> None:
+def efficiency() -> Iterator[Measurement]:
     """Runs of building C with one slot and with two; two cores cannot give more than twice."""
     took = []
     for slots in (1, 2):
@@ -350,23 +383,20 @@ def efficiency() -> None:
             await_runs(client, RUNS + 2)
             took.append(time.monotonic() - start)
             own, runs = (b - a for a, b in zip(before, overhead(daemon.pid), strict=True))
-        row(f"{RUNS} runs of building C, {slots} slots", f"{took[-1]:.1f} s")
-        row("  CPU of the runs; of daemon and worker", f"{runs:.1f} s; {100 * own / runs:.1f} %")
-    row("scaling efficiency", f"{took[0] / took[1] / 2:.2f}", ">= 0.9 on free cores")
+        beside = Reference("CPU of the runs", runs)
+        yield Measurement(f"{RUNS} runs of building C, {slots} slots", took[-1], "s", beside)
+        yield Measurement("  CPU of daemon and worker", own, "CPU s", beside)
+    yield Measurement(
+        "runs a second, two slots", RUNS / took[1], "/s",
+        Reference("twice those of one", 2 * RUNS / took[0]), (at_least(0.9, of_ratio=True),),
+    )  # fmt: skip
 
 
-def main() -> None:
-    print(f"load {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
+def measure() -> Iterator[Measurement]:
+    """Yield what each part has to say."""
     for part in (
-        empty_runs,
-        idle,
-        submit,
-        large,
-        many_campaigns,
-        room_for_leases,
-        busy_questions,
-        scale,
+        empty_runs, idle, submit, large, many_campaigns, room_for_leases, busy_questions, scale,
         efficiency,
-    ):
-        part()
+    ):  # fmt: skip
+        yield from part()
         assert threading.active_count() < 50

@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from multiprocessing.connection import wait
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from daemon.batch.worker._forkserver import ForkServerPool, prepare_environment
 from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits
 from daemon.model.messages import Lease
 from grammars.text import codec
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.batch.fake_run import execute
 from tests.daemon.batch.samples import SCENE, make_spec
 
@@ -39,7 +41,7 @@ def warm_up() -> None:
         run_process.guard = lambda *_, **__: None
 
 
-def measure(kind: str) -> float:
+def cpu_of(kind: str) -> float:
     """CPU of a run's processes and of the fork server, for one run [ms]."""
     prepare_environment(f"{__name__}:{kind}")
     with tempfile.TemporaryDirectory(prefix="bench-forkserver-") as folder:
@@ -63,15 +65,14 @@ def measure(kind: str) -> float:
         return 1e3 * (sum(server.cpu_times()) - before) / RUNS
 
 
-def main() -> None:
+def measure() -> Iterator[Measurement]:
     """Each in a process of its own: one has only one fork server."""
-    program = f"import sys; from {__name__} import measure; print(measure(sys.argv[1]))"
+    program = f"import sys; from {__name__} import cpu_of; print(cpu_of(sys.argv[1]))"
     took = {}
     for kind in KINDS:
         done = subprocess.run(
             [sys.executable, "-c", program, kind], capture_output=True, text=True, check=True
         )
         took[kind] = float(done.stdout)
-    for kind, value in took.items():
-        print(f"CPU of an empty run, {kind:42} {value:.2f} ms")
-    print(f"{'  ratio':62} {took['guarded'] / took['unguarded']:.2f}")
+    bare = Reference("without a guardian", took["unguarded"])
+    yield Measurement("an empty run", took["guarded"], "CPU ms", bare)

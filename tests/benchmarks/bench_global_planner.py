@@ -3,13 +3,12 @@
 Starts, goals and costs as in :mod:`.bench_navfn`, with costs that change around the robot. Kinds
 that plan every time with a whole wave are timed for every fiftieth plan only. A* finds no plan
 from many positions, as in the original; from cell to cell it does.
-
-Run with ``python -m tests.benchmarks global_planner``.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from daemon.stacks.ros1.global_planner import warm_up as warm_up_global_planner
 from daemon.stacks.ros1.navfn import Navfn, NavfnParameters
 from daemon.stacks.ros1.quirks import FIXED
 from tests.benchmarks.bench_navfn import COMPARED, STEP, disturb
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.navfn import building
 
 KINDS: dict[str, tuple[GlobalPlannerParameters | None, bool]] = {
@@ -32,8 +32,8 @@ KINDS: dict[str, tuple[GlobalPlannerParameters | None, bool]] = {
 """Parameters, none for navfn, and whether to time every plan."""
 
 
-def main() -> None:
-    """Print the table."""
+def measure() -> Iterator[Measurement]:
+    """Yield the mean time of a plan of each kind."""
     warm_up()
     warm_up_global_planner()
     random = np.random.default_rng(0)
@@ -62,15 +62,9 @@ def main() -> None:
                 taken[name].append(time.process_time() - begin)
                 found[name] += plan is not None
     rows, columns = cells.shape
-    base = np.mean(taken["navfn"])
-    print(f"{len(trips)} plans on {rows} x {columns} cells")
+    base = Reference("navfn", np.mean(taken["navfn"]).item() * 1e3)
     for name, times in taken.items():
-        mean = np.mean(times)
-        print(
-            f"  {name:24} {mean * 1e3:6.2f} ms per plan (median {np.median(times) * 1e3:.2f}), "
-            f"{mean / base:5.2f} times navfn; {found[name]} of {len(times)} found"
-        )
-
-
-if __name__ == "__main__":
-    main()
+        note = f"median {np.median(times) * 1e3:.2f}; {found[name]} of {len(times)} found"
+        note += f" on {rows} x {columns} cells"
+        beside = None if name == base.name else base
+        yield Measurement(name, np.mean(times).item() * 1e3, "ms", beside, (), note)

@@ -12,7 +12,7 @@ import os
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from daemon.run import execute
 from daemon.trace import read_trace
 from grammars.model.scene import Scene
 from grammars.oracle import load_oracles
+from tests.benchmarks.measurement import Measurement, Reference
 
 PAPER = Path(__file__).parents[2] / "campaigns" / "ortega2024"
 SECONDS = 700.0
@@ -34,8 +35,11 @@ DIFFERENT = 10
 ROUNDS = 7
 
 
-def main() -> None:
-    """Print the measurements."""
+LONG = "2000 traces, judged again"
+
+
+def measure() -> Iterator[Measurement]:
+    """Yield one long run, oracle by oracle, and many short ones."""
     layer = load_oracles(PAPER / "navigation.oracles.yaml")
     written = tuple(OracleText(o.name, o.text) for o in layer.values())
     paper = expand(load_campaign(PAPER / "first.yaml"))
@@ -44,8 +48,8 @@ def main() -> None:
     oracles.warm_up()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        _one_long_run(_longer(run), scenes[run.scene], written, folder / "long.mcap")
-        _many_short_runs(run, scenes[run.scene], written, folder / "short")
+        yield from _one_long_run(_longer(run), scenes[run.scene], written, folder / "long.mcap")
+        yield _many_short_runs(run, scenes[run.scene], written, folder / "short")
 
 
 def _longer(run: RunSpec) -> RunSpec:
@@ -55,24 +59,26 @@ def _longer(run: RunSpec) -> RunSpec:
     return replace(run, mission=mission, limit=SECONDS)
 
 
-def _one_long_run(run: RunSpec, scene: Scene, written: tuple[OracleText, ...], path: Path) -> None:
+def _one_long_run(
+    run: RunSpec, scene: Scene, written: tuple[OracleText, ...], path: Path
+) -> Iterator[Measurement]:
     simulated = execute(run, scene, trace_path=path).timing.simulated
     read = _cpu(lambda: read_trace(path))
     trace = read_trace(path)
     judge = _cpu(lambda: oracles.judge(trace, written))
     size = path.stat().st_size / 1e6
-    print(
-        f"one run of {simulated:.0f} s ({size:.1f} MB), {len(written)} oracles: "
-        f"judged in {judge:.3f} s CPU, read in {read:.3f} s CPU"
-    )
+    reading = Reference("reading it", 1e3 * read)
+    what = f"{len(written)} oracles, {size:.1f} MB"
+    yield Measurement(f"one run of {simulated:.0f} s judged", 1e3 * judge, "ms", reading, (), what)
+    together = Reference("all of them", 1e3 * judge)
     for one in written:
         cost = _cpu(lambda one=one: oracles.judge(trace, (one,)))
-        print(f"    {cost * 1e3:6.1f} ms  {one.text}")
+        yield Measurement(f"  {one.text}", 1e3 * cost, "ms", together)
 
 
 def _many_short_runs(
     run: RunSpec, scene: Scene, written: tuple[OracleText, ...], folder: Path
-) -> None:
+) -> Measurement:
     folder.mkdir()
     for number in range(DIFFERENT):
         short = replace(run, limit=60.0, seed=number, repeat=number)
@@ -86,10 +92,8 @@ def _many_short_runs(
         theirs += len(judged.verdicts)
     wall, spent = time.perf_counter() - start, os.times()
     cpu = sum(spent[:4]) - sum(own[:4])
-    print(
-        f"{len(traces)} traces of 60 s, {theirs} verdicts: {wall:.1f} s, {cpu:.1f} s CPU "
-        f"({cpu / len(traces) * 1e3:.1f} ms each)"
-    )
+    note = f"{theirs} verdicts, {wall:.1f} s, {cpu / len(traces) * 1e3:.1f} CPU ms each"
+    return Measurement(f"{len(traces)} traces of 60 s", cpu, "CPU s", None, (), note)
 
 
 def _cpu(work: Callable[[], Any]) -> float:
@@ -99,7 +103,3 @@ def _cpu(work: Callable[[], Any]) -> float:
         work()
         costs.append(time.process_time() - start)
     return statistics.median(costs)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,8 @@
 """The laser kernel against pymunk's own ray queries: how much faster, and how equal.
 
-Run with ``python -m tests.benchmarks.bench_lidar``. Both are timed in turns in one process on the
-same poses of the benchmark corridor with all doors shut.
+All are timed in turns in one process on the same poses of the benchmark corridor with all doors
+shut: with everything in the caches, as in a loop of nothing but scans, and with the caches full of
+something else, as in a run, where a costmap and a plan come between two scans.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pymunk
@@ -17,10 +18,13 @@ import pymunk
 from daemon.simulator import World, warm_up
 from grammars.model.geometry import Floats, Pose2
 from tests.benchmarks.corridor import LENGTH, build_world, robot, robot_with_two_lasers, scene
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.simulator.reference import cast_by_broadcast, near_an_end, world_segments
 
 POSES = 40
 REPEATS = 5
+OTHER = np.zeros(64 * 2**20 // 8)
+"""More than any cache holds [64 MiB]."""
 
 
 def poses() -> list[Pose2]:
@@ -56,8 +60,19 @@ def _timed(work: Callable[[Pose2], object], where: list[Pose2]) -> float:
     return (time.thread_time() - begin) / len(where) * 1e6
 
 
-def main() -> None:
-    """Print the table."""
+def _timed_cold(work: Callable[[Pose2], object], where: list[Pose2]) -> float:
+    """Return CPU microseconds per scan when the caches have been filled with something else."""
+    taken = 0.0
+    for pose in where:
+        OTHER.__iadd__(1.0)
+        begin = time.thread_time()
+        work(pose)
+        taken += time.thread_time() - begin
+    return taken / len(where) * 1e6
+
+
+def measure() -> Iterator[Measurement]:
+    """Yield each way to scan, the kernel being the reference."""
     warm_up()
     world: World = build_world()
     laser, bodies = robot().laser, world._bodies.at(0)
@@ -113,26 +128,25 @@ def main() -> None:
         rows.setdefault("scan", []).append(_timed(scan, where * 50))
         rows.setdefault("one", []).append(_timed(one_of, where * 50))
         rows.setdefault("both", []).append(_timed(both, where * 50))
+        rows.setdefault("kernel, cold", []).append(_timed_cold(kernel, where))
+        rows.setdefault("scan, cold", []).append(_timed_cold(scan, where))
         rows.setdefault("numpy", []).append(_timed(broadcast, where))
         rows.setdefault("pymunk", []).append(_timed(query, where))
     median = {name: statistics.median(times) for name, times in rows.items()}
-    print(f"{len(segments)} segments, {laser.rays} rays, {len(where)} poses")
+    size = f"{len(segments)} segments, {laser.rays} rays"
+    base = Reference("kernel", median["kernel"])
+    yield Measurement("kernel, exact ranges and owners", base.value, "us", None, (), size)
     for name, label in (
-        ("kernel", "kernel, exact ranges and owners"),
+        ("kernel, cold", "  the same, cold caches"),
         ("scan", "scan with noise, float32"),
+        ("scan, cold", "  the same, cold caches"),
         ("numpy", "numpy, all rays x all segments"),
         ("pymunk", "pymunk segment_query_first"),
     ):
-        ratio = median[name] / median["kernel"]
-        print(f"{label:34} {median[name]:9.1f} us per scan {ratio:8.1f} x kernel")
-    for name, label in (("one", "one laser of a world"), ("both", "two lasers at one instant")):
-        ratio = median[name] / median["one"]
-        print(f"{label:34} {median[name]:9.1f} us per instant {ratio:5.2f} x one laser")
-    print(
-        f"largest difference over {compared} rays: "
-        f"pymunk {worst['pymunk']:.1e} m, numpy {worst['numpy']:.1e} m"
-    )
-
-
-if __name__ == "__main__":
-    main()
+        different = f"{worst[name]:.1e} m the largest difference" if name in worst else ""
+        beside = Reference("warm scan", median["scan"]) if name == "scan, cold" else base
+        note = f"{different} over {compared} rays" if different else ""
+        yield Measurement(label, median[name], "us", beside, (), note)
+    yield Measurement("one laser of a world", median["one"], "us", base)
+    one = Reference("one laser", median["one"])
+    yield Measurement("two lasers at one instant", median["both"], "us", one)

@@ -3,19 +3,19 @@
 The global costmap of building C as a2s inflates it, starts along the straight lines between the
 waypoints as the robot passes them at 5 Hz, and costs that change in a window around it. Of the
 whole waves only every fiftieth is timed and compared.
-
-Run with ``python -m tests.benchmarks navfn``.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import PotentialField
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.navfn import building
 
 STEP = 0.04
@@ -37,8 +37,8 @@ def disturb(random: np.random.Generator, grid: CostGrid, original: CostGrid, at:
     return window
 
 
-def main() -> None:
-    """Print the table."""
+def measure() -> Iterator[Measurement]:
+    """Yield the mean time of a plan, whole waves being the reference."""
     warm_up()
     original = building.costmap()
     trips = building.drive(STEP)
@@ -76,15 +76,10 @@ def main() -> None:
                 whole.append(time.process_time() - begin)
                 for name, path in found.items():
                     same[name] += np.array_equal(path, expected)
-        print(f"{title}, {len(trips)} plans; whole waves {np.mean(whole) * 1e3:.2f} ms per plan")
+        beside = Reference("whole waves", np.mean(whole).item() * 1e3)
         for name, field in fields.items():
-            mean = np.mean(taken[name])
-            print(
-                f"  {name:12} {mean * 1e3:5.2f} ms (median {np.median(taken[name]) * 1e3:.2f}), "
-                f"{np.mean(whole) / mean:.1f} times as fast; {field.restricted} restricted, "
-                f"{field.whole} whole; {same[name]} of {len(whole)} compared are the same"
-            )
-
-
-if __name__ == "__main__":
-    main()
+            yield Measurement(
+                f"{title}, {name}", np.mean(taken[name]).item() * 1e3, "ms", beside, (),
+                f"median {np.median(taken[name]) * 1e3:.2f} of {len(trips)}; {field.restricted} "
+                f"restricted, {field.whole} whole; {same[name]} of {len(whole)} compared the same",
+            )  # fmt: skip

@@ -12,6 +12,7 @@ import os
 import resource
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,14 +28,15 @@ from daemon.analysis.report import (
 from daemon.campaign import expand, load_campaign
 from daemon.model.ids import trace_name
 from daemon.run import execute
+from tests.benchmarks.measurement import Measurement, Reference
 
 PAPER = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "paper.yaml"
 SECONDS = 500.0
 SUTS, REPEATS = ("a2s", "fro-diff", "fro-omni"), 5
 
 
-def main() -> None:
-    """Print the measurements."""
+def measure() -> Iterator[Measurement]:
+    """Yield the page and the tables; executing what they are about is the reference."""
     paper = expand(load_campaign(PAPER))
     scenes = {scene.digest: scene for scene in paper.scenes}
     with tempfile.TemporaryDirectory() as name:
@@ -44,14 +46,15 @@ def main() -> None:
             there = run.mission.waypoints
             mission = replace(run.mission, waypoints=there * (1 + 400 // len(there)))
             runs.append(replace(run, mission=mission, limit=SECONDS))
+        used = _cpu()
         for run in runs:
             path = folder / trace_name("c", run.scenario, "pilot", 0).partition("/")[2]
-            took = execute(run, scenes[run.scene], trace_path=path).timing.simulated
-            print(f"    {run.scenario}: {took:.0f} s simulated, {path.stat().st_size / 1e6:.1f} MB")
-        _report(folder)
+            execute(run, scenes[run.scene], trace_path=path)
+        each = (_cpu() - used) / len(runs)
+        yield from _report(folder, each)
 
 
-def _report(folder: Path) -> None:
+def _report(folder: Path, executed: float) -> Iterator[Measurement]:
     chosen = folder_input(folder)
     records = tuple(
         replace(record, id=f"{record.id}-{sut}-{repeat}", sut=sut, repeat=repeat)
@@ -65,22 +68,20 @@ def _report(folder: Path) -> None:
     read = time.perf_counter()
     page = write_page(material, (SuggestedCommand("scenario judge {run}", "judge it again"),))
     drawn = time.perf_counter()
-    print(
-        f"report of {len(records)} runs: {drawn - wall:.1f} s on {os.cpu_count()} cores "
-        f"(read and judged in {read - wall:.1f} s, drawn in {drawn - read:.1f} s), "
-        f"{_cpu() - cpu:.1f} s CPU, {len(page.encode()) / 1e6:.2f} MB"
-    )
+    beside = Reference("executing as many", executed * len(records))
+    yield Measurement(
+        f"report of {len(records)} runs", _cpu() - cpu, "CPU s", beside, (),
+        f"{drawn - wall:.1f} s on {os.cpu_count()} cores, read and judged in {read - wall:.1f} s, "
+        f"drawn in {drawn - read:.1f} s, {len(page.encode()) / 1e6:.2f} MB",
+    )  # fmt: skip
     for write, name in ((write_csv, "csv"), (write_parquet, "parquet"), (write_junit, "xml")):
-        begun = time.perf_counter()
+        begun = time.process_time()
         write(material, folder / f"report.{name}")
-        size = (folder / f"report.{name}").stat().st_size / 1e6
-        print(f"    {name}: {time.perf_counter() - begun:.2f} s, {size:.2f} MB")
+        took = time.process_time() - begun
+        size = f"{(folder / f'report.{name}').stat().st_size / 1e6:.2f} MB"
+        yield Measurement(f"  {name}", took, "CPU s", beside, (), size)
 
 
 def _cpu() -> float:
     used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in used)
-
-
-if __name__ == "__main__":
-    main()

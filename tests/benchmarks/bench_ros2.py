@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,10 +22,12 @@ from daemon.model.status import Submission
 from daemon.run import execute, warm_up
 from daemon.trace import Trace, read_trace
 from grammars.model.mission import Waypoint
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.ros2.environment import DISTRIBUTIONS, environment_python
 from tests.ros2.test_runs import specified
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
+LONG = "needs the environments that make test-ros2 makes"
 ERRAND = (
     Waypoint("kitchen", 0.2, -2.1),
     Waypoint("living-room", 0.6, 2.6),
@@ -33,32 +36,35 @@ ERRAND = (
 LIMIT = 120.0
 
 
-def main() -> None:
-    """Print a line for every run."""
+def measure() -> Iterator[Measurement]:
+    """Yield a line for every run; the pilot in the same run is the reference."""
     warm_up()
     demo = expand(load_campaign(CAMPAIGN))
-    print("system          up s   cycles  late  median ms   95 % ms   x real time  commands")
     pilot = replace(
         specified(demo, Path("python3"), "", ERRAND, LIMIT, {}),
         sut=SutReference("pilot", "pilot", {}),
     )
-    measure("pilot", pilot, demo)
+    alone, _ = executed("pilot", pilot, demo)
+    yield alone
+    beside = Reference("the pilot", alone.value)
     for distribution in DISTRIBUTIONS:
         python = environment_python(distribution)
         if python is None:
             print(f"{distribution}: no environment, make test-ros2 makes it")
             continue
         spec = specified(demo, python, "", ERRAND, LIMIT, {"patience": "1 s"})
-        first, second = (measure(distribution, spec, demo) for _ in range(2))
+        (first, one), (second, other) = (executed(distribution, spec, demo) for _ in range(2))
         same = all(
-            getattr(first.command, name).tobytes() == getattr(second.command, name).tobytes()
+            getattr(one.command, name).tobytes() == getattr(other.command, name).tobytes()
             for name in ("time", "vx", "vy", "wz")
         )
-        print(f"{'':14}  both were given {'the same' if same else 'different'} commands")
+        given = f"both were given {'the same' if same else 'different'} commands"
+        yield replace(first, reference=beside)
+        yield replace(second, reference=beside, note=f"{second.note}; {given}")
 
 
-def measure(name: str, spec: RunSpec, demo: Submission) -> Trace:
-    """Run it once, print what it took, return its trace."""
+def executed(name: str, spec: RunSpec, demo: Submission) -> tuple[Measurement, Trace]:
+    """Run it once, return what it took and its trace."""
     began = time.perf_counter()
     up = began
 
@@ -74,14 +80,10 @@ def measure(name: str, spec: RunSpec, demo: Submission) -> Trace:
     took = time.perf_counter() - up
     seconds = trace.latency.seconds
     late = sum("the last one holds" in event.text for event in trace.events)
-    median, most = (
-        (f"{1e3 * np.percentile(seconds, share):9.2f}" if len(seconds) else f"{'-':>9}")
-        for share in (50, 95)
-    )
-    print(
-        f"{name:14} {up - began:5.1f} {len(seconds):8} {late:5} {median:>10} {most:>9} "
-        f"{result.timing.simulated / took:13.1f}  {len(trace.command.time)}"
-        f"{'' if result.ended == 'finished' else '  ' + result.note.partition(chr(10))[0]}",
-        flush=True,
-    )
-    return trace
+    note = f"up after {up - began:.1f} s, {len(seconds)} cycles, {late} late"
+    if len(seconds):
+        median, most = (1e3 * np.percentile(seconds, share) for share in (50, 95))
+        note += f", answers after {median:.2f} ms, 95 % {most:.2f} ms"
+    if result.ended != "finished":
+        note += f"; {result.note.partition(chr(10))[0]}"
+    return Measurement(name, result.timing.simulated / took, "x real time", None, (), note), trace

@@ -13,7 +13,7 @@ import io
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from daemon.trace.layouts import HEADER, MessageLayout
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.scene import Scene
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.trace.recordings import ROBOT, door, scene, specification
 
 RAYS = 500
@@ -83,32 +84,35 @@ class Minute:
             return trace.close("finished")
 
 
-def main() -> None:
-    """Print the measurements."""
+def measure() -> Iterator[Measurement]:
+    """Yield minutes written and read, the same by the rival, and messages encoded."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "minute.mcap"
-        _report("robot alone", Minute(restless=False, navigated=False), path)
-        _report("robot alone, all doors moving", Minute(restless=True, navigated=False), path)
-        _report("with navigation", Minute(restless=False, navigated=True), path)
-        _rival(path)
-    _compare()
+        yield from _report("robot alone", Minute(restless=False, navigated=False), path)
+        restless = Minute(restless=True, navigated=False)
+        yield from _report("robot alone, all doors moving", restless, path)
+        navigated = Minute(restless=False, navigated=True)
+        yield from _report("with navigation", navigated, path)
+        yield _rival(path, 1e3 * _cpu(lambda: navigated.record(path)))
+    yield from _compare()
 
 
-def _report(name: str, minute: Minute, path: Path) -> None:
+def _report(name: str, minute: Minute, path: Path) -> Iterator[Measurement]:
     minute.record(path)
     info = minute.record(path)
     write = _cpu(lambda: minute.record(path))
     read = _cpu(lambda: read_trace(path))
     read_all = _cpu(lambda: read_trace(path, scans=True))
-    print(
-        f"{name}: {info.messages} messages, {info.size / 1000:.0f} kB per minute; "
-        f"write {write * 1e3:.1f} ms ({write / info.messages * 1e6:.2f} us per message), "
-        f"read {read * 1e3:.1f} ms, with scans {read_all * 1e3:.1f} ms"
-    )
+    size = f"{info.messages} messages, {info.size / 1000:.0f} kB per minute"
+    each = f"{size}, {write / info.messages * 1e6:.2f} us per message"
+    written = Reference("writing", write * 1e3)
+    yield Measurement(f"{name}: written", written.value, "ms", None, (), each)
+    yield Measurement("  read", read * 1e3, "ms", written)
+    yield Measurement("  read with scans", read_all * 1e3, "ms", written)
 
 
-def _rival(path: Path) -> None:
-    """Write the messages of a trace again, with rosbags and mcap alone."""
+def _rival(path: Path, ours: float) -> Measurement:
+    """Write the messages of a trace again, with rosbags and mcap alone; ``ours`` is in ms."""
     with path.open("rb") as stream:
         raw = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
     objects = [(topic, at, ros.deserialize(data, messages.KINDS[topic])) for topic, at, data in raw]
@@ -128,13 +132,12 @@ def _rival(path: Path) -> None:
         return len(out.getvalue())
 
     cost = _cpu(write)
-    print(
-        f"the same {len(raw)} messages by rosbags and mcap: {cost * 1e3:.1f} ms "
-        f"({cost / len(raw) * 1e6:.2f} us per message), {write() / 1000:.0f} kB"
-    )
+    note = f"{len(raw)} messages, {cost / len(raw) * 1e6:.2f} us each, {write() / 1000:.0f} kB"
+    beside = Reference("ours", ours)
+    return Measurement("  written by rosbags and mcap", cost * 1e3, "ms", beside, (), note)
 
 
-def _compare() -> None:
+def _compare() -> Iterator[Measurement]:
     """Encode the same messages with layouts and with rosbags, in us per message."""
     random = np.random.default_rng(2)
     names = tuple(f"door-{i}.hinge" for i in range(DOORS))
@@ -147,9 +150,9 @@ def _compare() -> None:
         layouts.command(),
     ):
         fast, slow = _layout_cost(layout, random)
-        print(
-            f"{layout.topic:14} {len(layout.template) - HEADER.size:5} B  "
-            f"columns {fast:5.2f} us  rosbags {slow:5.2f} us  ({slow / fast:.0f} times)"
+        size = f"{len(layout.template) - HEADER.size} B"
+        yield Measurement(
+            f"{layout.topic}, in columns", fast, "us", Reference("rosbags", slow), (), size
         )
 
 
@@ -173,7 +176,3 @@ def _cpu(work: Callable[[], Any]) -> float:
         work()
         times.append(time.process_time() - start)
     return statistics.median(times)
-
-
-if __name__ == "__main__":
-    main()

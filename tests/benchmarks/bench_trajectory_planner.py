@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, warm_up
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._settings import settings_of
 from grammars.model.geometry import Pose2, Twist2
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, Robot, costs_around
 from tests.daemon.stacks.ros1.trajectory_planner.plain import PlainPlanner
 
@@ -58,8 +59,8 @@ def _cycle(robot: Robot, k: int) -> tuple[Callable[[], object], Callable[[], obj
     )
 
 
-def main() -> None:
-    """Print the table."""
+def measure() -> Iterator[Measurement]:
+    """Yield a command of each robot."""
     warm_up()
     for name, robot in ROBOTS.items():
         cycles = [_cycle(robot, k) for k in range(CYCLES)]
@@ -68,11 +69,5 @@ def main() -> None:
         )
         plain = statistics.mean(_timed(cycle[1], 1) for cycle in cycles)
         same = sum(cycle[2] for cycle in cycles)
-        print(
-            f"{name:10} fast {fast:7.1f} us   plain {plain:9.1f} us   {plain / fast:7.1f} x   "
-            f"same command {same}/{CYCLES}"
-        )
-
-
-if __name__ == "__main__":
-    main()
+        note = f"same command {same}/{CYCLES}"
+        yield Measurement(f"{name}, a command", fast, "us", Reference("plain", plain), (), note)

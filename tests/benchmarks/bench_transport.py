@@ -9,11 +9,12 @@ from __future__ import annotations
 import hashlib
 import random
 import shutil
-import statistics
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -29,11 +30,13 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.spec import TraceInfo
-from tests.benchmarks.bench_daemon import cpu, fresh, row
+from tests.benchmarks.bench_daemon import cpu, fresh, spread
+from tests.benchmarks.measurement import Measurement, Reference, at_least
 from tests.chaos.lines import slow_line
 from tests.daemon.batch.harness import DaemonPart, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_result, make_submission
 
+LONG = "short runs over a link of 200 ms"
 SIZE = 64 * 2**20
 SMALL = 64 * 2**10
 DISTANT = 100
@@ -55,7 +58,7 @@ def upload(client: Client, grant: Lease, data: bytes, size: int) -> None:
     client.ask(verbs.COMPLETE, done)
 
 
-def rates(daemon: DaemonPart, client: Client, folder: Path) -> None:
+def rates(daemon: DaemonPart, client: Client, folder: Path) -> Iterator[Measurement]:
     client.submit(make_submission("c", 3))
     reply = client.ask(verbs.LEASE, LeaseRequest(ME, 3))
     data = random.Random(1).randbytes(SIZE)
@@ -68,37 +71,41 @@ def rates(daemon: DaemonPart, client: Client, folder: Path) -> None:
         spent, begun = cpu(daemon.pid), time.perf_counter()
         upload(client, grant, data, size)
         took, spent = time.perf_counter() - begun, cpu(daemon.pid) - spent
-        mega = SIZE / 1e6
-        row(
-            f"upload {mega:.0f} MB in parts of {size // 1024} KiB",
-            f"{mega / took:.0f} MB/s",
-            f"daemon {1000 * spent / mega:.1f} ms CPU per MB, {took / copied:.1f} x write and copy",
-        )
+        yield Measurement(
+            f"upload {SIZE / 1e6:.0f} MB in parts of {size // 1024} KiB", took, "s",
+            Reference("written and copied", copied), (), rate(took, spent),
+        )  # fmt: skip
     spent, begun = cpu(daemon.pid), time.perf_counter()
     trace = TraceReference("c.0", "/elsewhere", hashlib.sha256(data).hexdigest(), SIZE)
     copy_trace(trace, client, folder / "fetched")
     took, spent = time.perf_counter() - begun, cpu(daemon.pid) - spent
-    row(
-        f"fetch {SIZE / 1e6:.0f} MB",
-        f"{SIZE / 1e6 / took:.0f} MB/s",
-        f"daemon {1000 * spent / (SIZE / 1e6):.1f} ms CPU per MB, verified as a whole",
-    )
-    meanwhile(daemon, client, reply.grants[2], data)
+    yield Measurement(
+        f"fetch {SIZE / 1e6:.0f} MB", took, "s", Reference("written and copied", copied), (),
+        f"{rate(took, spent)}, verified as a whole",
+    )  # fmt: skip
+    yield from meanwhile(daemon, client, reply.grants[2], data)
 
 
-def meanwhile(daemon: DaemonPart, client: Client, grant: Lease, data: bytes) -> None:
+def rate(took: float, spent: float) -> str:
+    mega = SIZE / 1e6
+    return f"{mega / took:.0f} MB/s, daemon {1000 * spent / mega:.1f} ms CPU per MB"
+
+
+def meanwhile(
+    daemon: DaemonPart, client: Client, grant: Lease, data: bytes
+) -> Iterator[Measurement]:
     """Status of somebody else while a trace arrives as fast as it can."""
     with daemon.client() as other:
-        before = questions(other, 200)
+        alone = spread("status, alone", questions(other, 200))
         sender = threading.Thread(target=upload, args=(client, grant, data, LARGEST_CHUNK))
         sender.start()
         during = []
         while sender.is_alive():
             during += questions(other, 5)
         sender.join()
-    for what, times in (("alone", before), ("while a trace arrives", during)):
-        p99 = statistics.quantiles(times, n=100)[-1]
-        row(f"status, {what}", f"p50 {statistics.median(times):.2f} ms", f"p99 {p99:.1f} ms")
+    yield alone
+    busy = spread("status, while a trace arrives", during)
+    yield replace(busy, reference=Reference("alone", alone.value))
 
 
 def questions(client: Client, count: int) -> list[float]:
@@ -110,9 +117,10 @@ def questions(client: Client, count: int) -> list[float]:
     return times
 
 
-def distance() -> None:
+def distance() -> Iterator[Measurement]:
     """Runs of half a second on eight slots, with nothing between worker and daemon but distance."""
     for size in (0, DISTANT_TRACE):
+        near = None
         for delay in (0.0, 0.1):
             with fresh(lease=30.0) as daemon, daemon.client() as client, ExitStack() as stack:
                 link = stack.enter_context(slow_line(daemon.endpoint, delay=delay))
@@ -126,14 +134,17 @@ def distance() -> None:
                 eventually(lambda: finished(client, 8 + DISTANT), 600.0)
                 took = time.perf_counter() - begun
             what = f"0.5 s runs, 8 slots, {1000 * 2 * delay:.0f} ms, traces of {size // 1024} KiB"
-            row(what, f"{DISTANT / took:.2f} runs/s", ">= 10 at 200 ms" if not size else "")
+            goals = () if size or not delay else (at_least(10.0),)
+            yield Measurement(what, DISTANT / took, "/s", near, goals)
+            near = Reference("without a distance", DISTANT / took)
 
 
-def main() -> None:
+def measure() -> Iterator[Measurement]:
+    """Yield rates of traces, then runs over a distance."""
     with (
         tempfile.TemporaryDirectory(prefix="bench-transport-") as folder,
         fresh() as daemon,
         daemon.client() as client,
     ):
-        rates(daemon, client, Path(folder))
-    distance()
+        yield from rates(daemon, client, Path(folder))
+    yield from distance()

@@ -20,10 +20,12 @@ from pathlib import Path
 
 import psutil
 
+from tests.benchmarks.measurement import Goal, Measurement, Reference, at_most
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 from tests.scenario_tui.terminal.pseudo_terminal import Terminal, scenario, terminal
 
+LONG = "100 000 runs, minutes of watching a terminal"
 MANY = 100_000
 STARTS = 7
 TURNS = 20
@@ -39,18 +41,11 @@ UPDATE run SET state = 'done', outcome = CASE WHEN position % 50 = 0 THEN 'fail'
 """
 
 
-def main() -> None:
-    """Print the measurements."""
-    first_paint()
-    many_runs()
-    busy_cores()
-    line()
-    live_map()
-    asyncio.run(an_hour())
-
-
-def row(what: str, value: str, target: str = "") -> None:
-    print(f"{what:62} {value:>24} {target}", flush=True)
+def measure() -> Iterator[Measurement]:
+    """Yield what each part has to say."""
+    for part in (first_paint, many_runs, busy_cores, line, live_map):
+        yield from part()
+    yield asyncio.run(an_hour())
 
 
 @contextmanager
@@ -77,10 +72,11 @@ def cpu(pid: int) -> float:
     return float(used.user + used.system)
 
 
-def spread(values: list[float], unit: str = "ms") -> str:
-    """Median and 95th percentile."""
+def spread(name: str, values: list[float], *goals: Goal) -> Measurement:
+    """The median of milliseconds, the 95th percentile noted."""
     ranked = sorted(values)
-    return f"{statistics.median(ranked):.0f}, {ranked[int(0.95 * (len(ranked) - 1))]:.0f} {unit}"
+    note = f"95 %: {ranked[int(0.95 * (len(ranked) - 1))]:.0f} ms"
+    return Measurement(name, statistics.median(ranked), "ms", None, goals, note)
 
 
 def took(shown: Terminal, keys: str, seen: Callable[[], bool]) -> float:
@@ -94,7 +90,7 @@ def took(shown: Terminal, keys: str, seen: Callable[[], bool]) -> float:
     return 1e3 * (time.perf_counter() - start)
 
 
-def first_paint() -> None:
+def first_paint() -> Iterator[Measurement]:
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("small-1", 5))
         eventually(lambda: finished(client, 5))
@@ -108,8 +104,7 @@ def first_paint() -> None:
         names = ("an answer", "the first screen", "campaigns on it")
         for name, found in zip(names, stages.values(), strict=True):
             wall, used = (statistics.median(each) for each in zip(*found, strict=True))
-            target = "<= 0.4 s" if name == "the first screen" else ""
-            row(f"exec to {name}: wall, CPU", f"{wall:.2f}, {used:.2f} s", target)
+            yield Measurement(f"exec to {name}", wall, "s", Reference("its CPU s", used))
 
 
 def large(daemon: DaemonPart) -> None:
@@ -123,27 +118,27 @@ def large(daemon: DaemonPart) -> None:
     daemon.client().close()
 
 
-def many_runs() -> None:
+def many_runs() -> Iterator[Measurement]:
     with fresh(slots=0) as daemon:
         large(daemon)
         with opened(daemon) as shown:
             shown.until("large-1", 60.0)
             shown.type("\r")
             shown.until("1-100 of", 60.0)
-            turn_pages(shown)
-            filters(shown, daemon.pid)
-            sorts(shown)
+            yield from turn_pages(shown)
+            yield from filters(shown, daemon.pid)
+            yield from sorts(shown)
             used = psutil.Process(shown.pid).memory_info().rss / 2**20
-            row("  memory of the dashboard then, RSS", f"{used:.0f} MB", "< 150 MB")
+            yield Measurement("  its RSS then", used, "MB", None, (at_most(150.0),))
 
 
-def turn_pages(shown: Terminal) -> None:
+def turn_pages(shown: Terminal) -> Iterator[Measurement]:
     pages = [f"{100 * page + 1}-{100 * page + 100} of" for page in range(1, TURNS + 1)]
     before = cpu(shown.pid)
     times = [took(shown, "n", lambda page=page: page in shown.text) for page in pages]
     used = 1e3 * (cpu(shown.pid) - before) / TURNS
-    row(f"{MANY:,} runs: the next page, p50, p95", spread(times), "<= 50 ms")
-    row("  CPU of the dashboard for one", f"{used:.0f} ms")
+    yield spread(f"{MANY:,} runs: the next page", times, at_most(50.0))
+    yield Measurement("  CPU of the dashboard for one", used, "CPU ms")
     times = []
     for _ in range(TURNS):
         first = shown.lines[3][:20]
@@ -151,10 +146,10 @@ def turn_pages(shown: Terminal) -> None:
         shown.read(0.2)
         times.append(took(shown, "\x1b[5~", lambda first=first: first in shown.lines[3]))
         shown.read(0.2)
-    row("  page down and up inside a page, p50, p95", spread(times), "<= 50 ms")
+    yield spread("  page down and up inside a page", times, at_most(50.0))
 
 
-def filters(shown: Terminal, daemon: int) -> None:
+def filters(shown: Terminal, daemon: int) -> Iterator[Measurement]:
     """Type a filter, all at once, and take it away again."""
     times, used = [], []
     for number in range(TURNS // 2):
@@ -165,20 +160,20 @@ def filters(shown: Terminal, daemon: int) -> None:
         shown.type("\x1b")
         shown.until(lambda: f"of {MANY}" in shown.lines[1], 30.0)
         shown.read(0.3)
-    row("  filter by text, from the keys to the runs, p50, p95", spread(times), "<= 150 ms")
-    row("  CPU of dashboard and daemon for one", f"{statistics.median(used):.0f} ms")
+    yield spread("  filter by text, from the keys to the runs", times, at_most(150.0))
+    yield Measurement("  CPU of dashboard and daemon for one", statistics.median(used), "CPU ms")
 
 
 def _filtered(shown: Terminal, text: str) -> Callable[[], bool]:
     return lambda: f"/{text}" in shown.lines[1] and " of 14" in shown.lines[1]
 
 
-def sorts(shown: Terminal) -> None:
+def sorts(shown: Terminal) -> Iterator[Measurement]:
     times = []
     for name in ("outcome", "margin", "oracle"):
         times.append(took(shown, ">", lambda name=name: _sorted(shown.lines[1], name)))
         shown.read(0.3)
-    row("  sorted by another column, slowest", f"{max(times):.0f} ms")
+    yield Measurement("  sorted by another column, slowest", max(times), "ms")
 
 
 def _sorted(trail: str, name: str) -> bool:
@@ -190,7 +185,7 @@ def _burn(stop: float) -> None:
         sum(range(1000))
 
 
-def busy_cores() -> None:
+def busy_cores() -> Iterator[Measurement]:
     with fresh(slots=0) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("rows-1", 200))
@@ -199,13 +194,15 @@ def busy_cores() -> None:
             shown.type("\r")
             shown.until("1-100 of")
             shown.read(1.0)
-            row("a key to its paint, quiet, p50, p95", spread(strokes(shown)))
+            quiet = spread("a key to its paint, quiet", strokes(shown))
+            yield quiet
             stop = time.monotonic() + 12.0
             burners = [multiprocessing.Process(target=_burn, args=(stop,)) for _ in range(2)]
             for burner in burners:
                 burner.start()
             time.sleep(0.5)
-            row("  while 2 cores are busy at nice 0, p50, p95", spread(strokes(shown)), "<= 100 ms")
+            busy = spread("  while 2 cores are busy at nice 0", strokes(shown), at_most(100.0))
+            yield replace(busy, reference=Reference("quiet", quiet.value))
             for burner in burners:
                 burner.kill()
                 burner.join()
@@ -221,25 +218,25 @@ def strokes(shown: Terminal) -> list[float]:
     return times
 
 
-def line() -> None:
+def line() -> Iterator[Measurement]:
     with fresh(slots=2) as daemon, daemon.client() as client:
         client.submit(make_submission("small-1", 5))
         eventually(lambda: finished(client, 5))
         with opened(daemon) as shown:
             shown.until("small-1")
             shown.read(2.0)
-            row("bytes to the terminal, nothing happens", per_second(shown), "next to nothing")
+            yield per_second("bytes to the terminal, nothing happens", shown)
             events = (make_spec(k, sleep=0.4, limit=10.0) for k in range(400))
             client.submit(submission_of("busy-1", *events))
             shown.read(2.0)
-            row("  campaigns, 10 events a second", per_second(shown), "a few kB/s")
+            yield per_second("  campaigns, 10 events a second", shown)
             shown.type("\x1b[A\r")
             shown.until("verdict")
             shown.read(1.0)
-            row("  its runs", per_second(shown), "a few kB/s")
+            yield per_second("  its runs", shown)
 
 
-def live_map() -> None:
+def live_map() -> Iterator[Measurement]:
     """The map of a run as it is played, ten frames a second."""
     from tests.scenario_tui.recorded import record_run
 
@@ -249,19 +246,22 @@ def live_map() -> None:
             shown.until("0.5x", 60.0)
             shown.read(1.0)
             before = cpu(shown.pid)
-            row("  a run from above, 10 frames a second", per_second(shown), "<= 40 kB/s")
+            yield per_second("  a run from above, 10 frames a second", shown, at_most(40.0))
             used = 1e3 * (cpu(shown.pid) - before) / (10 * QUIET)
-            row("  CPU for one frame, everything included", f"{used:.1f} ms", "<= 5 ms")
+            yield Measurement(
+                "  CPU for one frame, all included", used, "CPU ms", None, (at_most(5.0),)
+            )
 
 
-def per_second(shown: Terminal) -> str:
+def per_second(name: str, shown: Terminal, *goals: Goal) -> Measurement:
     before, start = shown.sent, time.monotonic()
     while time.monotonic() < start + QUIET:
         shown.read(0.5)
-    return f"{(shown.sent - before) / (time.monotonic() - start):.0f} B/s"
+    sent = (shown.sent - before) / (time.monotonic() - start)
+    return Measurement(name, sent / 1e3, "kB/s", None, goals)
 
 
-async def an_hour() -> None:
+async def an_hour() -> Measurement:
     """Telemetry ten times a second, taken in every second and drawn every ten."""
     from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
     from tests.scenario_tui.fake import FakeDaemon, make_live
@@ -281,9 +281,5 @@ async def an_hour() -> None:
             if second % 10 == 0:
                 await pilot.pause(0)
     ended = process.memory_info().rss / 2**20
-    row("an hour of events: RSS after 6 min, at the end", f"{start:.0f}, {ended:.0f} MB",
-        "< 150 MB")  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()
+    beside = Reference("after 6 minutes", start)
+    return Measurement("an hour of events: RSS", ended, "MB", beside, (at_most(150.0),))

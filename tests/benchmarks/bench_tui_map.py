@@ -17,6 +17,7 @@ import sys
 import tempfile
 import termios
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from daemon.campaign import expand, load_campaign
 from grammars.model.geometry import Pose2
 from scenario_tui.dashboard.widgets.top_view import TopView, View
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
+from tests.benchmarks.measurement import Measurement, Reference
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
 SECONDS, RATE, RETURNS = 10.0, 10.0, 360
@@ -105,17 +107,16 @@ class Map(LimitedTerminalApp):
         self._shown += 1
 
 
-def measure(zoom: int, columns: int, rows: int) -> None:
-    """Run the map in a terminal of its own and print what it costs."""
+def shown(zoom: int, columns: int, rows: int) -> Iterator[Measurement]:
+    """Run the map in a terminal of its own and yield what it costs."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report"
         command = [sys.executable, "-m", "tests.benchmarks.bench_tui_map", str(zoom), str(report)]
         sent = bytes_of(command, report, columns, rows)
         drawn, frame = map(float, report.read_text().split())
-    print(
-        f"{columns}x{rows}, zoom {2**zoom}: draw {1e3 * drawn:.2f} ms, with paint "
-        f"{1e3 * frame:.2f} ms of CPU a frame, {sent / SECONDS / 1e3:.1f} kB/s"
-    )
+    name, sent_a_second = f"{columns}x{rows}, zoom {2**zoom}", f"{sent / SECONDS / 1e3:.1f} kB/s"
+    painted = Reference("with paint", 1e3 * frame)
+    yield Measurement(f"{name}: a frame drawn", 1e3 * drawn, "CPU ms", painted, (), sent_a_second)
 
 
 def bytes_of(command: list[str], report: Path, columns: int, rows: int) -> int:
@@ -142,14 +143,11 @@ def bytes_of(command: list[str], report: Path, columns: int, rows: int) -> int:
     return sent
 
 
-def main() -> None:
+def measure() -> Iterator[Measurement]:
     """Measure at the size of a small terminal and of a large one."""
     for zoom, columns, rows in ((0, 80, 24), (1, 80, 24), (0, 200, 50)):
-        measure(zoom, columns, rows)
+        yield from shown(zoom, columns, rows)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        Map(int(sys.argv[1]), Path(sys.argv[2])).run()
-    else:
-        main()
+    Map(int(sys.argv[1]), Path(sys.argv[2])).run()

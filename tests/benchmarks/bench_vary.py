@@ -1,6 +1,6 @@
 """A hundred sampled plans, written and checked, against the goal of ten seconds.
 
-Run with ``python -m tests.benchmarks.bench_vary``. Plans are parsed again from their text, checked
+Plans are parsed again from their text, checked
 for soundness and written; the reference data's kitchen is used when ``SCENARIO_REFERENCE_DATA`` is
 set, the demo's flat otherwise (and besides).
 """
@@ -10,9 +10,11 @@ from __future__ import annotations
 import os
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from grammars.variation import Method, load_variation, sample, write_variants
+from tests.benchmarks.measurement import Measurement, Reference, at_most
 
 COUNT = 100
 RADIUS = 0.3
@@ -27,7 +29,7 @@ def files() -> list[Path]:
     return found
 
 
-def measure(path: Path, method: Method, check: float | None) -> tuple[float, int, int]:
+def sampled(path: Path, method: Method, check: float | None) -> tuple[float, int, int]:
     """Return seconds from file to files, plans written and plans tried."""
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
@@ -37,18 +39,19 @@ def measure(path: Path, method: Method, check: float | None) -> tuple[float, int
     return took, len(written), sum(variant.tries for variant in variants)
 
 
-def main() -> None:
+def measure() -> Iterator[Measurement]:
+    """Yield the seconds for a hundred plans; sampled without a check they are the reference."""
     for path in files():
         # Grammars are compiled and geometry libraries loaded once per process.
         sample(load_variation(path), 1, seed=0, check=RADIUS)
-        for method, check in (("random", None), ("random", RADIUS), ("lhs", None)):
-            took, plans, tried = measure(path, method, check)
+        ways: tuple[tuple[Method, float | None], ...] = (
+            ("random", None), ("random", RADIUS), ("lhs", None)
+        )  # fmt: skip
+        beside = None
+        for method, check in ways:
+            took, plans, tried = sampled(path, method, check)
             how = f"{method}, sound for {check} m" if check else method
-            print(
-                f"{path.stem:10} {how:26} {plans:4d} plans of {tried:4d} draws"
-                f"  {took:6.2f} s  {1e3 * took / tried:6.1f} ms per draw"
-            )
-
-
-if __name__ == "__main__":
-    main()
+            note = f"{plans} plans of {tried} draws, {1e3 * took / tried:.1f} ms per draw"
+            goals = (at_most(10.0),) if check else ()
+            yield Measurement(f"{path.stem}: {how}", took, "s", beside, goals, note)
+            beside = beside or Reference("random", took)

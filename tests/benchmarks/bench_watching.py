@@ -5,19 +5,21 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from multiprocessing import Pipe
 from pathlib import Path
 
 from daemon.batch.run_process import WATCHED, SnapshotSender
 from daemon.campaign import expand, load_campaign
 from daemon.run import execute, warm_up
+from tests.benchmarks.measurement import Measurement, Reference
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
 TIMES = 5
 
 
-def main() -> None:
-    """Execute the same run several ways in turn; print CPU and ratios of the least of each."""
+def measure() -> Iterator[Measurement]:
+    """Execute the same run several ways in turn; the least of each."""
     warm_up()
     campaign = expand(load_campaign(CAMPAIGN))
     spec = campaign.runs[0]
@@ -33,8 +35,8 @@ def main() -> None:
                 told[way] = messages
     least = {way: min(values) for way, values in found.items()}
     for way in ways:
-        ratio = least[way] / least[ways[0]]
-        print(f"{way:<12} {least[way]:.3f} s CPU  x{ratio:.3f}  {told[way]} snapshots")
+        beside = None if way == ways[0] else Reference(ways[0], least[ways[0]])
+        yield Measurement(way, least[way], "CPU s", beside, (), f"{told[way]} snapshots")
 
 
 def _once(spec, scene, folder: Path, way: str) -> tuple[float, int]:  # type: ignore[no-untyped-def]
@@ -61,7 +63,3 @@ def _drain(wire, messages: list[int]) -> None:  # type: ignore[no-untyped-def]
             messages.append(len(wire.recv_bytes()))
         except EOFError:
             return
-
-
-if __name__ == "__main__":
-    main()

@@ -1,18 +1,20 @@
 """Simulated seconds per CPU second in a corridor with 20 hinged doors, and where they go.
 
-Run with ``python -m tests.benchmarks.bench_world``. Configurations take turns in one process, and
-a fixed piece of work (500 Gaussian numbers) is timed along as a yardstick of the machine's speed.
+Configurations take turns in one process, and a fixed piece of work (500 Gaussian numbers) is timed
+along, which is what the noise of a scan takes at least.
 """
 
 from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
 from daemon.simulator import World, warm_up
 from tests.benchmarks.corridor import build_world, steer
+from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.simulator.reference import world_segments
 
 SECONDS = 60
@@ -51,7 +53,7 @@ def build() -> float:
     return (time.thread_time() - begin) * 1e3
 
 
-def yardstick() -> float:
+def gaussians() -> float:
     """Return CPU microseconds for 500 Gaussian numbers."""
     generator, numbers = np.random.default_rng(0), np.empty(500)
     begin = time.thread_time()
@@ -60,13 +62,13 @@ def yardstick() -> float:
     return (time.thread_time() - begin) / 2000 * 1e6
 
 
-def main() -> None:
-    """Print the table."""
+def measure() -> Iterator[Measurement]:
+    """Yield each configuration, the world in which nothing moves being the reference."""
     warm_up()
     rows: dict[str, list[float]] = {}
     for _ in range(REPEATS):
         for name, value in (
-            ("yardstick", yardstick()),
+            ("gaussians", gaussians()),
             ("build", build()),
             ("idle", idle()),
             ("physics", drive(build_world(), scans=False, reads=False)),
@@ -78,17 +80,16 @@ def main() -> None:
     median = {name: statistics.median(values) for name, values in rows.items()}
     world = build_world()
     count = len(world_segments(world))
-    print(f"corridor 60 m, {len(world.joint_names)} doors, {count} laser segments, 500 rays")
-    print(f"yardstick                 {median['yardstick']:8.2f} us per 500 Gaussian numbers")
-    print(f"build                     {median['build']:8.2f} ms")
-    print(f"nothing moves             {median['idle']:8.3f} ms per simulated second")
-    print(f"physics, 20 Hz control    {median['physics']:8.3f}")
-    print(f"10 Hz scans on top        {median['scans'] - median['physics']:8.3f}")
-    print(f"20 Hz reads on top        {median['reads'] - median['physics']:8.3f}")
-    for name in ("scans", "all"):
-        low, middle = 1e3 / median[name], 1e3 / min(rows[name])
-        print(f"{name:10} {low:8.0f} simulated s per CPU s (median), {middle:.0f} (best)")
-
-
-if __name__ == "__main__":
-    main()
+    sizes = f"{len(world.joint_names)} doors, {count} laser segments, 500 rays"
+    rest, physics = Reference("at rest", median["idle"]), Reference("physics", median["physics"])
+    yield Measurement("500 Gaussian numbers", median["gaussians"], "us", None, (), sizes)
+    yield Measurement(
+        "world built", median["build"], "ms", Reference("a second of physics", physics.value)
+    )
+    yield Measurement("nothing moves, a simulated second", rest.value, "ms", physics)
+    yield Measurement("physics, 20 Hz control", physics.value, "ms", rest)
+    for name, label in (
+        ("scans", "  with 10 Hz scans"), ("reads", "  with 20 Hz reads"), ("all", "  with both")
+    ):  # fmt: skip
+        speed = f"{1e3 / median[name]:.0f} x real time, best {1e3 / min(rows[name]):.0f}"
+        yield Measurement(label, median[name], "ms", physics, (), speed)

@@ -1,18 +1,20 @@
 """Reading YAML with the place of every value: libyaml's events beside those of ruamel.yaml.
 
-Run with ``python -m tests.benchmarks.bench_yaml``: one long file and every file of the campaigns.
+One long file and every file of the campaigns.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from ruamel.yaml import YAML
 
 from grammars.text.documents import parse_yaml
+from tests.benchmarks.measurement import Measurement, Reference
 
-KEYS = 40_000
+KEYS = 10_000
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 
 
@@ -26,7 +28,8 @@ def round_trip(text: str) -> None:
     yaml.load(text)
 
 
-def main() -> None:
+def measure() -> Iterator[Measurement]:
+    """Yield the time for one long file and for the files that ship."""
     shipped = [path.read_text("utf-8") for path in sorted(CAMPAIGNS.rglob("*.yaml"))]
     texts = {
         f"{KEYS} keys": ["".join(f"key_{i}: {i}.5 m\n" for i in range(KEYS))],
@@ -40,11 +43,5 @@ def main() -> None:
             for text in given:
                 read(text)
             took[read] = time.perf_counter() - start
-        slow, fast = took[round_trip], took[ours]
-        print(
-            f"{what:28} {fast:6.2f} s, ruamel.yaml's round trip {slow:6.2f} s ({slow / fast:.0f}x)"
-        )
-
-
-if __name__ == "__main__":
-    main()
+        beside = Reference("ruamel.yaml's round trip", took[round_trip])
+        yield Measurement(what, took[ours], "s", beside)

@@ -23,19 +23,24 @@ def _box(x1: float, y1: float, x2: float, y2: float) -> Ring:
     return ((x1, y1), (x2, y1), (x2, y2), (x1, y2))
 
 
-def _side(sign: float, prefix: str) -> list[Solid]:
-    """One wall with recesses every 4 m, on the left with columns, as separate convex pieces."""
+def _side(sign: float, prefix: str, length: float, pieces: int) -> list[Solid]:
+    """One wall with recesses every 4 m, on the left with columns, as separate convex pieces.
+
+    Each of these along the wall is cut into so many ``pieces`` again.
+    """
     inner, outer = sign * HALF_WIDTH, sign * (HALF_WIDTH + 0.3)
     niche = sign * (HALF_WIDTH + 0.15)
     parts: list[Solid] = []
 
     def add(kind: str, x1: float, x2: float, y1: float, y2: float) -> None:
         low, high = min(y1, y2), max(y1, y2)
-        name = f"{prefix}-{kind}-{len(parts)}"
-        parts.append(Solid(name, "wall", _box(x1, low, x2, high), 0.0, 2.5))
+        for k in range(pieces):
+            left, right = x1 + k * (x2 - x1) / pieces, x1 + (k + 1) * (x2 - x1) / pieces
+            name = f"{prefix}-{kind}-{len(parts)}"
+            parts.append(Solid(name, "wall", _box(left, low, right, high), 0.0, 2.5))
 
     x = -1.0
-    while x < LENGTH:
+    while x < length:
         add("wall", x, x + 3.0, inner, outer)
         if sign > 0.0:
             add("column", x + 0.9, x + 1.1, inner - 0.1, inner)
@@ -44,17 +49,17 @@ def _side(sign: float, prefix: str) -> list[Solid]:
     return parts
 
 
-def scene() -> Scene:
-    """Return the corridor with walls, niches, columns, ends and 20 doors that stand into it."""
-    solids = _side(1.0, "left") + _side(-1.0, "right")
-    solids.append(Solid("end", "wall", _box(LENGTH + 1.0, -1.5, LENGTH + 1.3, 1.5), 0.0, 2.5))
+def scene(length: float = LENGTH, doors: int = DOORS, pieces: int = 1) -> Scene:
+    """Return a corridor with walls, niches, columns, ends and doors that stand into it."""
+    solids = _side(1.0, "left", length, pieces) + _side(-1.0, "right", length, pieces)
+    solids.append(Solid("end", "wall", _box(length + 1.0, -1.5, length + 1.3, 1.5), 0.0, 2.5))
     solids.append(Solid("begin", "wall", _box(-1.3, -1.5, -1.0, 1.5), 0.0, 2.5))
     leaf = Link("leaf", (_box(-0.02, 0.0, 0.02, 0.9),), 15.0, 0.0, 2.0)
     hinge = Joint(
         "hinge", "revolute", "world", "leaf", (0.0, 0.0), (0.0, 0.0), -1.6, 1.6, 0.5, 1.0, 4.0
     )  # fmt: skip
     objects = []
-    for k in range(DOORS):
+    for k in range(doors):
         left = k % 2 == 0
         pose = Pose2(2.5 + 2.8 * k, HALF_WIDTH if left else -HALF_WIDTH, math.pi if left else 0.0)
         objects.append(SceneObject(f"door-{k}", "door", pose, (leaf,), (hinge,), (0.0,)))

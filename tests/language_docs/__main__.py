@@ -1,6 +1,7 @@
 """Write the made parts of the documentation anew.
 
-``python -m tests.language_docs`` writes grammars and tables; with ``--messages`` also what is said
+``python -m tests.language_docs`` writes grammars and tables, and the trees of the grammars that are
+read in place of them (:mod:`grammars.text.grammar_trees`); with ``--messages`` also what is said
 of each example that is wrong. Look at the difference: it is what people will read.
 """
 
@@ -10,12 +11,14 @@ import sys
 import tempfile
 from pathlib import Path
 
+import grammars
+from grammars.text.grammar_trees import tree_file, tree_text
 from tests.language_docs import examples, regions
 from tests.language_docs.markdown import LANGUAGES
 
 
 def _write(page: Path, text: str) -> None:
-    if page.read_text("utf-8") != text:
+    if not page.exists() or page.read_text("utf-8") != text:
         page.write_text(text, "utf-8")
         print(page)
 
@@ -35,6 +38,8 @@ def _with_messages(page: Path) -> str:
     return "\n".join((*lines, ""))
 
 
+for grammar in sorted(Path(grammars.__file__).parent.rglob("*.tx")):
+    _write(tree_file(grammar), tree_text(grammar))
 for made, text in regions.made_pages():
     _write(made, text)
 if "--messages" in sys.argv:

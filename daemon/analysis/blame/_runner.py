@@ -18,6 +18,7 @@ from typing import Final, TypeAlias
 from daemon.analysis.blame._case import Candidate
 from daemon.analysis.blame._elements import TestOutcome
 from daemon.model.execution import RunLimits
+from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.spec import RunResult
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.run import execute, warm_up
@@ -128,7 +129,8 @@ def execute_candidates(
     """
     # Forked from here and not from a worker's fork server: this process is warm already, has no
     # Zenoh session, and the candidate need not be written to a file and read again.
-    warm_up()
+    systems = [candidate.spec.sut for candidate in candidates]
+    warm_up({room for sut in systems for room in kernel_rooms(sut.kind, sut.parameters)})
     with tempfile.TemporaryDirectory(prefix="scenario-blame-") as parent:
         folders = [Path(parent) / str(index) for index in range(len(candidates))]
         context = multiprocessing.get_context("fork")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -111,8 +111,9 @@ def points_inside(
     # all the same, and clearance is judged by outlines.
     for moment in moments.tolist():
         pose = sampler.poses[moment]
-        for polygon in outlines.within(moment, pose, reach):
-            points = outlines.seen_from(moment, pose, polygon) - centre
+        near_by = outlines.within(moment, pose, reach)
+        if near_by:
+            points = outlines.seen_from(moment, pose, near_by) - centre
             found.append(points[(np.abs(points) < half).all(axis=1)] + centre)
     inside = np.concatenate(found) if found else np.empty((0, 2))
     if len(inside) > _POINTS:
@@ -181,15 +182,22 @@ class _ObstacleOutlines:
         near: list[int] = np.flatnonzero(away <= reach + circle[:, 2]).tolist()
         return near
 
-    def seen_from(self, moment: int, pose: Floats, polygon: int) -> Floats:
-        """Return the outline of a polygon in the base frame (k, 2)."""
-        if polygon not in self._points:
-            first, last = self._obstacles.offsets[polygon : polygon + 2]
-            self._points[polygon] = _dense_outline(self._obstacles.corners[first:last])
-        points = _placed(self._obstacles, moment, polygon, self._points[polygon])
+    def seen_from(self, moment: int, pose: Floats, polygons: Sequence[int]) -> Floats:
+        """Return the outlines of polygons, at least one, in the base frame (k, 2)."""
+        placed = [
+            _placed(self._obstacles, moment, polygon, self._outline(polygon))
+            for polygon in polygons
+        ]
+        points = np.concatenate(placed)
         c, s = np.cos(pose[2]), np.sin(pose[2])
         dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
         return np.column_stack((c * dx + s * dy, c * dy - s * dx))
+
+    def _outline(self, polygon: int) -> Floats:
+        if polygon not in self._points:
+            first, last = self._obstacles.offsets[polygon : polygon + 2]
+            self._points[polygon] = _dense_outline(self._obstacles.corners[first:last])
+        return self._points[polygon]
 
 
 def transform_points(points: Floats, poses: Floats) -> Floats:

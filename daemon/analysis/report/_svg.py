@@ -11,6 +11,7 @@ from typing import Final
 from xml.sax.saxutils import escape
 
 import numpy as np
+import numpy.typing as npt
 
 from grammars.model.geometry import Floats
 from templates.naming import xml_text
@@ -106,14 +107,32 @@ def path_data(points: Floats, *, closed: bool = False) -> str:
     """
     ending = "z" if closed else ""
     return "".join(
-        "M" + " ".join(f"{number(x)} {number(y)}" for x, y in piece) + ending
-        for piece in _pieces(np.asarray(points, dtype=np.float64))
+        _subpath(piece, ending) for piece in _pieces(np.asarray(points, dtype=np.float64))
     )
 
 
 def rings_data(rings: Iterable[Floats]) -> str:
     """Return several closed outlines as one path."""
-    return "".join(path_data(ring, closed=True) for ring in rings)
+    outlines = [np.asarray(ring, dtype=np.float64) for ring in rings]
+    found = [""] * len(outlines)
+    # A building has hundreds of outlines of four corners: those of one length are looked at at
+    # once, and only the few of which a part is left out one by one.
+    for length in {len(outline) for outline in outlines}:
+        places = [i for i, outline in enumerate(outlines) if len(outline) == length]
+        stack = np.stack([outlines[i] for i in places])
+        shown: Floats = np.clip(stack, -_FAR, _FAR).round(1)
+        plain: npt.NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(stack), axis=(1, 2))
+        plain &= ~np.logical_or.reduce(_idle(shown), axis=1)
+        for i, as_it_is, points in zip(places, plain.tolist(), shown.tolist(), strict=True):
+            if as_it_is and length > 1:
+                found[i] = _subpath(points, "z")
+            else:
+                found[i] = path_data(outlines[i], closed=True)
+    return "".join(found)
+
+
+def _subpath(points: list[list[float]], ending: str) -> str:
+    return "M" + " ".join(f"{number(x)} {number(y)}" for x, y in points) + ending
 
 
 def _pieces(points: Floats) -> Iterator[list[list[float]]]:
@@ -127,15 +146,25 @@ def _pieces(points: Floats) -> Iterator[list[list[float]]]:
 def _thinned(points: Floats) -> Floats:
     """Return ``points`` without those that lie on the way between their neighbours."""
     for turn in range(_PASSES):
-        along, to = points[2:] - points[:-2], points[1:-1] - points[:-2]
-        length = np.hypot(along[:, 0], along[:, 1])
-        beside = np.abs(along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0])
-        share = (along * to).sum(axis=1)
-        # Between them, not behind one of them: a line that turns back has its tip there.
-        between = (share >= 0.0) & (share <= length * length)
-        idle = between & (beside <= _DEVIATION * length)
-        idle &= (length > 0.0) | ~to.any(axis=1)
+        idle = _idle(points)
+        if not idle.any():
+            break
         # Never two neighbours at once: each was measured with the other in place.
         idle[turn % 2 :: 2] = False
         points = points[np.concatenate(([True], ~idle, [True]))]
     return points
+
+
+def _idle(points: Floats) -> npt.NDArray[np.bool_]:
+    """Return which of ``points`` (..., n, 2) lie on the way between their neighbours.
+
+    The shape is (..., n - 2): the first and the last are none of them.
+    """
+    along, to = points[..., 2:, :] - points[..., :-2, :], points[..., 1:-1, :] - points[..., :-2, :]
+    length = np.hypot(along[..., 0], along[..., 1])
+    beside = np.abs(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
+    share = (along * to).sum(axis=-1)
+    # Between them, not behind one of them: a line that turns back has its tip there.
+    between = (share >= 0.0) & (share <= length * length)
+    idle: npt.NDArray[np.bool_] = between & (beside <= _DEVIATION * length)
+    return idle & ((length > 0.0) | ~to.any(axis=-1))

@@ -139,18 +139,20 @@ class Handlers:
         waiting = counts["queued"] + counts["running"]
         standing: Any = count_states(counts)
         trouble, troubles = self._standing_troubles()
+        workers = [row for row in self.registry.rows(now) if not row.away]
         return DaemonOverview(
             version=self.version,
             state=str(self.paths.state),
             started_at=self._started_at,
             now=now,
             campaigns=campaigns,
-            workers=sum(not row.away for row in self.registry.rows(now)),
+            workers=len(workers),
             **standing,
             rate=rate,
             seconds_left=60.0 * waiting / rate if waiting and rate > 0.0 else None,
             trouble=trouble,
             troubles=troubles,
+            preparing=next((row.preparing for row in workers if row.preparing), ""),
         )
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:

@@ -27,7 +27,7 @@ from daemon.batch.run_process import FILES, LEASE, RESULT, read_output
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import LARGEST_REQUEST, Lease
-from daemon.model.spec import RunResult, bound_result
+from daemon.model.spec import RunResult, SutReference, bound_result
 from grammars.text import codec
 
 _LOCK: Final = "lock"
@@ -257,8 +257,18 @@ class Backend(Protocol):
     def trouble(self) -> str:
         """What keeps it from executing anything, once that has lasted; empty otherwise."""
 
+    @property
+    def preparing(self) -> str:
+        """What it does before it can execute a run that was asked for; empty when nothing."""
+
     def listen(self) -> None:
         """Take in what made ``waitables`` ready."""
+
+    def prepare(self, sut: SutReference, limits: RunLimits) -> bool:
+        """Whether a run of ``sut`` can start; sees to it otherwise, and is asked again.
+
+        Raises as :meth:`start` does.
+        """
 
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> Execution:
         """Start an attempt on the scene in that file.

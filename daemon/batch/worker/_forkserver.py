@@ -28,6 +28,7 @@ from daemon.batch import run_process
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.run_process import RunTask
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
+from daemon.batch.worker._kernel_loading import KernelLoader
 from daemon.model.deadline import spare_time, stopped_after
 from daemon.model.execution import (
     EXECUTOR_VARIABLE,
@@ -35,6 +36,7 @@ from daemon.model.execution import (
     RunLimits,
     safe_fork_server,
 )
+from daemon.model.spec import SutReference
 from daemon.supervision.guardian import end_guarded
 from daemon.supervision.remains import end_children, parent_of
 
@@ -57,9 +59,14 @@ def lower_session_priority(nice: int) -> None:
             Path("/proc/self/autogroup").write_text(str(nice))
 
 
+_PRELOADED: Final = (
+    "daemon.batch.run_process",
+    "daemon.batch.kernel_compilation",
+    "daemon.batch.forkserver_preload",
+)
 _LONGEST_REASON: Final = 4000
 _WARM_UP_LIMIT: Final = 300.0
-"""Seconds until the fork server answers: with cold caches numba compiles every kernel first."""
+"""Seconds until the fork server answers: an executor that plugs in may load anything first."""
 
 
 @dataclass(slots=True)
@@ -81,18 +88,23 @@ class ForkedExecution:
     _reason: str = ""
     _failure: bytes = run_process.FAILED
     _swept: bool = False
+    _silent: bool = False
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
         """The end of the process, and what it sends."""
-        return self.process.sentinel, self.wire
+        # A pipe that nobody writes to any more is always ready: to wait for it would be to spin
+        # until the guardian ends, on a core that it needs for that.
+        return (self.process.sentinel,) if self._silent else (self.process.sentinel, self.wire)
 
     def listen(self) -> None:
         """Read what the child has sent, keep the newest snapshot and its last words; end it
         when its time is up.
         """
-        with suppress(EOFError):  # it is gone: its end is noticed by its process
+        try:
             self._read()
+        except EOFError:  # it is gone: its end is noticed by its process
+            self._silent = True
         if time.monotonic() > self.deadline and self.end is None:
             self.kill(stopped_after(self.limit))
         self._sweep()
@@ -152,23 +164,39 @@ class ForkServerPool:
     The first one shows whether runs can be executed at all.
     """
 
-    waitables: tuple[Waitable, ...] = ()
     trouble = ""
     """Its processes are children of the worker: what is wrong shows at the start."""
 
     def __init__(self, slots: int) -> None:
         self.slots = slots
         self._guardians: list[ForkServerProcess] = []
+        self._kernels = KernelLoader(self._fork_guarded)
         self._context: ForkServerContext = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(
-            [IMPORT_FIRST, "daemon.batch.run_process", "daemon.batch.forkserver_preload"]
-        )
+        self._context.set_forkserver_preload([IMPORT_FIRST, *_PRELOADED])
+
+    @property
+    def waitables(self) -> tuple[Waitable, ...]:
+        """The process that compiles, while there is one; runs have their own."""
+        return self._kernels.waitables
+
+    @property
+    def preparing(self) -> str:
+        """How far compiling is, empty when nothing is compiled."""
+        return self._kernels.words
 
     def listen(self) -> None:
-        """Children are listened to one by one."""
+        """Listen to the process that compiles; those of runs are listened to one by one."""
+        self._kernels.listen()
+
+    def prepare(self, sut: SutReference, limits: RunLimits) -> bool:
+        """Whether a run of ``sut`` can start with its kernels loaded; sees to it otherwise.
+
+        Raises as :meth:`start` does, and :class:`WorkerBroken` when they cannot be compiled.
+        """
+        return self._kernels.prepare(sut, limits.nice)
 
     def warm_up(self) -> None:
-        """Start the fork server and wait until it is warm.
+        """Start the fork server and wait until it is there, without a kernel yet.
 
         Raises :class:`WorkerBroken` with the reason when it cannot execute runs.
         """
@@ -190,9 +218,8 @@ class ForkServerPool:
         """
         limit = limits.wall_of(attempt.lease.spec.limit)
         task = RunTask(attempt.folder, scene, limits.memory, limits.nice, limit)
-        process, wire = self._fork(run_process.run_attempt, task)
+        process, wire = self._fork_guarded(run_process.run_attempt, task)
         sweep = partial(self._sweep, parent_of(process.pid or 0))
-        self._guardians = [*filter(_is_alive, self._guardians), process]
         # The run ends itself at its limit, and has a trace and a result that say so. Only what
         # cannot be interrupted is ended from here.
         deadline = time.monotonic() + limit + spare_time(limit)
@@ -205,8 +232,15 @@ class ForkServerPool:
                 server, lambda: [one.pid or 0 for one in self._guardians if _is_alive(one)]
             )
 
+    def _fork_guarded(
+        self, target: Callable[..., None], *task: RunTask | int
+    ) -> tuple[ForkServerProcess, Connection]:
+        process, wire = self._fork(target, *task)
+        self._guardians = [*filter(_is_alive, self._guardians), process]
+        return process, wire
+
     def _fork(
-        self, target: Callable[..., None], *task: RunTask
+        self, target: Callable[..., None], *task: RunTask | int
     ) -> tuple[ForkServerProcess, Connection]:
         ours, theirs = self._context.Pipe(duplex=False)
         process = self._context.Process(target=target, args=(*task, theirs))

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, Final
 
-from daemon.batch.errors import WorkerBroken
+from daemon.batch.errors import DaemonError, WorkerBroken
 from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
 from daemon.batch.worker._attempts import Attempt, AttemptEnd
@@ -55,6 +55,8 @@ class Launcher:
         self._wire = wire
         self._pool = pool
         self._children: dict[str, ForkedExecution] = {}
+        # Asked for, and not begun while what they need is compiled.
+        self._waiting: dict[str, tuple[LaunchRequest, RunLimits]] = {}
 
     def run(self) -> None:
         """Work until nobody holds the other end any more; then nothing runs."""
@@ -63,6 +65,8 @@ class Launcher:
                 self._wait()
                 while self._wire.poll():
                     self._handle(codec.from_json(LaunchRequest, self._wire.recv_bytes()))
+                self._pool.listen()
+                self._start_waiting()
                 self._poll_children()
         except (EOFError, OSError):
             return  # the Dask worker is gone
@@ -71,7 +75,7 @@ class Launcher:
                 child.kill()
 
     def _wait(self) -> None:
-        things: list[Any] = [self._wire]
+        things: list[Any] = [self._wire, *self._pool.waitables]
         for child in self._children.values():
             things += child.waitables
         now = time.monotonic()
@@ -79,17 +83,31 @@ class Launcher:
         wait(things, max(0.001, min(moments)) if moments else None)
 
     def _handle(self, request: LaunchRequest) -> None:
-        if request.limits is None:
-            if request.key in self._children:
-                self._children[request.key].kill("stopped")
-            return
-        try:
-            attempt = Attempt.read(Path(request.folder))
-            child = self._pool.start(attempt, Path(request.scene), request.limits)
-        except (OSError, EOFError, ValueError) as error:
-            self._report(LaunchReport(request.key, end=AttemptEnd(f"not started: {error}")))
-        else:
-            self._children[request.key] = child
+        if request.limits is not None:
+            self._waiting[request.key] = request, request.limits
+        elif self._waiting.pop(request.key, None) is not None:
+            self._report(LaunchReport(request.key, end=AttemptEnd("stopped")))
+        elif request.key in self._children:
+            self._children[request.key].kill("stopped")
+
+    def _start_waiting(self) -> None:
+        for key, (request, limits) in tuple(self._waiting.items()):
+            try:
+                started = self._start(request, limits)
+            except (DaemonError, OSError, EOFError, ValueError) as error:
+                self._report(LaunchReport(key, end=AttemptEnd(f"not started: {error}")))
+            else:
+                if not started:
+                    continue
+            del self._waiting[key]
+
+    def _start(self, request: LaunchRequest, limits: RunLimits) -> bool:
+        """Start an attempt; returns whether what it needs was there."""
+        attempt = Attempt.read(Path(request.folder))
+        if not self._pool.prepare(attempt.lease.spec.sut, limits):
+            return False
+        self._children[request.key] = self._pool.start(attempt, Path(request.scene), limits)
+        return True
 
     def _poll_children(self) -> None:
         for key, child in tuple(self._children.items()):

@@ -116,6 +116,7 @@ class WorkerLoop:
         self._leave_by = 0.0
         self._moved = 0
         self._refusal = ""
+        self._preparing = ""
         # Kinds of systems under test that are not installed here: no run of them is leased again.
         self._missing_suts: dict[str, str] = {}
         self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
@@ -165,6 +166,9 @@ class WorkerLoop:
 
     def _collect_results(self) -> None:
         self._backend.listen()
+        if self._backend.preparing != self._preparing:
+            self._preparing = self._backend.preparing
+            self._renew_soon()
         for execution in tuple(self._executions):
             execution.listen()
             self._live.publish(execution)
@@ -267,7 +271,8 @@ class WorkerLoop:
         own = (self._shortage, self._trouble.words, self._deliveries.trouble.words)
         words = (*own, self._backend.trouble)
         trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
-        return replace(self._info(len(self._executions)), trouble=trouble)
+        info = self._info(len(self._executions))
+        return replace(info, trouble=trouble, preparing=self._preparing)
 
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
@@ -347,13 +352,17 @@ class WorkerLoop:
         slots = 0 if self._signals.abort else self._backend.slots
         while self._leased and len(self._executions) < slots:
             lease = self._leased[0]
-            self._begin(lease)
+            if not self._begin(lease):
+                return  # the backend wakes this loop when it is prepared
             if lease in self._leased:  # else a renewal meanwhile said that it is gone
                 self._leased.remove(lease)
 
-    def _begin(self, lease: Lease) -> None:
+    def _begin(self, lease: Lease) -> bool:
+        """Start a run, or give it back; returns whether its backend was prepared for it."""
         attempt: Attempt | None = None
         try:
+            if not self._backend.prepare(lease.spec.sut, self._limits):
+                return False
             attempt = self._spool.open(lease)
             scene = self._inputs.scene(lease.spec.scene)
             self._inputs.provide_files(attempt)
@@ -368,6 +377,7 @@ class WorkerLoop:
             damaged = error.digest if isinstance(error, InputDamaged) else ""
             self._deliveries.give_back(lease, words, damaged=damaged)
             self._trouble.note(words)
+        return True
 
     def _give_up(self) -> None:
         for execution in self._executions:

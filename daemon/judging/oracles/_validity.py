@@ -7,6 +7,7 @@ success at once or never commanded anything has been tested, and is judged.
 
 from __future__ import annotations
 
+import itertools
 from typing import Final
 
 import numpy as np
@@ -131,16 +132,15 @@ def _farthest(
 
     The unit is that of ``speed`` times seconds; a base at rest needs part of it to get going.
     """
-    best = way = elapsed = direction = 0.0
-    for value, duration in zip(speed.tolist(), lasts.tolist(), strict=True):
-        left = max(min(abs(value), fastest) - loss, 0.0)
-        sign = float(np.sign(value)) if left else 0.0
-        if sign != direction:
-            way = elapsed = 0.0
-            direction = sign
-        way += left * duration
-        elapsed += duration
-        best = max(best, min(way, 0.5 * acceleration * elapsed**2))
+    left = np.maximum(np.minimum(np.abs(speed), fastest) - loss, 0.0)
+    direction = np.where(left > 0.0, np.sign(speed), 0.0)
+    edges = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
+    best = 0.0
+    for first, last in itertools.pairwise(edges.tolist()):
+        if direction[first]:
+            way = np.cumsum(left[first:last] * lasts[first:last])
+            elapsed = np.cumsum(lasts[first:last])
+            best = max(best, float(np.minimum(way, 0.5 * acceleration * elapsed**2).max()))
     return best
 
 

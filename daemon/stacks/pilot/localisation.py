@@ -241,7 +241,10 @@ def match_scan(
             break
         width = max(last_width, 0.6 * width)
     mean[0], mean[1], mean[2] = pose[0], pose[1], wrap_angle_modulo(pose[2])
-    covariance[:, :] = inverse
+    # Element by element: for arrays of two shapes numba compiles the words of an error, in 3 s.
+    for k in range(3):
+        for j in range(3):
+            covariance[k, j] = inverse[k, j]
     return inliers, residual
 
 

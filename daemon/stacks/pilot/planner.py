@@ -259,7 +259,7 @@ def resample(corners: Floats, spacing: float) -> Floats:
         length = math.hypot(corners[i + 1, 0] - corners[i, 0], corners[i + 1, 1] - corners[i, 1])
         total += max(1, math.ceil(length / spacing - 1e-9))
     points = np.empty((total, 2))
-    points[0] = corners[0]
+    points[0, 0], points[0, 1] = corners[0, 0], corners[0, 1]
     k = 1
     for i in range(corners.shape[0] - 1):
         dx, dy = corners[i + 1, 0] - corners[i, 0], corners[i + 1, 1] - corners[i, 1]

@@ -11,7 +11,7 @@ from typing import Any
 
 from daemon.model.sut import SystemUnderTest
 
-__all__ = ["make_ros", "warm_up"]
+__all__ = ["make_ros"]
 
 
 def make_ros(parameters: Mapping[str, Any]) -> SystemUnderTest:
@@ -24,10 +24,3 @@ def make_ros(parameters: Mapping[str, Any]) -> SystemUnderTest:
     from daemon.stacks.ros1.stack import RosStack
 
     return RosStack(read_ros(parameters))
-
-
-def warm_up() -> None:
-    """Compile or load every kernel once, so that forked children start without compiling."""
-    from daemon.stacks.ros1.stack import warm_up as run
-
-    run()

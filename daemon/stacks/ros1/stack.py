@@ -42,15 +42,6 @@ from typing import Final
 import numpy as np
 
 from daemon.model.sut import Briefing, Cloud, Decision, Estimate, LaserScan, Observation
-from daemon.stacks.ros1 import (
-    amcl,
-    costmap,
-    dwa,
-    global_planner,
-    move_base,
-    navfn,
-    trajectory_planner,
-)
 from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.cost_grid import CostGrid
@@ -144,6 +135,8 @@ class Navigation:
         self._costmaps = CostmapRecorder(near.publish_frequency, near.frame)
         self._estimates = EstimateRecorder(_start_covariance(parameters.amcl))
         self._events = _describe_findings(parameters)
+        self._idle: Decision | None = None
+        """The answer when there is nothing new."""
 
     def _set_up_costmaps(self, briefing: Briefing) -> None:
         quirks, topics = self._parameters.quirks, self._parameters.topics
@@ -293,7 +286,7 @@ class Navigation:
         estimate: Estimate | None
         cloud: Cloud | None = None
         particles = None
-        transforms = self._transforms
+        transforms, wide = self._transforms, self._global_frame
         if found is not None:
             estimate, cloud = self._estimates.record_published(found)
             particles = self._estimates.record_particles(now, self._amcl.particles)
@@ -301,20 +294,29 @@ class Navigation:
             estimate = self._estimates.record_dead_reckoned(
                 transforms.time, transforms.map_to_odom, transforms.odom_to_base
             )
-        events, self._events = tuple(self._events), []
-        wide = self._global_frame
         plan_frame = None if wide.name == "map" else wide.in_map
-        trajectory = self._controller.trajectory
+        plan = self._plans.take(now, self._status.plan, plan_frame)
+        local_plan = self._local_plans.take(
+            now, self._controller.trajectory, self._local_frame.in_map
+        )
+        costmap = self._costmaps.take(now, self._local.grid)
+        command, progress = self._move_base.take_command(), self._dispatcher.progress
+        # Cloud and particles come with an estimate.
+        if (
+            command is None
+            and estimate is None
+            and plan is None
+            and local_plan is None
+            and costmap is None
+            and not self._events
+        ):
+            # Between two control cycles, mostly.
+            if self._idle is None or self._idle.progress is not progress:
+                self._idle = Decision(None, progress)
+            return self._idle
+        events, self._events = tuple(self._events), []
         return Decision(
-            command=self._move_base.take_command(),
-            progress=self._dispatcher.progress,
-            estimate=estimate,
-            cloud=cloud,
-            plan=self._plans.take(now, self._status.plan, plan_frame),
-            local_plan=self._local_plans.take(now, trajectory, self._local_frame.in_map),
-            events=events,
-            particles=particles,
-            costmap=self._costmaps.take(now, self._local.grid),
+            command, progress, estimate, cloud, plan, local_plan, events, particles, costmap
         )
 
 
@@ -391,10 +393,9 @@ def common_step(*frequencies: float) -> float:
 
 
 def warm_up() -> None:
-    """Warm up every component, and what is recorded of them."""
-    controllers = (dwa, trajectory_planner)
-    for component in (amcl, costmap, navfn, global_planner, *controllers, move_base):
-        component.warm_up()
+    """Warm up what is recorded; the components are rooms of their own, of which a stack has some
+    (:mod:`daemon.model.kernel_rooms`).
+    """
     log = PlanRecorder()
     log.take(0.0, np.zeros((2, 3)))
     log.take(9.0, np.zeros((2, 3)))

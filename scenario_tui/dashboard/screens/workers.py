@@ -60,7 +60,8 @@ class WorkersScreen(BaseScreen):
         troubles = state.overview.troubles if state.overview else ()
         others = [words for words in troubles if words.strip() != trouble]
         message = "" if state.workers and not trouble else nobody
-        message = "\n\n".join(filter(None, (message, *(f"! {words}" for words in others))))
+        busy = [f"{row.id}: {row.preparing}" for row in state.workers if row.preparing]
+        message = "\n\n".join(filter(None, (message, *busy, *(f"! {words}" for words in others))))
         above = self.query_one("#empty")
         above.set_class(bool(state.workers), "-above")
         show_message_or(above, table, message)

@@ -148,6 +148,9 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         yield _Part((words, words, f"! {count}"), DASHBOARD_STYLES["lost"], 8)
     elif overview.workers == 0:
         yield _Part(("! no worker",), DASHBOARD_STYLES["lost"], 8)
+    if overview.preparing:
+        short = overview.preparing.partition(" (")[0]
+        yield _Part((overview.preparing, short, "… compiling"), QUIET, 7)
 
 
 def _counted(word: str, count: int) -> tuple[str, ...]:

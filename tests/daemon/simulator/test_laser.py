@@ -162,6 +162,21 @@ def test_a_moving_leaf_is_seen_where_it_is() -> None:
     )
 
 
+def test_a_sweep_from_where_nothing_has_moved_is_the_one_a_fresh_laser_takes() -> None:
+    """Cast once, reported again: with the noise of the next scan, and never for too long."""
+    laser = replace(LASER, noise=0.02, dropout=0.1)
+    here, elsewhere = room(laser), room(laser)
+    for twist, ticks in ((Twist2(), 5), (Twist2(), 5), (Twist2(0.4, 0.0, 0.2), 5), (Twist2(), 60)):
+        for simulated in (here, elsewhere):
+            simulated.command(twist)
+            simulated.advance(ticks)
+        # Forgotten before every scan: cast anew each time.
+        elsewhere._lasers[""]._seen = (0, b"")
+        assert here.scan().tobytes() == elsewhere.scan().tobytes()
+        assert here.true_ranges()[0].tobytes() == elsewhere.true_ranges()[0].tobytes()
+    assert not np.array_equal(here.scan(), here.scan())
+
+
 def test_special_values_follow_rep_117() -> None:
     laser = replace(LASER, mount=Pose2(), angle_min=0.0, angle_max=math.pi, rays=3, range_min=0.5)
     simulated = world(

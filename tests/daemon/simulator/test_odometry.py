@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import math
+import zlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from grammars.model.geometry import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2, wrap_angle
 from grammars.model.robot import OdometryNoise
 from tests.daemon.simulator.scenes import ROBOT, wall, world
 
@@ -66,3 +67,25 @@ def test_a_robot_that_stands_has_perfect_odometry() -> None:
     for _ in range(20):
         simulated.advance(5)
         assert simulated.odometry().pose == Pose2()
+
+
+def test_the_errors_are_two_normal_numbers_a_sample_from_one_stream() -> None:
+    """However many are drawn at a time: the second of each sample is seen in the yaw."""
+    noise = OdometryNoise(20.0, 0.05, 0.03, 0.02)
+    simulated = world(robot=replace(ROBOT, odometry=noise))
+    one_by_one = np.random.Generator(np.random.PCG64(_stream_of("odometry")))
+    simulated.command(Twist2(0.5, 0.0, 0.1))
+    truth, last = Pose2(), Pose2()
+    for _ in range(300):
+        simulated.advance(5)
+        turning = one_by_one.standard_normal(2)[1]
+        before, truth = truth, simulated.pose()
+        sample = simulated.odometry()
+        dx, dy, turn = truth.x - before.x, truth.y - before.y, truth.yaw - before.yaw
+        error = turning * math.sqrt(0.03**2 * abs(turn) + 0.02**2 * math.hypot(dx, dy))
+        assert wrap_angle(sample.pose.yaw - last.yaw) == pytest.approx(turn + error, abs=1e-12)
+        last = sample.pose
+
+
+def _stream_of(name: str) -> np.random.SeedSequence:
+    return np.random.SeedSequence(7, spawn_key=(zlib.crc32(name.encode()),))

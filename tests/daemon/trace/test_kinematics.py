@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from daemon.trace import MovingLinks
 from grammars.model.geometry import Pose2
+from grammars.model.kinematics import cos_sin, link_tracks
 from grammars.model.scene import Joint, Link, Scene, SceneObject
 from tests.daemon.trace.recordings import scene
 
@@ -65,6 +67,35 @@ def test_a_drawer_slides_along_its_axis_and_carries_its_lid(along: float, angle:
     drawer = item.pose @ Pose2(0.6 * along, 0.8 * along)
     assert_same(pose_of(poses[0, 0]), drawer)
     assert_same(pose_of(poses[0, 1]), drawer @ about(0.0, 0.5, angle))
+
+
+@given(
+    arrays(
+        np.float64,
+        st.tuples(st.integers(0, 6), st.just(4)),
+        elements=st.sampled_from([0.0, -0.0, 0.7, 1.1, 1e300, math.inf, -math.inf, math.nan]),
+    )
+)
+@np.errstate(invalid="ignore")
+def test_poses_have_the_bits_of_a_plain_calculation(positions: np.ndarray) -> None:
+    hinge = Joint("a", "revolute", "world", "leaf", (0.1, -0.3), (1.0, 0.0), -3.0, 3.0)
+    slide = Joint("s", "prismatic", "world", "wing", (0.0, 0.0), (0.6, 0.8), -2.0, 2.0)
+    lid = Joint("b", "revolute", "wing", "lid", (1.0, 0.2), (1.0, 0.0), -3.0, 3.0)
+    items = (
+        object_with(hinge),
+        replace(object_with(slide, lid), name="drawer"),
+        replace(object_with(hinge), name="other", pose=Pose2(-1.0, 4.0, -0.0)),
+    )
+    poses = MovingLinks.of(Scene("world", (), (), (), items)).poses(positions)
+    tracks = [
+        track
+        for item, columns in zip(items, ([0], [1, 2], [3]), strict=True)
+        for track in link_tracks(item, positions[:, columns]).values()
+    ]
+    for i, track in enumerate(tracks):
+        cosine, sine = cos_sin(track[:, 2] / 2)
+        expected = np.column_stack((track[:, 0], track[:, 1], sine, cosine))
+        assert poses[:, i].tobytes() == expected.tobytes()
 
 
 def test_only_links_that_joints_move_are_listed_and_frozen_objects_are_not() -> None:

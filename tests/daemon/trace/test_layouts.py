@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,8 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from daemon.model import ros_messages as ros
-from daemon.trace import encode_path, layouts, messages
+from daemon.model.sut import CostmapPicture
+from daemon.trace import encode_costmap, encode_path, layouts, messages
 from daemon.trace.layouts import HEADER, MessageLayout, stamps
+from grammars.model.grid import OccupancyGrid
 from tests.daemon.trace.recordings import ROBOT
 
 LAYOUTS = {
@@ -120,6 +124,18 @@ def test_a_path_is_what_rosbags_serializes(points: np.ndarray, now: int) -> None
     for header in (message.header, *(p.header for p in message.poses)):
         assert header.stamp.sec * 10**9 + header.stamp.nanosec == now
         assert header.frame_id == "map"
+
+
+@pytest.mark.parametrize("frame", ["map", "odom"])
+def test_a_costmap_is_what_rosbags_serializes(frame: Literal["map", "odom"]) -> None:
+    cells = np.arange(256, dtype=np.uint8).reshape(8, 32)[:, :31]
+    now = 2_147_483_647_999_999_999
+    data = encode_costmap(now, CostmapPicture(0.0, frame, 0.05, -1.25, 7.0, cells))
+    grid = ros.deserialize(data, "nav_msgs/msg/OccupancyGrid")
+    assert ros.serialize(grid, "nav_msgs/msg/OccupancyGrid") == data
+    published = OccupancyGrid(0.05, -1.25, 7.0, grid.data.reshape(cells.shape))
+    expected = ros.occupancy_grid(published, now, frame)
+    assert ros.serialize(expected, "nav_msgs/msg/OccupancyGrid") == data
 
 
 def test_a_path_must_be_a_list_of_points() -> None:

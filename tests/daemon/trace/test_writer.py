@@ -22,7 +22,7 @@ from rosbags.interfaces import QosDurability
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
-from daemon.trace import PARTIAL, TraceWriter, encode_poses, read_trace
+from daemon.trace import PARTIAL, TraceWriter, encode_path, encode_poses, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.trace.recordings import (
     GRID,
@@ -263,6 +263,31 @@ def test_particles_are_poses_in_the_map(recorded: Path) -> None:
         ros.make("geometry_msgs/msg/PoseArray", header=ros.header(ros.time(0), "map"), poses=[]),
         "geometry_msgs/msg/PoseArray",
     )
+
+
+def test_paths_of_any_length_are_written_as_one_by_one(tmp_path: Path) -> None:
+    world, path = scene(), tmp_path / "run.mcap"
+    given = [np.arange(2.0 * n).reshape(n, 2) / 7 for n in (3, 0, 1, 12)]
+    with TraceWriter(path, specification(world), world) as trace:
+        for step, points in enumerate(given):
+            trace.local_plan(float(step), points)
+            points *= 2.0  # it is the caller's again
+        trace.close("limit")
+    with path.open("rb") as stream:
+        found = [m.data for _, c, m in make_reader(stream).iter_messages()]
+    second = 1_000_000_000
+    assert found == [encode_path(i * second, p / 2.0) for i, p in enumerate(given)]
+
+
+def test_what_is_no_number_is_refused_when_it_is_commanded(tmp_path: Path) -> None:
+    world = scene()
+    with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+        with pytest.raises(TypeError):
+            trace.command(0.0, Twist2(None, 0.0, 0.0))  # type: ignore[arg-type]
+        trace.command(0.0, Twist2(np.float32(0.5), 1, 0.0))  # type: ignore[arg-type]
+        trace.close("limit")
+    command = read_trace(tmp_path / "run.mcap").command
+    assert (command.vx.tolist(), command.vy.tolist()) == ([0.5], [1.0])
 
 
 def test_costmaps_are_published_as_costmap_2d_does(recorded: Path) -> None:

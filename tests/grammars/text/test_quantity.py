@@ -11,11 +11,13 @@ from grammars.text.quantity import (
     PLAN_UNITS,
     SPEED,
     TIME,
+    calculate_unit,
     parse_quantity,
     read_as,
     read_quantity,
     unit_of,
 )
+from grammars.text.unit_table import SI_UNITS, UNITS
 
 
 @pytest.mark.parametrize(
@@ -120,3 +122,17 @@ def test_dimensions_have_the_units_their_quantities_are_read_in() -> None:
 def test_units_of_plans_are_those_of_every_other_file(unit: str) -> None:
     quantity = read_quantity(f"1 {unit}")
     assert PLAN_UNITS[unit] == (quantity.value, quantity.dimension)
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_table_of_units_says_what_pint_calculates(unit: str) -> None:
+    assert UNITS[unit] == calculate_unit(unit)
+
+
+def test_the_table_of_units_has_every_si_unit() -> None:
+    assert {UNITS[unit] for unit in SI_UNITS.values()} == {(1.0, name) for name in SI_UNITS}
+
+
+def test_units_that_no_table_has_are_calculated() -> None:
+    assert read_quantity("2 cm/min").value == pytest.approx(0.02 / 60)
+    assert read_quantity("2 kHz").dimension == "frequency"

@@ -18,7 +18,7 @@ import typer
 
 from grammars.model.map_files import write_map
 from scenario_tui.cli import command_line, invoke, target
-from scenario_tui.cli.options import PlainFlagsCommand
+from scenario_tui.cli.plain_flags import PlainFlagsCommand
 from tests.grammars.maps.imported import house
 from tests.scenario_tui.poison import (
     NAME,

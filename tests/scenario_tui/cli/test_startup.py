@@ -1,21 +1,45 @@
-"""Help and completion must not load what only some commands need."""
+"""What commands load: as little as they need, for people wait for every import."""
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
+from pathlib import Path
 
+import pytest
+
+from scenario_tui.cli import command_line
+from scenario_tui.cli.commands import COMMANDS, load_command
+
+NEEDED_BY_FEW = {
+    "dask", "jinja2", "matplotlib", "mcap", "numba", "pint", "pyarrow", "pymunk", "rdflib",
+    "rosbags", "ruamel.yaml", "scipy", "textual",
+}  # fmt: skip
+LANGUAGES = {"numpy", "shapely", "textx"}
+BUS = {"zenoh", "cryptography"}
+DEMO = "campaigns/demo/campaign.yaml"
+BUDGETS = (
+    # (words, exit code, most modules, what may not be among them beside NEEDED_BY_FEW)
+    ("--help", 0, 260, LANGUAGES | BUS | {"pydantic", "rich.markdown"}),
+    ("check --help", 0, 390, LANGUAGES | BUS | {"rich.markdown"}),
+    ("status", 3, 360, LANGUAGES | BUS),
+    ("results nothing", 3, 450, LANGUAGES),
+    (f"check {DEMO}", 0, 740, BUS),
+    ("check campaigns/demo/flat.fpm", 0, 630, BUS | {"daemon.campaign"}),
+)
 HEAVY = ("numba", "numpy", "pymunk", "textual", "zenoh", "pydantic", "textx", "rdflib", "shapely")
 
 
 def _loaded_after(code: str) -> set[str]:
+    tell = "print(*sys.modules, file=sys.stderr)"
     done = subprocess.run(
-        [sys.executable, "-c", f"import sys\n{code}\nprint(*sys.modules, file=sys.stderr)"],
+        [sys.executable, "-c", f"import sys\n{code}\nprint(file=sys.stderr)\n{tell}"],
         capture_output=True,
         text=True,
         check=True,
     )
-    return set(done.stderr.split())
+    return set(done.stderr.splitlines()[-1].split())
 
 
 def test_the_command_line_imports_nothing_heavy() -> None:
@@ -41,3 +65,26 @@ invoke([])
     assert "daemon.batch.ledger.names" in loaded
     # typer itself checks what stands before the word with pydantic.
     assert loaded.isdisjoint(set(HEAVY) - {"pydantic"})
+
+
+@pytest.mark.parametrize(("words", "code", "most", "unneeded"), BUDGETS)
+def test_a_command_loads_no_more_than_it_needs(
+    words: str, code: int, most: int, unneeded: set[str], monkeypatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
+    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
+    monkeypatch.chdir(Path(command_line.__file__).parents[2])
+    loaded = _loaded_after(
+        "from scenario_tui.cli.command_line import invoke\n"
+        f"assert invoke({words.split()!r}) == {code}"
+    )
+    assert not loaded & (NEEDED_BY_FEW | unneeded)
+    assert len(loaded) <= most
+
+
+def test_help_says_of_a_command_what_the_command_says() -> None:
+    for entry in COMMANDS.values():
+        command = load_command(entry)
+        said = inspect.cleandoc(command.help or "").partition("\n\n")[0]
+        assert entry.summary == " ".join(said.split()), entry.name
+        assert command.name == entry.name

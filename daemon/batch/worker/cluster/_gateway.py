@@ -28,7 +28,7 @@ from daemon.batch.worker.cluster._remote import (
 )
 from daemon.model.execution import DaskScheduler, RunLimits
 from daemon.model.messages import LARGEST_REQUEST
-from daemon.model.spec import RunResult
+from daemon.model.spec import RunResult, SutReference
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
 from grammars.text.files import write_atomically
@@ -211,6 +211,8 @@ class Gateway:
         self.trouble = ""
         """Why the cluster has executed nothing for ``patience`` [s] now; empty otherwise."""
         self.waitables: tuple[Waitable, ...] = (self._wakeup.receiver,)
+        self.preparing = ""
+        """Nothing: each process of the cluster prepares itself."""
 
     def open(self) -> None:
         """Connect; raises :class:`daemon.batch.errors.WorkerBroken` when that is impossible."""
@@ -246,6 +248,10 @@ class Gateway:
             if words != self.trouble:
                 self._log(f"no slots: {words}")
             self.trouble = words
+
+    def prepare(self, sut: SutReference, limits: RunLimits) -> bool:
+        """Every run can start: what it needs, the process beside the Dask worker sees to."""
+        return True
 
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> RemoteExecution:
         """Give an attempt to the cluster; raises ``OSError`` when that is not possible now."""

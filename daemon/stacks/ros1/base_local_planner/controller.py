@@ -49,32 +49,42 @@ def sim_period(frequency: float | None, default: float) -> float:
 
 @kernel
 def transform_plan_window(
-    plan: Floats, start: int, transform: Floats, pose: Floats, reach: float, out: Floats
-) -> tuple[int, int]:
+    plan: Floats,
+    start: int,
+    transform: tuple[float, float, float, float],
+    robot: tuple[float, float],
+    base: tuple[float, float],
+    reach: float,
+    out: Floats,
+) -> tuple[int, int, int]:
     """Write the poses of ``plan`` near the robot to ``out``; return which is first, how many.
 
     Leaves out the poses before the first one within ``reach`` [m] and stops behind the first one
     beyond it (base_local_planner ``transformGlobalPlan``). ``plan`` has rows x, y, yaw in the map
-    frame, ``transform`` (x, y, cos, sin) is the map in odom, ``pose`` (x, y) the robot in the map;
-    ``out`` gets x, y in odom.
+    frame, ``transform`` (x, y, cos, sin) is the map in odom, ``robot`` (x, y) where the robot is in
+    the map and ``base`` in odom; ``out`` gets x, y in odom. The third number is how many of them
+    come before the first one near ``base`` (``prunePlan``).
     """
     limit = reach * reach
     first = start
     while first < plan.shape[0]:
-        dx, dy = pose[0] - plan[first, 0], pose[1] - plan[first, 1]
+        dx, dy = robot[0] - plan[first, 0], robot[1] - plan[first, 1]
         if dx * dx + dy * dy <= limit:
             break
         first += 1
-    n = 0
+    n, behind, passed = 0, 0, True
     square = 0.0
     while first + n < plan.shape[0] and square <= limit:
         x, y = plan[first + n, 0], plan[first + n, 1]
         out[n, 0] = transform[0] + transform[2] * x - transform[3] * y
         out[n, 1] = transform[1] + transform[3] * x + transform[2] * y
-        dx, dy = pose[0] - x, pose[1] - y
+        dx, dy = out[n, 0] - base[0], out[n, 1] - base[1]
+        passed = passed and not dx * dx + dy * dy < _PRUNED_BEYOND * _PRUNED_BEYOND
+        dx, dy = robot[0] - x, robot[1] - y
         square = dx * dx + dy * dy
         n += 1
-    return first, n
+        behind += passed
+    return first, n, behind
 
 
 class FollowedPlan:
@@ -85,11 +95,17 @@ class FollowedPlan:
         self._room: Floats = np.empty((0, 2))
         self._start = 0
         self._end = 0
+        self._goal: Pose2 | None = None
+        # The pose of odom in map that what follows is about: it changes with what AMCL publishes.
+        self._map_to_odom: Pose2 | None = None
+        self._odom_to_map = Pose2()
+        self._transform = (0.0, 0.0, 1.0, 0.0)
 
     def take(self, plan: Floats) -> None:
         """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
         self._poses = np.ascontiguousarray(plan, dtype=np.float64)
         self._start = 0
+        self._goal = None
         if self._room.shape[0] < plan.shape[0]:
             self._room = np.empty((plan.shape[0], 2))
 
@@ -103,17 +119,29 @@ class FollowedPlan:
         """Whether nothing is left to follow."""
         return self._start >= len(self._poses)
 
-    def goal(self, odom_to_map: Pose2) -> Pose2:
-        """Return the last pose of the plan in odom; ``odom_to_map`` is the map in odom."""
-        return self._in_odom(len(self._poses), odom_to_map)
+    def goal(self, map_to_odom: Pose2) -> Pose2:
+        """Return the last pose of the plan in odom; ``map_to_odom`` is the pose of odom in map."""
+        self._look_from(map_to_odom)
+        if self._goal is None:
+            self._goal = self._in_odom(len(self._poses))
+        return self._goal
 
-    def window_end(self, odom_to_map: Pose2) -> Pose2:
+    def window_end(self, map_to_odom: Pose2) -> Pose2:
         """Return the last pose of the latest window in odom."""
-        return self._in_odom(self._end, odom_to_map)
+        self._look_from(map_to_odom)
+        return self._in_odom(self._end)
 
-    def _in_odom(self, end: int, odom_to_map: Pose2) -> Pose2:
+    def _look_from(self, map_to_odom: Pose2) -> None:
+        """Invert a transform, once."""
+        if map_to_odom is self._map_to_odom:
+            return
+        self._map_to_odom, self._goal = map_to_odom, None
+        self._odom_to_map = o = map_to_odom.inverse()
+        self._transform = (o.x, o.y, math.cos(o.yaw), math.sin(o.yaw))
+
+    def _in_odom(self, end: int) -> Pose2:
         x, y, yaw = self._poses[end - 1].tolist()
-        return odom_to_map @ Pose2(x, y, yaw)
+        return self._odom_to_map @ Pose2(x, y, yaw)
 
     def window(self, pose: Pose2, map_to_odom: Pose2, local: CostGrid, *, prune: bool) -> Floats:
         """Return the poses of the plan near ``pose``, shape (poses, 2): x, y in odom.
@@ -123,21 +151,16 @@ class FollowedPlan:
         """
         if self.is_over:
             return NO_POINTS
-        o, here = map_to_odom.inverse(), map_to_odom.apply((pose.x, pose.y))
-        transform = np.array((o.x, o.y, math.cos(o.yaw), math.sin(o.yaw)))
+        self._look_from(map_to_odom)
+        here = (pose.x, pose.y)
         reach = max(local.cells.shape) * local.resolution / 2.0
-        robot = np.array(here)
-        first, n = transform_plan_window(
-            self._poses, self._start, transform, robot, reach, self._room
-        )
+        first, n, behind = transform_plan_window(
+            self._poses, self._start, self._transform, map_to_odom.apply(here), here, reach,
+            self._room,
+        )  # fmt: skip
         self._end = first + n
-        window = self._room[:n]
-        return self._pruned(window, pose) if prune else window
-
-    def _pruned(self, window: Floats, pose: Pose2) -> Floats:
-        """Forget as many poses of the plan as the window has before it comes near the robot."""
-        square = (window[:, 0] - pose.x) ** 2 + (window[:, 1] - pose.y) ** 2
-        kept = np.flatnonzero(square < _PRUNED_BEYOND**2)
-        gone = int(kept[0]) if kept.size else len(window)
-        self._start += gone
-        return window[gone:]
+        if not prune:
+            return self._room[:n]
+        # As many poses of the plan as the window has before it comes near, whichever is first.
+        self._start += behind
+        return self._room[behind:n]

@@ -60,13 +60,21 @@ def contains_cell(cells: Bits, row: int, column: int) -> bool:
 
 
 @kernel
-def passable_cells(cells: Cells, out: Bits) -> None:
-    """Write the set of cells that distances spread through: known and below inscribed."""
-    out[:] = _NONE
-    for row in range(cells.shape[0]):
-        for column in range(cells.shape[1]):
-            if cells[row, column] < INSCRIBED:
-                add_cell(out, row, column)
+def passable_cells(cells: Cells, out: Bits) -> bool:
+    """Write the set of cells that distances spread through: known and below inscribed.
+
+    Returns whether they differ from those that ``out`` held.
+    """
+    rows, columns = cells.shape
+    different = _NONE
+    for row in range(rows):
+        for word in range((columns + 63) // 64):
+            bits = _NONE
+            for column in range(64 * word, min(64 * word + 64, columns)):
+                bits |= np.uint64(cells[row, column] < INSCRIBED) << np.uint64(column & 63)
+            different |= out[word + 1, row + 1] ^ bits
+            out[word + 1, row + 1] = bits
+    return bool(different != _NONE)
 
 
 @kernel
@@ -111,42 +119,85 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
     """
     words, rows = seeds.shape
     out[:] = _NONE
-    old, new = 0, 1
     front[:] = _NONE
+    # Nothing happens in rows that no front has come near: only rows [low, high) are looked at.
+    low, high = rows - 1, 1
     for word in range(1, words - 1):
         for row in range(1, rows - 1):
-            front[0, word, row] = seeds[word, row]
-            out[REACHED, word, row] = seeds[word, row]
-            out[FIT, word, row] = seeds[word, row]
-    level, digit = 0, DIGITS
+            bits = seeds[word, row]
+            front[0, word, row] = bits
+            out[REACHED, word, row] = bits
+            if bits != _NONE:
+                low, high = min(low, row), max(high, row + 1)
+    low = min(low, high)
+    # Words before this one have nothing left that is wanted.
+    waiting = 0
+    flat_wanted, flat_reached = wanted.reshape(-1), out[REACHED].reshape(-1)
+    old, new, level, used = 0, 1, 0, 0
     while True:
         level += 1
-        fresh_any, missing = _NONE, _NONE
+        if low > 1:
+            low -= 1
+            _enter_row(low, level - 1, used, out)
+        if high < rows - 1:
+            _enter_row(high, level - 1, used, out)
+            high += 1
+        changed = 0
+        while not (level >> changed) & 1:
+            changed += 1
+        used = max(used, changed + 1)
+        fresh_any = _NONE
         for word in range(1, words - 1):
-            for row in range(1, rows - 1):
-                here = front[old, word, row]
-                bits = (here << _ONE) | (here >> _ONE)
-                bits |= (front[old, word - 1, row] >> _TOP) | (front[old, word + 1, row] << _TOP)
-                bits |= front[old, word, row - 1] | front[old, word, row + 1]
-                bits &= ~out[REACHED, word, row]
-                reached = out[REACHED, word, row] | bits
-                fresh = bits & passable[word, row]
-                out[REACHED, word, row] = reached
-                out[FIT, word, row] |= fresh
-                front[new, word, row] = fresh
+            # Views from ``low`` on: indices from 0 are what several rows are done at once for.
+            here, below, above = (
+                front[old, word, low:high],
+                front[old, word, low - 1 : high - 1],
+                front[old, word, low + 1 : high + 1],
+            )
+            left, right = front[old, word - 1, low:high], front[old, word + 1, low:high]
+            reached, there = out[REACHED, word, low:high], front[new, word, low:high]
+            free, digit = passable[word, low:high], out[DIGITS + changed, word, low:high]
+            for k in range(high - low):
+                bits = (here[k] << _ONE) | (here[k] >> _ONE) | below[k] | above[k]
+                bits |= (left[k] >> _TOP) | (right[k] << _TOP)
+                before = reached[k]
+                fresh = bits & ~before & free[k]
+                reached[k] = before | bits
+                digit[k] ^= ~before
+                there[k] = fresh
                 fresh_any |= fresh
-                missing |= wanted[word, row] & ~reached
-        digit, rest = DIGITS, level
-        while rest:
-            if rest & 1:
-                for word in range(1, words - 1):
-                    for row in range(1, rows - 1):
-                        out[digit, word, row] |= front[new, word, row]
-            rest >>= 1
-            digit += 1
-        if fresh_any == _NONE or missing == _NONE:
-            return digit - DIGITS
+        while waiting < flat_wanted.size:
+            if flat_wanted[waiting] & ~flat_reached[waiting] != _NONE:
+                break
+            waiting += 1
+        if fresh_any == _NONE or waiting == flat_wanted.size:
+            break
         old, new = new, old
+    for word in range(1, words - 1):
+        for row in range(1, rows - 1):
+            fit = passable[word, row] | seeds[word, row]
+            out[FIT, word, row] = out[REACHED, word, row] & fit
+    return used
+
+
+@kernel
+def all_reached(distances: Bits, wanted: Bits) -> bool:
+    """Whether every cell of ``wanted`` has been reached."""
+    missing = _NONE
+    for word in range(1, wanted.shape[0] - 1):
+        for row in range(1, wanted.shape[1] - 1):
+            missing |= wanted[word, row] & ~distances[REACHED, word, row]
+    return bool(missing == _NONE)
+
+
+@kernel
+def _enter_row(row: int, level: int, digits: int, out: Bits) -> None:
+    """Let the digits of a row that no front has come near before count up to ``level``."""
+    code = level ^ (level >> 1)
+    for digit in range(digits):
+        if (code >> digit) & 1:
+            for word in range(1, out.shape[1] - 1):
+                out[DIGITS + digit, word, row] = ~_NONE
 
 
 @kernel
@@ -158,9 +209,10 @@ def distance_at(distances: Bits, row: int, column: int, size: int, digits: int) 
     word, at, shift = (column >> 6) + 1, row + 1, np.uint64(column & 63)
     if (distances[FIT, word, at] >> shift) & _ONE == _NONE:
         return size + int((distances[REACHED, word, at] >> shift) & _ONE == _NONE)
-    steps = 0
-    for digit in range(digits):
-        steps |= int((distances[DIGITS + digit, word, at] >> shift) & _ONE) << digit
+    steps, odd = 0, 0
+    for digit in range(digits - 1, -1, -1):
+        odd ^= int((distances[DIGITS + digit, word, at] >> shift) & _ONE)
+        steps = steps << 1 | odd
     return steps
 
 

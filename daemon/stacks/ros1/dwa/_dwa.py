@@ -7,7 +7,9 @@ within tolerance of the goal (stop, then turn).
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 
@@ -29,6 +31,7 @@ from daemon.stacks.ros1.dwa._parameters import (
 )
 from daemon.stacks.ros1.dwa._scoring import ScoringGrid
 from daemon.stacks.ros1.dwa.cycle import (
+    UNKNOWN,
     LastCycleDistances,
     SearchBuffers,
     allocate_buffers,
@@ -40,6 +43,8 @@ from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
 _VX, _VY, _WZ = 0, 2, 4
+_SINGLES: Final = struct.Struct("6f")
+"""Rounds a state to single precision, as the original stores poses and speeds."""
 
 
 class Oscillation:
@@ -51,6 +56,7 @@ class Oscillation:
 
     def __init__(self, distance: float, angle: float) -> None:
         self.banned: Integers = np.zeros(6, dtype=np.int32)
+        self._bans = False
         self._last_signs = [0, 0, 0]
         self._distance, self._angle = distance, angle
         self._turned_at = Pose2()
@@ -58,6 +64,7 @@ class Oscillation:
     def reset(self) -> None:
         """Forget everything."""
         self.banned[:] = 0
+        self._bans = False
         self._last_signs = [0, 0, 0]
 
     def chosen(self, pose: Pose2, twist: Twist2, min_vel_trans: float) -> None:
@@ -68,7 +75,7 @@ class Oscillation:
             flipped |= self._take(_WZ, twist.wz)
         if flipped:
             self._turned_at = pose
-        if self.banned.any() and self._moved(pose):
+        if self._bans and self._moved(pose):
             self.reset()
 
     def _take(self, place: int, speed: float) -> bool:
@@ -80,6 +87,7 @@ class Oscillation:
         if last != -sign:
             return False
         self.banned[place if sign > 0 else place + 1] = 1
+        self._bans = True
         return True
 
     def _moved(self, pose: Pose2) -> bool:
@@ -197,6 +205,8 @@ class Dwa:
         self._plan = FollowedPlan()
         self._front_end = np.zeros(2)
         self._state = np.zeros(6)
+        self._single: tuple[float, ...] = (0.0,) * 6
+        self._fastest = (0.0, 0.0, 0.0)
         self._settings: DwaSettings | None = None
         self._seen: int | None = None
         self._last: LastCycleDistances | None = None
@@ -215,7 +225,7 @@ class Dwa:
         """Whether the robot stands at the end of the plan; ``pose`` is in odom."""
         if self._plan.is_over:
             return False
-        return self._stop_rotate.goal_reached(pose, twist, self._plan.goal(map_to_odom.inverse()))
+        return self._stop_rotate.goal_reached(pose, twist, self._plan.goal(map_to_odom))
 
     def command(
         self, pose: Pose2, twist: Twist2, map_to_odom: Pose2, local: CostGrid
@@ -233,11 +243,11 @@ class Dwa:
         twist = Twist2(twist.vx, twist.vy, wrap_angle(twist.wz))
         self._take_state(pose, twist, settings, local)
         self._aim(window, settings)
-        goal = self._plan.goal(map_to_odom.inverse())
+        goal = self._plan.goal(map_to_odom)
         if self._stop_rotate.position_reached(pose, goal):
             turn = self._stop_rotate.command(pose, twist, goal, self._is_legal)
             return NO_VELOCITY if turn is None else ControllerAnswer(True, turn, NO_POINTS)
-        return self._sample(window, pose, settings)
+        return self._sample(window, settings)
 
     def _prepare(self, local: CostGrid) -> DwaSettings:
         """Make room for the costmap when it has another shape, and note what is passable."""
@@ -249,11 +259,12 @@ class Dwa:
             self._room = allocate_buffers(
                 local.cells.shape, settings, longest_trajectory(settings, 0.0, 0.0, 0.0)
             )
-            self._last, self._seen = None, None
+            self._last, self._seen, self._fastest = None, None, (0.0, 0.0, 0.0)
         elif self._field.cells is not local.cells:
             self._field, self._seen = self._field._replace(cells=local.cells), None
         if local.version != self._seen:
-            passable_cells(local.cells, self._room.passable)
+            if passable_cells(local.cells, self._room.passable):
+                self._room.sources[:] = UNKNOWN
             self._seen = local.version
         frame = self._field.frame
         frame[0], frame[1], frame[2] = local.x, local.y, local.resolution
@@ -263,8 +274,14 @@ class Dwa:
         self, pose: Pose2, twist: Twist2, settings: DwaSettings, local: CostGrid
     ) -> None:
         row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
-        self._state[:] = np.array(row, dtype=np.float32)
-        needed = longest_trajectory(settings, twist.vx, twist.vy, twist.wz)
+        self._single = single = _SINGLES.unpack(_SINGLES.pack(*row))
+        self._state[:] = single
+        vx, vy, wz = abs(twist.vx), abs(twist.vy), abs(twist.wz)
+        most = self._fastest
+        if vx <= most[0] and vy <= most[1] and wz <= most[2]:
+            return
+        self._fastest = most = (max(vx, most[0]), max(vy, most[1]), max(wz, most[2]))
+        needed = longest_trajectory(settings, *most)
         if needed > len(self._room.points):
             passable = self._room.passable
             self._room = allocate_buffers(local.cells.shape, settings, needed)
@@ -273,15 +290,16 @@ class Dwa:
     def _aim(self, window: Floats, settings: DwaSettings) -> None:
         """Push the end of the window ahead and see whether the nose counts."""
         x, y = window[-1].tolist()
-        at_x, at_y = self._state[:2].tolist()
+        at_x, at_y, _, _, _, _ = self._single
         forward = self._p.forward_point_distance
         angle = math.atan2(y - at_y, x - at_x)
-        self._front_end[:] = x + forward * math.cos(angle), y + forward * math.sin(angle)
+        end = self._front_end
+        end[0], end[1] = x + forward * math.cos(angle), y + forward * math.sin(angle)
         square = (at_x - x) * (at_x - x) + (at_y - y) * (at_y - y)
         far = square > forward * forward * self._p.cheat_factor
         self._aligned = far and settings.path_scale != 0.0
 
-    def _sample(self, window: Floats, pose: Pose2, settings: DwaSettings) -> ControllerAnswer:
+    def _sample(self, window: Floats, settings: DwaSettings) -> ControllerAnswer:
         field, room = self._field, self._room
         n = choose_trajectory(
             self._state, window, len(window), self._front_end, self._aligned, settings, field, room
@@ -289,10 +307,10 @@ class Dwa:
         self._last = LastCycleDistances(window, field)
         if n == 0:
             return NO_VELOCITY
-        vx, vy, wz = room.answer[:3].tolist()
+        vx, vy, wz, _, _ = room.answer.tolist()
         twist = Twist2(vx, vy, wrap_angle(wz))
-        here = Pose2(*self._state[:3].tolist())
-        self._oscillation.chosen(here, Twist2(vx, vy, wz), self._p.min_vel_trans)
+        x, y, yaw, _, _, _ = self._single
+        self._oscillation.chosen(Pose2(x, y, yaw), Twist2(vx, vy, wz), self._p.min_vel_trans)
         return ControllerAnswer(True, twist, room.points[:n, :2].copy())
 
     def _is_legal(self, twist: Twist2) -> bool:

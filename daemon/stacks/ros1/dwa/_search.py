@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
@@ -20,8 +18,10 @@ from daemon.stacks.ros1.base_local_planner.map_grid import cell_of, distance_at
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from daemon.stacks.ros1.dwa._scoring import ScoringGrid, oscillates, score_trajectory, total_cost
 from daemon.stacks.ros1.dwa.samples import (
-    count_points,
+    SLACK,
     footprint_scale,
+    points_for_turn,
+    points_for_way,
     simulate_trajectory,
     translation_speed,
 )
@@ -29,44 +29,54 @@ from grammars.model.geometry import Floats
 
 
 @kernel
-def _cell_if_sure(x: float, y: float, frame: Floats, margin: float, rows: int, columns: int) -> int:
-    """Return the cell of a point that may be off by ``margin`` [cells], -1 off the grid.
+def _cell_if_sure(u: float, v: float, margin: float, rows: int, columns: int) -> int:
+    """Return the cell of a point in units of cells that may be off by ``margin``, -1 off the grid.
 
-    -2 when the margin reaches into another cell.
+    -2 when the margin reaches into another cell, and always when it is a cell or more.
     """
-    u, v = (x - frame[0]) / frame[2], (y - frame[1]) / frame[2]
-    column, row = math.floor(u), math.floor(v)
-    if min(u - column, v - row) < margin or max(u - column, v - row) > 1.0 - margin:
+    if margin >= 1.0:
         return -2
-    if column < 0 or row < 0 or column >= columns or row >= rows:
+    left, right, low, high = u - margin, u + margin, v - margin, v + margin
+    if right < 0.0 or high < 0.0 or left >= columns or low >= rows:
         return -1
-    return int(row) * columns + int(column)
+    # Truncated, which is quicker than rounding down and the same from here on.
+    column, row = int(left), int(low)
+    if left < 0.0 or low < 0.0 or int(right) != column or int(high) != row:
+        return -2
+    return row * columns + column
 
 
 @kernel
-def _sum_headings(heading: Floats, turn: float, steps: int, out: Floats) -> None:
-    """Write the sum of the headings of ``steps`` Euler steps and the heading after them.
+def _sum_headings(
+    x: float, y: float, cw: float, sw: float, turn: float, steps: int
+) -> tuple[float, float, float, float]:
+    """Return the sum of the headings of ``steps`` Euler steps and the heading after them.
 
-    Headings are unit vectors that start at ``heading`` and turn by ``turn`` each; ``out`` becomes
-    sum x, sum y, x, y. A geometric series, so that no step has to be taken.
+    Headings are unit vectors that start at (``x``, ``y``) and turn by ``turn`` each, at most 1 rad;
+    ``cw`` and ``sw`` are cosine and sine of half of ``steps`` + 1 turns. A geometric series, so
+    that no step has to be taken.
     """
     half = 0.5 * turn
-    ch, sh = math.cos(half), math.sin(half)
-    inner = (steps - 1) * half
-    ci, si = math.cos(inner), math.sin(inner)
-    cm, sm = heading[0] * ci - heading[1] * si, heading[1] * ci + heading[0] * si
-    ahead_c, ahead_s = ch * ci - sh * si, sh * ci + ch * si
-    length = float(steps) if abs(sh) < 1e-9 else ahead_s / sh
-    out[0], out[1] = length * cm, length * sm
-    ahead_c, ahead_s = ahead_c * ch - ahead_s * sh, ahead_s * ch + ahead_c * sh
-    out[2], out[3] = cm * ahead_c - sm * ahead_s, sm * ahead_c + cm * ahead_s
+    q = half * half
+    # Taylor series up to the 12th power: 0.5 rad and less leave 1e-13, and no library is called.
+    s3, s5, s7, s9, s11 = -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800
+    c2, c4, c6, c8, c10, c12 = -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600
+    sh = half * (1.0 + q * (s3 + q * (s5 + q * (s7 + q * (s9 + q * s11)))))
+    ch = 1.0 + q * (c2 + q * (c4 + q * (c6 + q * (c8 + q * (c10 + q * c12)))))
+    # Half of all turns is half a turn less than that; the middle heading another half before.
+    ca, sa = cw * ch + sw * sh, sw * ch - cw * sh
+    cm, sm = ca * ch + sa * sh, sa * ch - ca * sh
+    length = float(steps) if abs(sh) < 1e-9 else sa / sh
+    mx, my = x * cm - y * sm, y * cm + x * sm
+    # From the middle to the heading after the last step it is half of all turns and half a turn.
+    return length * mx, length * my, mx * cw - my * sw, my * cw + mx * sw
 
 
 @kernel
-def _rounding_margin(
-    state: Floats, speed: float, turn: float, n: int, s: DwaSettings, f: ScoringGrid
+def _rounding_slope(
+    state: Floats, speed: float, turn: float, s: DwaSettings, f: ScoringGrid
 ) -> float:
-    """Return how far [cells] single precision puts a point off within ``n`` steps, at most.
+    """Return how far [cells] single precision puts a point off for each step, at most.
 
     Every step rounds coordinates and the yaw by half a unit in the last place; ``speed`` and
     ``turn`` are the largest. One cell when trajectories must be followed anyway.
@@ -76,10 +86,10 @@ def _rounding_margin(
     reach = speed * s.sim_time
     coordinate = max(abs(state[0]), abs(state[1])) + reach
     yaw = abs(state[2]) + turn * s.sim_time
-    # 2**-24 is half a unit in the last place of 1.0 in single precision; 2 % and 1e-9 m more for
-    # the second order and for the double precision of the prediction itself.
-    off = 1e-9 + n * 2.0**-24 * 1.02 * (coordinate + yaw * (reach + abs(s.forward)))
-    return float(min(1.0, off / f.frame[2]))
+    # 2**-24 is half a unit in the last place of 1.0 in single precision; 2 % more for the second
+    # order.
+    off = 2.0**-24 * 1.02 * (coordinate + yaw * (reach + abs(s.forward)))
+    return float(off / f.frame[2])
 
 
 @kernel
@@ -88,8 +98,9 @@ def _prepare_pairs(
 ) -> float:
     """Write what all samples of a (vx, vy) share to ``out``, and return the highest speed.
 
-    A row is speed, cost at the first pose, vx, vy. The cost is -1 when no sample of the pair is
-    legal; ``here`` is that of the footprint where the robot is. Grown footprints count as 0.
+    A row is the number of points that the way asks for, cost at the first pose, vx, vy, whether
+    it is too slow unless it turns (1.0). The cost is -1 when no sample of the pair is legal;
+    ``here`` is that of the footprint where the robot is. Grown footprints count as 0.
     """
     fastest = 0.0
     for i in range(counts[0]):
@@ -97,14 +108,16 @@ def _prepare_pairs(
             vx, vy = samples[0, i], samples[1, j]
             pair = i * counts[1] + j
             speed = translation_speed(vx, vy)
-            out[pair, 0], out[pair, 1] = speed, 0.0
+            out[pair, 0], out[pair, 1] = points_for_way(speed, s), 0.0
             out[pair, 2], out[pair, 3] = vx, vy
+            out[pair, 4] = 1.0 if speed + SLACK < s.min_trans else 0.0
             if s.use_dwa:
                 if footprint_scale(speed, s) == 1.0 and s.obstacle_scale != 0.0:
                     out[pair, 1] = here
-                # 1e-4 m/s is the slack of the original's own test (``generateTrajectory``).
-                if oscillates(f.banned, vx, vy, 0.0) or speed - 1e-4 > s.max_trans:
+                if oscillates(f.banned, vx, vy, 0.0):
                     out[pair, 1] = -1.0
+            if speed - SLACK > s.max_trans:
+                out[pair, 1] = -1.0
             if out[pair, 1] >= 0.0:
                 fastest = max(fastest, speed)
     return fastest
@@ -118,7 +131,7 @@ def _predict_end_cells(
     pairs: Floats,
     arcs: Floats,
     heading: Floats,
-    margin: float,
+    slope: float,
     s: DwaSettings,
     f: ScoringGrid,
     out: Integers,
@@ -126,34 +139,43 @@ def _predict_end_cells(
     """Write the cells where centre and nose of every sample end to ``out``, shape (samples, 2).
 
     -1 off the grid, -2 where rounding could put it into another cell, -3 for an illegal sample.
+    ``slope`` [cells] is how far a step may put it off.
     """
-    frame, forward, sim_time = f.frame, s.forward, s.sim_time
     rows, columns = f.cells.shape
     number, turns = counts[0] * counts[1], counts[2]
+    by_cell = 1.0 / f.frame[2]
+    u0, v0 = (state[0] - f.frame[0]) * by_cell, (state[1] - f.frame[1]) * by_cell
+    # What the double precision of the prediction itself rounds, and more.
+    least = 1e-9 * by_cell
     arcs[:, 4] = -1.0
     # Turning speeds outermost: samples of one turning speed and as many points share an arc.
     for k in range(turns):
         wz = samples[2, k]
         oscillating = s.use_dwa and oscillates(f.banned, 0.0, 0.0, wz)
+        slow, turning = abs(wz) + SLACK < s.min_theta, points_for_turn(wz, s)
+        cw, sw = math.cos(0.5 * wz * s.sim_time), math.sin(0.5 * wz * s.sim_time)
         for pair in range(number):
             index = pair * turns + k
             out[index, 0] = -3
-            if oscillating or pairs[pair, 1] < 0.0:
+            if oscillating or pairs[pair, 1] < 0.0 or (slow and pairs[pair, 4] != 0.0):
                 continue
-            n = count_points(pairs[pair, 0], wz, s)
+            n = int(max(pairs[pair, 0], turning))
             if n == 0:
                 continue
-            dt = sim_time / n
-            arc = arcs[n]
-            if arc[4] != k:
-                _sum_headings(heading, wz * dt, n - 1, arc)
-                arc[4] = k
+            # Rows are not taken out as views: counting who uses them costs more than the rest.
+            if arcs[n, 4] != k:
+                dt = s.sim_time / n
+                x, y, c, d = _sum_headings(heading[0], heading[1], cw, sw, wz * dt, n - 1)
+                arcs[n, 0], arcs[n, 1] = x * dt * by_cell, y * dt * by_cell
+                arcs[n, 2], arcs[n, 3] = c * s.forward * by_cell, d * s.forward * by_cell
+                arcs[n, 4] = k
+            margin = min(1.0, least + n * slope)
             vx, vy = pairs[pair, 2], pairs[pair, 3]
-            x = state[0] + dt * (vx * arc[0] - vy * arc[1])
-            y = state[1] + dt * (vx * arc[1] + vy * arc[0])
-            out[index, 0] = _cell_if_sure(x, y, frame, margin, rows, columns)
-            x, y = x + forward * arc[2], y + forward * arc[3]
-            out[index, 1] = _cell_if_sure(x, y, frame, margin, rows, columns)
+            u = u0 + (vx * arcs[n, 0] - vy * arcs[n, 1])
+            v = v0 + (vx * arcs[n, 1] + vy * arcs[n, 0])
+            out[index, 0] = _cell_if_sure(u, v, margin, rows, columns)
+            u, v = u + arcs[n, 2], v + arcs[n, 3]
+            out[index, 1] = _cell_if_sure(u, v, margin, rows, columns)
 
 
 @kernel
@@ -172,14 +194,16 @@ def bound_costs(
     s: DwaSettings,
     f: ScoringGrid,
     out: Floats,
+    least: Floats,
 ) -> None:
     """Write the lower bound of every sample's cost to ``out``, infinite when it cannot win.
 
     ``samples`` (3, most) holds the speeds per axis, ``counts`` how many; sample (i, j, k) stands
-    at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. Room: ``pairs``
-    (most, 4) for what all turning speeds share, ``arcs`` (longest trajectory, 5) for what samples
-    of one turning speed and number of points share, ``ends`` (samples, 2) and ``known`` (3, cells).
-    ``digits`` (3,) is how many digits the distances of path, goal and front use.
+    at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. ``least`` gets the
+    smallest bound of each (i, j). Room: ``pairs`` (most, 5) for what all turning speeds share,
+    ``arcs`` (longest trajectory, 5) for what samples of one turning speed and number of points
+    share, ``ends`` (samples, 2) and ``known`` (3, cells). ``digits`` (3,) is how many digits the
+    distances of path, goal and front use.
     """
     points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
     points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
@@ -188,10 +212,8 @@ def bound_costs(
     fastest = _prepare_pairs(samples, counts, here, s, f, pairs)
     number, turns = counts[0] * counts[1], counts[2]
     turn = max(abs(samples[2, 0]), abs(samples[2, turns - 1]))
-    by_speed = fastest * s.sim_time / s.granularity
-    most = math.ceil(max(by_speed, turn * s.sim_time / s.angular_granularity))
-    margin = _rounding_margin(state, fastest, turn, most, s, f)
-    _predict_end_cells(state, samples, counts, pairs, arcs, points[0, 3:5], margin, s, f, ends)
+    slope = _rounding_slope(state, fastest, turn, s, f)
+    _predict_end_cells(state, samples, counts, pairs, arcs, points[0, 3:5], slope, s, f, ends)
     # One pass over all samples with every lookup cached by cell; taken apart it would hand
     # fifteen arrays from part to part.
     known[:] = -1
@@ -203,6 +225,7 @@ def bound_costs(
     strict_path, strict_goal = weights[3] != 0.0, weights[4] != 0.0
     flat = cells.reshape(-1)
     for pair in range(number):
+        smallest = math.inf
         for k in range(turns):
             index = pair * turns + k
             out[index] = math.inf
@@ -240,7 +263,20 @@ def bound_costs(
                 along = distance_at(path, nose // columns, nose % columns, size, digits[0])
                 by_path[nose] = along
             below = max(int(pairs[pair, 1]), int(flat[at]))
-            out[index] = total_cost(float(below), ahead, along, from_path, from_goal, wz, weights)
+            bound = total_cost(float(below), ahead, along, from_path, from_goal, wz, weights)
+            out[index] = bound
+            smallest = min(smallest, bound)
+        least[pair] = smallest
+
+
+@kernel
+def _first_smallest(values: Floats, begin: int, end: int) -> int:
+    """Return the place of the smallest of ``values`` from ``begin`` to ``end``, the first of it."""
+    best = begin
+    for k in range(begin + 1, end):
+        if values[k] < values[best]:
+            best = k
+    return best
 
 
 @kernel
@@ -254,29 +290,32 @@ def find_best_sample(
     s: DwaSettings,
     f: ScoringGrid,
     lower: Floats,
+    least: Floats,
     answer: Floats,
 ) -> int:
     """Return the number of points of the winning trajectory, 0 when no sample is legal.
 
-    ``lower`` are the bounds, which are used up. ``answer`` (5,) receives the velocity of the
-    winner, its cost and its place in the order of the samples; ``points`` its trajectory.
+    ``lower`` and ``least`` are the bounds, those of samples that were followed are used up.
+    ``answer`` (5,) receives the velocity of the winner, its cost and its place in the order of the
+    samples; ``points`` its trajectory.
     """
-    total = counts[0] * counts[1] * counts[2]
-    cheapest, winner = math.inf, -1
-    for _ in range(total):
-        index = int(np.argmin(lower[:total]))
-        low = lower[index]
-        # Equal bounds must still be scored: an earlier sample wins a tie.
+    number, turns = counts[0] * counts[1], counts[2]
+    cheapest, winner, followed, n = math.inf, -1, -1, 0
+    while True:
+        pair = _first_smallest(least, 0, number)
+        low = least[pair]
         if low == math.inf or low > cheapest:
             break
-        lower[index] = math.inf
+        index = _first_smallest(lower, pair * turns, (pair + 1) * turns)
+        # Equal bounds must still be scored where an earlier sample wins the tie. This is the first
+        # of them.
         if low == cheapest and index > winner:
-            continue
-        i, rest = index // (counts[1] * counts[2]), index % (counts[1] * counts[2])
-        j, k = rest // counts[2], rest % counts[2]
-        n = simulate_trajectory(
-            state, samples[0, i], samples[1, j], samples[2, k], s, points, moving
-        )
+            break
+        lower[index] = math.inf
+        least[pair] = lower[_first_smallest(lower, pair * turns, (pair + 1) * turns)]
+        vx, vy, wz = samples[0, pair // counts[1]], samples[1, pair % counts[1]], index % turns
+        n = simulate_trajectory(state, vx, vy, samples[2, wz], s, points, moving)
+        followed = index
         cost = score_trajectory(points, n, moving, weights, cheapest, s, f)
         if cost < 0.0:
             continue
@@ -284,10 +323,11 @@ def find_best_sample(
             cheapest, winner = cost, index
     if winner < 0:
         return 0
-    i, rest = winner // (counts[1] * counts[2]), winner % (counts[1] * counts[2])
-    j, k = rest // counts[2], rest % counts[2]
-    # Followed once more: its points were overwritten by the samples scored after it.
-    n = simulate_trajectory(state, samples[0, i], samples[1, j], samples[2, k], s, points, moving)
+    if winner != followed:
+        # Its points were overwritten by the samples scored after it.
+        pair, k = winner // turns, winner % turns
+        vx, vy = samples[0, pair // counts[1]], samples[1, pair % counts[1]]
+        n = simulate_trajectory(state, vx, vy, samples[2, k], s, points, moving)
     answer[:3] = moving
     answer[3], answer[4] = cheapest, winner
     return n

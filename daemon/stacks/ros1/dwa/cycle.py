@@ -7,7 +7,7 @@ commands that are only checked.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.map_grid import (
     Bits,
+    all_reached,
     compute_distances,
     empty_set,
     mark_plan_cells,
@@ -37,10 +38,12 @@ class SearchBuffers(NamedTuple):
 
     ``seeds``, ``passable``, ``wanted`` and ``fronts`` are sets of cells as in
     :mod:`daemon.stacks.ros1.base_local_planner.map_grid`; ``speeds`` (3, 2) the dynamic window;
-    ``samples`` (3, most), ``counts`` (3,), ``weights`` (6,), ``pairs`` (most, 4), ``ends`` (all
-    samples, 2), ``known`` (3, cells), ``digits`` (3,), ``lower`` (all samples), ``arcs`` and
-    ``points`` (longest trajectory, 5), ``moving`` (3,) and ``answer`` (5,) as :mod:`._search` has
-    them.
+    ``samples`` (3, most), ``counts`` (3,), ``weights`` (6,), ``pairs`` (most, 5), ``ends`` (all
+    samples, 2), ``known`` (3, cells), ``digits`` (3,), ``lower`` (all samples), ``least`` (most,),
+    ``arcs`` and ``points`` (longest trajectory, 5), ``moving`` (3,) and ``answer`` (5,) as
+    :mod:`._search` has them. ``sources`` (2, 2) says which cell the distances of goal and front
+    lead to, -1 for none, and whether they were spread as far as they go (1); whoever changes
+    ``passable`` forgets them (:data:`UNKNOWN`).
     """
 
     seeds: Bits
@@ -56,10 +59,16 @@ class SearchBuffers(NamedTuple):
     known: Integers
     digits: Integers
     lower: Floats
+    least: Floats
     arcs: Floats
     points: Floats
     moving: Floats
     answer: Floats
+    sources: Integers
+
+
+UNKNOWN: Final = -2
+"""Instead of a cell that distances lead to: they are those of another costmap."""
 
 
 @kernel
@@ -102,15 +111,28 @@ def fill_distances(
         r.digits[0] = compute_distances(r.seeds, r.passable, r.wanted, f.path, r.fronts)
     if s.goal_scale == 0.0:
         return
-    if last >= 0:
-        write_single_cell(last // columns, last % columns, r.seeds)
     write_reach(state[0], state[1], near, f.frame, f.cells.shape, r.wanted)
-    r.digits[1] = compute_distances(r.seeds, r.passable, r.wanted, f.goal, r.fronts)
+    _spread_from(last, 0, columns, f.goal, r)
     last = mark_plan_cells(plan, n, front_end, f.cells, f.frame, r.seeds)
-    if last >= 0:
-        write_single_cell(last // columns, last % columns, r.seeds)
     write_reach(state[0], state[1], nose, f.frame, f.cells.shape, r.wanted)
-    r.digits[2] = compute_distances(r.seeds, r.passable, r.wanted, f.front, r.fronts)
+    _spread_from(last, 1, columns, f.front, r)
+
+
+@kernel
+def _spread_from(source: int, which: int, columns: int, out: Bits, r: SearchBuffers) -> None:
+    """Write the distances from the cell ``source`` to ``out`` unless they are there already.
+
+    The end of the plan stays in its cell for many a cycle, the costmap as it is for most.
+    """
+    known, complete = r.sources[which, 0] == source, r.sources[which, 1] == 1
+    if known and (complete or all_reached(out, r.wanted)):
+        return
+    if source >= 0:
+        write_single_cell(source // columns, source % columns, r.seeds)
+    r.digits[1 + which] = compute_distances(r.seeds, r.passable, r.wanted, out, r.fronts)
+    r.sources[which, 0] = source
+    # Spreading ends when all that is wanted is reached or nothing is left to reach.
+    r.sources[which, 1] = 0 if all_reached(out, r.wanted) else 1
 
 
 @kernel
@@ -160,9 +182,20 @@ def choose_trajectory(
         s,
         f,
         r.lower,
+        r.least,
     )
     return find_best_sample(
-        state, r.samples, r.counts, r.weights, r.points, r.moving, s, f, r.lower, r.answer
+        state,
+        r.samples,
+        r.counts,
+        r.weights,
+        r.points,
+        r.moving,
+        s,
+        f,
+        r.lower,
+        r.least,
+        r.answer,
     )
 
 
@@ -203,16 +236,18 @@ def allocate_buffers(shape: tuple[int, ...], settings: DwaSettings, longest: int
         speeds=np.zeros((3, 2)),
         samples=np.zeros((3, max(numbers))),
         counts=np.zeros(3, dtype=np.int32),
-        pairs=np.zeros((numbers[0] * numbers[1], 4)),
+        pairs=np.zeros((numbers[0] * numbers[1], 5)),
         weights=np.zeros(6),
         ends=np.zeros((int(np.prod(numbers)), 2), dtype=np.int32),
         known=np.zeros((3, shape[0] * shape[1]), dtype=np.int32),
         digits=np.zeros(3, dtype=np.int32),
         lower=np.zeros(int(np.prod(numbers))),
+        least=np.zeros(numbers[0] * numbers[1]),
         arcs=np.zeros((longest, 5)),
         points=np.zeros((longest, 5)),
         moving=np.zeros(3),
         answer=np.zeros(5),
+        sources=np.full((2, 2), UNKNOWN, dtype=np.int32),
     )
 
 
@@ -220,7 +255,7 @@ def allocate_buffers(shape: tuple[int, ...], settings: DwaSettings, longest: int
 def _complete_distances(plan: Floats, old: ScoringGrid, r: SearchBuffers) -> None:
     rows, columns = old.cells.shape
     n = plan.shape[0]
-    passable = np.empty_like(r.passable)
+    passable = np.zeros_like(r.passable)
     passable_cells(old.cells, passable)
     write_box(0, columns, 0, rows, r.wanted)
     last = mark_plan_cells(plan, n, plan[n - 1], old.cells, old.frame, r.seeds)
@@ -238,14 +273,15 @@ class LastCycleDistances:
     """
 
     def __init__(self, plan: Floats, field: ScoringGrid) -> None:
-        self._plan = plan.copy()
-        self._old = field._replace(cells=field.cells.copy(), frame=field.frame.copy())
+        self._plan, self._cells, self._frame = plan.copy(), field.cells.copy(), field.frame.copy()
         self._distances: ScoringGrid | None = None
 
     def complete(self, field: ScoringGrid, room: SearchBuffers) -> ScoringGrid:
         """Return ``field`` with that cycle's distances in every cell."""
         if self._distances is None:
             path, goal = np.empty_like(field.path), np.empty_like(field.goal)
-            self._distances = self._old._replace(path=path, goal=goal)
+            self._distances = field._replace(
+                cells=self._cells, frame=self._frame, path=path, goal=goal
+            )
             _complete_distances(self._plan, self._distances, room)
         return field._replace(path=self._distances.path, goal=self._distances.goal)

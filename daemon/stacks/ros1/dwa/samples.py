@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from grammars.model.geometry import Floats
+
+SLACK: Final = 1e-4
+"""[m/s, rad/s] How much the original forgives samples that are too slow or too fast
+(``SimpleTrajectoryGenerator::generateTrajectory``)."""
 
 
 @kernel
@@ -86,19 +91,29 @@ def footprint_scale(speed: float, s: DwaSettings) -> float:
 
 
 @kernel
+def points_for_way(speed: float, s: DwaSettings) -> float:
+    """Return how many points ``sim_granularity`` asks for at a ``speed`` [m/s], a whole number."""
+    return float(math.ceil(speed * s.sim_time / s.granularity))
+
+
+@kernel
+def points_for_turn(wz: float, s: DwaSettings) -> float:
+    """Return how many points ``angular_sim_granularity`` asks for, a whole number."""
+    return float(math.ceil(abs(wz) * s.sim_time / s.angular_granularity))
+
+
+@kernel
 def count_points(speed: float, wz: float, s: DwaSettings) -> int:
     """Return the number of points of a sample's trajectory; 0 when the sample is illegal.
 
     Illegal are samples slower than both minimum speeds or faster than the largest
     (``SimpleTrajectoryGenerator::generateTrajectory``).
     """
-    if speed + 1e-4 < s.min_trans and abs(wz) + 1e-4 < s.min_theta:
+    if speed + SLACK < s.min_trans and abs(wz) + SLACK < s.min_theta:
         return 0
-    if speed - 1e-4 > s.max_trans:
+    if speed - SLACK > s.max_trans:
         return 0
-    straight = speed * s.sim_time / s.granularity
-    turning = abs(wz) * s.sim_time / s.angular_granularity
-    return math.ceil(max(straight, turning))
+    return int(max(points_for_way(speed, s), points_for_turn(wz, s)))
 
 
 @kernel

@@ -25,7 +25,7 @@ from daemon.stacks.ros1.global_planner.expansion import (
     seed_wave,
 )
 from daemon.stacks.ros1.global_planner.orientation import orient
-from daemon.stacks.ros1.global_planner.restricted import goal_reads_cut, propagate_towards
+from daemon.stacks.ros1.global_planner.restricted import goal_is_doubtful, propagate_towards
 from daemon.stacks.ros1.navfn.guided import MARGINS, WORTHWHILE, GuidedField
 from daemon.stacks.ros1.navfn.propagation import BUFFER, path_to_poses, reset_potentials
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
@@ -72,7 +72,7 @@ class _Field(GuidedField):
         exact = parameters.use_dijkstra and not parameters.use_grid_path
         sure = exact or parameters.old_navfn_behavior
         self._lenient = not (sure or quirks.global_planner_misses_start)
-        self._states = np.full(self.size, LETHAL, dtype=np.uint16)
+        self._states = self._flags = np.full(self.size, LETHAL, dtype=np.uint16)
         # A* enters cells up to the lethal cost, Dijkstra only to one less.
         self._table, self._gains = cost_tables(
             parameters.lethal_cost + (0 if parameters.use_dijkstra else 1),
@@ -85,7 +85,6 @@ class _Field(GuidedField):
         heap = 0 if parameters.use_dijkstra else self._area + 1
         self._heap, self._totals = np.empty(heap, np.int32), np.empty(heap, np.float32)
         self._buffers = np.empty((3, BUFFER if parameters.use_dijkstra else 0), dtype=np.int32)
-        self._guesses = np.empty((3, BUFFER if guided else 0), dtype=np.float32)
         self._make_room(8 * (rows + columns))
         self._length = 0
         self._boxed_in = False
@@ -201,19 +200,19 @@ class _Field(GuidedField):
         self, start: int, goal: int, bound: np.float32
     ) -> tuple[int, int, np.float32]:
         waiting = self._seed(start)
-        self._count, fill, used, threshold = propagate_towards(
+        self._count, self._doubts, fill, used, threshold = propagate_towards(
             self._states, self._potentials, self._table, self._gains, self._remainder.ahead,
             bound, self._parameters.lethal_cost, self.columns, goal, self._cycles,
-            self._buffers, waiting, self._guesses, self._log, self._count, self._cut, self._epoch,
+            self._buffers, waiting, self._log, self._count, self._doubtful,
         )  # fmt: skip
         return int(fill), int(used), threshold
 
-    def _goal_reads_cut(self, goal: int, latest: float) -> bool:
+    def _goal_is_doubtful(self, goal: int, latest: float) -> bool:
         if self._parameters.old_navfn_behavior:
             return False
-        return goal_reads_cut(
-            self._costs, self._potentials, self._remainder.ahead, np.float32(latest),
-            self.columns, self._entry(self._goal_cell), self._cut, self._mark, self._epoch,
+        return goal_is_doubtful(
+            self._states, self._costs, self._potentials, self._remainder.ahead, np.float32(latest),
+            self.columns, self._entry(self._goal_cell),
         )  # fmt: skip
 
     def _descend(self, start: int, goal: int) -> int:

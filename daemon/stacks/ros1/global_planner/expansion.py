@@ -21,7 +21,7 @@ import numpy.typing as npt
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import LETHAL, NO_INFORMATION
-from daemon.stacks.ros1.navfn.propagation import BLOCKED, UNREACHED
+from daemon.stacks.ros1.navfn.propagation import BLOCKED, DOUBTFUL, UNREACHED
 
 PENDING: Final = 256
 """Flag of a cell that waits in a buffer; added to its costmap value: one look tells both."""
@@ -43,14 +43,14 @@ States: TypeAlias = npt.NDArray[np.uint16]
 def cost_tables(
     lethal: int, neutral: int, factor: float, *, allow_unknown: bool
 ) -> tuple[Singles, Singles]:
-    """Return cost and least gain by state, (512,) float32 each.
+    """Return cost and least gain by state, (512,) and with ``DOUBTFUL`` (1024,), float32 each.
 
     The cost is rounded down to a whole number, as the calculators take it; the gain, from which
     on a neighbour is looked at again, is 0.7 of the exact one, and infinite for cells that are
     blocked or wait already.
     """
     costs = np.zeros(2 * PENDING, dtype=np.float32)
-    gains = np.full(2 * PENDING, np.inf, dtype=np.float32)
+    gains = np.full(2 * DOUBTFUL, np.inf, dtype=np.float32)
     for value in range(PENDING):
         if value >= lethal - 1 and not (allow_unknown and value == NO_INFORMATION):
             continue
@@ -58,7 +58,7 @@ def cost_tables(
         if cost >= lethal:
             cost = np.float32(lethal - 1)
         costs[value] = costs[value + PENDING] = np.trunc(cost)
-        gains[value] = 0.707106781 * np.float64(cost)
+        gains[value] = gains[value + DOUBTFUL] = 0.707106781 * np.float64(cost)
     return costs, gains
 
 

@@ -43,6 +43,8 @@ class TransformBuffer:
         self.twist = Twist2()
         """The latest odometry twist."""
         self._base: Pose2 | None = None
+        self._asked = (math.nan, self.odom_to_base)
+        """When and where the base was asked for last, between two samples of odometry."""
         self.time = -1.0
         """Stamp of the latest odometry sample [s]; negative before the first."""
 
@@ -94,10 +96,13 @@ class TransformBuffer:
         k = bisect_right(stamps, time)
         if k == 0:
             return samples[0].pose
-        share = (time - stamps[k - 1]) / (stamps[k] - stamps[k - 1])
-        if share == 0.0:
-            return samples[k - 1].pose
-        return _interpolate_pose(samples[k - 1].pose, samples[k].pose, share)
+        # AMCL and the costmaps ask for the same scans, one after the other.
+        if time != self._asked[0]:
+            share = (time - stamps[k - 1]) / (stamps[k] - stamps[k - 1])
+            first, second = samples[k - 1].pose, samples[k].pose
+            pose = first if share == 0.0 else _interpolate_pose(first, second, share)
+            self._asked = (time, pose)
+        return self._asked[1]
 
     def base_in_map(self) -> Pose2:
         """Return where the stack takes the robot to be at the stamp of its newest odometry."""

@@ -83,7 +83,6 @@ class PotentialField(GuidedField):
         self.grid = grid
         self._table = translation_table(allow_unknown=allow_unknown)
         self._buffers = np.empty((3, BUFFER), dtype=np.int32)
-        self._guesses = np.empty((3, BUFFER), dtype=np.float32)
         self._trip = _NO_TRIP
         self._path = np.empty((4 * columns, 2), dtype=np.float32)
         self._cells = np.empty(4 * columns, dtype=np.int32)
@@ -129,10 +128,9 @@ class PotentialField(GuidedField):
     def _spread_towards(
         self, start: int, goal: int, bound: np.float32
     ) -> tuple[int, int, np.float32]:
-        self._count, fill, used, threshold = propagate_towards(
+        self._count, self._doubts, fill, used, threshold = propagate_towards(
             self._costs, self._potentials, GAINS, self._remainder.ahead, bound, self.columns,
-            start, goal, self._cycles, self._buffers, self._guesses, self._log, self._cut,
-            self._epoch,
+            start, goal, self._cycles, self._buffers, self._log, self._doubtful, self._certified,
         )  # fmt: skip
         return int(fill), int(used), threshold
 

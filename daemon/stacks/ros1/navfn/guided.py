@@ -15,8 +15,8 @@ from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.navfn.propagation import BLOCKED, BUFFER, UNREACHED, reset_potentials
 from daemon.stacks.ros1.navfn.restricted import (
     CostToGo,
-    descent_reads_cut,
-    history_reads_cut,
+    clear_doubts,
+    descent_is_doubtful,
 )
 
 MARGINS: Final = (2000.0, 4000.0, 8000.0, 16_000.0)
@@ -27,7 +27,6 @@ _OUTDATED: Final = 1000.0
 """Detour [cost] by which changed costs may make the way longer before the remainder is renewed."""
 _EXTRA_REACH: Final = 2500.0
 """Cost by which the remainder reaches farther than it must."""
-_EPOCHS: Final = 255
 _RETRY: Final = 12
 """Plans after which a smaller margin is tried again."""
 _SPARE_ENTRIES: Final = 25
@@ -38,7 +37,7 @@ class GuidedField(ABC):
     """Potentials over flat costs of navfn's kind, ``BLOCKED`` or less.
 
     With ``margins`` the wave is restricted to what can matter, and checked afterwards; without it
-    is always whole. ``certified`` paths have their history checked; without it they rest on the
+    is always whole. The history of ``certified`` paths is checked; without it they rest on the
     margin and on what the descent looked at. ``whole`` and ``restricted`` count the waves that
     gave an answer.
     """
@@ -59,11 +58,13 @@ class GuidedField(ABC):
         self._cycles = cycles
         self._costs = np.full(size, BLOCKED, dtype=np.uint16)
         self._potentials = np.full(size, UNREACHED, dtype=np.float32)
-        self._log = np.empty(2 * size + 1 + _SPARE_ENTRIES, dtype=np.int32)
-        self._count = 0
+        self._flags = self._costs
+        """Where a wave flags the cells that are doubtful."""
+        self._log = np.empty(size + 1 + _SPARE_ENTRIES, dtype=np.int32)
+        self._doubtful = np.empty(size, dtype=np.int32)
+        self._count, self._doubts = 0, 0
         self._cells: Integers = np.empty(0, dtype=np.int32)
-        self._cut, self._mark = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
-        self._epoch, self._level, self._steady = 0, 0, 0
+        self._level, self._steady = 0, 0
         self._remainder = CostToGo(size, columns)
         self._excess, self._usable = 0.0, False
         self._repeated = False
@@ -76,7 +77,10 @@ class GuidedField(ABC):
     def _spread_towards(
         self, start: int, goal: int, bound: np.float32
     ) -> tuple[int, int, np.float32]:
-        """Spread the wave without what the bound excludes; return fill, cycles and threshold."""
+        """Spread the wave without what the bound excludes; return fill, cycles and threshold.
+
+        ``_doubts`` is how many of ``_doubtful`` were flagged.
+        """
 
     @abstractmethod
     def _descend(self, start: int, goal: int) -> int:
@@ -90,8 +94,8 @@ class GuidedField(ABC):
         """Return what remains from the start; unreached only if no way leads on."""
         return self._remainder.at(start)
 
-    def _goal_reads_cut(self, goal: int, latest: float) -> bool:
-        """Tell whether what the descent reads before its first point was left out."""
+    def _goal_is_doubtful(self, goal: int, latest: float) -> bool:
+        """Tell whether what the descent reads before its first point is doubtful."""
         return False
 
     def reached(self, cell: int) -> bool:
@@ -160,44 +164,35 @@ class GuidedField(ABC):
 
     def _restricted(self, start: int, goal: int, margin: float) -> int:
         """Return the length of the path, 0 when it is not certain to be that of the whole wave."""
-        ahead = self._remainder.ahead
         bound = np.float32(self._bound(start, goal, margin))
         if self._remainder.goal != goal:
             return 0
         reset_potentials(self._potentials, self._log, self._count)
-        self._begin_epoch()
         fill, used, threshold = self._spread_towards(start, goal, bound)
         # A wave that passed through what was left out is later than the bound at the goal.
         spare = bound - threshold - margin / 4.0
-        if not self.reached(goal) or spare < margin / 4.0:
-            return 0
+        length = 0
         # What is left out takes room in the buffers and cycles too: keep well off both limits.
-        if fill > BUFFER // 2 or used > self._cycles // 4:
-            return 0
-        if self._goal_reads_cut(goal, float(spare)):
-            return 0
-        length = self._descend(start, goal)
-        if length == 0 or descent_reads_cut(
-            self._costs, self._potentials, ahead, np.float32(spare), self.columns, self._cells,
-            length, self._cut, self._mark, self._epoch,
-        ):  # fmt: skip
-            return 0
-        if self._certified and history_reads_cut(
-            self.columns, self._log, self._count, self._mark, self._epoch
-        ):
-            return 0
-        self._excess = self._surplus(start, goal)
-        self._remainder.limit = min(self._remainder.limit, float(bound) + _EXTRA_REACH)
+        within = fill <= BUFFER // 2 and used <= self._cycles // 4
+        if self.reached(goal) and spare >= margin / 4.0 and within:
+            length = self._certain_descent(start, goal, float(spare))
+        clear_doubts(self._flags, self._doubtful, self._doubts)
+        if length > 0:
+            self._excess = self._surplus(start, goal)
+            self._remainder.limit = min(self._remainder.limit, float(bound) + _EXTRA_REACH)
         return length
 
-    def _begin_epoch(self) -> None:
-        """Make the flags of earlier waves void; flags of one byte take little of the cache."""
-        # Two a wave: history_reads_cut marks with the epoch and with one more.
-        self._epoch += 2
-        if self._epoch >= _EPOCHS:
-            self._cut.fill(0)
-            self._mark.fill(0)
-            self._epoch = 2
+    def _certain_descent(self, start: int, goal: int, spare: float) -> int:
+        """Descend from the goal; return 0 if anything on the way is doubtful."""
+        if self._goal_is_doubtful(goal, spare):
+            return 0
+        length = self._descend(start, goal)
+        if length == 0 or descent_is_doubtful(
+            self._flags, self._costs, self._potentials, self._remainder.ahead, np.float32(spare),
+            self.columns, self._cells, length,
+        ):  # fmt: skip
+            return 0
+        return length
 
     def _update_cost_to_go(self, start: int, goal: int, fill: int) -> None:
         """Find out from a whole wave whether the next one can be guided, and how well."""

@@ -24,6 +24,10 @@ NEUTRAL: Final = 50
 BLOCKED: Final = 254
 PENDING: Final = 256
 """Flag of a cell that waits in a buffer; added to its cost, so that one look tells both."""
+DOUBTFUL: Final = 512
+"""Flag of a cell that a restricted wave left out, or that what was left out may have changed."""
+VALUE: Final = PENDING - 1
+"""Mask of what stands below the flags."""
 UNREACHED: Final = np.float32(1.0e10)
 
 Bytes: TypeAlias = npt.NDArray[np.uint8]
@@ -60,10 +64,10 @@ def translate_costs(
 BUFFER: Final = 10_000
 """Cells a priority buffer holds; what does not fit is lost (navfn ``PRIORITYBUFSIZE``)."""
 THRESHOLD_STEP: Final = 100.0
-GAINS: Final = np.full(2 * PENDING, np.inf, dtype=np.float32)
-"""By cost: how much a neighbour must at least gain, so that it is looked at again. No gain is
-enough for a cell that is blocked or waits already."""
-GAINS[:BLOCKED] = 0.707106781 * np.arange(BLOCKED)
+GAINS: Final = np.full(2 * DOUBTFUL, np.inf, dtype=np.float32)
+"""By cost and flags: how much a neighbour must at least gain, so that it is looked at again. No
+gain is enough for a cell that is blocked or waits already."""
+GAINS[:BLOCKED] = GAINS[DOUBTFUL : DOUBTFUL + BLOCKED] = 0.707106781 * np.arange(BLOCKED)
 
 
 @kernel
@@ -175,10 +179,9 @@ def propagate_wave(
 
 @kernel
 def reset_potentials(potentials: Singles, log: Integers, count: int) -> None:
-    """Make the cells among the first ``count`` of ``log`` unreached again; others are negative."""
+    """Make the first ``count`` cells of ``log`` unreached again."""
     for i in range(count):
-        if log[i] >= 0:
-            potentials[log[i]] = UNREACHED
+        potentials[np.uintp(log[i])] = UNREACHED
 
 
 STEP: Final = np.float32(0.5)
@@ -250,7 +253,8 @@ def descend_gradient(
     # Step for step the original's descent, with everything it remembers in registers.
     size = potentials.size
     n, dx, dy = goal, np.float32(0.0), np.float32(0.0)
-    before, edge = -1, False
+    column, row = goal % columns, goal // columns
+    before, edge = -1, True
     ax, ay, bx, by = dx, dx, dx, dx
     cx, cy, ex, ey = dx, dx, dx, dx
     for count in range(path.shape[0]):
@@ -261,8 +265,8 @@ def descend_gradient(
             return count + 1
         if n <= columns or n >= size - columns - 1:
             return 0
-        path[count, 0] = np.float32(n % columns) + dx
-        path[count, 1] = np.float32(n // columns) + dy
+        path[count, 0] = np.float32(column) + dx
+        path[count, 1] = np.float32(row) + dy
         swinging = (
             count >= 2
             and path[count, 0] == path[count - 2, 0]
@@ -270,14 +274,35 @@ def descend_gradient(
         )
         # Half a cell at a time, every other point is reckoned from the same cells.
         if n != before:
+            # The gradients of two cells are known where it has just gone one to the side.
+            step, known = n - before, not edge
             before, edge = n, at_edge(potentials, n, columns)
-            if not edge:
+            if edge:
+                pass
+            elif known and step == 1:
+                ax, ay, cx, cy = bx, by, ex, ey
+                bx, by = _gradient(potentials, n + 1, columns)
+                ex, ey = _gradient(potentials, n + columns + 1, columns)
+            elif known and step == -1:
+                bx, by, ex, ey = ax, ay, cx, cy
+                ax, ay = _gradient(potentials, n, columns)
+                cx, cy = _gradient(potentials, n + columns, columns)
+            elif known and step == columns:
+                ax, ay, bx, by = cx, cy, ex, ey
+                cx, cy = _gradient(potentials, n + columns, columns)
+                ex, ey = _gradient(potentials, n + columns + 1, columns)
+            elif known and step == -columns:
+                cx, cy, ex, ey = ax, ay, bx, by
+                ax, ay = _gradient(potentials, n, columns)
+                bx, by = _gradient(potentials, n + 1, columns)
+            else:
                 ax, ay = _gradient(potentials, n, columns)
                 bx, by = _gradient(potentials, n + 1, columns)
                 cx, cy = _gradient(potentials, n + columns, columns)
                 ex, ey = _gradient(potentials, n + columns + 1, columns)
         if swinging or edge:
             n = _lowest(potentials, n, columns)
+            column, row = n % columns, n // columns
             dx, dy = np.float32(0.0), np.float32(0.0)
             continue
         x = interpolate_rounded(
@@ -293,15 +318,19 @@ def descend_gradient(
         dy += y * scale
         if dx > 1.0:
             n += 1
+            column += 1
             dx -= np.float32(1.0)
         if dx < -1.0:
             n -= 1
+            column -= 1
             dx += np.float32(1.0)
         if dy > 1.0:
             n += columns
+            row += 1
             dy -= np.float32(1.0)
         if dy < -1.0:
             n -= columns
+            row -= 1
             dy += np.float32(1.0)
     return 0
 

@@ -1,10 +1,10 @@
 """The wave of :mod:`.propagation` without the cells that lead too far away from the goal.
 
 Its guide is the cost to go: a potential spread backward from the goal, about what remains from a
-cell. A cell whose potential and remainder exceed a bound is not looked at. Afterwards
-:func:`descent_reads_cut` and :func:`history_reads_cut` follow everything that the path has come
-from, and find out whether a cell left out took part in it; the caller then spreads the whole
-wave instead.
+cell. A cell whose potential and remainder exceed a bound is not looked at, and is doubtful from
+then on. So is every cell that is looked at later than a doubtful neighbour: nothing but neighbours
+can tell a cell a potential or make it be looked at. A path whose descent looks at a doubtful cell
+(:func:`descent_is_doubtful`) is not believed; the caller then spreads the whole wave instead.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
     BUFFER,
+    DOUBTFUL,
     GAINS,
     PENDING,
     THRESHOLD_STEP,
     UNREACHED,
-    Bytes,
+    VALUE,
     States,
     at_edge,
     interpolate_potential,
@@ -66,7 +67,7 @@ def relax_lowered_costs(
         n = queue[head]
         head = (head + 1) % queue.size
         waiting -= 1
-        floor[n] &= PENDING - 1
+        floor[n] &= VALUE
         across, along = min(ahead[n - 1], ahead[n + 1]), min(ahead[n - columns], ahead[n + columns])
         if min(across, along) >= UNREACHED:
             continue
@@ -146,20 +147,20 @@ def queue_if_gaining(
     costs: States,
     gains: Singles,
     m: np.uintp,
+    cost: np.uint16,
     value: np.float32,
     p: np.float32,
     queue: Integers,
-    waiting: int,
+    end: int,
 ) -> int:
-    """Append a neighbour of potential ``value`` if it gains enough; return how many wait.
+    """Append a neighbour of potential ``value`` if it gains enough; return where the queue ends.
 
     That is hard to foresee: no branches.
     """
-    cost = costs[m]
     gaining: bool = value > p + gains[cost]
-    queue[np.uintp(waiting)] = m
+    queue[np.uintp(end)] = m
     costs[m] = cost | (np.uint16(gaining) << np.uint16(8))
-    return waiting + gaining
+    return end + gaining
 
 
 @kernel
@@ -174,27 +175,25 @@ def propagate_towards(
     goal: int,
     cycles: int,
     buffers: Integers,
-    guesses: Singles,
-    log: Integers,
-    cut: Bytes,
-    epoch: int,
-) -> tuple[int, int, int, np.float32]:
-    """Spread the wave as :func:`propagate` does, but leave out what the bound excludes.
+    reached: Integers,
+    doubtful: Integers,
+    certified: bool,
+) -> tuple[int, int, int, int, np.float32]:
+    """Spread the wave as :func:`propagate_wave` does, but leave out what the bound excludes.
 
-    A cell is left out when threshold plus ``ahead`` exceed ``bound``; ``cut`` is then set to
-    ``epoch``. ``log`` takes every cell looked at, in order, and -1 - n for a cell n left out.
-    Returns the number of these events, the fill, the cycles used and the threshold at the end.
-    It gives up, with a fill of all there is, where a buffer or the log could run over.
-
-    ``guesses`` of shape (3, size) is scratch for what each waiting cell would get at the start of
-    a cycle: mostly right, and reckoned without waiting for the cell before, on which the next one
-    in line often borders.
+    A cell is left out when threshold plus ``ahead`` exceed ``bound``, and is flagged ``DOUBTFUL``;
+    if ``certified``, so is each cell looked at beside a doubtful one. The cells flagged stand in
+    ``doubtful``, for :func:`clear_doubts`. Returns how many cells were reached, how many are
+    doubtful, the fill, the cycles used and the threshold at the end. It gives up, with a fill of
+    all there is, where a buffer could run over.
     """
     capacity = buffers.shape[1]
-    across, along, guess = guesses[0], guesses[1], guesses[2]
+    waiting = buffers.reshape(-1)
+    # Where the next cell goes: behind those of later blocks, and behind those of this one.
+    ends = np.empty(2, dtype=np.int64)
     potentials[start] = np.float32(0.0)
-    log[0] = start
-    events, fill = 1, 0
+    reached[0] = start
+    count, doubts, fill = 1, 0, 0
     a, b, c = 0, 1, 2
     now, later, over = 0, 0, 0
     for cell in (start + 1, start - 1, start - columns, start + columns):
@@ -205,51 +204,69 @@ def propagate_towards(
     threshold = np.float32(BLOCKED)
     # Unsigned, so that an index is not looked at for being negative.
     one, line = np.uintp(1), np.uintp(columns)
+    flag, settled = np.uint16(DOUBTFUL), np.uint16(VALUE | DOUBTFUL)
+    passed_on = flag if certified else np.uint16(0)
     used = 0
     # The inner loop is where a plan's time goes. It stays one loop with everything in registers:
     # the order of its events is the result, so it cannot be reordered or vectorised.
     while used < cycles and now > 0:
-        if over + 4 * now > capacity or events + now > log.size:
+        if over + 4 * now > capacity:
             fill = capacity
             break
         used += 1
-        current, following, postponed = buffers[a], buffers[b], buffers[c]
+        current, farthest = buffers[a], bound - threshold
         for i in range(now):
-            n = np.uintp(current[i])
-            cost = costs[n] & np.uint16(PENDING - 1)
-            costs[n] = cost
-            x = min(potentials[n - one], potentials[n + one])
-            y = min(potentials[n - line], potentials[n + line])
-            across[i], along[i] = x, y
-            guess[i] = interpolate_potential(x, y, np.float32(cost))
-        farthest = bound - threshold
+            costs[np.uintp(current[i])] &= settled
+        ends[0], ends[1] = c * capacity + over, b * capacity
+        # What a cell would get is reckoned while the cell before it is still looked at: mostly
+        # right, and without waiting for that one, on which it often borders.
+        current[now] = current[0]
+        m = np.uintp(current[0])
+        across, along = (
+            min(potentials[m - one], potentials[m + one]),
+            min(potentials[m - line], potentials[m + line]),
+        )
+        cost = np.float32(costs[m] & np.uint16(VALUE))
+        guess = interpolate_potential(across, along, cost)
         for i in range(now):
-            n = np.uintp(current[i])
+            n, x, y, dear, p = m, across, along, cost, guess
+            m = np.uintp(current[i + 1])
+            across = min(potentials[m - one], potentials[m + one])
+            along = min(potentials[m - line], potentials[m + line])
+            cost = np.float32(costs[m] & np.uint16(VALUE))
+            guess = interpolate_potential(across, along, cost)
+            state = costs[n]
             if ahead[n] > farthest:
-                cut[n] = epoch
-                log[np.uintp(events)] = -1 - current[i]
-                events += 1
+                if state < flag:
+                    costs[n] = state | flag
+                    doubtful[doubts] = n
+                    doubts += 1
                 continue
-            log[np.uintp(events)] = current[i]
-            events += 1
+            on_left, on_right = costs[n - one], costs[n + one]
+            above, below = costs[n - line], costs[n + line]
+            if (on_left | on_right | above | below) & passed_on > state:
+                costs[n] = state | flag
+                doubtful[doubts] = n
+                doubts += 1
             left, right = potentials[n - one], potentials[n + one]
             up, down = potentials[n - line], potentials[n + line]
-            p, x, y = guess[i], min(left, right), min(up, down)
-            if x != across[i] or y != along[i]:
-                p = interpolate_potential(x, y, np.float32(costs[n] & np.uint16(PENDING - 1)))
-            if p >= potentials[n]:
+            u, v = min(left, right), min(up, down)
+            if u != x or v != y:
+                p = interpolate_potential(u, v, dear)
+            old = potentials[n]
+            if p >= old:
                 continue
             potentials[n] = p
-            if p < threshold:
-                later = queue_if_gaining(costs, gains, n - one, left, p, following, later)
-                later = queue_if_gaining(costs, gains, n + one, right, p, following, later)
-                later = queue_if_gaining(costs, gains, n - line, up, p, following, later)
-                later = queue_if_gaining(costs, gains, n + line, down, p, following, later)
-            else:
-                over = queue_if_gaining(costs, gains, n - one, left, p, postponed, over)
-                over = queue_if_gaining(costs, gains, n + one, right, p, postponed, over)
-                over = queue_if_gaining(costs, gains, n - line, up, p, postponed, over)
-                over = queue_if_gaining(costs, gains, n + line, down, p, postponed, over)
+            reached[np.uintp(count)] = n
+            count += old >= UNREACHED
+            soon = np.uintp(p < threshold)
+            end = ends[soon]
+            end = queue_if_gaining(costs, gains, n - one, on_left, left, p, waiting, end)
+            end = queue_if_gaining(costs, gains, n + one, on_right, right, p, waiting, end)
+            end = queue_if_gaining(costs, gains, n - line, above, up, p, waiting, end)
+            end = queue_if_gaining(costs, gains, n + line, below, down, p, waiting, end)
+            ends[soon] = end
+        over, later = ends[0] - c * capacity, ends[1] - b * capacity
         a, b = b, a
         fill = max(fill, later, over)
         now, later = later, 0
@@ -260,14 +277,22 @@ def propagate_towards(
         if potentials[goal] < UNREACHED:
             break
     for i in range(now):
-        costs[buffers[a, i]] &= PENDING - 1
+        costs[buffers[a, i]] &= settled
     for i in range(over):
-        costs[buffers[c, i]] &= PENDING - 1
-    return events, fill, used, threshold
+        costs[buffers[c, i]] &= settled
+    return count, doubts, fill, used, threshold
 
 
 @kernel
-def descent_reads_cut(
+def clear_doubts(costs: States, doubtful: Integers, count: int) -> None:
+    """Take the flag ``DOUBTFUL`` from the first ``count`` cells of ``doubtful``."""
+    for i in range(count):
+        costs[np.uintp(doubtful[i])] &= np.uint16(VALUE)
+
+
+@kernel
+def descent_is_doubtful(
+    flags: States,
     costs: States,
     potentials: Singles,
     ahead: Singles,
@@ -275,15 +300,11 @@ def descent_reads_cut(
     columns: int,
     cells: Integers,
     length: int,
-    cut: Bytes,
-    mark: Bytes,
-    epoch: int,
 ) -> bool:
-    """Tell whether the descent of a path of ``length`` points looked at a cell left out.
+    """Tell whether the descent of a path of ``length`` points looked at a doubtful cell.
 
     Neither may a cell it found unreached be one that could have been reached in time: ``latest``
-    is the largest remainder with which a wave through the cells left out comes too late. ``mark``
-    is set to ``epoch`` where the descent looked.
+    is the largest remainder with which a wave through the cells left out comes too late.
     """
     for i in range(length):
         # At the edge of the wave the descent compares eight neighbours; elsewhere it takes the
@@ -295,39 +316,11 @@ def descent_reads_cut(
         beyond = 2 if at_edge(potentials, at, columns) else 3
         for r in range(-1, beyond):
             for n in range(at + r * columns - 1, at + r * columns + beyond):
-                if n >= potentials.size or mark[n] == epoch:
+                if n >= potentials.size:
                     continue
-                if cut[n] == epoch:
+                if flags[n] >= DOUBTFUL:
                     return True
-                mark[n] = epoch
                 missing = potentials[n] >= UNREACHED and costs[n] < BLOCKED
                 if missing and latest < ahead[n] < UNREACHED:
                     return True
-    return False
-
-
-@kernel
-def history_reads_cut(columns: int, log: Integers, events: int, mark: Bytes, epoch: int) -> bool:
-    """Tell whether a cell left out took part in what the marked cells have gone through.
-
-    Backward through the log: a cell that is needed when it was looked at needs its neighbours
-    from then on back, because nothing else can have told it a potential or made it be looked at.
-    A cell left out before it was needed for the last time is one too many. ``mark`` is
-    ``epoch`` for needed cells and becomes one more when their neighbours are marked.
-    """
-    one, line = np.uintp(1), np.uintp(columns)
-    # The first is the start, which needs nobody and may lie on the border.
-    for event in range(events - 1, 0, -1):
-        entry = log[event]
-        if entry < 0:
-            if mark[np.uintp(-1 - entry)] >= epoch:
-                return True
-            continue
-        n = np.uintp(entry)
-        if mark[n] == epoch:
-            mark[n] = epoch + 1
-            mark[n - one] = max(mark[n - one], epoch)
-            mark[n + one] = max(mark[n + one], epoch)
-            mark[n - line] = max(mark[n - line], epoch)
-            mark[n + line] = max(mark[n + line], epoch)
     return False

@@ -212,7 +212,7 @@ class TrajectoryPlanner:
             return self._search(window, pose, moving, local)
         self._latched = self._latched or self._p.latch_xy_goal_tolerance
         # Of the window, not of the plan: its end is the goal of this controller.
-        error = normalize_angle(self._plan.window_end(map_to_odom.inverse()).yaw - pose.yaw)
+        error = normalize_angle(self._plan.window_end(map_to_odom).yaw - pose.yaw)
         if abs(error) <= self._p.yaw_goal_tolerance:
             self._rotating = self._latched = False
             self._reached = True

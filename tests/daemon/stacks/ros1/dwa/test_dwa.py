@@ -12,7 +12,15 @@ from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import Dwa, DwaParameters
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2
-from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, Problem, settings, singles
+from tests.daemon.stacks.ros1.dwa.helpers import (
+    A2S,
+    OMNI,
+    SMALL,
+    Problem,
+    blobs,
+    settings,
+    singles,
+)
 
 
 def controller(
@@ -333,3 +341,27 @@ def test_it_reaches_a_goal_in_an_empty_world(parameters: DwaParameters) -> None:
             pose = pose @ Pose2(twist.vx * dt, twist.vy * dt, twist.wz * dt)
     assert math.hypot(pose.x - 1.2 * math.cos(0.6), pose.y - 1.2 * math.sin(0.6)) < 0.16
     assert dwa.goal_reached(pose, twist, Pose2())
+
+
+def test_what_is_kept_between_cycles_changes_no_command() -> None:
+    rng = np.random.default_rng(5)
+    kept = Dwa(A2S, ORIGINAL, SMALL, 0.1)
+    local = CostGrid(0.05, -1.5, -1.5, blobs(rng, (60, 60), 4, 0.0))
+    commands = set()
+    for cycle in range(24):
+        if cycle % 5 == 4:
+            local.cells[:] = blobs(rng, (60, 60), 4, 0.0)
+            local.touch((0, 0, 60, 60))
+        x = 0.02 * cycle
+        end = 1.0 if cycle < 16 else 1.2
+        plan = np.column_stack([np.linspace(x, end, 40), np.full(40, 0.1), np.zeros(40)])
+        pose, twist = Pose2(x, 0.0, 0.05 * cycle), Twist2(0.2, 0.0, rng.normal(0.0, 0.3))
+        fresh = Dwa(A2S, ORIGINAL, SMALL, 0.1)
+        answers = []
+        for dwa in (kept, fresh):
+            dwa.set_plan(plan)
+            answers.append(dwa.command(pose, twist, Pose2(), local))
+        assert answers[0].twist == answers[1].twist
+        np.testing.assert_array_equal(answers[0].local_plan, answers[1].local_plan)
+        commands.add(answers[0].twist)
+    assert len(commands) > 8

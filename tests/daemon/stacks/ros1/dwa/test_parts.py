@@ -173,9 +173,11 @@ def test_the_footprint_grows_beyond_the_scaling_speed() -> None:
 
 def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away() -> None:
     plan = np.column_stack([np.arange(-4.0, 4.01, 0.5), np.zeros(17), np.zeros(17)])
-    out, turned = np.zeros((17, 2)), np.array((1.0, 0.0, 0.0, 1.0))
-    first, n = transform_plan_window(plan, 0, turned, np.zeros(2), 1.2, out)
+    out, turned = np.zeros((17, 2)), (1.0, 0.0, 0.0, 1.0)
+    first, n, behind = transform_plan_window(plan, 0, turned, (0.0, 0.0), (1.0, 0.75), 1.2, out)
     assert first == 6
+    # Less than 1 m from the robot is the pose at 0, the third.
+    assert behind == 2
     np.testing.assert_allclose(out[:n, 1], [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5], atol=1e-12)
     np.testing.assert_allclose(out[:n, 0], 1.0, atol=1e-12)
 

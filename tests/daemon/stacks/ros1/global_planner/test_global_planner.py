@@ -25,7 +25,7 @@ from daemon.stacks.ros1.global_planner.expansion import (
     seed_wave,
 )
 from daemon.stacks.ros1.global_planner.orientation import orient
-from daemon.stacks.ros1.global_planner.restricted import goal_reads_cut, propagate_towards
+from daemon.stacks.ros1.global_planner.restricted import goal_is_doubtful, propagate_towards
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from grammars.model.geometry import Floats, Pose2
 
@@ -320,8 +320,8 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
 def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
     kernels: tuple[Any, ...] = (
-        copy_window, seed_wave, propagate_wave, propagate_towards, goal_reads_cut, fill_around_goal,
-        search_astar, descend_gradient, descend_cells, orient,
+        copy_window, seed_wave, propagate_wave, propagate_towards, goal_is_doubtful,
+        fill_around_goal, search_astar, descend_gradient, descend_cells, orient,
     )  # fmt: skip
     grid = a_grid()
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)

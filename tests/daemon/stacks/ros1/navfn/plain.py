@@ -39,9 +39,20 @@ def updated(left: F, right: F, up: F, down: F, cost: int) -> F:
 
 
 def wave(
-    costs: npt.NDArray[np.int64], columns: int, start: int, goal: int, size: int = 10_000
+    costs: npt.NDArray[np.int64],
+    columns: int,
+    start: int,
+    goal: int,
+    size: int = 10_000,
+    ahead: Singles | None = None,
+    bound: F = HIGH,
+    log: list[int] | None = None,
 ) -> Singles:
-    """The potential when the goal first has one; ``size`` of the priority buffers."""
+    """The potential when the goal first has one; ``size`` of the priority buffers.
+
+    Cells are left out where threshold and ``ahead`` exceed ``bound``. ``log`` takes every cell that
+    is looked at, in order, and -1 - n for a cell n left out.
+    """
     pot = np.full(costs.size, HIGH, dtype=F)
     pot[start] = 0
     pending: set[int] = set()
@@ -64,6 +75,11 @@ def wave(
                 break
             pending -= set(now)
             for n in now:
+                left_out = ahead is not None and ahead[n] > F(bound - threshold)
+                if log is not None:
+                    log.append(~n if left_out else n)
+                if left_out:
+                    continue
                 around = (n - 1, n + 1, n - columns, n + columns)
                 values = [F(pot[m]) for m in around]
                 p = updated(*values, int(costs[n]))

@@ -19,8 +19,8 @@ from daemon.stacks.ros1.navfn.propagation import (
     translation_table,
 )
 from daemon.stacks.ros1.navfn.restricted import (
-    descent_reads_cut,
-    history_reads_cut,
+    clear_doubts,
+    descent_is_doubtful,
     propagate_towards,
     relax_lowered_costs,
 )
@@ -152,7 +152,7 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
 def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
     kernels = (
-        translate_costs, propagate_wave, propagate_towards, descent_reads_cut, history_reads_cut,
+        translate_costs, propagate_wave, propagate_towards, descent_is_doubtful, clear_doubts,
         descend_gradient, reset_potentials, path_to_poses, relax_lowered_costs,
     )  # fmt: skip
     grid = a_grid()

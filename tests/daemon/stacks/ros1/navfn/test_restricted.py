@@ -10,45 +10,70 @@ from hypothesis import strategies as st
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import PotentialField
 from daemon.stacks.ros1.navfn.propagation import (
+    DOUBTFUL,
     GAINS,
     UNREACHED,
     translate_costs,
     translation_table,
 )
-from daemon.stacks.ros1.navfn.restricted import CostToGo, history_reads_cut, propagate_towards
+from daemon.stacks.ros1.navfn.restricted import CostToGo, clear_doubts, propagate_towards
+from tests.daemon.stacks.ros1.navfn import plain
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
 
-COLUMNS = 10
+COLUMNS = 14
+F = np.float32
 FAR = float(UNREACHED)
 
 
-@pytest.mark.parametrize(
-    ("log", "depends"),
-    [
-        ([3, 44, 45, 46], False),
-        ([3, 44, ~45, 46, 45, 46], True),
-        ([3, 44, 45, 46, ~45], False),
-        ([3, 44, 45, ~57, 46], False),
-        ([3, ~44, 45, 46], True),
-        ([3, 45, ~44, 46], False),
-        ([46, 45, 46], False),
-    ],
-    ids=[
-        "nothing left out",
-        "a neighbour in time",
-        "a neighbour afterwards",
-        "somewhere else",
-        "the neighbour of a neighbour in time",
-        "the neighbour of a neighbour afterwards",
-        "the start itself needed",
-    ],
-)
-def test_a_cell_left_out_counts_until_what_it_could_change_is_settled(
-    log: list[int], depends: bool
-) -> None:
-    mark = np.zeros(100, dtype=np.uint8)
-    mark[46] = 2
-    assert history_reads_cut(COLUMNS, np.array(log, dtype=np.int32), len(log), mark, 2) is depends
+def depends(log: list[int], n: int) -> bool:
+    """Tell whether a cell left out took part in what a cell has gone through, backward.
+
+    A cell that is needed when it was looked at needs its neighbours from then on back, because
+    nothing else can have told it a potential or made it be looked at.
+    """
+    needed = {n}
+    for entry in reversed(log):
+        if entry < 0:
+            if ~entry in needed:
+                return True
+        elif entry in needed:
+            needed |= {entry - 1, entry + 1, entry - COLUMNS, entry + COLUMNS}
+    return False
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_doubtful_is_what_a_cell_left_out_took_part_in(seed: int, certified: bool) -> None:
+    random = np.random.default_rng(seed)
+    rows = int(random.integers(6, 20))
+    choice = [0, 0, 0, 0, 40, 120, 252, 254]
+    costs = plain.costs_of(random.choice(choice, size=(rows, COLUMNS)).astype(np.uint8))
+    free = np.flatnonzero(costs < 254)
+    if free.size < 2:
+        return
+    start, goal = (int(n) for n in random.choice(free, 2, replace=False))
+    ahead = (random.random(costs.size) * 600.0).astype(np.float32)
+    bound, log = F(random.uniform(500.0, 1500.0)), list[int]()
+    expected = plain.wave(costs, COLUMNS, start, goal, ahead=ahead, bound=bound, log=log)
+
+    flags, potentials = costs.astype(np.uint16), np.full(costs.size, UNREACHED, dtype=np.float32)
+    buffers, reached = np.empty((3, 10_000), np.int32), np.empty(costs.size + 1, np.int32)
+    doubtful = np.empty(costs.size, np.int32)
+    cycles = max(costs.size // 20, rows + COLUMNS)
+    count, doubts, _, _, _ = propagate_towards(
+        flags, potentials, GAINS, ahead, bound, COLUMNS, start, goal, cycles, buffers, reached,
+        doubtful, certified,
+    )  # fmt: skip
+    assert np.array_equal(potentials, expected)
+    assert set(reached[:count].tolist()) == set(np.flatnonzero(expected < UNREACHED).tolist())
+    found = set(doubtful[:doubts].tolist())
+    assert found == set(np.flatnonzero(flags & DOUBTFUL).tolist())
+    assert len(found) == doubts
+    left_out = {~n for n in log if n < 0}
+    affected = {n for n in free.tolist() if depends(log, n)} if certified else set()
+    assert found == left_out | affected
+    clear_doubts(flags, doubtful, doubts)
+    assert np.array_equal(flags, costs)
 
 
 def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over() -> None:
@@ -57,15 +82,13 @@ def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over() -> None:
     free = np.zeros((40, 40), dtype=np.uint8)
     translate_costs(free, costs, translation_table(allow_unknown=True), 0, 0, 40, 40)
     potentials = np.full(size, UNREACHED, dtype=np.float32)
-    flags = np.zeros(size, dtype=np.uint8)
-    log = np.empty(2 * size, dtype=np.int32)
+    reached, doubtful = np.empty((2, size + 1), dtype=np.int32)
     for room, gives_up in ((40, True), (400, False)):
         potentials[:] = UNREACHED
         buffers = np.empty((3, room), dtype=np.int32)
-        guesses = np.empty((3, room), dtype=np.float32)
-        _, fill, _, _ = propagate_towards(
+        _, _, fill, _, _ = propagate_towards(
             costs, potentials, GAINS, np.zeros(size, dtype=np.float32), UNREACHED, 40, 820, 1300,
-            10_000, buffers, guesses, log, flags, 2,
+            10_000, buffers, reached, doubtful, True,
         )  # fmt: skip
         assert (fill == room) is gives_up
         assert (costs < 256).all()
@@ -127,7 +150,7 @@ def test_what_remains_is_the_least_beside_a_cell() -> None:
     # A corridor of one row: a step along it costs 50, and beside it there is no way.
     costs = np.full(100, 254, dtype=np.uint16)
     costs[51:59] = 50
-    remainder = CostToGo(100, COLUMNS)
+    remainder = CostToGo(100, 10)
     assert remainder.renew(costs, 52, 1e6)
     assert remainder.whole
     assert [remainder.at(n) for n in (52, 53, 54, 57)] == [0.0, 0.0, 50.0, 200.0]

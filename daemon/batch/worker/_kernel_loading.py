@@ -1,0 +1,117 @@
+"""Has the fork server load the kernels of the runs that come, and has compiled what it lacks."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerProcess
+from typing import Final
+
+from daemon.batch import kernel_compilation
+from daemon.batch.errors import WorkerBroken
+from daemon.batch.worker._attempts import Waitable
+from daemon.model.execution import DEFAULT_EXECUTOR, EXECUTOR_VARIABLE, KERNEL_LIST_VARIABLE
+from daemon.model.kernel_rooms import kernel_rooms
+from daemon.model.spec import SutReference
+
+_NO_ANSWER: Final = "the process that compiles machine code ended without an answer"
+
+_COUNTING: Final = 1.0
+"""Seconds between two changes of what is said about compiling."""
+
+
+class KernelLoader:
+    """Which kernels the fork server has, and the process that compiles others.
+
+    ``fork`` starts a process from the fork server, given what it executes and its arguments. The
+    server loads what is listed, if the disk has it, before it forks (see
+    :mod:`daemon.batch.forkserver_preload`).
+    """
+
+    def __init__(self, fork: Callable[..., tuple[ForkServerProcess, Connection]]) -> None:
+        self._fork = fork
+        # Read by the fork server, gone with this process, and there on a full disk as well.
+        self._list = os.memfd_create("kernel-rooms")
+        os.environ[KERNEL_LIST_VARIABLE] = f"/proc/{os.getpid()}/fd/{self._list}"
+        self._listings = 0
+        self._rooms: dict[str, None] = {}
+        self._ready: set[str] = set()
+        self._compiling: tuple[ForkServerProcess, Connection] | None = None
+        self._answered = False
+        self._failure = ""
+        self._count_at = 0.0
+        self.words = ""
+        """How far compiling is, empty when nothing is compiled."""
+
+    @property
+    def waitables(self) -> tuple[Waitable, ...]:
+        """What the process that compiles sends, while there is one."""
+        return (self._compiling[1],) if self._compiling is not None else ()
+
+    def prepare(self, sut: SutReference, niceness: int) -> bool:
+        """Return whether the fork server has what a run of ``sut`` needs; see to it otherwise.
+
+        Raises :class:`WorkerBroken` with the reason when that cannot be compiled, and ``OSError``
+        or ``EOFError`` when there is no process to be had.
+        """
+        if os.environ.get(EXECUTOR_VARIABLE) != DEFAULT_EXECUTOR:
+            return True  # loads what it needs by itself
+        if self._failure:
+            failure, self._failure = self._failure, ""
+            raise WorkerBroken(f"this worker has no machine code for runs:\n{failure}")
+        rooms = kernel_rooms(sut.kind, sut.parameters)
+        if self._ready.issuperset(rooms):
+            return True
+        if self._compiling is None:
+            self._rooms |= dict.fromkeys(rooms)
+            self._write_list()
+            self._answered = False
+            self._compiling = self._fork(kernel_compilation.compile_kernels, niceness)
+            self.listen()
+        return False
+
+    def listen(self) -> None:
+        """Take in what the process that compiles has sent."""
+        if self._compiling is None:
+            return
+        process, wire = self._compiling
+        try:
+            while wire.poll():
+                self._take(wire.recv_bytes())
+        except (EOFError, OSError):
+            if not self._answered:
+                self._failure = _NO_ANSWER
+            process.join()
+            process.close()
+            wire.close()
+            self._compiling, self.words = None, ""
+
+    def _take(self, message: bytes) -> None:
+        kind, content = message[:1], message[1:].decode("utf-8", "replace")
+        if kind == kernel_compilation.COUNT:
+            self._count(*content.split())
+            return
+        self._answered = True
+        if kind == kernel_compilation.READY:
+            self._ready.update(self._rooms)
+            # Before the next fork the server looks again, and loads what has been compiled.
+            self._write_list()
+        else:
+            self._failure = content
+
+    def _count(self, done: str, total: str) -> None:
+        # The daemon is told what changes here, and some kernels take a tenth of a second.
+        now = time.monotonic()
+        if now >= self._count_at:
+            self._count_at = now + _COUNTING
+            self.words = (
+                f"compiling machine code: {done} of {total} kernels (first run on this machine)"
+            )
+
+    def _write_list(self) -> None:
+        self._listings += 1
+        words = " ".join((str(self._listings), *self._rooms)).encode()
+        os.pwrite(self._list, words, 0)
+        os.ftruncate(self._list, len(words))

@@ -1,0 +1,259 @@
+"""What is recorded for viewers alone: plans, particles and costmaps, thinned as they come.
+
+A plan has hundreds of poses and a costmap thousands of cells, of each of which rosbags wants a
+Python object or a copy. So the CDR of these messages is written out here, a header and a table of
+rows; tests hold it to rosbags.
+"""
+
+from __future__ import annotations
+
+import functools
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from daemon.model.sut import CostmapPicture
+from daemon.trace._mcap_writer import MessageBlock, MessageRecords
+from daemon.trace.layouts import HEADER, MESSAGE_OPCODE, IntArray, stamps
+from grammars.model.geometry import Floats
+
+_SECOND: Final = 1_000_000_000
+
+_HEAD: Final = struct.Struct("<4siIi4sI")
+"""Encapsulation, stamp, length and text of the frame, number of rows."""
+_RECORD_HEAD: Final = struct.Struct(HEADER.format + _HEAD.format.removeprefix("<"))
+"""The head of an MCAP record and that of the message in it."""
+_ENCAPSULATION: Final = b"\0\1\0\0"
+_FRAME: Final = (4, b"map\0")
+_STAMPED_POSE: Final = np.dtype([("stamp", "<u8"), ("frame", "V8"), ("pose", "<f8", 7)])
+_FIRST: Final = 16
+"""Of the first pose of a path, what stands before its doubles. These lie at multiples of eight
+bytes after the four of the encapsulation, so four of padding precede them; all further rows are
+aligned by then."""
+_PADDING: Final = bytes(4)
+
+PARTICLES: Final = "/particlecloud"
+COSTMAP: Final = "/move_base/local_costmap/costmap"
+
+PLAN_POINTS: Final = 500
+"""A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
+
+_LOCAL_PLAN_PERIOD: Final = _SECOND // 5
+_STEPS_PER_METRE: Final = 1024.0
+
+
+def encode_path(now: int, points: Floats) -> bytes:
+    """Return a path through ``points`` (n, 2) in map at ``now`` [ns]; all headings are 0.
+
+    Raises ``ValueError`` for any other shape.
+    """
+    rows = memoryview(_stamped_poses(np.array([now]), [len(points)], _plan_bytes(points)))
+    head = _pack_head(now, len(points))
+    if not len(points):
+        return head
+    return b"".join((head, rows[:_FIRST], _PADDING, rows[_FIRST:]))
+
+
+def decode_path(payload: bytes) -> Floats:
+    """Return the points (n, 2) of a path written by :func:`encode_path`.
+
+    Raises ``ValueError`` for a payload of another size than its number of poses takes.
+    """
+    first = _HEAD.size + _FIRST
+    rows = payload[_HEAD.size : first] + payload[first + len(_PADDING) :]
+    if len(payload) < _HEAD.size or len(rows) % _STAMPED_POSE.itemsize:
+        raise ValueError("a path of another size")
+    points: Floats = np.frombuffer(rows, _STAMPED_POSE)["pose"][:, :2].copy()
+    return points
+
+
+def _plan_bytes(points: Floats) -> bytes:
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"a plan must have shape (n, 2), not {points.shape}")
+    return np.asarray(points, np.float64).tobytes()
+
+
+def _stamped_poses(times: IntArray, counts: Sequence[int], points: bytes) -> bytes:
+    """Return the rows of paths at ``times`` (n,) [ns] with ``counts`` (n,) points each."""
+    rows = np.zeros(sum(counts), _STAMPED_POSE)
+    rows["stamp"] = np.repeat(stamps(times), counts)
+    rows["frame"] = struct.pack("<i4s", *_FRAME)
+    poses = rows["pose"]
+    poses[:, :2] = np.frombuffer(points, np.float64).reshape(-1, 2)
+    poses[:, 6] = 1.0
+    return rows.tobytes()
+
+
+def _pack_head(now: int, count: int) -> bytes:
+    return _HEAD.pack(_ENCAPSULATION, *divmod(now, _SECOND), *_FRAME, count)
+
+
+class _PathRecords:
+    """Paths of one channel, encoded together when their chunk is written."""
+
+    __slots__ = ("_channel", "_counts", "_points", "_times")
+
+    def __init__(self, channel: int) -> None:
+        self._channel = channel
+        self._times: list[int] = []
+        self._counts: list[int] = []
+        self._points: list[bytes] = []
+
+    def add(self, time: int, points: Floats) -> None:
+        """Append a path through ``points`` (n, 2); raises ``ValueError`` for another shape."""
+        self._points.append(_plan_bytes(points))
+        self._counts.append(len(points))
+        self._times.append(time)
+
+    def drain(self) -> MessageBlock:
+        """Return the paths as a block of messages and start anew."""
+        times = np.array(self._times, np.int64)
+        rows = memoryview(_stamped_poses(times, self._counts, b"".join(self._points)))
+        parts: list[bytes | memoryview] = []
+        starts, size, at = [], 0, 0
+        for now, count in zip(self._times, self._counts, strict=True):
+            end = at + count * _STAMPED_POSE.itemsize
+            length = _RECORD_HEAD.size + end - at + (len(_PADDING) if count else 0)
+            parts.append(
+                _RECORD_HEAD.pack(
+                    MESSAGE_OPCODE, length - 9, self._channel, 0, now, now,
+                    _ENCAPSULATION, *divmod(now, _SECOND), *_FRAME, count,
+                )
+            )  # fmt: skip
+            if count:
+                parts += (rows[at : at + _FIRST], _PADDING, rows[at + _FIRST : end])
+            starts.append(size)
+            size, at = size + length, end
+        self._times, self._counts, self._points = [], [], []
+        return MessageBlock(self._channel, times, np.array(starts, np.int64), b"".join(parts))
+
+
+class ViewerMessages:
+    """Collects messages for viewers; times are simulated ones [ns]."""
+
+    def __init__(self, ids: Mapping[str, int]) -> None:
+        self._plan, self._local_plan = (_PathRecords(ids[t]) for t in ("/plan", "/local_plan"))
+        self._particles, self._costmap = (MessageRecords(ids[t]) for t in (PARTICLES, COSTMAP))
+        self._due = dict.fromkeys(("plan", "local plan", "particles", "costmap"), 0)
+        self._last = b""
+        self._waiting: tuple[int, Floats] | None = None
+
+    def plan(self, now: int, points: Floats) -> None:
+        """Take a global plan (n, 2); an unchanged one is left out.
+
+        Of plans that change more than once a second the latest is kept until it is time. Raises
+        ``ValueError`` for another shape.
+        """
+        thin = thin_plan(points)
+        raw = thin.tobytes()
+        if raw == self._last:
+            return
+        self._last, self._waiting = raw, (now, thin)
+        self.flush(now)
+
+    def flush(self, now: int, *, end: bool = False) -> None:
+        """Write the plan that waits for its time, if that has come or the recording ends."""
+        if self._waiting is not None and (end or now >= self._due["plan"]):
+            self._plan.add(*self._waiting)
+            self._waiting, self._due["plan"] = None, now + _SECOND
+
+    def local_plan(self, now: int, points: Floats) -> None:
+        """Take a local plan (n, 2); more than five a second are left out."""
+        if self._take("local plan", now, _LOCAL_PLAN_PERIOD):
+            self._local_plan.add(now, points)
+
+    def particles(self, now: int, poses: Floats) -> None:
+        """Take particles (n, 3); more than one cloud a second is left out."""
+        if self._take("particles", now, _SECOND):
+            self._particles.add(now, encode_poses(now, poses))
+
+    def costmap(self, now: int, picture: CostmapPicture) -> None:
+        """Take a costmap; more than one a second is left out."""
+        if self._take("costmap", now, _SECOND):
+            self._costmap.add(now, encode_costmap(now, picture))
+
+    def _take(self, what: str, now: int, period: int) -> bool:
+        due = now >= self._due[what]
+        if due:
+            self._due[what] = now + period
+        return due
+
+    def drain(self) -> list[MessageBlock]:
+        """Return what was collected and start anew."""
+        kept = (self._plan, self._local_plan, self._particles, self._costmap)
+        return [records.drain() for records in kept]
+
+
+def thin_plan(points: Floats) -> Floats:
+    """Round a plan and leave points out evenly, but never the last one."""
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"a plan must have shape (n, 2), not {points.shape}")
+    step = -(-len(points) // PLAN_POINTS)
+    if step <= 1:
+        return _round_coordinates(points)
+    return _round_coordinates(np.concatenate([points[:-1:step], points[-1:]]))
+
+
+def _round_coordinates(values: Floats) -> Floats:
+    rounded: Floats = np.rint(np.asarray(values, np.float64) * _STEPS_PER_METRE) / _STEPS_PER_METRE
+    return rounded
+
+
+def encode_poses(now: int, poses: Floats) -> bytes:
+    """Return a ``geometry_msgs/PoseArray`` in map at ``now`` [ns], of ``poses`` (n, 3), as CDR.
+
+    Raises ``ValueError`` for another shape and for what is not finite.
+    """
+    if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
+        raise ValueError(f"particles must be finite and of shape (n, 3), not {poses.shape}")
+    rows = np.zeros((len(poses), 7))
+    rows[:, :2] = poses[:, :2]
+    half = 0.5 * poses[:, 2]
+    rows[:, 5], rows[:, 6] = np.sin(half), np.cos(half)
+    padding = _PADDING if len(poses) else b""
+    return _pack_head(now, len(poses)) + padding + _round_coordinates(rows).tobytes()
+
+
+def encode_costmap(now: int, picture: CostmapPicture) -> bytes:
+    """Return a ``nav_msgs/OccupancyGrid`` at ``now`` [ns], as costmap_2d publishes one, as CDR.
+
+    Its cells are 0 free, 1 to 98, 99 inscribed, 100 lethal, -1 unknown. Source: the cost
+    translation table of ``costmap_2d::Costmap2DPublisher``. Raises ``ValueError`` for cells of
+    another shape or type.
+    """
+    cells = picture.cells
+    if cells.ndim != 2 or cells.dtype != np.uint8:
+        raise ValueError(f"a costmap must be uint8 of two dimensions, not {cells.dtype}")
+    rows, columns = cells.shape
+    stamp = divmod(now, _SECOND)
+    frame = picture.frame.encode() + b"\0"
+    head = _grid_head(len(frame)).pack(
+        _ENCAPSULATION, *stamp, len(frame), frame, *stamp, picture.resolution, columns, rows,
+        picture.x, picture.y, 0.0, 0.0, 0.0, 0.0, 1.0, cells.size,
+    )  # fmt: skip
+    return head + cells.tobytes().translate(_cost_translation())
+
+
+@functools.cache
+def _grid_head(frame: int) -> struct.Struct:
+    """Return the head of an ``OccupancyGrid`` for a frame's text of that length, its 0 included.
+
+    Encapsulation, stamp, frame, load time, resolution, width, height, origin, number of cells.
+    """
+    text = f"{frame}s{-frame % 4}x"
+    # After the encapsulation: two times, three numbers and two lengths of four bytes precede the
+    # origin's doubles, which lie at multiples of eight.
+    before = struct.calcsize(f"<iIi{text}iIfII")
+    return struct.Struct(f"<4siIi{text}iIfII{-before % 8}x7dI")
+
+
+@functools.cache
+def _cost_translation() -> bytes:
+    """Return what costs of 0 to 255 are published as, as bytes of two's complement."""
+    costs = np.arange(256)
+    # Its loop in integer arithmetic: 1 + (97 * (cost - 1)) / 251 for costs of 1 to 252.
+    table = (1 + 97 * (costs - 1) // 251).astype(np.int16)
+    table[[0, 253, 254, 255]] = 0, 99, 100, -1
+    return table.astype(np.int8).tobytes()

@@ -1,0 +1,211 @@
+"""An older commit against the working tree, in one run, in turns.
+
+``python -m tests.benchmarks against REV [CASE ...] [-n TIMES]``. What lies in ``REV`` is written
+into a folder of the user's cache (``git archive``) and stays there with its machine code, so the
+second time is quicker. Either checkout has a process for its runs; a command is a process each
+time. All of them use the interpreter and the libraries of this process. Everything is done in
+turns, first one, then the other, then the other way round: what disturbs one disturbs the other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tarfile
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from tests.benchmarks.case_process import CAMPAIGNS, CORRIDORS
+from tests.benchmarks.measurement import Measurement, Reference
+from tests.daemon.batch.harness import eventually
+
+ROOT = Path(__file__).parents[2]
+RUNS = (*CORRIDORS, *CAMPAIGNS)
+COMMANDS = {
+    "help": ("--help",),
+    "check": ("check", "campaigns/demo/campaign.yaml"),
+    "status": ("status",),
+}
+TIMES = 5
+_PROGRAM = "import sys; from scenario_tui.cli import main; main(sys.argv[1:])"
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What one time of a case took [CPU s], and for runs what came of it."""
+
+    cpu: float
+    simulated: float = 0.0
+    digest: str = ""
+
+
+class Checkout:
+    """One of the two trees, with its process for runs and, for questions, its daemon."""
+
+    def __init__(self, folder: Path, temporary: Path, stack: ExitStack) -> None:
+        self._folder, self._temporary, self._stack = folder, temporary, stack
+        # Bytecode is kept, as in an installation; the tree comes before what the environment has.
+        kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+        state = temporary / "state"
+        self._environment = kept | {"PYTHONPATH": str(folder), "SCENARIO_STATE": str(state)}
+        temporary.mkdir()
+
+    def take(self, case: str) -> Sample:
+        """Do a case once."""
+        return self._run(case) if case in RUNS else self._command(*COMMANDS[case])
+
+    @cached_property
+    def _process(self) -> subprocess.Popen[str]:
+        script = Path(__file__).with_name("case_process.py")
+        process = self._stack.enter_context(
+            subprocess.Popen(
+                [sys.executable, "-P", str(script)],
+                cwd=self._folder, env=self._environment, text=True,
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            )
+        )  # fmt: skip
+        self._stack.callback(process.kill)
+        if Path(self._answer(process)).resolve() != self._folder.resolve():
+            raise RuntimeError(f"a process in {self._folder} imports the packages of elsewhere")
+        return process
+
+    def _run(self, case: str) -> Sample:
+        process = self._process
+        assert process.stdin is not None
+        process.stdin.write(f"{case}\n")
+        process.stdin.flush()
+        return Sample(*self._answer(process))
+
+    def _answer(self, process: subprocess.Popen[str]) -> Any:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        if not line:
+            raise RuntimeError(f"the process in {self._folder} has ended: its output says why")
+        return json.loads(line)
+
+    def _command(self, *arguments: str) -> Sample:
+        if arguments[0] == "status":
+            self._daemon  # noqa: B018
+        command = [sys.executable, "-P", "-c", _PROGRAM, *arguments]
+        said = self._temporary / "output"
+        with said.open("wb") as output:
+            process = subprocess.Popen(
+                command, cwd=self._folder, env=self._environment, stdout=output, stderr=output
+            )
+            # Of this process alone, with those it has waited for.
+            _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            raise RuntimeError(f"scenario {' '.join(arguments)}: {said.read_text()}")
+        return Sample(usage.ru_utime + usage.ru_stime)
+
+    @cached_property
+    def _daemon(self) -> subprocess.Popen[bytes]:
+        state = Path(self._environment["SCENARIO_STATE"])
+        log = self._stack.enter_context((self._temporary / "daemon.log").open("wb"))
+        command = ["-m", "daemon", "serve", "--state", str(state), "--slots", "0"]
+        process = subprocess.Popen(
+            [sys.executable, "-P", *command],
+            cwd=self._folder, env=self._environment, stdout=log, stderr=log,
+        )  # fmt: skip
+        self._stack.callback(process.wait)
+        self._stack.callback(process.terminate)
+        eventually(lambda: (state / "daemon.json").exists())
+        return process
+
+
+def archived(revision: str) -> Path:
+    """Return the folder with what lies in a commit, written there unless it is there already.
+
+    Raises ``LookupError`` where this is no checkout, or one without the commit.
+    """
+    found = subprocess.run(
+        ["git", "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"],
+        cwd=ROOT, capture_output=True, text=True,
+    )  # fmt: skip
+    if found.returncode:
+        raise LookupError(f"no commit {revision} in {ROOT}")
+    commit = found.stdout.strip()
+    folder = platformdirs.user_cache_path("scenario-tui-benchmarks") / commit
+    if not folder.exists():
+        packed = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True)
+        packed.check_returncode()
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as name:
+            with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
+                archive.extractall(Path(name, "tree"), filter="data")
+            Path(name, "tree").rename(folder)
+    return folder
+
+
+def compare(revision: str, cases: Sequence[str], times: int = TIMES) -> Iterator[Measurement]:
+    """Yield a measurement for each case, the older commit being the reference.
+
+    Raises ``LookupError`` as :func:`archived`.
+    """
+    older = archived(revision)
+    with tempfile.TemporaryDirectory(prefix="bench-against-") as name, ExitStack() as stack:
+        checkouts = [
+            Checkout(folder, Path(name, label), stack)
+            for folder, label in ((older, "old"), (ROOT, "new"))
+        ]
+        for case in cases:
+            if case not in RUNS or times > 1:  # the first time reads files, and compiles
+                for checkout in checkouts:
+                    checkout.take(case)
+            old, new = _in_turns(checkouts, case, times)
+            yield _compared(case, revision, old, new)
+
+
+def _in_turns(checkouts: Sequence[Checkout], case: str, times: int) -> list[list[Sample]]:
+    taken: list[list[Sample]] = [[], []]
+    for k in range(times):
+        for which in (0, 1) if k % 2 == 0 else (1, 0):
+            taken[which].append(checkouts[which].take(case))
+    return taken
+
+
+def _compared(case: str, revision: str, old: list[Sample], new: list[Sample]) -> Measurement:
+    ratios = [a.cpu / b.cpu for a, b in zip(old, new, strict=True)]
+    before, now = (min(one.cpu for one in samples) for samples in (old, new))
+    note = f"median of {len(new)} ratios {statistics.median(ratios):.2f}"
+    if case not in RUNS:
+        times_as_fast = f"{before / now:.2f} times as fast"
+        shown = f"scenario {' '.join(COMMANDS[case])}"
+        return Measurement(
+            shown, now, "CPU s", Reference(revision, before), (), f"{times_as_fast}, {note}"
+        )
+    digests = [{one.digest for one in samples} for samples in (old, new)]
+    same = "same bytes" if digests[0] == digests[1] and len(digests[0]) == 1 else "OTHER BYTES"
+    return Measurement(
+        case, new[0].simulated / now, "x real time",
+        Reference(revision, old[0].simulated / before), (), f"{now:.2f} CPU s, {note}, {same}",
+    )  # fmt: skip
+
+
+def main(arguments: list[str]) -> Iterator[Measurement]:
+    """Compare as the command line says."""
+    parser = argparse.ArgumentParser("tests.benchmarks against", description=__doc__)
+    parser.add_argument("revision", help="a commit, as git understands it")
+    parser.add_argument("cases", nargs="*", metavar="case", help=", ".join((*RUNS, *COMMANDS)))
+    parser.add_argument("-n", "--times", type=int, default=TIMES, help="of each; 1: nothing before")
+    asked = parser.parse_args(arguments)
+    if unknown := set(asked.cases) - {*RUNS, *COMMANDS}:
+        parser.error(f"no case {', '.join(sorted(unknown))}")
+    cases = asked.cases or [c for c in (*RUNS, *COMMANDS) if c != "s1-incremental"]
+    try:
+        yield from compare(asked.revision, cases, max(1, asked.times))
+    except LookupError as error:
+        parser.error(str(error))

@@ -1,0 +1,239 @@
+"""How costs grow: more rays, particles, doors, walls and people, and nothing worse than linear.
+
+Each case is timed small and large, in turns in one process. The exponent is that of the power of
+the size which the time has grown by, log(t2 / t1) / log(n2 / n1): 1 is linear growth, less is what
+costs the same however large it is.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from daemon.run import execute, warm_up
+from daemon.simulator import World
+from daemon.stacks import warm_up as warm_up_stacks
+from daemon.stacks.ros1.amcl import Amcl
+from daemon.stacks.ros1.costmap import Costmap
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.behaviour import Behaviour, KeyFrame, KeyFrames, Servo, Walk
+from grammars.model.geometry import Pose2, Ring
+from grammars.model.grid import OccupancyGrid
+from grammars.model.movers import with_planar_chain
+from grammars.model.robot import Robot
+from grammars.model.scene import Link, Scene, SceneObject
+from tests.benchmarks import bench_amcl, bench_costmap, corridor
+from tests.benchmarks.bench_run import idle
+from tests.benchmarks.measurement import Measurement, Reference, at_most, in_turns
+from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED
+
+TIMES = 5
+SECONDS = 30
+LONG = 300.0
+"""Metres of corridor that a hundred doors need."""
+NOISE = 1.05
+"""The exponent that linear growth may come out as: caches hold less of what is larger."""
+
+Work = Callable[[], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """The same work on something small and on something large; ``base`` is what nothing costs."""
+
+    name: str
+    sizes: tuple[int, int]
+    works: tuple[Work, Work]
+    base: Work | None = None
+
+
+def measure() -> Iterator[Measurement]:
+    """Yield the exponent of every case."""
+    warm_up()
+    warm_up_stacks()
+    for growth in (*rays(), particles(), *doors(), *walls(), *people()):
+        yield exponent(growth)
+
+
+def exponent(growth: Growth) -> Measurement:
+    """Time the small and the large one, and nothing where that is taken off, in turns."""
+    works = dict(zip(("small", "large"), growth.works, strict=True))
+    if growth.base is not None:
+        works["base"] = growth.base
+    for work in works.values():
+        work()
+    took = {name: min(times) for name, times in in_turns(works, TIMES).items()}
+    base = took.get("base", 0.0)
+    small, large = growth.sizes
+    value = math.log(max(took["large"] - base, 1e-9) / max(took["small"] - base, 1e-9))
+    value /= math.log(large / small)
+    without = f", {1e3 * base:.2f} ms without any taken off" if growth.base else ""
+    return Measurement(
+        growth.name, value, "exponent", Reference("linear growth", 1.0), (at_most(NOISE),),
+        f"{small} to {large}: {1e3 * took['small']:.2f} to {1e3 * took['large']:.2f} ms{without}",
+    )  # fmt: skip
+
+
+def with_rays(robot: Robot, count: int) -> Robot:
+    return replace(robot, laser=replace(robot.laser, rays=count))
+
+
+def world(scene: Scene, robot: Robot, behaviours: tuple[Behaviour, ...] = ()) -> World:
+    return World(scene, robot, Pose2(), behaviours, np.random.SeedSequence(1))
+
+
+def scanning(here: World, times: int = 100) -> Work:
+    """Scans at one place and another, each with fresh noise."""
+
+    def work() -> None:
+        for _ in range(times):
+            here.tick += 1
+            here.scan()
+
+    return work
+
+
+def stepping(make: Callable[[], World]) -> Work:
+    """A world from its beginning, scanned ten times a second."""
+
+    def work() -> None:
+        here = make()
+        for _ in range(10 * SECONDS):
+            here.scan()
+            here.advance(10)
+
+    return work
+
+
+def running(scene: Scene, robot: Robot, behaviours: tuple[Behaviour, ...] = ()) -> Work:
+    """A whole run with an idle system under test: simulator, trace, and that read back."""
+    spec = replace(
+        idle(scene, doors_move=False), robot=robot, behaviours=behaviours, limit=float(SECONDS)
+    )
+
+    def work() -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            execute(spec, scene, trace_path=Path(folder) / "run.mcap")
+
+    return work
+
+
+def rays() -> Iterator[Growth]:
+    sizes = (150, 1080)
+    scene = corridor.scene()
+    robots = [with_rays(corridor.robot(), count) for count in sizes]
+    yield Growth("rays: a scan", sizes, _two(scanning(world(scene, one)) for one in robots))
+    yield Growth("rays: a run", sizes, _two(running(scene, one) for one in robots))
+    building, robot, grid = bench_costmap.load()
+    yield Growth(
+        "rays: a costmap's update", sizes,
+        _two(_updates(building, with_rays(robot, count), grid) for count in sizes),
+    )  # fmt: skip
+
+
+def _updates(scene: Scene, robot: Robot, grid: OccupancyGrid) -> Work:
+    start = Pose2(*bench_costmap.BEGIN, 0.0)
+    steps = bench_costmap.drive(world_at(scene, robot, start), robot)[:300]
+    parameters = bench_costmap.GLOBAL
+    costmap = Costmap(parameters, parameters.padded_footprint(), ORIGINAL, grid)
+
+    def work() -> None:
+        for base, scan, _ in steps:
+            costmap.update(base, (scan,))
+
+    return work
+
+
+def world_at(scene: Scene, robot: Robot, start: Pose2) -> World:
+    return World(scene, robot, start, (), np.random.SeedSequence(1))
+
+
+def particles() -> Growth:
+    sizes = (500, 5000)
+    grid = bench_amcl.corridor()
+    poses = [Pose2(bench_amcl.STEP * k, 0.9, 0.0) for k in range(100)]
+    scans = [bench_amcl.see(grid, pose) for pose in poses]
+
+    def localising(count: int) -> Work:
+        parameters = replace(PUBLISHED, min_particles=count, max_particles=count)
+
+        def work() -> None:
+            amcl = Amcl(parameters, ORIGINAL, grid, (LASER,), poses[0], np.random.SeedSequence(1))
+            for k, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
+                amcl.scan(0.1 * k, scan, pose)
+
+        return work
+
+    return Growth("particles: updates of AMCL", sizes, _two(map(localising, sizes)))
+
+
+def doors() -> Iterator[Growth]:
+    sizes = (20, 100)
+    scenes = [corridor.scene(LONG, doors=count) for count in sizes]
+    swinging = [
+        tuple(swings(name, i) for i, name in enumerate(scene.joint_names)) for scene in scenes
+    ]
+    robot, pairs = corridor.robot(), list(zip(scenes, swinging, strict=True))
+    yield Growth("doors at rest: a run", sizes, _two(running(scene, robot) for scene in scenes))
+    yield Growth(
+        "doors that move: a world", sizes,
+        _two(stepping(lambda s=s, b=b: world(s, robot, b)) for s, b in pairs),  # type: ignore[misc]
+    )  # fmt: skip
+    yield Growth("doors that move: a run", sizes, _two(running(s, robot, b) for s, b in pairs))
+
+
+def swings(joint: str, number: int) -> Behaviour:
+    """A door that opens and closes every few seconds."""
+    frames = tuple(
+        KeyFrame(float(t), 1.5 * (k % 2))
+        for k, t in enumerate(range(1 + number % 7, SECONDS, 5), 1)
+    )
+    return KeyFrames(joint, frames, Servo(1.0, 40.0))
+
+
+def walls() -> Iterator[Growth]:
+    sizes = (1, 10)
+    robot = corridor.robot()
+    for what, scenes in (
+        ("ten times as long", [corridor.scene(corridor.LENGTH * times) for times in sizes]),
+        ("in pieces of a tenth", [corridor.scene(pieces=times) for times in sizes]),
+    ):
+        yield Growth(
+            f"walls, {what}: a scan", sizes, _two(scanning(world(one, robot)) for one in scenes)
+        )
+        yield Growth(f"walls, {what}: a run", sizes, _two(running(one, robot) for one in scenes))
+
+
+def people() -> Iterator[Growth]:
+    sizes = (2, 10)
+    robot = corridor.robot()
+    crowds = [crowd(count) for count in (0, *sizes)]
+    nobody, *some = [
+        stepping(lambda s=s, b=b: world(s, robot, b)) for s, b in crowds  # type: ignore[misc]
+    ]  # fmt: skip
+    yield Growth("people who walk: a world", sizes, _two(some), nobody)
+    nobody, *some = [running(s, robot, b) for s, b in crowds]
+    yield Growth("people who walk: a run", sizes, _two(some), nobody)
+
+
+def crowd(count: int) -> tuple[Scene, tuple[Behaviour, ...]]:
+    """The corridor with people who walk up and down in it, and what they do."""
+    ring: Ring = tuple((0.2 * math.cos(a), 0.2 * math.sin(a)) for a in np.linspace(0, 6, 12))
+    scene = corridor.scene()
+    people, walks = [], []
+    for k in range(count):
+        links, joints = with_planar_chain((Link("body", (ring,), 75.0, 0.0, 1.7),), (), "body")
+        x, name = 5.0 * (k + 1), f"person-{k}"
+        people.append(SceneObject(name, "person", Pose2(x), links, joints, (0.0, 0.0, 0.0)))
+        walks.append(Walk(name, ((x, 0.0), (x + 3.0, 0.3)), 0.8, manner="back-and-forth"))
+    return replace(scene, objects=(*scene.objects, *people)), tuple(walks)
+
+
+def _two(works: Iterator[Work] | list[Work]) -> tuple[Work, Work]:
+    small, large = works
+    return small, large

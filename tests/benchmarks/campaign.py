@@ -1,0 +1,181 @@
+"""A whole campaign on a daemon of its own with two workers' slots: ``make bench-campaign``.
+
+``python -m tests.benchmarks campaign [FILE] [--planner incremental] [--only SCENARIO] …``. The 120
+runs of the published experiment unless told otherwise, from the submission to the written report,
+on a state directory that is removed afterwards. Before and after it one run, S1 with a2s, is
+executed alone: its CPU seconds are the reference, since they tell how quick the machine is today.
+"""
+
+from __future__ import annotations
+
+import argparse
+import fnmatch
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+
+from daemon.batch.client import Client
+from daemon.campaign import expand, load_campaign
+from daemon.model.execution import DEFAULT_EXECUTOR
+from daemon.model.spec import RunSpec
+from daemon.model.status import CampaignRow, RunRow, Submission
+from tests.benchmarks.bench_ros import CAMPAIGN, EXACT, INCREMENTAL, with_planner
+from tests.benchmarks.case_process import REFERENCE
+from tests.benchmarks.measurement import Measurement, Reference, at_most
+from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, family
+from tests.scenario_tui.terminal.pseudo_terminal import scenario
+
+RUNS = 120
+GOALS = {EXACT: 270.0, INCREMENTAL: 165.0}
+"""Seconds for all of them and the report, on two cores."""
+LOOK = 0.5
+"""Seconds between two questions how far it is: a question costs the daemon half a millisecond."""
+
+
+def reference() -> float:
+    """CPU seconds of the run that everything is held against, in a process of its own."""
+    program = f"from tests.benchmarks.case_process import tell_cpu; tell_cpu({REFERENCE!r})"
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    return float(said.stdout)
+
+
+def chosen(
+    file: Path, repeats: int | None, only: list[str], suts: list[str], planner: str
+) -> Submission:
+    """The campaign with the runs that are asked for.
+
+    Raises ``LookupError`` when none is left.
+    """
+    submission = expand(load_campaign(file))
+    runs = tuple(
+        _with_planner(run, planner)
+        for run in submission.runs
+        if (repeats is None or run.repeat < repeats)
+        and (not only or any(fnmatch.fnmatchcase(run.scenario, each) for each in only))
+        and (not suts or run.sut.name in suts)
+    )
+    if not runs:
+        raise LookupError("no run is left")
+    used = {run.scene for run in runs}
+    scenes = tuple(scene for scene in submission.scenes if scene.digest in used)
+    return replace(submission, runs=runs, scenes=scenes, reserve=(), fresh=True)
+
+
+def _with_planner(run: RunSpec, planner: str) -> RunSpec:
+    return with_planner(run, planner) if run.sut.kind == "ros" else run
+
+
+def cpu(daemon: DaemonPart) -> tuple[float, float]:
+    """CPU seconds so far of the daemon and its worker, and of the processes of runs."""
+    own = runs = 0.0
+    for process in family(daemon.pid):
+        try:
+            used = process.cpu_times()
+            in_run = process.nice() > 0
+        except psutil.NoSuchProcess:  # a run that has just ended: its fork server has its times
+            continue
+        if in_run:
+            runs += used.user + used.system
+        else:
+            own += used.user + used.system
+        runs += used.children_user + used.children_system
+    return own, runs
+
+
+def finish(client: Client, slots: int, start: float) -> tuple[CampaignRow, float]:
+    """Wait for the end; return the campaign, and the seconds in which a slot had nothing to do."""
+    idle, last = 0.0, time.monotonic()
+    while True:
+        time.sleep(LOOK)
+        (row,) = client.campaigns()
+        now = time.monotonic()
+        if row.queued == 0:
+            idle += (slots - min(slots, row.running)) * (now - last) / slots
+        last = now
+        if row.finished:
+            return row, idle
+        print(
+            f"  {row.done} of {row.total} runs after {now - start:.0f} s",
+            end="\r", file=sys.stderr, flush=True,
+        )  # fmt: skip
+
+
+def measured(submission: Submission, slots: int, goal: float | None) -> Iterator[Measurement]:
+    """Execute it and yield what it took."""
+    before = reference()
+    with (
+        tempfile.TemporaryDirectory(prefix="bench-campaign-") as name,
+        daemon_at(Path(name, "state"), slots, executor=DEFAULT_EXECUTOR) as daemon,
+        daemon.client(timeout=60.0) as client,
+    ):
+        eventually(lambda: client.overview().workers, 600.0)  # which compiles the first time
+        begun, start = cpu(daemon), time.monotonic()
+        client.submit(submission)
+        row, tail = finish(client, slots, start)
+        took = time.monotonic() - start
+        own, runs = (b - a for a, b in zip(begun, cpu(daemon), strict=True))
+        busy = sum(run.wall for run in all_runs(client, row))
+        usage = os.times()
+        written = time.monotonic()
+        page = str(Path(name, "report.html"))
+        command = scenario("report", row.id, "-o", page, "--connect", daemon.endpoint)
+        subprocess.run(command, check=True, capture_output=True)
+        report, now = time.monotonic() - written, os.times()
+        report_cpu = sum(now[2:4]) - sum(usage[2:4])
+    one = (before + reference()) / 2.0
+    beside = Reference("CPU s of one S1", one)
+    count = len(submission.runs)
+    yield Measurement(
+        f"{count} runs on {slots} slots, and the report", took + report, "s", beside,
+        () if goal is None else (at_most(goal),),
+        f"{row.passed} passed, {row.failed} failed, {row.errors} errors, {row.lost} lost",
+    )  # fmt: skip
+    yield Measurement(
+        "  until the last result", took, "s", beside, (), f"{count / took:.2f} runs/s"
+    )
+    yield Measurement("  the report", report, "s", beside, (), f"{report_cpu:.1f} CPU s")
+    yield Measurement(
+        "  the runs", runs, "CPU s", beside, (), f"{runs / count:.2f} CPU s each, wall {busy:.1f} s"
+    )
+    yield Measurement(
+        "  daemon and worker", own, "CPU s", Reference("the runs", runs), (),
+        f"{1e3 * own / count:.1f} ms a run",
+    )  # fmt: skip
+    yield Measurement(
+        "  slots without a run", slots * took - busy, "s", Reference("slots x wall", slots * took),
+        (), f"of these {slots * tail:.1f} s at the end, when no run was left to start",
+    )  # fmt: skip
+
+
+def all_runs(client: Client, row: CampaignRow) -> Iterator[RunRow]:
+    """Every run of the campaign, page by page."""
+    seen = 0
+    while seen < row.total:
+        page = client.runs(row.id, offset=seen)
+        yield from page.rows
+        seen += len(page.rows)
+
+
+def main(arguments: list[str]) -> Iterator[Measurement]:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser("tests.benchmarks campaign", description=__doc__)
+    parser.add_argument("file", nargs="?", type=Path, default=CAMPAIGN)
+    parser.add_argument("--planner", choices=(EXACT, INCREMENTAL), default=EXACT)
+    parser.add_argument("--repeats", type=int, help="the first so many of each cell")
+    parser.add_argument("--only", action="append", default=[], metavar="SCENARIO", help="or S3.*")
+    parser.add_argument("--sut", action="append", default=[])
+    parser.add_argument("--slots", type=int, default=2)
+    asked = parser.parse_args(arguments)
+    try:
+        submission = chosen(asked.file, asked.repeats, asked.only, asked.sut, asked.planner)
+    except LookupError as error:
+        parser.error(str(error))
+    whole = asked.file == CAMPAIGN and len(submission.runs) == RUNS and asked.slots == 2
+    yield from measured(submission, asked.slots, GOALS[asked.planner] if whole else None)

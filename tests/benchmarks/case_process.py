@@ -1,0 +1,94 @@
+"""The process that executes cases for :mod:`tests.benchmarks.against`, in one of two checkouts.
+
+It is started by its path with another checkout on ``PYTHONPATH``, so it uses nothing that is not in
+both: no module of this folder but those that have been there for long. Reads names of cases from
+its input, one a line, and answers each with a line of JSON: CPU seconds, simulated seconds, and the
+digest of the trace.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+CAMPAIGNS = {
+    "s1": ("ortega2024", "S1", "a2s"),
+    "s1-incremental": ("ortega2024", "S1", "a2s"),
+    "s3.1-omni": ("ortega2024", "S3.1", "fro-omni"),
+    "rude-house": ("demo", "rude-house", None),
+}
+"""Campaign, scenario and system under test of the cases that come from a campaign."""
+REFERENCE = "s1"
+"""The case by which the speed of a machine is told."""
+CORRIDORS = ("rest", "moving", "s2")
+"""The cases of ``bench_run``, in its order."""
+
+
+def load(name: str) -> tuple[Any, Any]:
+    """Return the specification and the scene of a case."""
+    if name in CORRIDORS:
+        from tests.benchmarks.bench_run import cases
+
+        _, spec, scene = cases()[CORRIDORS.index(name)]
+        return spec, scene
+    from daemon.campaign import expand, load_campaign
+
+    campaign, scenario, sut = CAMPAIGNS[name]
+    submission = expand(load_campaign(Path("campaigns", campaign, "campaign.yaml").resolve()))
+    spec = next(
+        run for run in submission.runs if run.scenario == scenario and sut in (None, run.sut.name)
+    )
+    if name.endswith("-incremental"):
+        spec = incremental(spec)
+    return spec, next(scene for scene in submission.scenes if scene.digest == spec.scene)
+
+
+def incremental(spec: Any) -> Any:
+    """The run with the planner that keeps its wave; as it was in a checkout that has no such."""
+    if '"planner"' not in Path("daemon/stacks/ros1/configuration.py").read_text("utf-8"):
+        return spec
+    parameters = {**spec.sut.parameters, "planner": "incremental"}
+    return replace(spec, sut=replace(spec.sut, parameters=parameters))
+
+
+def tell_cpu(name: str) -> None:
+    """Print the CPU seconds that a case takes in a process that has everything loaded."""
+    from daemon.run import execute, warm_up
+
+    warm_up()
+    spec, scene = load(name)
+    with tempfile.TemporaryDirectory(prefix="bench-case-") as folder:
+        start = time.process_time()
+        execute(spec, scene, trace_path=Path(folder) / "trace.mcap")
+        print(time.process_time() - start)
+
+
+def main(folder: Path) -> None:
+    import daemon
+    from daemon.run import execute, warm_up
+
+    warm_up()
+    print(json.dumps(str(Path(daemon.__file__).parents[1])), flush=True)
+    loaded = {}
+    for line in sys.stdin:
+        name = line.strip()
+        if name not in loaded:
+            loaded[name] = load(name)
+        spec, scene = loaded[name]
+        path = folder / "trace.mcap"
+        start = time.process_time()
+        result = execute(spec, scene, trace_path=path)
+        used = time.process_time() - start
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        print(json.dumps([used, result.timing.simulated, digest]), flush=True)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory(prefix="bench-case-") as name:
+        main(Path(name))

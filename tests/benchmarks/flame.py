@@ -1,0 +1,69 @@
+"""Where the time of a run goes, function by function: a flame graph by one command.
+
+``python -m tests.benchmarks flame [CASE] [-o FILE.svg]``, with the cases of ``against``; S1 of the
+published experiment unless told otherwise. Needs py-spy (``pip install py-spy``), which looks at a
+process a hundred times a second from outside: the run is not slowed down, and compiled kernels are
+shown by the function that calls them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.benchmarks.against import ROOT, RUNS
+from tests.benchmarks.case_process import REFERENCE
+from tests.benchmarks.measurement import Measurement, Reference
+
+RATE = 100
+MOST = 25
+_PROGRAM = "from tests.benchmarks.case_process import tell_cpu; tell_cpu({case!r})"
+
+
+def find_py_spy() -> str | None:
+    """Return where py-spy is: beside the interpreter, or on the path."""
+    beside = shutil.which("py-spy", path=str(Path(sys.executable).parent))
+    return beside or shutil.which("py-spy")
+
+
+def record(py_spy: str, case: str, output: Path, kind: str) -> None:
+    """Have a process execute the case and write what py-spy has seen of it."""
+    program = _PROGRAM.format(case=case)
+    command = [py_spy, "record", "--rate", str(RATE), "--format", kind, "--output", str(output)]
+    subprocess.run(
+        [*command, "--", sys.executable, "-c", program], cwd=ROOT, check=True, capture_output=True
+    )
+
+
+def own_time(stacks: str) -> tuple[Counter[str], int]:
+    """Count the samples of each function, below ``execute``, and all of them."""
+    counted: Counter[str] = Counter()
+    for line in stacks.splitlines():
+        stack, _, samples = line.rpartition(" ")
+        if "execute (daemon/run.py" in stack:
+            counted[f"{stack.split(';')[-1].rpartition(':')[0]})"] += int(samples)
+    return counted, counted.total()
+
+
+def main(arguments: list[str]) -> Iterator[Measurement]:
+    """Draw the graph, and yield the functions that take most of the time by themselves."""
+    parser = argparse.ArgumentParser("tests.benchmarks flame", description=__doc__)
+    parser.add_argument("case", nargs="?", choices=RUNS, default=REFERENCE)
+    parser.add_argument("-o", "--output", type=Path, default=Path("flame.svg"))
+    asked = parser.parse_args(arguments)
+    py_spy = find_py_spy()
+    if py_spy is None:
+        parser.error("py-spy is not installed: pip install py-spy")
+    raw = asked.output.with_suffix(".txt")
+    record(py_spy, asked.case, raw, "raw")
+    counted, everything = own_time(raw.read_text("utf-8"))
+    record(py_spy, asked.case, asked.output, "flamegraph")
+    print(f"flame graph: {asked.output}, its stacks as text: {raw}")
+    for function, samples in counted.most_common(MOST):
+        whole = Reference("the run", everything / RATE)
+        yield Measurement(function, samples / RATE, "s", whole)

@@ -1,0 +1,191 @@
+"""What a benchmark says: one value, beside a reference from the same run, with its goals.
+
+The speed of a machine changes by the minute, so a value alone says little. A reference is something
+else that does the same work and was measured in turns with it, in the same process or by the same
+run: another library, a plain version, the same with less to do, an older commit. What disturbs one
+disturbs the other, so their ratio is what to compare between machines and days.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """What a value, or its ratio to the reference, should reach.
+
+    Attributes:
+        bound: in the unit of the value; without unit for a ratio.
+        at_least: whether more is better.
+        of_ratio: whether the ratio to the reference is meant, which does not depend on the machine.
+    """
+
+    bound: float
+    at_least: bool
+    of_ratio: bool = False
+
+
+def at_least(bound: float, *, of_ratio: bool = False) -> Goal:
+    """A goal for which more is better."""
+    return Goal(bound, True, of_ratio)
+
+
+def at_most(bound: float, *, of_ratio: bool = False) -> Goal:
+    """A goal for which less is better."""
+    return Goal(bound, False, of_ratio)
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """What was measured beside: its name, and its value in the unit of the measurement."""
+
+    name: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One line of a benchmark.
+
+    Attributes:
+        name: what was measured, for people.
+        value: what came out, the best or the median of several times where noise matters.
+        unit: of ``value`` and of the reference's.
+        reference: what it is held against; ``None`` where nothing does the same.
+        goals: empty where there is no bound to keep.
+        note: what else there is to know: sizes, differences, counts.
+    """
+
+    name: str
+    value: float
+    unit: str
+    reference: Reference | None = None
+    goals: tuple[Goal, ...] = ()
+    note: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """The value divided by the reference's."""
+        if self.reference is None or not self.reference.value:
+            return None
+        return self.value / self.reference.value
+
+    def judged(self, goal: Goal) -> float | None:
+        """The number that ``goal`` is about: the value, or the ratio where there is one."""
+        return self.ratio if goal.of_ratio else self.value
+
+    def met(self, goal: Goal) -> bool:
+        """Whether ``goal`` is reached; one of a ratio is not where the reference is missing."""
+        judged = self.judged(goal)
+        if judged is None:
+            return False
+        return judged >= goal.bound if goal.at_least else judged <= goal.bound
+
+
+_SECONDS = {"s": 1.0, "CPU s": 1.0, "ms": 1e3, "CPU ms": 1e3, "us": 1e6, "CPU us": 1e6}
+_SPEEDS = ("x real time", "/s")
+
+
+def yardstick() -> float:
+    """CPU seconds of a fixed piece of Python and numpy, the best of some: how quick it is now."""
+    return min(in_turns({"": _fixed_work}, 3)[""])
+
+
+def _fixed_work() -> None:
+    random, counted = np.random.default_rng(1), {}
+    for k in range(40):
+        numbers = np.sort(random.standard_normal(500)).cumsum()
+        for value in numbers.tolist():
+            counted[int(value) % 97] = k
+
+
+def beside_yardstick(one: Measurement, seconds: float) -> Measurement:
+    """Give a time or a speed without a reference the yardstick as one."""
+    if one.reference is not None or not seconds:
+        return one
+    if one.unit in _SECONDS:
+        return replace(one, reference=Reference("yardstick", seconds * _SECONDS[one.unit]))
+    if one.unit in _SPEEDS:
+        return replace(one, reference=Reference("yardsticks a second", 1.0 / seconds))
+    return one
+
+
+def in_turns(
+    works: Mapping[str, Callable[[], object]],
+    repeats: int,
+    clock: Callable[[], float] = time.process_time,
+) -> dict[str, list[float]]:
+    """Do each piece of work ``repeats`` times, every other round backwards; seconds of each."""
+    took: dict[str, list[float]] = {name: [] for name in works}
+    for k in range(repeats):
+        names = list(works)
+        for name in names if k % 2 == 0 else reversed(names):
+            start = clock()
+            works[name]()
+            took[name].append(clock() - start)
+    return took
+
+
+def number(value: float) -> str:
+    """Three digits that count, without an exponent where people would not write one."""
+    if value != value or value in (float("inf"), float("-inf")):
+        return "-"
+    if abs(value) >= 100.0:
+        return f"{value:.0f}"
+    return f"{value:#.3g}".rstrip(".") if abs(value) >= 1e-3 or not value else f"{value:.1e}"
+
+
+def bound(goal: Goal, unit: str) -> str:
+    """A goal in words: ``>= 1000 x real time``, ``<= 1.35 x the reference``."""
+    sign = ">=" if goal.at_least else "<="
+    return f"{sign} {goal.bound:g} {'x reference' if goal.of_ratio else unit}".rstrip()
+
+
+def line(one: Measurement) -> str:
+    """A measurement as it is printed when it has been made."""
+    beside = ""
+    if one.reference is not None:
+        ratio = "-" if one.ratio is None else number(one.ratio)
+        beside = f"{ratio:>8} x {one.reference.name} ({number(one.reference.value)})"
+    note = f"  {one.note}" if one.note else ""
+    return f"{one.name:46} {number(one.value):>8} {one.unit:12} {beside}{note}".rstrip()
+
+
+def goal_table(made: Iterable[tuple[str, Measurement]]) -> Iterator[str]:
+    """Lines of the table goal / measured / met: a row for each goal of what was measured."""
+    rows = [
+        (
+            f"{benchmark}: {one.name}",
+            bound(goal, one.unit),
+            _measured(one, goal),
+            "yes" if one.met(goal) else "NO",
+        )
+        for benchmark, one in made
+        for goal in one.goals
+    ]
+    if rows:
+        yield from aligned([("what", "goal", "measured", "met"), *rows])
+
+
+def _measured(one: Measurement, goal: Goal) -> str:
+    judged = one.judged(goal)
+    if judged is None:
+        return "no reference here"
+    if goal.of_ratio:
+        assert one.reference is not None
+        return f"{number(judged)} x {one.reference.name}"
+    beside = f" ({number(one.ratio)} x {one.reference.name})" if one.reference and one.ratio else ""
+    return f"{number(judged)} {one.unit}{beside}"
+
+
+def aligned(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    """Rows of cells as lines, each column as wide as its widest cell."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        yield "  ".join(cells).rstrip()
