@@ -9,7 +9,7 @@ of half a cell are navfn's. What differs, and makes other paths of nearly the sa
 - The path is reckoned from the robot on. Near the robot it follows the potential of the goal,
   where navfn's has come to the robot's own cell.
 - Of two ways about equally long the other one may be taken.
-- Potentials solve navfn's equations everywhere, in quarters of a cost unit. Navfn's wave does not
+- Potentials solve navfn's equations everywhere, in eighths of a cost unit. Navfn's wave does not
   look again at a cell that would gain little, and loses cells when a buffer runs over.
 - Navfn gives up after a twentieth of the cells in cycles of its wave, this one at the potential
   that such a wave could at most come to.
@@ -56,7 +56,7 @@ BEYOND: Final = np.float32(300.0)
 """How far beyond the robot potentials are right [cost]: six free cells, and what reads them is
 two cells away."""
 _MOST_BUCKETS: Final = (1 << 16) - 2
-"""What ``queued`` can tell apart; it is also well below what a float32 holds quarters of."""
+"""What ``queued`` can tell apart; a float32 holds eighths of a cost as far as that."""
 _FEWEST_ENTRIES: Final = 1 << 16
 _MOST_CHANGES: Final = 0.1
 """Share of all cells whose costs may change, before a new potential is quicker than a repair."""

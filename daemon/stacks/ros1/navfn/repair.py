@@ -41,9 +41,10 @@ NOWHERE: Final = 0
 LOWEST, WAITING, UNUSED, FRESH = 0, 1, 2, 3
 """The state of the queue: the lowest bucket that may not be empty, how many entries wait, the first
 of the entries that were used before, and how many never were."""
-GRAIN: Final = np.float32(4.0)
+GRAIN: Final = np.float32(8.0)
 """Potentials are whole numbers of 1 / GRAIN: a change too small to matter ends where it is rounded
-away, instead of running through everything behind it."""
+away, instead of running through everything behind it. With quarters the way of one run
+of S1 was 139.1 m, with eighths 138.6 m, with navfn 138.1 m; finer ones need smaller maps."""
 UNKNOWN: Final = np.float32(0.0)
 """What stands for a cell that is not reached."""
 _ONE: Final = np.float32(1.0)

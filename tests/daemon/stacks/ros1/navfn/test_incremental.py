@@ -44,7 +44,7 @@ def equations(costs: Singles, before: Singles, goal: tuple[int, int], highest: f
     lowest, difference = np.minimum(across, along), np.abs(across - along)
     q = difference / costs
     share = np.minimum(F(0.7040) + q * (F(0.5307) - F(0.2301) * q), F(1.0))
-    grains = np.floor(costs * share * F(4.0) + F(0.5)) / F(4.0)
+    grains = np.floor(costs * share * F(8.0) + F(0.5)) / F(8.0)
     after = lowest + np.where(difference < costs, grains, costs)
     after[(after >= highest) | (costs >= BLOCKED)] = HIGH
     after[goal] = 0.0
