@@ -1,8 +1,8 @@
-"""The path from the robot down a potential that is 0 at the goal.
+"""The path from the robot down a potential that is lowest at the goal.
 
 Step for step navfn's descent (:func:`.propagation.descend_gradient`), but from the other end, and
 over potentials of which only those up to a limit count: beyond it they may belong to costs that
-are not true any more.
+are not true any more. They stand less the highest one, as in :mod:`.repair`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Singles
-from daemon.stacks.ros1.navfn.propagation import NEUTRAL, STEP, UNREACHED
+from daemon.stacks.ros1.navfn.propagation import NEUTRAL, STEP
+from daemon.stacks.ros1.navfn.repair import UNKNOWN
 
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
@@ -26,13 +27,13 @@ def _slope(
 ) -> tuple[np.float32, np.float32]:
     """Return the normalised gradient at a cell from its own and four potentials, float32."""
     dx, dy = _ZERO, _ZERO
-    if left < UNREACHED:
+    if left < UNKNOWN:
         dx += left - here
-    if right < UNREACHED:
+    if right < UNKNOWN:
         dx += here - right
-    if below < UNREACHED:
+    if below < UNKNOWN:
         dy += below - here
-    if above < UNREACHED:
+    if above < UNKNOWN:
         dy += here - above
     norm = np.sqrt(dx * dx + dy * dy)
     if norm > _ZERO:
@@ -45,18 +46,20 @@ def _slope(
 def _known(potentials: Singles, n: np.uintp, limit: np.float32) -> np.float32:
     """Return the potential of a cell, unreached beyond the limit."""
     value = potentials[n]
-    known: np.float32 = value if value <= limit else UNREACHED
+    known: np.float32 = value if value <= limit else UNKNOWN
     return known
 
 
 @kernel
-def _lowest_around(potentials: Singles, n: int, columns: int, limit: np.float32) -> int:
+def _lowest_around(
+    potentials: Singles, n: int, columns: int, limit: np.float32, root: np.float32
+) -> int:
     """Return the lowest of a cell and its eight neighbours; potentials compare as integers."""
-    best, value = n, int(_known(potentials, np.uintp(n), limit))
+    best, value = n, int(_known(potentials, np.uintp(n), limit) - root)
     for row in range(-1, 2):
         for column in range(-1, 2):
             m = n + row * columns + column
-            here = _known(potentials, np.uintp(m), limit)
+            here = _known(potentials, np.uintp(m), limit) - root
             if here < value:
                 best, value = m, int(here)
     return best
@@ -71,7 +74,7 @@ def descend_to_goal(
     ``path`` has shape (steps, 2), column and row of each point [cells], float32, the last one is
     that of ``start``. The length is 0 where there is no path or it is longer than ``path``.
     """
-    size, capacity = potentials.size, path.shape[0]
+    size, capacity, root = potentials.size, path.shape[0], potentials[goal]
     one, line = np.uintp(1), np.uintp(columns)
     n, dx, dy = start, _ZERO, _ZERO
     column, row = start % columns, start // columns
@@ -83,7 +86,7 @@ def descend_to_goal(
         across = math.floor(dx + 0.5) if dx >= _ZERO else math.ceil(dx - 0.5)
         along = math.floor(dy + 0.5) if dy >= _ZERO else math.ceil(dy - 0.5)
         nearest = max(0, min(size - 1, n + across + columns * along))
-        if potentials[nearest] < NEUTRAL:
+        if potentials[nearest] - root < NEUTRAL:
             path[at, 0], path[at, 1] = goal_column, goal_row
             return int(capacity - at)
         if n <= columns or n >= size - columns - 1:
@@ -109,11 +112,11 @@ def descend_to_goal(
                 max(max(here, left), max(right, above)),
                 max(max(below, right_below), max(right_above, max(left_above, left_below))),
             )
-            edge = bool(farthest >= UNREACHED)
+            edge = bool(farthest >= UNKNOWN)
             if not edge:
                 two = _known(potentials, a + one + one, limit)
                 two_above = _known(potentials, d + one + one, limit)
-                higher, right_higher = np.float32(UNREACHED), np.float32(UNREACHED)
+                higher, right_higher = np.float32(UNKNOWN), np.float32(UNKNOWN)
                 if d + line + one < size:
                     higher = _known(potentials, d + line, limit)
                     right_higher = _known(potentials, d + line + one, limit)
@@ -125,7 +128,7 @@ def descend_to_goal(
         # swinging across it.
         arriving = abs(column - goal_column) <= 1 and abs(row - goal_row) <= 1
         if swinging or edge or arriving:
-            n = _lowest_around(potentials, n, columns, limit)
+            n = _lowest_around(potentials, n, columns, limit, root)
             column, row = n % columns, n // columns
             dx, dy = _ZERO, _ZERO
             continue

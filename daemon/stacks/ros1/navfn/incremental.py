@@ -9,7 +9,7 @@ of half a cell are navfn's. What differs, and makes other paths of nearly the sa
 - The path is reckoned from the robot on. Near the robot it follows the potential of the goal,
   where navfn's has come to the robot's own cell.
 - Of two ways about equally long the other one may be taken.
-- Potentials solve navfn's equations everywhere, in quarters of a cost unit. Navfn's wave does not
+- Potentials solve navfn's equations everywhere, in eighths of a cost unit. Navfn's wave does not
   look again at a cell that would gain little, and loses cells when a buffer runs over.
 - Navfn gives up after a twentieth of the cells in cycles of its wave, this one at the potential
   that such a wave could at most come to.
@@ -43,6 +43,7 @@ from daemon.stacks.ros1.navfn.repair import (
     FRESH,
     LOWEST,
     NOWHERE,
+    UNKNOWN,
     UNUSED,
     WAITING,
     repair,
@@ -55,7 +56,7 @@ BEYOND: Final = np.float32(300.0)
 """How far beyond the robot potentials are right [cost]: six free cells, and what reads them is
 two cells away."""
 _MOST_BUCKETS: Final = (1 << 16) - 2
-"""What ``queued`` can tell apart; it is also well below what a float32 holds quarters of."""
+"""What ``queued`` can tell apart; a float32 holds eighths of a cost as far as that."""
 _FEWEST_ENTRIES: Final = 1 << 16
 _MOST_CHANGES: Final = 0.1
 """Share of all cells whose costs may change, before a new potential is quicker than a repair."""
@@ -78,8 +79,9 @@ class GoalField:
         self._table = translation_table(allow_unknown=allow_unknown).astype(np.uint8)
         cycles = max(size // 20, rows + columns)
         self.highest: Final = np.float32(min(THRESHOLD_STEP * cycles, _MOST_BUCKETS * BUCKET))
-        self._costs = np.full(size, BLOCKED, dtype=np.uint8)
-        self._seen = ~grid.cells
+        costs = np.full((rows, columns), BLOCKED, dtype=np.uint8)
+        costs[1:-1, 1:-1] = self._table[grid.cells[1:-1, 1:-1]]
+        self._costs, self._seen = costs.ravel(), grid.cells.copy()
         self._changed = np.empty(size, dtype=np.int32)
         self._potentials = np.empty(0, dtype=np.float32)
         self._queued = np.empty(0, dtype=np.uint16)
@@ -90,7 +92,6 @@ class GoalField:
         self._path = np.empty((4 * columns, 2), dtype=np.float32)
         grid.take_changed()
         self._count = 0
-        self._take((0, 0, columns, rows))
 
     def path(self, start: int, goal: int) -> Singles:
         """Return the path from ``goal`` back to ``start``, (n, 2) column and row, n may be 0.
@@ -106,7 +107,7 @@ class GoalField:
         if goal != self._root or self._count > _MOST_CHANGES * self.size:
             self._begin(goal)
         self._repair(start, goal)
-        if not self._potentials[start] < self.highest:
+        if self._potentials[start] >= UNKNOWN:
             return self._path[:0]
         length = descend_to_goal(
             self._potentials, self.columns, start, goal, self._limit(start), self._path
@@ -115,8 +116,8 @@ class GoalField:
 
     def potentials(self, start: int) -> Singles:
         """Return the potentials a path from ``start`` reads, ``UNREACHED`` elsewhere, (size,)."""
-        known = self._potentials <= self._limit(start)
-        found: Singles = np.where(known, self._potentials, UNREACHED)
+        known = (self._potentials <= self._limit(start)) & (self._potentials < UNKNOWN)
+        found: Singles = np.where(known, self._potentials + self.highest, UNREACHED)
         return found
 
     def _repair(self, start: int, goal: int) -> None:
@@ -163,13 +164,13 @@ class GoalField:
     def _begin(self, goal: int) -> None:
         """Forget all potentials but that of a new goal."""
         size, columns = self.size, self.columns
-        self._potentials = np.full(size, UNREACHED, dtype=np.float32)
-        # Memory of zeros that nobody touches costs nothing, and most cells never wait.
+        # Memory of zeros that nobody touches costs nothing, and most cells are never reached.
+        self._potentials = np.zeros(size, dtype=np.float32)
         self._queued = np.zeros(size, dtype=np.uint16)
         self._heads.fill(NOWHERE)
         self._state[[LOWEST, WAITING, UNUSED, FRESH]] = 1, 0, NOWHERE, 1
         self._root = goal
-        self._potentials[goal] = 0.0
+        self._potentials[goal] = -self.highest
         inside = [goal - 1, goal + 1, goal - columns, goal + columns]
         self._count = len(inside)
         self._changed[: self._count] = inside

@@ -44,7 +44,7 @@ def equations(costs: Singles, before: Singles, goal: tuple[int, int], highest: f
     lowest, difference = np.minimum(across, along), np.abs(across - along)
     q = difference / costs
     share = np.minimum(F(0.7040) + q * (F(0.5307) - F(0.2301) * q), F(1.0))
-    grains = np.floor(costs * share * F(4.0) + F(0.5)) / F(4.0)
+    grains = np.floor(costs * share * F(8.0) + F(0.5)) / F(8.0)
     after = lowest + np.where(difference < costs, grains, costs)
     after[(after >= highest) | (costs >= BLOCKED)] = HIGH
     after[goal] = 0.0
@@ -315,3 +315,20 @@ def test_a_plan_looks_at_little_when_little_has_changed() -> None:
     grid.touch((25, 100, 26, 101))
     field.path(100 * 200 + 21, goal)
     assert 0 < field.updates - first < first / 50
+
+
+def test_a_queue_that_runs_over_is_begun_again_with_more_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(3)
+    grid = rooms(rng, 110)
+    roomy = GoalField(CostGrid(0.05, 0.0, 0.0, grid.cells), allow_unknown=True)
+    monkeypatch.setattr("daemon.stacks.ros1.navfn.incremental._FEWEST_ENTRIES", 16)
+    tight = GoalField(grid, allow_unknown=True)
+    start, goal = 30 * 110 + 30, 90 * 110 + 90
+    for _ in range(5):
+        expected = roomy.path(start, goal)
+        assert len(expected)
+        assert np.array_equal(tight.path(start, goal), expected)
+        change(rng, grid)
+        roomy.grid.touch((0, 0, 110, 110))
