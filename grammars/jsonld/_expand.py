@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from grammars.jsonld._json_text import JsonText
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
@@ -65,6 +65,18 @@ def expand(data: Any, file: str, document: JsonText | None = None, base: str = "
     return expansion.finished()
 
 
+class _Types(NamedTuple):
+    """What types as written mean in a context.
+
+    ``typed`` is the context inside of the node, ``iris`` has each type's IRI or nothing where it
+    has none, ``missing`` the published contexts of types that no context of the document defines.
+    """
+
+    typed: JsonLdContext
+    iris: tuple[tuple[str, str], ...]
+    missing: dict[str, str]
+
+
 class _Expansion:
     """One document on its way to nodes."""
 
@@ -78,6 +90,7 @@ class _Expansion:
         self.undefined: dict[str, tuple[dict[str, None], list[str]]] = {}
         self.written: dict[str, str] = {}
         self.good: set[str] = set()
+        self.known_types: dict[tuple[JsonLdContext, tuple[str, ...]], _Types] = {}
 
     def error(self, id: str, message: str, hint: str = "") -> None:
         if len(self.nodes.diagnostics) < _MOST_FINDINGS:
@@ -125,32 +138,46 @@ class _Expansion:
             context = context.extended(data["@context"], self.outdated)
         terms = context.terms
         types, written, rest = self._split(data, terms)
-        # Terms scoped to each of its types; rdflib knows those of the first type only.
-        typed = context.for_types(types, self.outdated) if types else context
-        missing = {name: self._context_of(name, context) for name in types if name not in terms}
-        for address in sorted({address for address in missing.values() if address}):
-            # After the types' own contexts: what is defined there holds.
-            typed = typed.completed(address).for_types(types, self.outdated)
+        # A document has thousands of nodes of a few sorts.
+        said = (context, tuple(types))
+        means = self.known_types.get(said)
+        if means is None:
+            means = self.known_types[said] = self._meaning(types, context)
+        typed = means.typed
         if top and written is None and any(k == "@graph" for k, _, _ in rest):
             self._envelope(rest, context)
             return None
         id = self._identify(written, typed)
         node = self.nodes.get(id)
-        for name in types:
-            address = missing.get(name, "")
+        for name, iri in means.iris:
+            address = means.missing.get(name, "")
             if address:
                 names, ids = self.undefined.setdefault(address, ({}, []))
                 names[name] = None
                 ids.append(written or "")
-            known = name in terms or ":" in name or context.vocabulary or address
-            iri = (typed if address else context).iri(name, vocabulary=True) if known else ""
-            if ":" in iri and not _NO_IRI.search(iri):
+            if iri:
                 node.add_type(iri)
             else:
                 self._drop(name, written)
         for key, _, value in rest:
             self._property(node, key, value, typed, context)
         return Ref(id)
+
+    def _meaning(self, types: list[str], context: JsonLdContext) -> _Types:
+        # Terms scoped to each of its types; rdflib knows those of the first type only.
+        typed = context.for_types(types, self.outdated) if types else context
+        terms = context.terms
+        missing = {name: self._context_of(name, context) for name in types if name not in terms}
+        for address in sorted({address for address in missing.values() if address}):
+            # After the types' own contexts: what is defined there holds.
+            typed = typed.completed(address).for_types(types, self.outdated)
+        iris = []
+        for name in types:
+            address = missing.get(name, "")
+            known = name in terms or ":" in name or context.vocabulary or address
+            iri = (typed if address else context).iri(name, vocabulary=True) if known else ""
+            iris.append((name, iri if ":" in iri and not _NO_IRI.search(iri) else ""))
+        return _Types(typed, tuple(iris), missing)
 
     def _context_of(self, name: str, context: JsonLdContext) -> str:
         """Return the published context of a type that no context of the document defines."""
@@ -293,16 +320,17 @@ class _Expansion:
 
     def _reference(self, text: str, context: JsonLdContext, *, vocabulary: bool) -> str:
         iri = context.iri(text, vocabulary=vocabulary)
+        if iri in self.good:
+            return iri
         if iri.startswith("_:"):
             return f"_:{self.document.file}#{iri[2:]}"
         if vocabulary and ":" not in iri:
             # A word no context defines, in a text without an address: what it may have meant is
             # known where units and kinds are read.
             return UNKNOWN[iri]
-        if iri not in self.good:
-            if ":" not in iri or _NO_IRI.search(iri):
-                self.error(text, f'"{text}" is no IRI', "give a @base, or a prefix known here")
-            self.good.add(iri)
+        if ":" not in iri or _NO_IRI.search(iri):
+            self.error(text, f'"{text}" is no IRI', "give a @base, or a prefix known here")
+        self.good.add(iri)
         return iri
 
     def _object(

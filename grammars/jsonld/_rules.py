@@ -277,8 +277,11 @@ def _check_references(nodes: NodeGraph, found: NodeGraph, partial: bool) -> None
         for predicate in node.values:
             rule = rules.get(predicate)
             allowed = rule.allowed(node) if rule is not None else ()
+            wanted = frozenset(allowed)
             for target in node.refs(predicate) if allowed else ():
-                _check_reference(nodes, found, elsewhere, node, predicate, target, allowed)
+                other = nodes.by_id.get(target)
+                if other is None or wanted.isdisjoint(other.types):
+                    _explain_reference(nodes, found, elsewhere, node, predicate, target, allowed)
 
 
 def _home(id: str) -> str:
@@ -288,7 +291,7 @@ def _home(id: str) -> str:
     return id[: len(id) - len(local_name(id))]
 
 
-def _check_reference(
+def _explain_reference(
     nodes: NodeGraph,
     found: NodeGraph,
     elsewhere: Callable[[Node, str, str], bool],
@@ -298,8 +301,6 @@ def _check_reference(
     allowed: Sequence[str],
 ) -> None:
     other = nodes.by_id.get(target)
-    if other is not None and any(kind in other.types for kind in allowed):
-        return
     words = f"{local_name(predicate)} of {local_name(node.id)} is {local_name(target)}"
     if other is not None and other.types:
         kinds = ", ".join(map(local_name, other.types))

@@ -68,7 +68,11 @@ class _Table(BaseModel):
     # Named with hyphens, as TOML files are written; the errors of pydantic name them so, too.
 
     model_config = ConfigDict(
-        extra="forbid", strict=True, alias_generator=lambda name: name.replace("_", "-")
+        extra="forbid",
+        strict=True,
+        alias_generator=lambda name: name.replace("_", "-"),
+        # Most people have no such file, and the dashboard is to be there at once.
+        defer_build=True,
     )
 
     @classmethod

@@ -11,10 +11,11 @@ from textual.app import ComposeResult, SystemCommand
 from textual.binding import ActiveBinding, Binding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
-from textual.widgets import Footer, Static
+from textual.widgets import Static
 
 from scenario_tui.campaign_actions import KEYED
 from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.status_line import StatusLine
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, UNSURE
 
@@ -46,7 +47,7 @@ class BaseScreen(Screen[None]):
         yield StatusLine(id="status")
         yield Static(id="trail")
         yield from self.body()
-        yield Footer(compact=True, show_command_palette=False)
+        yield KeyFooter()
 
     def body(self) -> ComposeResult:
         """Yield the screen's own widgets."""

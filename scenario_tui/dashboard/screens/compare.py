@@ -11,7 +11,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import Screen
-from textual.widgets import Footer, Static
+from textual.widgets import Static
 
 from daemon.batch.errors import DaemonError
 from grammars.text.diagnostics import InputError
@@ -27,6 +27,7 @@ from scenario_tui.dashboard.signal_strips import (
     shift_to_clock,
 )
 from scenario_tui.dashboard.state import UnavailableTrace, local_trace
+from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
 from scenario_tui.text.comparison_text import comparison_text
@@ -81,7 +82,7 @@ class CompareScreen(StandaloneScreen):
             with VerticalScroll(id="differences"):
                 yield Static(id="table")
         yield Static(REPLAY_LEGEND, id="legend")
-        yield Footer(compact=True, show_command_palette=False)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """Begin, both runs standing still."""

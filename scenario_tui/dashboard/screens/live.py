@@ -11,7 +11,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
-from textual.widgets import Footer, Static
+from textual.widgets import Static
 
 from daemon.live.simulation import LiveSimulation, LiveStatus, LiveThread
 from daemon.model.status import LiveSnapshot
@@ -20,6 +20,7 @@ from scenario_tui.dashboard.screens.replay import ReplayApp
 from scenario_tui.dashboard.screens.run_panel import tracked_view
 from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
+from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
 from scenario_tui.terminal.capabilities import copy_to_tmux
 from scenario_tui.text.formatting import BAD, QUIET, UNSURE
@@ -100,7 +101,7 @@ class LiveScreen(Screen[None]):
         yield TopView(id="map")
         yield Static(id="serving")
         yield Static(REPLAY_LEGEND, id="legend")
-        yield Footer(compact=True, show_command_palette=False)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """Look at the world from now on."""

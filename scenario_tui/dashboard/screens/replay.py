@@ -11,12 +11,13 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.screen import Screen
-from textual.widgets import Footer, Static
+from textual.widgets import Static
 
 from scenario_tui.dashboard.playback import Playback, headline, timeline_bar
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.playing import PlayingScreen
 from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
+from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
@@ -79,7 +80,7 @@ class ReplayScreen(StandaloneScreen):
             yield TimelineView(id="signals")
         yield Static(id="verdicts")
         yield Static(REPLAY_LEGEND, id="legend")
-        yield Footer(compact=True, show_command_palette=False)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """Show the first moment."""

@@ -88,3 +88,13 @@ def test_help_says_of_a_command_what_the_command_says() -> None:
         said = inspect.cleandoc(command.help or "").partition("\n\n")[0]
         assert entry.summary == " ".join(said.split()), entry.name
         assert command.name == entry.name
+
+
+def test_a_command_leaves_without_a_word_of_its_libraries(tmp_path: Path) -> None:
+    pytest.importorskip("manifold3d")
+    plan = Path(command_line.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
+    words = ["export", str(plan), "mesh", "-o", str(tmp_path)]
+    code = f"from scenario_tui.cli import main\nmain({words!r})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "nanobind" not in done.stderr
+    assert list(tmp_path.rglob("*.stl")) or list(tmp_path.rglob("*.dae"))
