@@ -143,7 +143,7 @@ class MessageLayout:
         """Return which rows of bytes (n, size) have this layout: size and constant bytes."""
         if rows.shape[1] != len(self.template):
             return np.zeros(len(rows), np.bool_)
-        # Whole rows at once: 200 of odometry take 27 us, one of its eight constant stretches 20.
+        # Whole rows at once: 200 of 751 bytes took 27 us, comparing 50 bytes of each of them 20.
         other = (rows ^ self.template) & self._constant_bits
         if not len(rows) or not other.max():
             return np.ones(len(rows), np.bool_)
