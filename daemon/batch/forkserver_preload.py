@@ -46,6 +46,10 @@ def _load(name: str) -> Callable[..., Any]:
     module = importlib.import_module(module_name)
     warm_up = getattr(module, "warm_up", None)
     if name == DEFAULT_EXECUTOR:
+        # Both take locks of theirs around a fork: imported by a kernel's room in the middle of one,
+        # they would release what they have not taken.
+        importlib.import_module("logging")
+        importlib.import_module("concurrent.futures.thread")
         module.warm_up(rooms=())
         os.register_at_fork(before=_load_kernels, after_in_child=_forget_list)
     elif warm_up is not None:

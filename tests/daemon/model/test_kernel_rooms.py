@@ -1,0 +1,57 @@
+"""What is compiled for which system, and that loading alone compiles nothing."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import pytest
+
+from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS, kernel_rooms
+from daemon.model.kernels import (
+    NotCompiledError,
+    count_kernels,
+    counting_compiled,
+    kernel,
+    loading_only,
+)
+
+ROS = "daemon.stacks.ros1"
+
+
+@kernel
+def doubled(x: float) -> float:
+    return 2.0 * x
+
+
+@kernel
+def quadrupled(x: float) -> float:
+    return doubled(doubled(x))
+
+
+def test_only_what_a_system_calls_is_loaded() -> None:
+    dwa = {"move_base": {"base_local_planner": "dwa_local_planner/DWAPlannerROS"}}
+    assert kernel_rooms("idle", {}) == RUN_ROOMS
+    assert kernel_rooms("pilot", {}) == (*RUN_ROOMS, "daemon.stacks.pilot")
+    assert {f"{ROS}.dwa", f"{ROS}.navfn"} <= set(kernel_rooms("ros", dwa))
+    assert not {f"{ROS}.trajectory_planner", f"{ROS}.global_planner"} & set(
+        kernel_rooms("ros", dwa)
+    )
+    assert f"{ROS}.trajectory_planner" in kernel_rooms("ros", {"move_base": None})
+
+
+@pytest.mark.parametrize("room", [*RUN_ROOMS, *SYSTEM_ROOMS])
+def test_every_room_can_be_warmed_up(room: str) -> None:
+    assert callable(import_module(room).warm_up)
+
+
+def test_loading_only_refuses_to_compile_and_leaves_the_kernel_usable() -> None:
+    # As on a machine that has never compiled them.
+    quadrupled._cache.load_overload = lambda *_: None  # type: ignore[attr-defined]
+    doubled._cache.load_overload = lambda *_: None  # type: ignore[attr-defined]
+    with loading_only(), pytest.raises(NotCompiledError, match="quadrupled"):
+        quadrupled(1.0)
+    assert count_kernels([__name__]) == 2
+    counts: list[int] = []
+    with counting_compiled(counts.append):
+        assert quadrupled(1.0) == 4.0
+    assert counts == [1, 2]
