@@ -35,8 +35,8 @@ from daemon.stacks.ros1.navfn._planner import (
 from daemon.stacks.ros1.navfn.incremental import (
     IncrementalNavfn,
     IncrementalNavfnParameters,
-    warm_up_incremental,
 )
+from daemon.stacks.ros1.navfn.incremental import warm_up as warm_up_incremental
 
 __all__ = [
     "WITHOUT_EFFECT",

@@ -210,7 +210,7 @@ class IncrementalNavfn(Navfn):
         return self._goal_field
 
 
-def warm_up_incremental() -> None:
+def warm_up() -> None:
     """Plan twice across a small costmap; the default warm-up leaves this planner out."""
     grid = CostGrid(0.05, 0.0, 0.0, np.zeros((20, 20), dtype=np.uint8))
     planner = IncrementalNavfn(NavfnParameters(), ORIGINAL)
