@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import tempfile
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
+from pathlib import Path
 from typing import Final
 
 from daemon.batch import kernel_compilation
@@ -32,9 +35,7 @@ class KernelLoader:
 
     def __init__(self, fork: Callable[..., tuple[ForkServerProcess, Connection]]) -> None:
         self._fork = fork
-        # Read by the fork server, gone with this process, and there on a full disk as well.
-        self._list = os.memfd_create("kernel-rooms")
-        os.environ[KERNEL_LIST_VARIABLE] = f"/proc/{os.getpid()}/fd/{self._list}"
+        self._list, os.environ[KERNEL_LIST_VARIABLE] = _new_list()
         self._listings = 0
         self._rooms: dict[str, None] = {}
         self._ready: set[str] = set()
@@ -115,3 +116,14 @@ class KernelLoader:
         words = " ".join((str(self._listings), *self._rooms)).encode()
         os.pwrite(self._list, words, 0)
         os.ftruncate(self._list, len(words))
+
+
+def _new_list() -> tuple[int, str]:
+    """Return a file, open, and its path: read by the fork server, gone with this process."""
+    if hasattr(os, "memfd_create"):
+        # Of Linux alone; there on a full disk as well.
+        opened = os.memfd_create("kernel-rooms")
+        return opened, f"/proc/{os.getpid()}/fd/{opened}"
+    opened, path = tempfile.mkstemp(prefix="scenario-kernel-rooms-")
+    atexit.register(Path(path).unlink, missing_ok=True)
+    return opened, path
