@@ -57,7 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Before anything is written: the first message may already hold a sign the terminal lacks.
     settle_streams()
     # A command reads a lot, makes a lot of it and ends: looking for circles after every 700 new
-    # objects took 3 to 7 % of exporting a campaign (ortega2024, six times in turns).
+    # objects took 3 to 7 % of exporting a campaign (ortega2024, six times in turns). Commands that
+    # go on for hours set it back (stay_small).
     gc.set_threshold(200_000, 10, 10)
     code = invoke(sys.argv[1:] if arguments is None else arguments)
     try:

@@ -116,7 +116,7 @@ def measured(submission: Submission, slots: int, goal: float | None) -> Iterator
         daemon_at(Path(name, "state"), slots, executor=DEFAULT_EXECUTOR) as daemon,
         daemon.client(timeout=60.0) as client,
     ):
-        eventually(lambda: client.overview().workers, 600.0)  # which compiles the first time
+        eventually(lambda: client.overview().workers, 600.0)
         begun, start = cpu(daemon), time.monotonic()
         client.submit(submission)
         row, tail = finish(client, slots, start)
