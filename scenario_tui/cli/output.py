@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+COLLECT_RARELY: Final = (200_000, 10, 10)
+"""Thresholds of the garbage collector for commands that end."""
+
 _ASCII_SIGNS: Final = {
     "✓": "+", "✗": "x", "‼": "!!", "·": ".", "…": "~", "▶": ">",
     "−": "-", "–": "-", "∞": "inf", "×": "x", "→": "->", "°": " deg",
@@ -61,9 +64,11 @@ def settle_streams() -> None:
 def stay_small() -> None:
     """Have garbage collected as often as Python does it by itself, in a command that goes on.
 
-    :func:`scenario_tui.cli.command_line.main` has it collected rarely, for commands that end.
+    :func:`scenario_tui.cli.command_line.main` has it collected rarely, for commands that end. Where
+    somebody else decides (a test, a script), nothing changes.
     """
-    gc.set_threshold(700, 10, 10)
+    if gc.get_threshold() == COLLECT_RARELY:
+        gc.set_threshold(700, 10, 10)
 
 
 def stdout_console() -> Console:
