@@ -31,8 +31,8 @@ SYSTEM_ROOMS: Final = (
 def kernel_rooms(kind: str, parameters: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the rooms of a run whose system under test is of ``kind`` with these ``parameters``.
 
-    A system that plugs in has none. Parameters that are wrong are nobody's business here: what is
-    left out is compiled by the run that calls it.
+    A system that plugs in has none. Parameters are not checked here: kernels of a room that is left
+    out are compiled by the run that calls them.
     """
     if kind == "pilot":
         return (*RUN_ROOMS, _PILOT)

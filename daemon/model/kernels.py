@@ -45,8 +45,8 @@ def kernel(function: F) -> F:
     file = compiled._cache._cache_file
     # numba looks at the file of the kernel alone, at its size and time. What a kernel calls is
     # compiled into it, and so are constants from elsewhere: without them in the stamp an upgraded
-    # installation, in whose folders old machine code stays, would run half of the old version. Nor
-    # the time: a copy, or an image of a container, has the same source and another one.
+    # installation, in whose folders old machine code stays, would run half of the old version. The
+    # time is left out: a copy, or an image of a container, has the same source and another time.
     used = hashlib.sha256(_content(function.__code__.co_filename).encode())
     for part in _compiled_in(function.__code__, function.__globals__):
         used.update(part.encode())

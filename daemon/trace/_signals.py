@@ -31,7 +31,7 @@ DOOR_PERIOD: Final = 100_000_000
 comes from the joint states, which have every sample."""
 
 POSE: Final = ("x", "y", "qz", "qw")
-HEADING: Final = ("x", "y", "yaw")
+PLANAR_POSE: Final = ("x", "y", "yaw")
 TWIST: Final = ("vx", "vy", "wz")
 COVARIANCE: Final = tuple(f"c{i}" for i in range(9))
 
@@ -141,8 +141,8 @@ class SignalBuffers:
         self.moving = MovingLinks.of(scene)
         self._door_due = 0
         self.clock = SampleColumns(())
-        self.truth = SampleColumns(HEADING + TWIST)
-        self.odometry = SampleColumns(HEADING + TWIST)
+        self.truth = SampleColumns(PLANAR_POSE + TWIST)
+        self.odometry = SampleColumns(PLANAR_POSE + TWIST)
         self.command = SampleColumns(TWIST)
         self.estimate = SampleColumns(POSE + COVARIANCE)
         self.cloud = SampleColumns((*POSE, *COVARIANCE, "count"))

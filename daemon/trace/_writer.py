@@ -13,7 +13,8 @@ import functools
 import hashlib
 import math
 import os
-from collections.abc import Mapping
+from array import array
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -135,11 +136,12 @@ class TraceWriter:
 
     def command(self, time: float, twist: Twist2) -> None:
         """Record a velocity command in the body frame."""
-        row = vx, vy, wz = twist.vx, twist.vy, twist.wz
+        values: Sequence[float]
+        values = vx, vy, wz = twist.vx, twist.vy, twist.wz
         if not (type(vx) is type(vy) is type(wz) is float):
             # From a system under test: what is no number is refused now and not with its chunk.
-            row = float(vx), float(vy), float(wz)
-        self._signals.command.add(self._at(time), row)
+            values = array("d", values)
+        self._signals.command.add(self._at(time), values)
 
     def estimate(self, estimate: Estimate) -> None:
         """Record a pose estimate, and map -> odom as it follows from odometry at that time."""

@@ -32,7 +32,9 @@ def fills_slots(cls: type[T]) -> type[T]:
         default = "" if field.default is MISSING else f"=_default_{name}"
         parameters.append(f"{name}{default}")
         assignments.append(f"    _fill_{name}(self, {name})\n")
-    # As dataclasses makes it: a function without loops, from names that are those of the fields.
+    # As ``dataclasses`` makes its own: only a function with its parameters written out is called at
+    # this speed; one that takes ``*values`` loops and checks at every call. The text holds nothing
+    # but names of fields of our classes.
     exec(f"def __init__(self, {', '.join(parameters)}):\n{''.join(assignments)}", known)
     init = known["__init__"]
     before: Any = cls.__init__

@@ -16,7 +16,12 @@ from grammars.text.diagnostics import InputError
 from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.output import report_diagnostics, say, settle_streams
+from scenario_tui.cli.output import (
+    COLLECT_RARELY,
+    report_diagnostics,
+    say,
+    settle_streams,
+)
 from scenario_tui.cli.plain_flags import load_help_pages
 
 _COUNTS_ITS_OBJECTS: Final = "manifold3d"
@@ -57,8 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Before anything is written: the first message may already hold a sign the terminal lacks.
     settle_streams()
     # A command reads a lot, makes a lot of it and ends: looking for circles after every 700 new
-    # objects took 3 to 7 % of exporting a campaign (ortega2024, six times in turns).
-    gc.set_threshold(200_000, 10, 10)
+    # objects took 3 to 7 % of exporting a campaign (ortega2024, six times in turns). Commands that
+    # go on for hours set it back (stay_small).
+    gc.set_threshold(*COLLECT_RARELY)
     code = invoke(sys.argv[1:] if arguments is None else arguments)
     try:
         sys.stdout.flush()

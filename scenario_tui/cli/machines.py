@@ -23,7 +23,7 @@ from scenario_tui.cli.options import (
     read_size,
     read_wall,
 )
-from scenario_tui.cli.output import plain_table, say, stdout_console
+from scenario_tui.cli.output import plain_table, say, stay_small, stdout_console
 
 Commands: TypeAlias = Annotated[
     bool | None,
@@ -122,6 +122,7 @@ def daemon(
     where = f" at {listen}" if listen else ""
     say(f"starting a daemon{where}, state in {paths.state}, Ctrl-C to leave")
     settings = DaemonSettings(store=traces, quota=read_size(quota) if quota else 0)
+    stay_small()
     serve(paths.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
     say("the daemon has left; what is queued waits for the next one")
 
@@ -171,6 +172,7 @@ def tui(
     # The option can only take rights away: who forbade changes in the file meant it.
     config = replace(config, read_only=config.read_only or read_only)
     equivalent = CommandLines(connect, state)
+    stay_small()
     code, farewell = run_dashboard(DaemonTarget(connect, state).open, config, equivalent)
     if code:
         raise typer.Exit(ExitCode.BUG)
@@ -318,6 +320,7 @@ def worker(
     endpoint = find_endpoint(connect, state)
     where = endpoint_text(endpoint.address)
     say(f"worker for {where}, Ctrl-C to leave after the running runs")
+    stay_small()
     work(
         endpoint.address,
         slots=slots,

@@ -8,6 +8,7 @@ people read.
 from __future__ import annotations
 
 import codecs
+import gc
 import io
 import json
 import math
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 T = TypeVar("T")
+
+COLLECT_RARELY: Final = (200_000, 10, 10)
+"""Thresholds of the garbage collector for commands that end."""
 
 _ASCII_SIGNS: Final = {
     "✓": "+", "✗": "x", "‼": "!!", "·": ".", "…": "~", "▶": ">",
@@ -55,6 +59,16 @@ def settle_streams() -> None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
         elif name != "stdin" and isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="scenario.plainly")
+
+
+def stay_small() -> None:
+    """Have garbage collected as often as Python does it by itself, in a command that goes on.
+
+    :func:`scenario_tui.cli.command_line.main` has it collected rarely, for commands that end. Where
+    somebody else decides (a test, a script), nothing changes.
+    """
+    if gc.get_threshold() == COLLECT_RARELY:
+        gc.set_threshold(700, 10, 10)
 
 
 def stdout_console() -> Console:

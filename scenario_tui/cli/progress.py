@@ -116,9 +116,9 @@ def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     bar = ProgressBar(total=max(1, row.total), completed=finished, width=_BAR)
     line.add_row(head, bar, tail)
     runs = [_run_line(run, progress.live.get(run.id)) for run in progress.running[:_SHOWN_RUNS]]
+    hidden = len(progress.running) - len(runs)
     if progress.preparing or not (finished or progress.running):
         runs.append(Text(f"  {progress.preparing or _WAITING}", style="dim"))
-    hidden = len(progress.running) - len(runs)
     if hidden > 0:
         runs.append(Text(f"  and {hidden} more", style="dim"))
     return Group(line, *runs)

@@ -11,7 +11,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
-from scenario_tui.cli.output import Output, OutputPart, say, stdout_console
+from scenario_tui.cli.output import Output, OutputPart, say, stay_small, stdout_console
 
 if TYPE_CHECKING:
     from daemon.batch.stores import TraceReference
@@ -175,6 +175,7 @@ def replay(
     from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay
 
     begin = _resolve_time(playback, start, "--from") if start else playback.start
+    stay_small()
     code = run_replay(ReplayScreen(playback, begin, speed))
     if code:
         raise typer.Exit(ExitCode.BUG)
@@ -197,6 +198,7 @@ def _replay_side_by_side(first: Path, second: Path, start: str, speed: float) ->
     from scenario_tui.dashboard.screens.compare import CompareScreen
     from scenario_tui.dashboard.screens.replay import run_replay
 
+    stay_small()
     code = run_replay(CompareScreen(*both, begin=begin, speed=speed))
     if code:
         raise typer.Exit(ExitCode.BUG)

@@ -12,7 +12,7 @@ import typer
 
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import CampaignFile
-from scenario_tui.cli.output import report_diagnostics, say
+from scenario_tui.cli.output import report_diagnostics, say, stay_small
 
 if TYPE_CHECKING:
     from daemon.live.foxglove_server import FoxgloveServer
@@ -107,6 +107,7 @@ def serve(
     system = (spec.sut.kind, spec.sut.parameters) if sut and spec.sut.repeatable else ("", {})
     warm_up(kernel_rooms(*system))
     simulation = LiveSimulation(spec, scene, speed=speed, sut=_maker(spec))
+    stay_small()
     with _served(simulation, foxglove, host, port, socket if ros2 else None) as services:
         with simulation.running() as thread:
             if headless or _why_no_view():

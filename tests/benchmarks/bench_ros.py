@@ -12,7 +12,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -27,10 +26,11 @@ from daemon.stacks.ros1.navfn import Navfn
 from daemon.stacks.ros1.stack import RosStack
 from grammars.model.scene import Scene
 from tests.benchmarks.measurement import Measurement, Reference, at_least
+from tests.planner_comparison import PLANNERS, planned_by
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "campaign.yaml"
 SUT = "a2s"
-EXACT, INCREMENTAL = "exact", "incremental"
+EXACT, INCREMENTAL = PLANNERS
 TIMES = 2
 METHODS: tuple[tuple[str, type[Any], tuple[str, ...]], ...] = (
     ("navfn", Navfn, ("plan",)),
@@ -46,16 +46,7 @@ def case(planner: str = EXACT) -> tuple[RunSpec, Scene]:
     submission = expand(load_campaign(CAMPAIGN))
     spec = next(run for run in submission.runs if run.scenario == "S1" and run.sut.name == SUT)
     scene = next(scene for scene in submission.scenes if scene.digest == spec.scene)
-    return with_planner(spec, planner), scene
-
-
-def with_planner(spec: RunSpec, planner: str) -> RunSpec:
-    """The run with the global planner of this name; the exact one is the default."""
-    if planner == EXACT:
-        return spec
-    return replace(
-        spec, sut=replace(spec.sut, parameters={**spec.sut.parameters, "planner": planner})
-    )
+    return planned_by(spec, planner), scene
 
 
 @contextmanager

@@ -34,8 +34,8 @@ from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED
 
 TIMES = 5
 SECONDS = 30
-LONG = 300.0
-"""Metres of corridor that a hundred doors need."""
+METRES = 300.0
+"""Length of the corridor that a hundred doors need."""
 NOISE = 1.05
 """The exponent that linear growth may come out as: caches hold less of what is larger."""
 
@@ -88,7 +88,7 @@ def world(scene: Scene, robot: Robot, behaviours: tuple[Behaviour, ...] = ()) ->
 
 
 def scanning(here: World, times: int = 100) -> Work:
-    """Scans at one place and another, each with fresh noise."""
+    """Scans at one place with fresh noise, every body read and every ray cast again each time."""
 
     def work() -> None:
         for _ in range(times):
@@ -174,7 +174,7 @@ def particles() -> Growth:
 
 def doors() -> Iterator[Growth]:
     sizes = (20, 100)
-    scenes = [corridor.scene(LONG, doors=count) for count in sizes]
+    scenes = [corridor.scene(METRES, doors=count) for count in sizes]
     swinging = [
         tuple(swings(name, i) for i, name in enumerate(scene.joint_names)) for scene in scenes
     ]

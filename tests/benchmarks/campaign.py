@@ -26,10 +26,11 @@ from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.spec import RunSpec
 from daemon.model.status import CampaignRow, RunRow, Submission
-from tests.benchmarks.bench_ros import CAMPAIGN, EXACT, INCREMENTAL, with_planner
+from tests.benchmarks.bench_ros import CAMPAIGN, EXACT, INCREMENTAL
 from tests.benchmarks.case_process import REFERENCE
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, family
+from tests.planner_comparison import planned_by
 from tests.scenario_tui.terminal.pseudo_terminal import scenario
 
 RUNS = 120
@@ -69,7 +70,7 @@ def chosen(
 
 
 def _with_planner(run: RunSpec, planner: str) -> RunSpec:
-    return with_planner(run, planner) if run.sut.kind == "ros" else run
+    return planned_by(run, planner) if run.sut.kind == "ros" else run
 
 
 def cpu(daemon: DaemonPart) -> tuple[float, float]:
@@ -115,7 +116,7 @@ def measured(submission: Submission, slots: int, goal: float | None) -> Iterator
         daemon_at(Path(name, "state"), slots, executor=DEFAULT_EXECUTOR) as daemon,
         daemon.client(timeout=60.0) as client,
     ):
-        eventually(lambda: client.overview().workers, 600.0)  # which compiles the first time
+        eventually(lambda: client.overview().workers, 600.0)
         begun, start = cpu(daemon), time.monotonic()
         client.submit(submission)
         row, tail = finish(client, slots, start)

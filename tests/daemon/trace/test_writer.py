@@ -282,8 +282,9 @@ def test_paths_of_any_length_are_written_as_one_by_one(tmp_path: Path) -> None:
 def test_what_is_no_number_is_refused_when_it_is_commanded(tmp_path: Path) -> None:
     world = scene()
     with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
-        with pytest.raises(TypeError):
-            trace.command(0.0, Twist2(None, 0.0, 0.0))  # type: ignore[arg-type]
+        for nothing in (None, "0.5"):
+            with pytest.raises(TypeError):
+                trace.command(0.0, Twist2(nothing, 0.0, 0.0))  # type: ignore[arg-type]
         trace.command(0.0, Twist2(np.float32(0.5), 1, 0.0))  # type: ignore[arg-type]
         trace.close("limit")
     command = read_trace(tmp_path / "run.mcap").command

@@ -88,6 +88,15 @@ def test_waiting_for_the_first_run_is_explained(fake) -> None:
     assert PREPARING in capture.get()
 
 
+def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake) -> None:
+    running = tuple(make_row(k, state=RunState.RUNNING) for k in range(10))
+    console = Console(width=80)
+    with console.capture() as capture:
+        progress = CampaignProgress(fake.campaigns()[0], running, preparing=PREPARING)
+        console.print(progress_lines(progress, 80))
+    assert capture.get().splitlines()[-2:] == [f"  {PREPARING}", "  and 2 more"]
+
+
 @pytest.mark.parametrize("width", [80, 140])
 def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
     row = fake.campaigns()[0]

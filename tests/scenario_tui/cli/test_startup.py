@@ -82,6 +82,21 @@ def test_a_command_loads_no_more_than_it_needs(
     assert len(loaded) <= most
 
 
+def test_what_help_does_without_is_real_when_somebody_uses_it() -> None:
+    loaded = _loaded_after("""
+from scenario_tui.cli.plain_flags import load_help_pages
+load_help_pages()
+from typer import rich_utils
+assert not {"rich.markdown", "rich.traceback"} & set(sys.modules)
+made = rich_utils.Markdown("# words")
+shown = rich_utils.Traceback.from_exception(ValueError, ValueError("words"), None)
+from rich.markdown import Markdown
+from rich.traceback import Traceback
+assert isinstance(made, Markdown) and isinstance(shown, Traceback)
+""")
+    assert {"rich.markdown", "rich.traceback"} <= loaded
+
+
 def test_help_says_of_a_command_what_the_command_says() -> None:
     for entry in COMMANDS.values():
         command = load_command(entry)

@@ -162,7 +162,6 @@ def _predict_end_cells(
             n = int(max(pairs[pair, 0], turning))
             if n == 0:
                 continue
-            # Rows are not taken out as views: counting who uses them costs more than the rest.
             if arcs[n, 4] != k:
                 dt = s.sim_time / n
                 x, y, c, d = _sum_headings(heading[0], heading[1], cw, sw, wz * dt, n - 1)

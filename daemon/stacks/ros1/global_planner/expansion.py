@@ -31,8 +31,6 @@ THRESHOLD_STEP: Final = 100.0
 """Twice the neutral cost by default. Another ``neutral_cost`` does not change it: the setter that
 would is hidden from who calls it (``Expander::setNeutralCost`` is not virtual)."""
 
-AROUND_GOAL: Final = 25
-"""Cells whose potential :func:`fill_around_goal` may set."""
 MARGIN: Final = 8
 """Rows; even of a map one cell wide the neighbours of what is looked at lie within."""
 
