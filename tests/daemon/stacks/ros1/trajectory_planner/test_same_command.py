@@ -62,7 +62,7 @@ def near(plan: Floats, pose: Pose2, reach: float) -> Floats:
 
 
 @given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_fast_and_plain_command_the_same(seed: int, variant: int) -> None:
     rng = np.random.default_rng(seed)
     parameters, quirks = VARIANTS[variant], ORIGINAL if rng.random() < 0.7 else FIXED
