@@ -264,7 +264,8 @@ class RunLoop:
                 self._external.finish()
 
     def close(self) -> Mapping[str, bytes]:
-        """End an external system; return what it printed, by name."""
+        """End the world and an external system; return what that printed, by name."""
+        self.world.close()
         if self._external is None:
             return {}
         self._external.close()
