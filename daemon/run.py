@@ -159,13 +159,14 @@ class RunLoop:
         # Two branches of one seed: what a system under test draws never changes doors or noise,
         # so that different systems are compared under the same chance.
         world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
+        # What cannot be made has left no world yet that somebody would have to end.
+        self._sut = sut or make_in_time(spec.sut.kind, spec.sut.parameters)
         start = spec.mission.start
         waypoints = tuple(waypoint.id for waypoint in spec.mission.waypoints)
         self.world = World(scene, spec.robot, start, spec.behaviours, world_seed, waypoints)
         self._spec, self._trace, self._on_progress = spec, trace, on_progress
         joints = dict(zip(self.world.joint_names, self.world.joint_positions(), strict=True))
         self._grid = run_map(spec.map, scene, spec.robot.laser.z, joints)
-        self._sut = sut or make_in_time(spec.sut.kind, spec.sut.parameters)
         self._external = self._sut if isinstance(self._sut, ExternalSystem) else None
         self._waiting = ""
         self._odometry: list[Odometry] = []
@@ -264,7 +265,8 @@ class RunLoop:
                 self._external.finish()
 
     def close(self) -> Mapping[str, bytes]:
-        """End an external system; return what it printed, by name."""
+        """End the world and an external system; return what that printed, by name."""
+        self.world.close()
         if self._external is None:
             return {}
         self._external.close()

@@ -150,6 +150,17 @@ class World:
         if ticks > 0:
             self.tick = end
 
+    def close(self) -> None:
+        """End the world, which is stepped and looked at no more; its ``time`` remains.
+
+        What calls each other holds each other, and with it everything here. Taken apart, a world
+        is gone with its last user and not with some later collection of garbage.
+        """
+        self._scheduler.close()
+        self._contacts.close(self._space)
+        chipmunk.release(self._space)
+        del self._scheduler, self._contacts
+
     def pose(self) -> Pose2:
         """Return the true pose of base_link in the world."""
         if self._pose_tick != self.tick:

@@ -44,10 +44,8 @@ import numpy as np
 from daemon.model.sut import Briefing, Cloud, Decision, Estimate, LaserScan, Observation
 from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
-from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.costmap import Costmap, SensedScan
+from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.costmap_sources import laser_sources
-from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.frames import CostmapFrame
 from daemon.stacks.ros1.move_base import (
     ClearTarget,
@@ -55,11 +53,11 @@ from daemon.stacks.ros1.move_base import (
     MoveBase,
     MoveBaseStatus,
     PlannerThread,
-    RobotPoses,
     TransformBuffer,
     WaypointDispatcher,
     make_recoveries,
 )
+from daemon.stacks.ros1.nodes import LocalController, ObservedCostmap, PlanMaker
 from daemon.stacks.ros1.planners import make_global_planner, make_local_planner
 from daemon.stacks.ros1.scan_buffer import ScanBuffer
 from daemon.stacks.ros1.telemetry import (
@@ -69,42 +67,7 @@ from daemon.stacks.ros1.telemetry import (
     PlanRecorder,
 )
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
-from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
-from grammars.model.geometry import Floats, Pose2, Twist2
-
-
-class _LocalController:
-    """The controller with what it needs to know at hand; keeps the trajectory it chose last."""
-
-    def __init__(
-        self,
-        planner: Dwa | TrajectoryPlanner,
-        transforms: TransformBuffer,
-        local: CostGrid,
-        local_frame: CostmapFrame,
-        plan_frame: CostmapFrame,
-    ) -> None:
-        self._planner, self._transforms, self._local = planner, transforms, local
-        self._frame, self._plan_frame = local_frame, plan_frame
-        self.trajectory: Floats | None = None
-
-    def set_plan(self, plan: Floats) -> None:
-        """Take a new global plan (n, 3) in the frame of the global costmap."""
-        self._planner.set_plan(plan)
-
-    def goal_reached(self) -> bool:
-        """Tell whether the robot is at the goal of the plan, and stands."""
-        frame, twist = self._frame, self._transforms.twist
-        return self._planner.goal_reached(frame.base, twist, frame.pose_in(self._plan_frame))
-
-    def command(self) -> Twist2 | None:
-        """Return a velocity command, ``None`` when there is no valid one."""
-        frame, twist = self._frame, self._transforms.twist
-        answer = self._planner.command(
-            frame.base, twist, frame.pose_in(self._plan_frame), self._local
-        )
-        self.trajectory = answer.local_plan
-        return answer.twist if answer.ok else None
+from grammars.model.geometry import Floats, Pose2
 
 
 class Navigation:
@@ -146,39 +109,46 @@ class Navigation:
         def hears(topic: str) -> Collection[str]:
             return topics.lasers_on(topic, lasers)
 
-        self._global = Costmap(wide, wide.padded_footprint(), quirks, briefing.map, hears)
-        self._local = Costmap(near, near.padded_footprint(), quirks, briefing.map, hears)
-        self._global_frame = CostmapFrame(wide.frame, self._transforms)
-        self._local_frame = CostmapFrame(near.frame, self._transforms)
+        self._global = ObservedCostmap(
+            Costmap(wide, wide.padded_footprint(), quirks, briefing.map, hears),
+            CostmapFrame(wide.frame, self._transforms), self._scans, self._wiring.global_costmap,
+        )  # fmt: skip
+        self._local = ObservedCostmap(
+            Costmap(near, near.padded_footprint(), quirks, briefing.map, hears),
+            CostmapFrame(near.frame, self._transforms), self._scans, self._wiring.local_costmap,
+        )  # fmt: skip
         self._global_timer = UpdateTimer(wide.update_frequency)
         self._local_timer = UpdateTimer(near.update_frequency)
 
     def _set_up_move_base(self, briefing: Briefing) -> None:
         p = self._parameters
         footprint = p.local_costmap.padded_footprint()
-        self._global_planner = make_global_planner(p.global_planner, p.quirks)
+        plans = PlanMaker(
+            make_global_planner(p.global_planner, p.quirks), self._global, self._local,
+            p.move_base.clearing_radius if _clears_square(p) else None,
+        )  # fmt: skip
         local_planner = make_local_planner(
             p.local_planner, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
             latch_goal=p.move_base.latch_xy_goal_tolerance,
         )  # fmt: skip
-        self._controller = _LocalController(
-            local_planner, self._transforms, self._local.grid, self._local_frame, self._global_frame
+        self._controller = LocalController(
+            local_planner, self._transforms, self._local, self._global.frame
         )
         recoveries = make_recoveries(
-            p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._local.grid,
+            p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._local.costmap.grid,
             ClearTargets(
-                ClearTarget(self._global.clear_layers, self._update_global),
-                ClearTarget(self._local.clear_layers, self._update_local),
+                ClearTarget(self._global.costmap.clear_layers, self._global.update),
+                ClearTarget(self._local.costmap.clear_layers, self._local.update),
             ),
         )  # fmt: skip
         self._status = MoveBaseStatus()
-        self._planner = PlannerThread(p.move_base, p.quirks, self._status, self._plan)
+        self._planner = PlannerThread(p.move_base, p.quirks, self._status, plans.plan)
         self._move_base = MoveBase(
             p.move_base, p.quirks, self._status, self._planner, self._controller, recoveries,
-            self._robot_poses,
+            plans.robot_poses,
         )  # fmt: skip
         waypoints = briefing.mission.waypoints
-        self._dispatcher = WaypointDispatcher(p.dispatcher, waypoints, self._make_plan)
+        self._dispatcher = WaypointDispatcher(p.dispatcher, waypoints, plans.serve)
 
     def update(self, observation: Observation) -> Decision:
         """Take what is new and let every node that is due do its work."""
@@ -222,41 +192,9 @@ class Navigation:
 
     def _update_costmaps(self, now: float) -> None:
         if self._global_timer.due(now):
-            self._update_global()
+            self._global.update()
         if self._local_timer.due(now):
-            self._update_local()
-
-    def _update_global(self) -> None:
-        frame = self._global_frame
-        scans = self._scans_in(frame, self._wiring.global_costmap)
-        self._global.update(frame.base, scans, frame.in_map)
-
-    def _update_local(self) -> None:
-        frame = self._local_frame
-        scans = self._scans_in(frame, self._wiring.local_costmap)
-        self._local.update(frame.base, scans, frame.in_map)
-
-    def _scans_in(self, frame: CostmapFrame, heard: Collection[str]) -> list[SensedScan]:
-        scans = self._scans.in_map() if frame.name == "map" else self._scans.in_odom()
-        return [scan for scan in scans if scan.laser in heard]
-
-    def _plan(self, goal: Pose2) -> Floats | None:
-        return self._global_planner.plan(self._global.grid, self._global_frame.base, goal)
-
-    def _robot_poses(self) -> RobotPoses:
-        return RobotPoses(self._local_frame.base, self._global_frame.base)
-
-    def _make_plan(self, start: Pose2, goal: Pose2) -> None:
-        """Serve make_plan: nobody wants the plan, its side effects stay (``planService``)."""
-        parameters = self._parameters
-        square = parameters.quirks.dispatcher_clears_square
-        if square and parameters.move_base.make_plan_clear_costmap:
-            around, half = self._robot_poses(), parameters.move_base.clearing_radius
-            self._global.clear_square(around.global_, half)
-            self._local.clear_square(around.local, half)
-        # The service passes start and goal on as they are, and planners refuse other frames.
-        if self._global_frame.name == "map":
-            self._global_planner.plan(self._global.grid, start, goal)
+            self._local.update()
 
     def _dispatch(self, now: float) -> None:
         self._collect_log()
@@ -274,7 +212,7 @@ class Navigation:
             number = after.reached + 1
             self._events.append(f"goal {number} sent: {goal.x:.2f}, {goal.y:.2f}, {goal.yaw:.2f}")
             # In odom the goal is put where it is now, and stays there (``goalToGlobalFrame``).
-            self._move_base.accept(now, self._global_frame.take(goal))
+            self._move_base.accept(now, self._global.frame.take(goal))
             self._collect_log()
 
     def _collect_log(self) -> None:
@@ -286,7 +224,7 @@ class Navigation:
         estimate: Estimate | None
         cloud: Cloud | None = None
         particles = None
-        transforms, wide = self._transforms, self._global_frame
+        transforms, wide = self._transforms, self._global.frame
         if found is not None:
             estimate, cloud = self._estimates.record_published(found)
             particles = self._estimates.record_particles(now, self._amcl.particles)
@@ -297,9 +235,9 @@ class Navigation:
         plan_frame = None if wide.name == "map" else wide.in_map
         plan = self._plans.take(now, self._status.plan, plan_frame)
         local_plan = self._local_plans.take(
-            now, self._controller.trajectory, self._local_frame.in_map
+            now, self._controller.trajectory, self._local.frame.in_map
         )
-        costmap = self._costmaps.take(now, self._local.grid)
+        costmap = self._costmaps.take(now, self._local.costmap.grid)
         command, progress = self._move_base.take_command(), self._dispatcher.progress
         # Cloud and particles come with an estimate.
         if (
@@ -318,6 +256,12 @@ class Navigation:
         return Decision(
             command, progress, estimate, cloud, plan, local_plan, events, particles, costmap
         )
+
+
+def _clears_square(parameters: RosParameters) -> bool:
+    """Tell whether make_plan sets a square around the robot free first."""
+    quirk = parameters.quirks.dispatcher_clears_square
+    return quirk and parameters.move_base.make_plan_clear_costmap
 
 
 def _longest_kept(parameters: RosParameters) -> float:

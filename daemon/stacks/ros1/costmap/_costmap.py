@@ -177,12 +177,12 @@ class Costmap:
             below = merged_start(self._layers, size, self._default)
             ordered = self._quirks.inflation_queue_order
             start = inflated_map(below, self._work.shape, self._table, in_order=ordered)
-            self._master = start.master.copy()
+            self._master = start.master
         else:
             self._master = np.full(size, self._default, dtype=np.uint8)
         if self._follows_changes:
             self._values: Cells = np.empty(size, dtype=np.uint8)
-            self._gaps = start.gaps.copy()
+            self._gaps = start.gaps
         else:
             self._steps = self._plan_steps()
 

@@ -12,6 +12,7 @@ and parameters.
 from __future__ import annotations
 
 import hashlib
+import zlib
 from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Final
@@ -324,12 +325,15 @@ def update_changed_cells(
 
 
 _KEPT_MAPS: Final = 4
-_CACHE: OrderedDict[bytes, InflatedMap] = OrderedDict()
+_PACKED: Final[OrderedDict[bytes, tuple[bytes, bytes]]] = OrderedDict()
+"""Compressed, since most runs have a process of their own and never see them again: the two grids
+of the published building take 5.9 MB."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InflatedMap:
-    """Flat, read-only: the ``master`` that the cells below the inflation make, its ``gaps``."""
+    """Flat, its receiver's own: the ``master`` that the cells below the inflation make, its
+    ``gaps``."""
 
     master: Cells
     gaps: Cells
@@ -339,16 +343,23 @@ def inflated_map(
     below: Cells, shape: tuple[int, int], table: InflationTable, *, in_order: bool
 ) -> InflatedMap:
     """Return the inflated master over the merged cells ``below``; ``in_order`` as for a window."""
-    digest = hashlib.blake2b(below.tobytes(), digest_size=16)
+    digest = hashlib.blake2b(below.data, digest_size=16)
     digest.update(repr((shape, table.radius, table.least, in_order)).encode())
     digest.update(table.costs.tobytes())
     key = digest.digest()
-    if key not in _CACHE:
-        _CACHE[key] = _inflate_map(below, shape, table, in_order=in_order)
-        if len(_CACHE) > _KEPT_MAPS:
-            _CACHE.popitem(last=False)
-    _CACHE.move_to_end(key)
-    return _CACHE[key]
+    if key in _PACKED:
+        _PACKED.move_to_end(key)
+        master, gaps = (_unpack(grid) for grid in _PACKED[key])
+        return InflatedMap(master, gaps)
+    made = _inflate_map(below, shape, table, in_order=in_order)
+    _PACKED[key] = zlib.compress(made.master.data, 1), zlib.compress(made.gaps.data, 1)
+    if len(_PACKED) > _KEPT_MAPS:
+        _PACKED.popitem(last=False)
+    return made
+
+
+def _unpack(grid: bytes) -> Cells:
+    return np.frombuffer(bytearray(zlib.decompress(grid)), dtype=np.uint8)
 
 
 def _inflate_map(
@@ -360,6 +371,4 @@ def _inflate_map(
         master, shape, whole, table.costs, table.widths, table.least, in_order, whole.copy()
     )
     column_gaps(master, shape, table.radius, gaps)
-    for array in (master, gaps):
-        array.flags.writeable = False
     return InflatedMap(master, gaps)

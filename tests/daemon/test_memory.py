@@ -1,0 +1,72 @@
+"""What a run leaves in the memory of a process that goes on: nothing of its world and its maps."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pymunk
+import pytest
+
+from daemon.campaign import expand, load_campaign
+from daemon.model.attachments import SutMissing
+from daemon.model.spec import RunSpec, SutReference
+from daemon.run import RunLoop, execute
+from daemon.simulator import World
+from daemon.stacks.calls import make_in_time
+from daemon.stacks.ros1.costmap import Costmap
+from daemon.stacks.ros1.navfn import Navfn
+from daemon.trace import TraceWriter
+from grammars.model.scene import Scene
+
+KINDS = ("ros", "pilot", "no such system")
+"""The last one ends a run before it begins, with an exception."""
+
+
+@pytest.fixture(scope="module")
+def demo(campaigns: Path) -> tuple[RunSpec, Scene]:
+    found = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
+    spec = next(spec for spec in found.runs if spec.scenario == "rude-house")
+    return spec, found.scenes[0]
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[weakref.ref[Any]]]:
+    """All that is made of the types that hold much memory, while nothing collects garbage."""
+    found: list[weakref.ref[Any]] = []
+
+    def noting(init: Callable[..., None]) -> Callable[..., None]:
+        def note(self: Any, *args: Any, **kwargs: Any) -> None:
+            init(self, *args, **kwargs)
+            found.append(weakref.ref(self))
+
+        return note
+
+    stacks = [type(make_in_time(kind, {})) for kind in KINDS[:2]]
+    types: list[Any] = [RunLoop, World, pymunk.Space, TraceWriter, Costmap, Navfn, *stacks]
+    for kind in types:
+        monkeypatch.setattr(kind, "__init__", noting(kind.__init__))
+    gc.collect()
+    gc.disable()
+    yield found
+    gc.enable()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_large_outlives_its_run(
+    kind: str, demo: tuple[RunSpec, Scene], tmp_path: Path, made: list[weakref.ref[Any]]
+) -> None:
+    spec, scene = demo
+    spec = replace(spec, sut=SutReference(kind, kind, {}), limit=2.0)
+    for _ in range(2):
+        try:
+            execute(spec, scene, trace_path=tmp_path / "run.mcap")
+        except SutMissing:
+            assert kind == KINDS[-1]
+    kept = [left for each in made if (left := each()) is not None]
+    assert made
+    assert not kept
