@@ -41,7 +41,9 @@ def kernel(function: F) -> F:
     # fork; cores are for runs. Never ``fastmath``: traces must be equal byte for byte, and
     # reordered sums are not. ``cache`` keeps the machine code next to the source, by its content
     # and the CPU: loading a kernel takes 3 to 10 ms, compiling one 250 to 850 ms.
-    compiled: Any = njit(cache=True)(function)
+    # The wrapper by which C would call a kernel is left out: nobody does, and it takes about 4 %
+    # of the time of compiling. (The option is missing in numba's annotations.)
+    compiled: Any = cast(Any, njit)(cache=True, no_cfunc_wrapper=True)(function)
     file = compiled._cache._cache_file
     # numba looks at the file of the kernel alone, at its size and time. What a kernel calls is
     # compiled into it, and so are constants from elsewhere: without them in the stamp an upgraded

@@ -67,7 +67,7 @@ def drive(world: World, robot: Robot) -> list[tuple[Pose2, SensedScan, SensedSca
         true = Pose2(BEGIN[0], BEGIN[1], yaw) @ Pose2(done, aside, 0.1 * math.cos(done / 5.0))
         jump = int(done / 0.2)
         error = Pose2(0.1 * math.sin(jump), 0.02 * math.cos(3 * jump), 0.01 * math.sin(7 * jump))
-        ranges = world._scanner(None).scan(true, bodies)
+        ranges = world._scanner(None).scan(true, bodies, world._bodies.version)
         near, far = laser.range_min, laser.range_max
         base = true @ error
         steps.append(

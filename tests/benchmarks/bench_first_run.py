@@ -1,27 +1,33 @@
-"""What the first run on a machine compiles: CPU seconds of each kernel, from an empty cache.
+"""What the first run on a machine compiles: CPU seconds of all kernels and of the slowest, from an
+empty cache.
 
-A kernel's own time is without that of the kernels it calls. The ratio is to what loading the same
+A kernel's own time is without that of the kernels it calls. The reference is what loading the same
 from the disk takes, in a second process.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from pathlib import Path
 
 from numba.core import event
 
 from daemon.model.kernel_rooms import kernel_rooms
 from daemon.run import warm_up
+from tests.benchmarks.measurement import Measurement, Reference
 
 SYSTEMS = {
     "pilot": ("pilot", {}),
     "ros": ("ros", {"move_base": {"base_local_planner": "dwa_local_planner/DWAPlannerROS"}}),
 }
-SHOWN = 12
+SHOWN = 8
+ROOT = Path(__file__).parents[2]
 
 
 class _Times(event.Listener):
@@ -44,30 +50,37 @@ class _Times(event.Listener):
         self.own[name] = self.own.get(name, 0.0) + took - inner
 
 
-def measure(system: str) -> None:
-    """Load what a run of ``system`` needs, in a process of its own; print what that took."""
+def tell(system: str) -> None:
+    """Load what a run of ``system`` needs; print as JSON what that took, and each compilation."""
     times = _Times()
     begun = time.process_time()
     with event.install_listener("numba:compile", times):
         warm_up(kernel_rooms(*SYSTEMS[system]))
-    print(f"{time.process_time() - begun:.3f}")
-    for name, took in sorted(times.own.items(), key=lambda item: -item[1])[:SHOWN]:
-        print(f"  {name.removeprefix('daemon.'):60} {took:.2f} s")
+    print(json.dumps((time.process_time() - begun, times.own)))
 
 
-def main() -> None:
+def told(system: str, folder: str) -> tuple[float, dict[str, float]]:
+    """What :func:`tell` says of a process of its own, with machine code in ``folder``."""
+    said = subprocess.run(
+        [sys.executable, "-c", f"from {__name__} import tell; tell({system!r})"],
+        cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": folder},
+        stdout=subprocess.PIPE, text=True, check=True,
+    )  # fmt: skip
+    took, own = json.loads(said.stdout)
+    return took, own
+
+
+def measure() -> Iterator[Measurement]:
     """One cold and one warm process for each system."""
-    program = f"import sys; from {__name__} import measure; measure(sys.argv[1])"
     for system in SYSTEMS:
         with tempfile.TemporaryDirectory(prefix="bench-first-run-") as folder:
-            environment = os.environ | {"NUMBA_CACHE_DIR": folder}
-            cold, warm = (
-                subprocess.run(
-                    [sys.executable, "-c", program, system],
-                    env=environment, capture_output=True, text=True, check=True,
-                ).stdout.splitlines()
-                for _ in range(2)
-            )  # fmt: skip
-        print(f"{f'CPU before the first run, {system}':62} {float(cold[0]):.1f} s")
-        print(f"{'  ratio to loading it from the disk':62} {float(cold[0]) / float(warm[0]):.1f}")
-        print("\n".join(cold[1:]))
+            cold, own = told(system, folder)
+            warm, _ = told(system, folder)
+        yield Measurement(
+            f"kernels of {system}, compiled", cold, "CPU s", Reference("loaded", warm),
+            note=f"{len(own)} functions",
+        )  # fmt: skip
+        for name in sorted(own, key=own.__getitem__, reverse=True)[:SHOWN]:
+            yield Measurement(
+                f"  {'.'.join(name.split('.')[-2:])}", own[name], "CPU s", Reference("all", cold)
+            )

@@ -7,6 +7,7 @@ something else, as in a run, where a costmap and a plan come between two scans.
 
 from __future__ import annotations
 
+import itertools
 import math
 import statistics
 import time
@@ -76,18 +77,20 @@ def measure() -> Iterator[Measurement]:
     warm_up()
     world: World = build_world()
     laser, bodies = robot().laser, world._bodies.at(0)
+    # Another one each time: a scanner keeps what it found when nothing has moved.
+    version = itertools.count(1)
     segments, where = world_segments(world), poses()
     space = _query_space(segments)
     offsets = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
 
     def exact(pose: Pose2) -> Floats:
-        return world._scanner(None).true_ranges(pose, bodies)[0]
+        return world._scanner(None).true_ranges(pose, bodies, next(version))[0]
 
     def kernel(pose: Pose2) -> None:
-        world._scanner(None)._cast(pose, bodies)
+        world._scanner(None)._cast(pose, bodies, next(version))
 
     def scan(pose: Pose2) -> None:
-        world._scanner(None).scan(pose, bodies)
+        world._scanner(None).scan(pose, bodies, next(version))
 
     def query(pose: Pose2) -> Floats:
         sensor = pose @ laser.mount

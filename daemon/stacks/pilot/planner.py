@@ -66,9 +66,8 @@ def _push(keys: Singles, items: Integers, count: int, key: float, item: int) -> 
 
 
 @kernel
-def _pop(keys: Singles, items: Integers, count: int) -> None:
-    """Remove the root of a heap of ``count`` entries."""
-    last = count - 1
+def _pop(keys: Singles, items: Integers, last: int) -> None:
+    """Remove the root of a heap whose last entry is at ``last``."""
     key, item = keys[last], items[last]
     parent = 0
     while True:
@@ -118,8 +117,8 @@ def search_astar(
     escape2 = escape * escape
     while count > 0:
         here = items[0]
-        _pop(keys, items, count)
         count -= 1
+        _pop(keys, items, count)
         if done[here]:
             continue
         done[here] = 1
@@ -159,8 +158,12 @@ def search_astar(
             dr, dc = abs(r - goal_row), abs(c - goal_column)
             ahead = max(dr, dc) + (diagonal - 1.0) * min(dr, dc)
             if count == keys.shape[0]:
-                keys = np.concatenate((keys, np.empty_like(keys)))
-                items = np.concatenate((items, np.empty_like(items)))
+                # Not by numpy's functions, which are compiled for each type of array.
+                more_keys = np.empty(2 * count, dtype=np.float32)
+                more_items = np.empty(2 * count, dtype=np.int32)
+                for i in range(count):
+                    more_keys[i], more_items[i] = keys[i], items[i]
+                keys, items = more_keys, more_items
             _push(keys, items, count, cost + ahead, there)
             count += 1
     if not done[goal]:

@@ -150,7 +150,9 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         yield _Part(("! no worker",), DASHBOARD_STYLES["lost"], 8)
     if overview.preparing:
         short = overview.preparing.partition(" (")[0]
-        yield _Part((overview.preparing, short, "… compiling"), QUIET, 7)
+        # The worker's words end with how far it is: "...: 7 of 42 kernels".
+        progress = short.rpartition(": ")[2]
+        yield _Part((overview.preparing, short, f"… {progress}"), QUIET, 7)
 
 
 def _counted(word: str, count: int) -> tuple[str, ...]:

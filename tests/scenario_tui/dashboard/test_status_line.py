@@ -60,6 +60,12 @@ def test_that_no_run_can_start_is_said_at_every_width(width: int) -> None:
     assert "! no worker" in line(width, overview=replace(SMALL, workers=0))
 
 
+@pytest.mark.parametrize("width", [78, 120, 198])
+def test_how_far_compiling_is_is_said_at_every_usual_width(width: int) -> None:
+    words = "compiling machine code: 7 of 42 kernels (first run on this machine)"
+    assert "7 of 42 kernels" in line(replace(OVERVIEW, preparing=words), width)
+
+
 def test_that_everything_is_paused_is_said() -> None:
     paused = tuple(replace(row, paused=True) for row in CAMPAIGNS)
     assert "‖ paused" in line(160, campaigns=paused)
