@@ -1,8 +1,8 @@
 """What nodes of the stack ask of each other: a costmap kept up to date, a plan, a command.
 
 Whoever asks is given one of these and never the stack as a whole. It would then be reachable from
-its own parts, and all its maps would stay in memory until the next collection of garbage: eight
-runs in one process grew by 20 to 70 MB each that way.
+its own parts, and all its maps would stay in memory until the next collection of garbage: with
+four runs of S1 in one process its memory went from 259 to 401 MB that way.
 """
 
 from __future__ import annotations
