@@ -192,11 +192,14 @@ def repair(
             here = potentials[m]
             if here < floor:
                 continue
-            value = potential_between(
-                min(potentials[m - one], potentials[m + one]),
-                min(potentials[m - line], potentials[m + line]),
-                np.float32(costs[m]),
-            )
+            # The border is blocked, and there is no cell beyond it to be read.
+            value = UNKNOWN
+            if costs[m] < BLOCKED:
+                value = potential_between(
+                    min(potentials[m - one], potentials[m + one]),
+                    min(potentials[m - line], potentials[m + line]),
+                    np.float32(costs[m]),
+                )
             if value == here:
                 continue
             new = int((min(value, here) + highest) / BUCKET) + 1

@@ -20,6 +20,7 @@ from daemon.stacks.ros1.navfn import (
 )
 from daemon.stacks.ros1.navfn.incremental import BEYOND, GoalField
 from daemon.stacks.ros1.navfn.propagation import BLOCKED, NEUTRAL, UNREACHED, translation_table
+from daemon.stacks.ros1.navfn.repair import repair
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2
 
@@ -332,3 +333,13 @@ def test_a_queue_that_runs_over_is_begun_again_with_more_room(
         assert np.array_equal(tight.path(start, goal), expected)
         change(rng, grid)
         roomy.grid.touch((0, 0, 110, 110))
+
+
+def test_nothing_beyond_the_border_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Compiled code reads whatever lies there, and a run ends when that is no memory of its own;
+    # plain Python says so.
+    monkeypatch.setattr("daemon.stacks.ros1.navfn.incremental.repair", repair.py_func)
+    columns = 12
+    field = GoalField(a_grid(columns, columns), allow_unknown=True)
+    for goal in (columns + 1, 10 * columns + 10):
+        assert len(field.path(5 * columns + 5, goal))
