@@ -17,7 +17,6 @@ import numpy as np
 
 from daemon.run import execute, warm_up
 from daemon.simulator import World
-from daemon.stacks import warm_up as warm_up_stacks
 from daemon.stacks.ros1.amcl import Amcl
 from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.quirks import ORIGINAL
@@ -55,7 +54,6 @@ class Growth:
 def measure() -> Iterator[Measurement]:
     """Yield the exponent of every case."""
     warm_up()
-    warm_up_stacks()
     for growth in (*rays(), particles(), *doors(), *walls(), *people()):
         yield exponent(growth)
 
