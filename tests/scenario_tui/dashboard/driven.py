@@ -10,13 +10,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from textual.command import Command, CommandList
 from textual.pilot import Pilot
+from textual.widgets import Input
 
 from daemon.model.status import CampaignRow, DaemonOverview
 from scenario_tui.dashboard.background import CommandAnswer, CommandLines
 from scenario_tui.dashboard.config import Config
 from tests.daemon.batch.harness import DEADLINE
-from tests.scenario_tui.dashboard.inline import settle
+from tests.scenario_tui.dashboard.inline import press, settle
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 
 
@@ -93,3 +95,22 @@ async def until(pilot: Pilot[None], condition: Callable[[], Any]) -> None:
 
 def notices(pilot: Any) -> str:
     return "\n".join(notice.message for notice in pilot.app._notifications)
+
+
+async def choose_from_palette(pilot: Pilot[None], text: str, wanted: str) -> None:
+    """Type a ``text`` into the list of places and take what is ``wanted`` from it.
+
+    It is waited for: until the last letter is looked up, the list shows what an earlier one found.
+    """
+    await pilot.press("colon")
+    await until(pilot, lambda: pilot.app.screen.query_one(CommandList).option_count)
+    found = pilot.app.screen.query_one(CommandList)
+    pilot.app.screen.query_one(Input).value = text
+
+    def first() -> str:
+        option = found.get_option_at_index(0) if found.option_count else None
+        return str(option.hit.text) if isinstance(option, Command) else ""
+
+    await until(pilot, lambda: first() == wanted)
+    await press(pilot, "enter")
+    await settle(pilot)

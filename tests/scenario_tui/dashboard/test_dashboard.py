@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from textual.command import CommandList
 
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
@@ -20,7 +19,7 @@ from scenario_tui.dashboard.screens.runs import FILTERS, SORTS, RunsScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.dashboard.widgets.top_view import TopView
-from tests.scenario_tui.dashboard.driven import until
+from tests.scenario_tui.dashboard.driven import choose_from_palette, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, FakeDaemon, make_live, make_row
 
@@ -312,10 +311,7 @@ async def test_help_lists_every_binding_of_ours(opened) -> None:
 async def test_the_colon_opens_a_list_of_places(opened) -> None:
     async with opened() as pilot:
         await settle(pilot)
-        await press(pilot, "colon", *"workers")
-        await until(pilot, lambda: pilot.app.screen.query_one(CommandList).option_count)
-        await press(pilot, "enter")
-        await settle(pilot)
+        await choose_from_palette(pilot, "workers", "Workers")
         assert isinstance(pilot.app.screen, WorkersScreen)
 
 

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from textual.command import CommandList
-from textual.widgets import Input
 
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
@@ -23,6 +21,7 @@ from scenario_tui.terminal.capabilities import copy_to_tmux
 from tests.scenario_tui.dashboard.driven import (
     Commands,
     SteeredDaemon,
+    choose_from_palette,
     configured,
     local,
     notices,
@@ -285,33 +284,20 @@ def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there) ->
     assert trace_actions.has_display(environ) is there
 
 
-async def typed_into_the_palette(pilot: Any, text: str, wanted: str) -> None:
-    await pilot.press("colon")
-    await until(pilot, lambda: "Matrix" in shown(pilot))
-    pilot.app.screen.query_one(Input).value = text
-    found = pilot.app.screen.query_one(CommandList)
-
-    def first() -> str:
-        return str(found.get_option_at_index(0).hit.text) if found.option_count else ""
-
-    await until(pilot, lambda: first() == wanted)
-    await press(pilot, "enter")
-
-
 async def test_the_palette_does_what_has_no_key_of_its_own(fake) -> None:
     async with opened(fake) as pilot:
         await settle(pilot)
-        await typed_into_the_palette(pilot, "retry fail", "Retry failed")
+        await choose_from_palette(pilot, "retry fail", "Retry failed")
     assert fake.told("retry") == [(CAMPAIGN, ("fail",))]
 
 
 async def test_the_palette_goes_to_campaigns_and_to_runs_the_daemon_finds(fake) -> None:
     async with opened(fake) as pilot:
         await settle(pilot)
-        await typed_into_the_palette(pilot, "campaign ni", f"go to campaign {OLD}")
+        await choose_from_palette(pilot, "campaign ni", f"go to campaign {OLD}")
         assert isinstance(pilot.app.screen, RunsScreen)
         assert f"campaigns › {OLD}" in shown(pilot)
         await press(pilot, "1")
-        await typed_into_the_palette(pilot, "S2/pilot/1", "go to run S2/pilot/1")
+        await choose_from_palette(pilot, "S2/pilot/1", "go to run S2/pilot/1")
         assert isinstance(pilot.app.screen, RunScreen)
         assert "S2/pilot/1" in shown(pilot)
