@@ -174,7 +174,7 @@ def _fields(recording: McapContents, layout: MessageLayout) -> Fields:
     """Return the varying fields of all messages on a topic, each of shape (n, ...)."""
     packed = list(recording.packed.get(layout.topic, []))
     for rows in recording.runs.get(layout.topic, []):
-        if not layout.fits(rows).all():
+        if not layout.fits_all(rows):
             raise DamagedTraceError(f"{layout.topic} holds something else than expected")
         packed.append(layout.pack(rows))
     packed = packed or [layout.pack(np.empty((0, len(layout.template)), np.uint8))]

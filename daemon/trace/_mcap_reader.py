@@ -42,6 +42,8 @@ _LENGTH: Final = struct.Struct("<Q")
 _CHANNEL: Final = struct.Struct("<H")
 _WINDOW: Final = 512
 """Rows compared at a time, so that short runs (events, contacts) cost no pass over the chunk."""
+_FEW: Final = 8
+"""So many rows are compared one by one: hardly two plans in a row are equally long."""
 
 
 class DamagedTraceError(Exception):
@@ -115,6 +117,7 @@ class _McapWalk:
         self.at = len(MAGIC)
         self._data = data
         self._topics, self._layouts, self._scans = topics, layouts, scans
+        self._decompressor = zstandard.ZstdDecompressor()
         self._channels: dict[int, str] = {}
         self._schemas: dict[int, str] = {}
         self._total = 0
@@ -233,7 +236,8 @@ class _McapWalk:
                 self.recording.path,
                 f"holds more than {TOTAL_LIMIT >> 20} MiB of messages, or a chunk too large",
             )
-        data = decompress(raw[start:], bytes(raw[_CHUNK_HEAD.size : start - _LENGTH.size]), size)
+        method = bytes(raw[_CHUNK_HEAD.size : start - _LENGTH.size])
+        data = decompress(raw[start:], method, size, decompressor=self._decompressor)
         if crc and zlib.crc32(data) != crc:
             raise DamagedTraceError("a chunk with a wrong checksum")
         return data
@@ -264,7 +268,7 @@ class _McapWalk:
 
     def _collect(self, topic: str, rows: ByteArray) -> None:
         layout = None if self._layouts is None else self._layouts.get(topic)
-        if layout is not None and layout.fits(rows).all():
+        if layout is not None and layout.fits_all(rows):
             self.recording.packed.setdefault(topic, []).append(layout.pack(rows))
             return
         if self._layouts is not None and not is_scan(topic):
@@ -275,8 +279,12 @@ class _McapWalk:
 
 def _run_length(data: bytes, at: int, size: int, head: bytes) -> int:
     """Return how many records of ``size`` bytes starting with ``head`` lie from ``at`` on."""
-    wanted = np.frombuffer(head, np.uint8)
     count, most = 0, (len(data) - at) // size
+    while count < min(most, _FEW):
+        if not data.startswith(head, at + count * size):
+            return count
+        count += 1
+    wanted = np.frombuffer(head, np.uint8)
     while count < most:
         step = min(_WINDOW, most - count)
         rows = np.frombuffer(data, np.uint8, step * size, at + count * size).reshape(step, size)
@@ -289,18 +297,25 @@ def _run_length(data: bytes, at: int, size: int, head: bytes) -> int:
 
 
 def decompress(
-    data: bytes | memoryview, method: bytes, size: int | None, limit: int = CHUNK_LIMIT
+    data: bytes | memoryview,
+    method: bytes,
+    size: int | None,
+    limit: int = CHUNK_LIMIT,
+    *,
+    decompressor: zstandard.ZstdDecompressor | None = None,
 ) -> bytes:
     """Decompress exactly ``size`` bytes, or any number up to ``limit`` when it is ``None``.
 
-    Memory is only taken for what is allowed. Raises :class:`DamagedTraceError` for anything else.
+    With a ``decompressor`` that serves many chunks none is made for each. Memory is only taken for
+    what is allowed. Raises :class:`DamagedTraceError` for anything else.
     """
     most = limit if size is None else size
     try:
         if method == b"zstd":
             # As a stream: ``decompress`` allocates what the frame's header claims.
             claimed = zstandard.frame_content_size(data)
-            with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+            own = decompressor or zstandard.ZstdDecompressor()
+            with own.stream_reader(data) as reader:
                 found = reader.read(1 + (min(claimed, most) if claimed >= 0 else most))
         elif method == b"":
             found = bytes(data)

@@ -172,8 +172,8 @@ def _recording_problems(
     ):
         found += _backwards(name, time)
     for name, motion in (("ground truth", truth), ("odometry", odometry)):
-        values = np.stack((motion.x, motion.y, motion.yaw, motion.vx, motion.vy, motion.wz), 1)
-        found += _not_finite(name, motion.time, values)
+        values = (motion.x, motion.y, motion.yaw, motion.vx, motion.vy, motion.wz)
+        found += _not_finite(name, motion.time, *values)
     found += _not_finite("joint states", joints.time, joints.position)
     found += _gaps(truth.time, valid_until)
     return tuple(found)
@@ -187,9 +187,12 @@ def _backwards(name: str, time: Floats) -> list[str]:
     return [f"the clock of the {name} jumps back from {time[first]:g} s to {time[first + 1]:g} s"]
 
 
-def _not_finite(name: str, time: Floats, values: Floats) -> list[str]:
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    return [f"the {name} at {time[bad[0]]:g} s is not a number"] if len(bad) else []
+def _not_finite(name: str, time: Floats, *values: Floats) -> list[str]:
+    # As they lie in memory: nearly always that is all there is to ask.
+    if all(np.isfinite(each).all() for each in values):
+        return []
+    finite = np.isfinite(np.column_stack(values)).all(axis=1)
+    return [f"the {name} at {time[np.argmin(finite)]:g} s is not a number"]
 
 
 def _gaps(time: Floats, valid_until: float) -> list[str]:

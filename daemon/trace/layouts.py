@@ -143,12 +143,23 @@ class MessageLayout:
         """Return which rows of bytes (n, size) have this layout: size and constant bytes."""
         if rows.shape[1] != len(self.template):
             return np.zeros(len(rows), np.bool_)
-        # Whole rows at once: 200 of 751 bytes took 27 us, comparing 50 bytes of each of them 20.
-        other = (rows ^ self.template) & self._constant_bits
-        if not len(rows) or not other.max():
-            return np.ones(len(rows), np.bool_)
-        fits: npt.NDArray[np.bool_] = other.max(axis=1) == 0
+        if not len(rows):
+            return np.ones(0, np.bool_)
+        fits: npt.NDArray[np.bool_] = self._other_bits(rows).max(axis=1) == 0
         return fits
+
+    def fits_all(self, rows: ByteArray) -> bool:
+        """Say whether all rows of bytes (n, size) have this layout: see :meth:`fits`."""
+        if rows.shape[1] != len(self.template):
+            return not len(rows)
+        return not len(rows) or not self._other_bits(rows).max()
+
+    def _other_bits(self, rows: ByteArray) -> ByteArray:
+        """Return where constant bits of rows (n, size) are other ones."""
+        # Whole rows at once: 200 of 751 bytes took 27 us, comparing 50 bytes of each of them 20.
+        other: ByteArray = rows ^ self.template
+        other &= self._constant_bits
+        return other
 
 
 def stamps(times: IntArray) -> npt.NDArray[np.uint64]:

@@ -10,12 +10,13 @@ import functools
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from grammars.model.behaviour import Behaviour, JointEvent, KeyFrames, Reaction, Walk, joint_event
-from grammars.model.geometry import Point2, Ring
+from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.movers import is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Region, Scene, SceneObject
@@ -25,6 +26,8 @@ from grammars.text.diagnostics import InputError, Where
 if TYPE_CHECKING:
     from daemon.model.spec import RunSpec
     from daemon.trace import Trace
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
 
 MOVED = 0.01
 """A joint has moved once it is this far from where it started [rad or m]."""
@@ -171,8 +174,30 @@ def crossed_rooms(facts: RunFacts) -> bool:
     truth, wanted = facts.trace.ground_truth, set(facts.rooms) - {""}
     # Once a second is enough, no robot crosses a room in less. Poses come at daemon.run.STATE_RATE,
     # 20 Hz, which is not imported: coverage is to know nothing of systems under test.
-    points = zip(truth.x[::20].tolist(), truth.y[::20].tolist(), strict=True)
-    return len({room_at(facts.scene, point) for point in points} & wanted) > 1
+    return len(_rooms_entered(facts.scene, truth.x[::20], truth.y[::20]) & wanted) > 1
+
+
+def _rooms_entered(scene: Scene, x: Floats, y: Floats) -> set[str]:
+    """Return what :func:`room_at` says of all points (n,), each once; nothing outside of rooms."""
+    found: set[str] = set()
+    outside: Mask = np.ones(len(x), np.bool_)
+    for region in scene.regions:
+        inside = _contains_points(region.outline, x, y)
+        for hole in region.holes:
+            inside &= ~_contains_points(hole, x, y)
+        if (inside & outside).any():
+            found.add(region.name)
+        outside &= ~inside
+    return found
+
+
+def _contains_points(ring: Ring, x: Floats, y: Floats) -> Mask:
+    """Say of points (n,) what :func:`contains_point` says of one."""
+    found: Mask = np.zeros(len(x), np.bool_)
+    for (ax, ay), (bx, by) in zip(ring, (*ring[1:], *ring[:1]), strict=True):
+        if ay != by:
+            found ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * (bx - ax) / (by - ay))
+    return found
 
 
 def circuit(facts: RunFacts) -> bool:

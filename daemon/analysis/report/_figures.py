@@ -17,6 +17,7 @@ from daemon.analysis.report._axes import Sheet
 from daemon.analysis.report._data import ReportData, ReportRun
 from daemon.analysis.report._plot_comparisons import plot_comparisons, plot_run_pair
 from daemon.analysis.report._plot_moment import plot_moment
+from daemon.analysis.report._recorded import forget_traces, sampled_trace
 from daemon.analysis.report._references import (
     ReferenceMark,
     cell_marks,
@@ -32,10 +33,9 @@ from daemon.analysis.report._tracks import (
     extract_tracks,
 )
 from daemon.judging.assessment import base_name
-from daemon.judging.oracles import SignalSampler
 from daemon.model.assessments import DELAY, CellVerdict, RunRecord
 from daemon.model.verdicts import Outcome
-from daemon.trace import TraceError, read_scene, read_trace
+from daemon.trace import TraceError, read_scene
 from grammars.model.scene import Scene
 
 FigureKind: TypeAlias = Literal[
@@ -75,25 +75,35 @@ class ReportFigure:
 
 @dataclass(frozen=True, slots=True)
 class _FigureTask:
-    """A figure to draw; ``label`` says what it shows where pictures are not seen."""
+    """A figure to draw; ``label`` says what it shows where pictures are not seen.
+
+    ``trace`` is read for it.
+    """
 
     figure: ReportFigure
     label: str
     draw: Callable[[], Sheet | None]
+    trace: str = ""
 
 
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
     """Draw every figure of a report."""
     drawn = (*_moments(data), *_of_cells(data), *_of_campaign(data))
-    tasks = tuple(enumerate(drawn))
-    return tuple(parallel_map(_draw_task, tasks, doing="that draws figures", processes=processes))
+    # What takes long first, and figures from one trace behind each other: it is read once for them.
+    tasks = sorted(enumerate(drawn), key=lambda task: task[1].trace, reverse=True)
+    try:
+        done = parallel_map(_draw_task, tasks, doing="that draws figures", processes=processes)
+        figures = dict(done)
+    finally:
+        forget_traces()
+    return tuple(figures[number] for number in range(len(drawn)))
 
 
-def _draw_task(numbered: tuple[int, _FigureTask]) -> ReportFigure:
+def _draw_task(numbered: tuple[int, _FigureTask]) -> tuple[int, ReportFigure]:
     number, task = numbered
     drawn = task.draw()
     svg = "" if drawn is None else drawn.svg(f"f{number}", task.label)
-    return replace(task.figure, svg=svg)
+    return number, replace(task.figure, svg=svg)
 
 
 def notable_verdicts(data: ReportData) -> tuple[CellVerdict, ...]:
@@ -128,6 +138,7 @@ def _moments(data: ReportData) -> Iterator[_FigureTask]:
                 plot_moment, trace=Path(run.record.trace), time=time, involved=involved,
                 buffer=run.tracks.buffer,
             ),
+            run.record.trace,
         )  # fmt: skip
 
 
@@ -241,6 +252,7 @@ def _worst_run(data: ReportData, known: Sequence[ReportRun]) -> Iterator[_Figure
             ReportFigure("worst-localisation", worst.record.scenario, of, caption),
             f"The largest localisation error {label}, {of}",
             partial(_draw_detailed, record=worst.record, buffer=data.buffer, draw=draw),
+            worst.record.trace,
         )
 
 
@@ -249,10 +261,10 @@ def _draw_detailed(
 ) -> Sheet | None:
     """Draw a run from more samples than are kept of every run; ``None`` if its trace is gone."""
     try:
-        trace = read_trace(Path(str(record.trace)))
+        sampler = sampled_trace(Path(str(record.trace)))
     except TraceError:
         return None
-    return draw(run=extract_tracks(record.id, trace, SignalSampler(trace), buffer, (), _DETAILED))
+    return draw(run=extract_tracks(record.id, sampler.trace, sampler, buffer, (), _DETAILED))
 
 
 def _boxes(
@@ -317,6 +329,7 @@ def _run_pairs(data: ReportData) -> Iterator[_FigureTask]:
             ReportFigure("run-pair", names, sut, f"{sut}, repeat {pair[0].record.repeat}"),
             f"Speed and turning speed in a run of {names} with {sut}",
             partial(plot_run_pair, runs=shown),
+            str(pair[0].record.trace),
         )
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from daemon.analysis.report._axes import Axes, Sheet
 from daemon.analysis.report._plots import WIDTH, draw_reference
+from daemon.analysis.report._recorded import sampled_trace
 from daemon.analysis.report._references import ReferenceMark
 from daemon.analysis.report._svg import BAD, SERIES
 from daemon.model.assessments import ComparisonVerdict
-from daemon.trace import TraceError, read_trace
+from daemon.trace import TraceError
 
 _SAMPLES: Final = 360
 """Samples drawn of one run: two for each point of the page."""
@@ -77,7 +78,7 @@ def plot_run_pair(
     end = 0.0
     for number, (name, path, fired) in enumerate(runs):
         try:
-            truth = read_trace(path).ground_truth
+            truth = sampled_trace(path).trace.ground_truth
         except TraceError:
             return None
         colour = SERIES[number % len(SERIES)]

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from daemon.analysis.report._axes import Axes, Sheet
+from daemon.analysis.report._recorded import sampled_trace
 from daemon.analysis.report._safety_buffer import outlines_near, transform_points
 from daemon.analysis.report._svg import BAD, BODY, LINE, SECOND, SOFT, WALL
-from daemon.judging.oracles import SignalSampler
-from daemon.trace import TraceError, read_trace
+from daemon.trace import TraceError
 from grammars.model.geometry import Floats, Point2
 
 _WIDE, _HIGH = 3.2, 2.0
@@ -26,10 +26,9 @@ def plot_moment(trace: Path, time: float, involved: str, buffer: Point2) -> Shee
     ``None`` if the trace cannot be read any more.
     """
     try:
-        recorded = read_trace(trace)
+        sampler = sampled_trace(trace)
     except TraceError:
         return None
-    sampler = SignalSampler(recorded)
     stamps = sampler.time_base.time
     index = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
     pose = sampler.poses[index]
@@ -40,7 +39,7 @@ def plot_moment(trace: Path, time: float, involved: str, buffer: Point2) -> Shee
         axes.shapes([ring], fill=colour, edge=colour, width=0.5)
     first = int(np.searchsorted(stamps, time - _WAY_SHOWN))
     axes.line(sampler.x[first : index + 1], sampler.y[first : index + 1], LINE, 1.2)
-    _draw_robot(axes, np.array(recorded.spec.robot.footprint), pose, buffer)
+    _draw_robot(axes, np.array(sampler.trace.spec.robot.footprint), pose, buffer)
     axes.x_limits = (float(pose[0]) - _WIDE, float(pose[0]) + _WIDE)
     axes.y_limits = (float(pose[1]) - _HIGH, float(pose[1]) + _HIGH)
     axes.equal = True

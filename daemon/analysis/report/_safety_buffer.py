@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
@@ -72,6 +73,8 @@ def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
     return SafetyBuffer(None, DEFAULT_MARGIN, source)
 
 
+# Of hundreds of runs of a campaign the same dozen oracles.
+@functools.lru_cache(maxsize=256)
 def _parse_judgement(text: str) -> object:
     try:
         return parse_oracle("report", text, Where("report")).judgement
@@ -131,9 +134,14 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
         angles = laser.angle_min + laser.angle_increment * np.arange(laser.rays)
         # Lost rays and those without a return are no numbers, or infinite.
         far = np.hypot(*half) + np.hypot(*centre) + np.hypot(laser.mount.x, laser.mount.y)
-        rows, rays = np.nonzero((scans.ranges > 0.0) & (scans.ranges <= far))
-        ranges = scans.ranges[rows, rays].astype(np.float64)
-        beams = np.column_stack((ranges * np.cos(angles[rays]), ranges * np.sin(angles[rays])))
+        ranges = scans.ranges.ravel()
+        # The largest float32 up to there: all ranges would become float64 otherwise.
+        limit = np.float32(far)
+        limit = limit if limit <= far else np.nextafter(limit, np.float32(0.0))
+        near = np.flatnonzero((ranges > 0.0) & (ranges <= limit))
+        rays, ranges = near % laser.rays, ranges[near].astype(np.float64)
+        cosines, sines = np.cos(angles), np.sin(angles)
+        beams = np.column_stack((ranges * cosines[rays], ranges * sines[rays]))
         mount = np.array([(laser.mount.x, laser.mount.y, laser.mount.yaw)])
         points = transform_points(beams, mount) - centre
         found.append(points[(np.abs(points) < half).all(axis=1)] + centre)
@@ -168,30 +176,48 @@ class _ObstacleOutlines:
     def __init__(self, obstacles: ObstaclePolygons) -> None:
         self._obstacles = obstacles
         self._points: dict[int, Floats] = {}
+        # Doors rest most of the time: where they were at the moment before, and what that came to.
+        self._moving = obstacles.frame >= 0
+        self._centres: tuple[Floats, Floats] | None = None
+        self._placed: dict[int, tuple[Floats, Floats]] = {}
 
     def within(self, moment: int, pose: Floats, reach: float) -> list[int]:
         """Return the polygons whose circle comes as near as ``reach`` [m]."""
         # By circles first: of a building, nearly everything is far away.
-        frame, circle = self._obstacles.frame, self._obstacles.circle
-        centres = circle[:, :2].copy()
-        moving = frame >= 0
-        if moving.any():
-            track = self._obstacles.tracks[moment, frame[moving]]
-            centres[moving] = transform_points(centres[moving], track)
+        circle, centres = self._obstacles.circle, self._circle_centres(moment)
         away = np.hypot(centres[:, 0] - pose[0], centres[:, 1] - pose[1])
         near: list[int] = np.flatnonzero(away <= reach + circle[:, 2]).tolist()
         return near
 
+    def _circle_centres(self, moment: int) -> Floats:
+        """Return where the middle (p, 2) of every circle is at a sample."""
+        poses = self._obstacles.tracks[moment]
+        if self._centres is None or not np.array_equal(self._centres[0], poses):
+            centres = self._obstacles.circle[:, :2].copy()
+            if self._moving.any():
+                track = poses[self._obstacles.frame[self._moving]]
+                centres[self._moving] = transform_points(centres[self._moving], track)
+            self._centres = poses, centres
+        return self._centres[1]
+
     def seen_from(self, moment: int, pose: Floats, polygons: Sequence[int]) -> Floats:
         """Return the outlines of polygons, at least one, in the base frame (k, 2)."""
-        placed = [
-            _placed(self._obstacles, moment, polygon, self._outline(polygon))
-            for polygon in polygons
-        ]
-        points = np.concatenate(placed)
+        points = np.concatenate([self._outline_at(moment, polygon) for polygon in polygons])
         c, s = np.cos(pose[2]), np.sin(pose[2])
         dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
         return np.column_stack((c * dx + s * dy, c * dy - s * dx))
+
+    def _outline_at(self, moment: int, polygon: int) -> Floats:
+        """Return the outline of a polygon (k, 2) where it is at a sample, in the map frame."""
+        frame = int(self._obstacles.frame[polygon])
+        if frame < 0:
+            return self._outline(polygon)
+        pose = self._obstacles.tracks[moment, frame]
+        before = self._placed.get(polygon)
+        if before is None or not np.array_equal(before[0], pose):
+            before = pose, transform_points(self._outline(polygon), pose[None])
+            self._placed[polygon] = before
+        return before[1]
 
     def _outline(self, polygon: int) -> Floats:
         if polygon not in self._points:

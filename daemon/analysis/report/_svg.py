@@ -7,6 +7,7 @@ figures follow the theme of the reader. Lengths are points, 1/72 inch.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import Final
 from xml.sax.saxutils import escape
 
@@ -132,7 +133,9 @@ def rings_data(rings: Iterable[Floats]) -> str:
 
 
 def _subpath(points: list[list[float]], ending: str) -> str:
-    return "M" + " ".join(f"{number(x)} {number(y)}" for x, y in points) + ending
+    # What :func:`number` does, of all at once: figures of a campaign have 100 000 points.
+    written = "%.1f " * (2 * len(points)) % tuple(chain.from_iterable(points))
+    return "M" + written.replace(".0 ", " ").replace("-0 ", "0 ")[:-1] + ending
 
 
 def _pieces(points: Floats) -> Iterator[list[list[float]]]:

@@ -32,6 +32,9 @@ from grammars.model.scene import Joint, Scene, SceneObject
 _SQRT_2: Final = 1.4142135623730951
 _SLACK: Final = 1e-9
 """Added to the radius of circles [m], whose rounding must not skip the nearest polygon."""
+_AROUND: Final = 1.0
+"""What stands so much farther [m] than anything that may count is looked at again when the robot
+has come as far."""
 
 
 @kernel
@@ -77,9 +80,13 @@ def _edge_minimum(ax: float, ay: float, bx: float, by: float, hx: float, hy: flo
 @kernel
 def _polygon_minimum(
     corners: Floats, first: int, last: int, c: float, s: float, tx: float, ty: float,
-    hx: float, hy: float,
+    hx: float, hy: float, known: float,
 ) -> float:  # fmt: skip
-    """Return the minimum of ``g`` over a filled convex polygon moved by (c, s, tx, ty)."""
+    """Return the minimum of ``g`` over a filled convex polygon moved by (c, s, tx, ty).
+
+    What is larger than ``known`` may be any larger number: walls are long, so that their circles
+    rule out few of them, but most of their edges lie off one side of the box.
+    """
     best = math.inf
     left = right = True
     px = tx + c * corners[last - 1, 0] - s * corners[last - 1, 1]
@@ -90,7 +97,12 @@ def _polygon_minimum(
         side = px * qy - py * qx
         left = left and side >= 0.0
         right = right and side <= 0.0
-        best = min(best, _edge_minimum(px, py, qx, qy, hx, hy))
+        least = max(
+            max(min(px, qx), -max(px, qx)) - hx,
+            max(min(py, qy), -max(py, qy)) - hy,
+        )
+        if least <= min(best, known) + _SLACK:
+            best = min(best, _edge_minimum(px, py, qx, qy, hx, hy))
         px, py = qx, qy
     # Every edge has the box centre on the same side, whichever way the ring turns: it is inside. On
     # all of them (both) it is only when the polygon has no area.
@@ -111,6 +123,8 @@ def box_clearance(
 
     A polygon whose circle is at distance d from the box centre has ``g >= d / sqrt(2) - max(hx,
     hy)``, so most are skipped; starting from the previous sample's nearest one keeps it tight.
+    Those that have stood still so far and are far away are not even asked for d: none of them is
+    nearer than ``beyond`` to (ox, oy), where the box centre was when they were last looked at.
     """
     samples, polygons = len(poses), len(frame)
     values = np.empty(samples)
@@ -124,37 +138,64 @@ def box_clearance(
     # its yaw is.
     yaws = np.full(tracks.shape[1], math.nan)
     cosines, sines = np.empty(len(yaws)), np.empty(len(yaws))
+    moves = np.zeros(len(yaws), dtype=np.bool_)
+    asked = np.arange(polygons)
+    count, beyond, ox, oy = polygons, -math.inf, 0.0, 0.0
     for i in range(samples):
         for f in range(len(yaws)):
             if tracks[i, f, 2] != yaws[f]:
                 yaws[f] = tracks[i, f, 2]
                 cosines[f], sines[f] = math.cos(yaws[f]), math.sin(yaws[f])
+            if i > 0 and not moves[f]:
+                for k in range(3):
+                    if tracks[i, f, k] != tracks[i - 1, f, k]:
+                        moves[f], beyond = True, -math.inf
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         bx = poses[i, 0] + c * centre[0] - s * centre[1]
         by = poses[i, 1] + s * centre[0] + c * centre[1]
         best, owner = math.inf, -1
-        for step in range(-1, polygons):
-            p = guess if step < 0 else step
-            f = frame[p]
-            wx, wy = circle[p, 0], circle[p, 1]
-            lc, ls, lx, ly = 1.0, 0.0, 0.0, 0.0
-            if f >= 0:
-                lx, ly = tracks[i, f, 0], tracks[i, f, 1]
-                lc, ls = cosines[f], sines[f]
-                wx, wy = lx + lc * wx - ls * wy, ly + ls * wx + lc * wy
-            # Farther than this no point of the circle can be as near as the best so far.
-            limit = (best + reach) * _SQRT_2 + circle[p, 2] + _SLACK
-            if (wx - bx) ** 2 + (wy - by) ** 2 > limit * limit:
-                continue
-            found = _polygon_minimum(
-                corners, offsets[p], offsets[p + 1],
-                c * lc + s * ls, c * ls - s * lc,
-                c * (lx - bx) + s * (ly - by), c * (ly - by) - s * (lx - bx),
-                hx, hy,
-            )  # fmt: skip
-            # By index among equals, or the name in the evidence would depend on the guess.
-            if found < best or (found == best and p < owner):
-                best, owner = found, p
+        for again in range(2):
+            for step in range(-1, count):
+                p = guess if step < 0 else asked[step]
+                f = frame[p]
+                wx, wy = circle[p, 0], circle[p, 1]
+                lc, ls, lx, ly = 1.0, 0.0, 0.0, 0.0
+                if f >= 0:
+                    lx, ly = tracks[i, f, 0], tracks[i, f, 1]
+                    lc, ls = cosines[f], sines[f]
+                    wx, wy = lx + lc * wx - ls * wy, ly + ls * wx + lc * wy
+                # Farther than this no point of the circle can be as near as the best so far.
+                limit = (best + reach) * _SQRT_2 + circle[p, 2] + _SLACK
+                if (wx - bx) ** 2 + (wy - by) ** 2 > limit * limit:
+                    continue
+                found = _polygon_minimum(
+                    corners, offsets[p], offsets[p + 1],
+                    c * lc + s * ls, c * ls - s * lc,
+                    c * (lx - bx) + s * (ly - by), c * (ly - by) - s * (lx - bx),
+                    hx, hy, best,
+                )  # fmt: skip
+                # By index among equals, or the name in the evidence would depend on the guess.
+                if found < best or (found == best and p < owner):
+                    best, owner = found, p
+            limit = (best + reach) * _SQRT_2 + _SLACK
+            moved = math.hypot(bx - ox, by - oy)
+            if again or (beyond - moved > limit and moved < _AROUND):
+                break
+            count, beyond, ox, oy = 0, math.inf, bx, by
+            for p in range(polygons):
+                f = frame[p]
+                wx, wy = circle[p, 0], circle[p, 1]
+                if f >= 0:
+                    wx, wy = (
+                        tracks[i, f, 0] + cosines[f] * wx - sines[f] * wy,
+                        tracks[i, f, 1] + sines[f] * wx + cosines[f] * wy,
+                    )
+                away = math.hypot(wx - bx, wy - by) - circle[p, 2]
+                if (f < 0 or not moves[f]) and away > limit + _AROUND:
+                    beyond = min(beyond, away)
+                else:
+                    asked[count] = p
+                    count += 1
         values[i], nearest[i] = best, owner
         guess = owner
     return values, nearest
@@ -175,7 +216,11 @@ def joint_positions(trace: Trace, obj: SceneObject, time: Floats) -> Floats:
             positions[:, index] = initial
             continue
         recorded = track.position[:, column[name]]
-        positions[:, index] = np.interp(time, track.time, recorded, left=initial)
+        # Most doors never move.
+        if (recorded == initial).all():
+            positions[:, index] = initial
+        else:
+            positions[:, index] = np.interp(time, track.time, recorded, left=initial)
     return positions
 
 
@@ -261,12 +306,23 @@ def obstacles_of(trace: Trace, time: Floats) -> ObstaclePolygons:
     for item, links in shapes.moving:
         poses = link_tracks(item, joint_positions(trace, item, time))
         tracks.extend(poses[name] for name in links)
-    stacked = np.stack(tracks, axis=1) if tracks else np.empty((len(time), 0, 3))
     still = shapes.still
     return ObstaclePolygons(
         still.corners, still.offsets, still.frame, still.circle,
-        np.ascontiguousarray(stacked), still.names,
+        _side_by_side(tracks, len(time)), still.names,
     )  # fmt: skip
+
+
+def _side_by_side(tracks: list[Floats], count: int) -> Floats:
+    """Return tracks (count, 3) as one array (count, tracks, 3)."""
+    stacked = np.empty((count, len(tracks), 3))
+    if count and tracks:
+        # All as they begin, in one go: what moves is then written over it.
+        stacked[:] = np.stack([track[0] for track in tracks])
+        for index, track in enumerate(tracks):
+            if track.strides[0]:
+                stacked[:, index] = track
+    return stacked
 
 
 @dataclass(frozen=True, slots=True)
