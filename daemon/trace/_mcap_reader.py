@@ -284,14 +284,18 @@ def _run_length(data: bytes, at: int, size: int, head: bytes) -> int:
         if not data.startswith(head, at + count * size):
             return count
         count += 1
-    wanted = np.frombuffer(head, np.uint8)
+    # As two numbers of eight bytes that overlap: a third of the time of eleven bytes one by one.
+    tail = len(head) - 8
+    first, last = (int.from_bytes(head[i : i + 8], "little") for i in (0, tail))
     while count < most:
         step = min(_WINDOW, most - count)
-        rows = np.frombuffer(data, np.uint8, step * size, at + count * size).reshape(step, size)
-        same = (rows[:, : len(head)] == wanted).ravel()
+        start = at + count * size
+        firsts = np.ndarray((step,), "<u8", data, start, (size,))
+        lasts = np.ndarray((step,), "<u8", data, start + tail, (size,))
+        same = (firsts == first) & (lasts == last)
         other = int(same.argmin())
         if not same[other]:
-            return count + other // len(head)
+            return count + other
         count += step
     return count
 

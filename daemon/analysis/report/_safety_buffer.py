@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -28,6 +28,7 @@ _MOMENTS: Final = 160
 _POINTS: Final = 4000
 """Most points kept of one run: about as many as the histogram has cells, 64 by 64."""
 
+Indices: TypeAlias = npt.NDArray[np.int64]
 ThinnedSamples: TypeAlias = npt.NDArray[np.float32]
 """Samples kept for drawing; numbers that count are taken from all samples before."""
 
@@ -106,19 +107,12 @@ def points_inside(
         return np.empty((0, 2), np.float32)
     if len(moments) > _MOMENTS:
         moments = moments[np.linspace(0, len(moments) - 1, _MOMENTS).astype(np.int64)]
-    obstacles = sampler.obstacles
-    outlines = _ObstacleOutlines(obstacles)
+    outlines = _ObstacleOutlines(sampler.obstacles)
     reach = float(np.hypot(*half)) + float(np.hypot(*centre))
-    found = []
     # Points of outlines, not laser returns: what the laser does not see is inside of the buffer
     # all the same, and clearance is judged by outlines.
-    for moment in moments.tolist():
-        pose = sampler.poses[moment]
-        near_by = outlines.within(moment, pose, reach)
-        if near_by:
-            points = outlines.seen_from(moment, pose, near_by) - centre
-            found.append(points[(np.abs(points) < half).all(axis=1)] + centre)
-    inside = np.concatenate(found) if found else np.empty((0, 2))
+    points = outlines.seen_from(moments, sampler.poses[moments], reach) - centre
+    inside = points[(np.abs(points[:, 0]) < half[0]) & (np.abs(points[:, 1]) < half[1])] + centre
     if len(inside) > _POINTS:
         inside = inside[np.linspace(0, len(inside) - 1, _POINTS).astype(np.int64)]
     return inside.astype(np.float32)
@@ -144,7 +138,8 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
         beams = np.column_stack((ranges * cosines[rays], ranges * sines[rays]))
         mount = np.array([(laser.mount.x, laser.mount.y, laser.mount.yaw)])
         points = transform_points(beams, mount) - centre
-        found.append(points[(np.abs(points) < half).all(axis=1)] + centre)
+        within = (np.abs(points[:, 0]) < half[0]) & (np.abs(points[:, 1]) < half[1])
+        found.append(points[within] + centre)
     inside = np.concatenate(found)
     if len(inside) > _POINTS:
         inside = inside[np.linspace(0, len(inside) - 1, _POINTS).astype(np.int64)]
@@ -158,7 +153,9 @@ def outlines_near(
     move, its corners (k, 2) [m] in the map frame.
     """
     obstacles = sampler.obstacles
-    for polygon in _ObstacleOutlines(obstacles).within(moment, sampler.poses[moment], reach):
+    moments = np.array([moment])
+    _, near = _polygons_near(obstacles, moments, sampler.poses[moments], reach)
+    for polygon in near.tolist():
         first, last = obstacles.offsets[polygon : polygon + 2]
         corners = _placed(obstacles, moment, polygon, obstacles.corners[first:last])
         yield obstacles.names[polygon], bool(obstacles.frame[polygon] >= 0), corners
@@ -170,52 +167,67 @@ def _placed(obstacles: ObstaclePolygons, moment: int, polygon: int, points: Floa
     return points if frame < 0 else transform_points(points, obstacles.tracks[moment, frame][None])
 
 
+def _polygons_near(
+    obstacles: ObstaclePolygons, moments: Indices, poses: Floats, reach: float
+) -> tuple[Indices, Indices]:
+    """Return which polygons come as near as ``reach`` [m] to a robot at ``poses`` (m, 3).
+
+    By their circles: a number of one of the ``moments`` (m,), which are samples, and the polygon.
+    """
+    # By circles first: of a building, nearly everything is far away.
+    frame, circle = obstacles.frame, obstacles.circle
+    moving = np.flatnonzero(frame >= 0)
+    x, y = (np.repeat(circle[None, :, axis], len(moments), axis=0) for axis in (0, 1))
+    if len(moving):
+        tracks = obstacles.tracks[moments][:, frame[moving]]
+        c, s = np.cos(tracks[..., 2]), np.sin(tracks[..., 2])
+        own_x, own_y = circle[moving, 0], circle[moving, 1]
+        x[:, moving] = tracks[..., 0] + c * own_x - s * own_y
+        y[:, moving] = tracks[..., 1] + s * own_x + c * own_y
+    away = np.hypot(x - poses[:, :1], y - poses[:, 1:2])
+    return np.nonzero(away <= reach + circle[:, 2])
+
+
 class _ObstacleOutlines:
     """Obstacles as closely spaced points, where they are at any moment."""
 
     def __init__(self, obstacles: ObstaclePolygons) -> None:
         self._obstacles = obstacles
         self._points: dict[int, Floats] = {}
-        # Doors rest most of the time: where they were at the moment before, and what that came to.
-        self._moving = obstacles.frame >= 0
-        self._centres: tuple[Floats, Floats] | None = None
-        self._placed: dict[int, tuple[Floats, Floats]] = {}
+        # Doors rest most of the time: where one was before, and what its outline came to there.
+        self._placed: dict[int, tuple[bytes, Floats]] = {}
 
-    def within(self, moment: int, pose: Floats, reach: float) -> list[int]:
-        """Return the polygons whose circle comes as near as ``reach`` [m]."""
-        # By circles first: of a building, nearly everything is far away.
-        circle, centres = self._obstacles.circle, self._circle_centres(moment)
-        away = np.hypot(centres[:, 0] - pose[0], centres[:, 1] - pose[1])
-        near: list[int] = np.flatnonzero(away <= reach + circle[:, 2]).tolist()
-        return near
+    def seen_from(self, moments: Indices, poses: Floats, reach: float) -> Floats:
+        """Return points within ``reach`` [m] of a robot at samples, in its base frame (k, 2).
 
-    def _circle_centres(self, moment: int) -> Floats:
-        """Return where the middle (p, 2) of every circle is at a sample."""
-        poses = self._obstacles.tracks[moment]
-        if self._centres is None or not np.array_equal(self._centres[0], poses):
-            centres = self._obstacles.circle[:, :2].copy()
-            if self._moving.any():
-                track = poses[self._obstacles.frame[self._moving]]
-                centres[self._moving] = transform_points(centres[self._moving], track)
-            self._centres = poses, centres
-        return self._centres[1]
-
-    def seen_from(self, moment: int, pose: Floats, polygons: Sequence[int]) -> Floats:
-        """Return the outlines of polygons, at least one, in the base frame (k, 2)."""
-        points = np.concatenate([self._outline_at(moment, polygon) for polygon in polygons])
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
+        Of outlines, sample by sample, and a few that are farther away; ``poses`` (m, 3) are those
+        of the robot at the samples ``moments`` (m,).
+        """
+        numbers, polygons = _polygons_near(self._obstacles, moments, poses, reach)
+        placed = [
+            self._placed_outline(moment, polygon)
+            for moment, polygon in zip(moments[numbers].tolist(), polygons.tolist(), strict=True)
+        ]
+        if not placed:
+            return np.empty((0, 2))
+        points = np.concatenate(placed)
+        seen = np.repeat(numbers, [len(outline) for outline in placed])
+        dx, dy = points[:, 0] - poses[:, 0][seen], points[:, 1] - poses[:, 1][seen]
+        # Of a long wall most is far away; as much more than rounding can be.
+        near = np.flatnonzero((np.abs(dx) <= 1.01 * reach) & (np.abs(dy) <= 1.01 * reach))
+        seen, dx, dy = seen[near], dx[near], dy[near]
+        c, s = np.cos(poses[:, 2])[seen], np.sin(poses[:, 2])[seen]
         return np.column_stack((c * dx + s * dy, c * dy - s * dx))
 
-    def _outline_at(self, moment: int, polygon: int) -> Floats:
+    def _placed_outline(self, moment: int, polygon: int) -> Floats:
         """Return the outline of a polygon (k, 2) where it is at a sample, in the map frame."""
         frame = int(self._obstacles.frame[polygon])
         if frame < 0:
             return self._outline(polygon)
         pose = self._obstacles.tracks[moment, frame]
-        before = self._placed.get(polygon)
-        if before is None or not np.array_equal(before[0], pose):
-            before = pose, transform_points(self._outline(polygon), pose[None])
+        at, before = pose.tobytes(), self._placed.get(polygon)
+        if before is None or before[0] != at:
+            before = at, transform_points(self._outline(polygon), pose[None])
             self._placed[polygon] = before
         return before[1]
 
