@@ -1,8 +1,8 @@
 """Memory of the process of a run: S1 of the published experiment, and many runs in one process.
 
-A process of its own each time, warm as the fork server of a worker is, from which a child is forked
-that frees memory as the process of a run does. RSS is all it has in memory; PSS counts a page that
-several share in parts, USS not at all.
+One run is executed by a child of a worker's fork server, as every run is; many by a child of a
+process that is as warm as that. RSS is all that a process has in memory, with what it shares with
+the fork server; PSS counts a page that several share in parts, USS not at all.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from multiprocessing.connection import wait
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 
@@ -23,6 +24,10 @@ TIMES = 20
 MOST_GROWTH = 1.05
 """Of the memory after two runs: malloc may keep some more for later."""
 ROOT = Path(__file__).parents[2]
+ROOMS = "BENCH_MEMORY_ROOMS"
+"""The variable that tells the fork server which rooms the run enters."""
+FOUND = "memory.json"
+"""Lies in the folder of an attempt when the run is over."""
 
 
 class Memory(NamedTuple):
@@ -50,6 +55,57 @@ def peak() -> float:
     return float(status.split("VmHWM:")[1].split()[0]) / 1e3
 
 
+def warm_up() -> None:
+    """Load what the run needs; called by the fork server alone."""
+    from daemon.run import warm_up as warm_up_runs
+
+    warm_up_runs(os.environ[ROOMS].split())
+
+
+def execute(spec: Any, scene: Any, *, trace_path: Path, on_progress: Any, interest: Any) -> Any:
+    """A run that leaves beside its trace what memory it has had."""
+    from daemon.run import execute
+
+    found = [own_memory()]
+
+    def look(snapshot: Any) -> None:
+        found.append(own_memory())
+        on_progress(snapshot)
+
+    result = execute(spec, scene, trace_path=trace_path, on_progress=look, interest=interest)
+    found.append(own_memory())
+    (trace_path.parent / FOUND).write_text(json.dumps(found))
+    return result
+
+
+def tell_of_child(name: str) -> None:
+    """Print as JSON what memory a child of a fork server has: before a run, meanwhile, after it."""
+    from daemon.batch.worker._attempts import Attempt
+    from daemon.batch.worker._forkserver import ForkServerPool, prepare_environment
+    from daemon.model.execution import RunLimits
+    from daemon.model.kernel_rooms import kernel_rooms
+    from daemon.model.messages import Lease
+    from grammars.text import codec
+    from tests.benchmarks.case_process import load
+
+    spec, scene = load(name)
+    os.environ[ROOMS] = " ".join(kernel_rooms(spec.sut.kind, spec.sut.parameters))
+    prepare_environment(f"{__name__}:execute")
+    with tempfile.TemporaryDirectory(prefix="bench-memory-") as folder:
+        file = Path(folder) / "scene.json"
+        file.write_bytes(codec.to_json(scene))
+        pool = ForkServerPool(1)
+        pool.warm_up()
+        lease = Lease("c.0", "c", 1, 0, "c/run.mcap", spec)
+        attempt = Attempt.prepare(Path(folder) / "c.0" / "attempt-1", lease)
+        execution = pool.start(attempt, file, RunLimits(nice=0))
+        while execution.end is None:
+            wait(execution.waitables)
+            execution.listen()
+        execution.close()
+        print((attempt.folder / FOUND).read_text(), flush=True)
+
+
 def tell(name: str, times: int) -> None:
     """Print as JSON what memory a child of a warm process has: before runs, and after each."""
     from daemon.batch.run_process import return_freed_memory
@@ -73,9 +129,9 @@ def tell(name: str, times: int) -> None:
     os._exit(0)
 
 
-def told(name: str, times: int) -> list[Memory]:
-    """What :func:`tell` says of a process of its own."""
-    program = f"from {__name__} import tell; tell({name!r}, {times})"
+def told(call: str) -> list[Memory]:
+    """What a function of this module says that is called by a process of its own."""
+    program = f"import {__name__} as bench; bench.{call}"
     said = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
     )
@@ -88,18 +144,19 @@ def measure() -> Iterator[Measurement]:
         ("the demo", "rude-house", ()),
         ("S1, a2s", "s1", (at_most(220.0),)),
     ):
-        before, after = told(name, 1)
+        found = told(f"tell_of_child({name!r})")
+        pss, uss = max(one.pss for one in found), max(one.uss for one in found)
         yield Measurement(
-            f"{what}: a child's run, most RSS", after.peak, "MB",
-            Reference("RSS before", before.rss), goals,
-            f"at the end RSS {after.rss:.0f}, PSS {after.pss:.0f}, USS {after.uss:.0f} MB",
+            f"{what}: a child's run, most RSS", found[-1].peak, "MB",
+            Reference("RSS before", found[0].rss), goals,
+            f"most PSS {pss:.0f}, USS {uss:.0f} MB; at the end RSS {found[-1].rss:.0f} MB",
         )  # fmt: skip
     yield growth("the demo", "rude-house", TIMES)
 
 
 def growth(what: str, name: str, times: int) -> Measurement:
     """What a process has in memory after ``times`` runs, beside what it has after two."""
-    _, _, second, *_, last = told(name, times)
+    _, _, second, *_, last = told(f"tell({name!r}, {times})")
     return Measurement(
         f"{times} runs of {what} in one process, RSS", last.rss, "MB",
         Reference("after the second", second.rss), (at_most(MOST_GROWTH, of_ratio=True),),

@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import blake2b
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,9 @@ from grammars.model.grid import OCCUPIED, OccupancyGrid
 _KEPT_FIELDS = 2
 """Fields kept per process: those of the maps a campaign runs on, one after the other."""
 
+SquaredCells: TypeAlias = npt.NDArray[np.uint16] | Integers
+_MOST_SHORT = int(np.iinfo(np.uint16).max)
+
 _UNREACHED = -1
 _CELL_BITS = 32
 _CELL_MASK = (1 << _CELL_BITS) - 1
@@ -35,14 +39,15 @@ _CELL_MASK = (1 << _CELL_BITS) - 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceField:
-    """Squared distances in cells, int32, shape (rows + 2, columns + 2), read-only.
+    """Squared distances in cells, shape (rows + 2, columns + 2), read-only.
 
-    The map is framed by a ring of ``far``, the value of whatever lies farther than ``radius``
-    cells from any obstacle, so that points off the map need no special case. ``resolution`` is
-    the side [m] of a cell as distances are reckoned with it.
+    They are uint16 unless ``far`` is too large for it, then int32: of the published building they
+    take 5.9 MB instead of 11.8. The map is framed by a ring of ``far``, the value of whatever lies
+    farther than ``radius`` cells from any obstacle, so that points off the map need no special
+    case. ``resolution`` is the side [m] of a cell as distances are reckoned with it.
     """
 
-    squared: Integers
+    squared: SquaredCells
     radius: int
     resolution: float
 
@@ -96,8 +101,11 @@ def _distance_field(key: _MapKey) -> DistanceField:
         squared = spread_distances(occupied, key.radius)
     else:
         squared = _square_and_frame(distance_transform(occupied), key.radius)
-    squared.setflags(write=False)
-    return DistanceField(squared, key.radius, key.resolution)
+    # By the radius and not by what occurs: the type decides which machine code is needed.
+    short = key.radius * key.radius + 1 <= _MOST_SHORT
+    kept: SquaredCells = squared.astype(np.uint16) if short else squared
+    kept.setflags(write=False)
+    return DistanceField(kept, key.radius, key.resolution)
 
 
 @kernel

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
-from daemon.stacks.ros1.amcl.distance_field import distance_field
+from daemon.stacks.ros1.amcl.distance_field import SquaredCells, distance_field
 from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats
 from grammars.model.grid import FREE, OccupancyGrid
@@ -286,7 +286,7 @@ def beam_end_points(
 
 @kernel
 def sum_over_beams(
-    squared: Integers,
+    squared: SquaredCells,
     x0: float,
     y0: float,
     resolution: float,

@@ -182,6 +182,20 @@ def test_the_map_is_framed_by_the_value_of_far(brushfire: bool, radius: int) -> 
     assert field.distances(2.0)[field.far] == 2.0
 
 
+@pytest.mark.parametrize("brushfire", [True, False])
+@pytest.mark.parametrize(("radius", "kind"), [(255, np.uint16), (256, np.int32)])
+def test_a_field_is_as_small_as_its_largest_value_allows(
+    brushfire: bool, radius: int, kind: type
+) -> None:
+    cells = np.full((1, 300), FREE, dtype=np.int8)
+    cells[0, 0] = OCCUPIED
+    grid = OccupancyGrid(0.125, 0.0, 0.0, cells)
+    field = distance_field(grid, radius * 0.125, brushfire=brushfire)
+    assert field.squared.dtype == kind
+    within = [min(k * k, field.far) if k <= radius else field.far for k in range(300)]
+    assert field.squared[1, 1:-1].tolist() == within
+
+
 def test_equal_maps_share_a_field_that_nobody_can_change() -> None:
     cells = np.zeros((5, 5), dtype=np.int8)
     cells[2, 2] = OCCUPIED
