@@ -27,6 +27,7 @@ from typing import Any
 
 import platformdirs
 
+from tests.benchmarks import progress
 from tests.benchmarks.case_process import CAMPAIGNS, CORRIDORS
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.batch.harness import eventually
@@ -163,7 +164,8 @@ def compare(revision: str, cases: Sequence[str], times: int = TIMES) -> Iterator
         ]
         for case in cases:
             if case not in RUNS or times > 1:  # the first time reads files, and compiles
-                for checkout in checkouts:
+                for checkout, which in zip(checkouts, ("the older", "the newer"), strict=True):
+                    progress.say(f"{case}: {which} once, not counted")
                     checkout.take(case)
             old, new = _in_turns(checkouts, case, times)
             yield _compared(case, revision, old, new)
@@ -172,6 +174,7 @@ def compare(revision: str, cases: Sequence[str], times: int = TIMES) -> Iterator
 def _in_turns(checkouts: Sequence[Checkout], case: str, times: int) -> list[list[Sample]]:
     taken: list[list[Sample]] = [[], []]
     for k in range(times):
+        progress.say(f"{case}: {k + 1} of {times}", case)
         for which in (0, 1) if k % 2 == 0 else (1, 0):
             taken[which].append(checkouts[which].take(case))
     return taken

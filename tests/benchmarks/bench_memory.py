@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 
 TIMES = 20
@@ -75,6 +76,7 @@ def tell(name: str, times: int) -> None:
 
 def told(name: str, times: int) -> list[Memory]:
     """What :func:`tell` says of a process of its own."""
+    progress.say(f"{times} of {name} in a process")
     program = f"from {__name__} import tell; tell({name!r}, {times})"
     said = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
