@@ -77,12 +77,9 @@ def main(arguments: list[str]) -> None:
         names = chosen(arguments)
         for k, name in enumerate(names, 1):
             made.add(name, f"{name} ({k} of {len(names)})", lambda name=name: load(name).measure())
-    print()
-    for row in goal_table(made.measurements, width()):
-        print(row)
-    print()
-    for row in part_table(made.parts, width()):
-        print(row)
+    for table in (goal_table(made.measurements, width()), part_table(made.parts, width())):
+        for k, row in enumerate(table):
+            print(f"\n{row}" if k == 0 else row)
     if made.failed:
         sys.exit(f"failed, see above: {', '.join(made.failed)}")
 

@@ -72,4 +72,5 @@ def main(arguments: list[str]) -> Iterator[Measurement]:
     print(f"flame graph: {asked.output}, its stacks as text: {raw}")
     for function, samples in counted.most_common(MOST):
         whole = Reference("the run", everything / RATE)
-        yield Measurement(function, samples / RATE, "s", whole)
+        name, _, file = function.rstrip(")").partition(" (")
+        yield Measurement(name, samples / RATE, "s", whole, note=file)
