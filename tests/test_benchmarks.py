@@ -159,6 +159,11 @@ def test_a_line_says_the_ratio_and_the_reference() -> None:
     assert line(SPEED).split() == ["S1", "130", "x", "real", "time", "1.30", "x", "then", "(100)"]
 
 
+def test_counts_are_whole() -> None:
+    lost = Measurement("lost", 0, "runs", Reference("all runs", 120), (at_most(0.0),))
+    assert line(lost).split() == ["lost", "0", "runs", "0.00", "x", "all", "runs", "(120)"]
+
+
 def test_works_take_turns_every_other_round_backwards() -> None:
     done: list[str] = []
     works = {name: lambda name=name: done.append(name) for name in "ab"}  # type: ignore[misc]

@@ -28,7 +28,9 @@ def width() -> int:
 
 
 def number(value: float) -> str:
-    """Three digits that count, without an exponent where people would not write one."""
+    """Three digits that count, no exponent where people would not write one; counts are whole."""
+    if isinstance(value, int):
+        return str(value)
     if value != value or value in (float("inf"), float("-inf")):
         return "-"
     if abs(value) >= 100.0:
