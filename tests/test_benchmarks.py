@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import io
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.benchmarks.__main__ import benchmarks, main
+from tests.benchmarks.__main__ import Made, benchmarks, main
 from tests.benchmarks.measurement import (
     Goal,
     Measurement,
@@ -15,10 +17,10 @@ from tests.benchmarks.measurement import (
     at_least,
     at_most,
     beside_yardstick,
-    goal_table,
     in_turns,
-    line,
 )
+from tests.benchmarks.printing import goal_table, line, part_table
+from tests.benchmarks.progress import ERASE, Progress
 
 FOLDER = Path(__file__).parent / "benchmarks"
 SPEED = Measurement("S1", 130.0, "x real time", Reference("then", 100.0))
@@ -60,14 +62,85 @@ def test_the_table_has_a_row_for_each_goal() -> None:
         "S1", 130.0, "x real time", SPEED.reference, (at_least(120.0), at_least(2, of_ratio=True))
     )
     slow = Measurement("--help", 0.3, "CPU s", None, (at_most(0.2), at_most(0.5, of_ratio=True)))
-    assert list(goal_table([("ros", fast), ("run", SPEED), ("reactions", slow)])) == [
-        "what               goal                measured                       met",
-        "ros: S1            >= 120 x real time  130 x real time (1.30 x then)  yes",
-        "ros: S1            >= 2 x reference    1.30 x then                    NO",
-        "reactions: --help  <= 0.2 CPU s        0.300 CPU s                    NO",
-        "reactions: --help  <= 0.5 x reference  no reference here              NO",
+    made = [("ros", fast), ("run", SPEED), ("reactions", slow)]
+    assert list(goal_table(made)) == [
+        "what               goal                measured         ratio        met",
+        "ros: S1            >= 120 x real time  130 x real time  1.30 x then  yes",
+        "ros: S1            >= 2 x reference    130 x real time  1.30 x then  NO",
+        "reactions: --help  <= 0.2 CPU s        0.300 CPU s      -            NO",
+        "reactions: --help  <= 0.5 x reference  0.300 CPU s      -            NO",
     ]
     assert list(goal_table([("run", SPEED)])) == []
+
+
+LONG = Measurement(
+    "walls, in pieces of a tenth of what they were: a run", 1013.25, "x real time",
+    Reference("corridor, doors at rest, and nobody there", 977.0), (at_least(1000.0),),
+    "0.296 CPU s for 300 s, trace 1220 kB/min, and more that somebody may want to know",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_table_and_lines_fit(columns: int) -> None:
+    table = list(goal_table([("scaling", LONG)], columns))
+    lines = line(LONG, columns).splitlines()
+    assert max(map(len, table + lines)) <= columns
+    for said in (table, lines):
+        words = [word.rstrip(";") for word in " ".join(said).split()]
+        assert set(f"{LONG.name} 1013 {LONG.unit} 1.04 x".split()) <= set(words)
+    assert LONG.reference is not None
+    assert (LONG.reference.name.split()[0] in " ".join(table)) is (columns == 120)
+    assert set(f"{LONG.reference.name} {LONG.note}".split()) <= set(" ".join(lines).split())
+
+
+def test_parts_are_listed_by_the_time_they_took() -> None:
+    assert list(part_table([("run", 12.4), ("ros", 30.1)])) == ["42 s in all: ros 30, run 12"]
+
+
+class Screen(io.StringIO):
+    """A stream that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_is_a_line_for_each_step_in_a_file() -> None:
+    file = io.StringIO()
+    progress = Progress(file)
+    for done in range(5):
+        progress.say(f"{done} of 4 runs", done // 2)
+    progress.clear()
+    progress.say("the report")
+    progress.say("the report")
+    said = ["0 of 4 runs", "2 of 4 runs", "4 of 4 runs", "the report", "the report"]
+    assert file.getvalue() == "".join(f"  {one}\n" for one in said)
+
+
+def test_progress_stands_in_one_place_on_a_terminal() -> None:
+    screen = Screen()
+    progress = Progress(screen)
+    for done in range(3):
+        progress.say(f"{done} of 2 runs", 0)
+    progress.clear()
+    progress.clear()
+    assert screen.getvalue().split(ERASE) == ["", *(f"  {k} of 2 runs" for k in range(3)), ""]
+    assert "\n" not in screen.getvalue()
+
+
+def test_one_that_fails_says_how_and_does_not_hide_the_others(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fails() -> Iterator[Measurement]:
+        yield SPEED
+        raise OSError("no room is left")
+
+    made = Made()
+    made.add("bad", "bad", fails)
+    made.add("good", "good", lambda: [SPEED])
+    assert [name for name, _ in made.measurements] == ["bad", "good"]
+    assert [name for name, _ in made.parts] == ["bad", "good"]
+    assert made.failed == ["bad"]
+    assert "no room is left" in capsys.readouterr().err
 
 
 def test_what_has_no_reference_is_held_against_the_yardstick() -> None:
@@ -77,11 +150,18 @@ def test_what_has_no_reference_is_held_against_the_yardstick() -> None:
     assert beside_yardstick(in_ms, 0.1).ratio == pytest.approx(3.0)
     runs = Measurement("runs", 30.0, "/s")
     assert beside_yardstick(runs, 0.1).ratio == pytest.approx(3.0)
-    assert beside_yardstick(Measurement("memory", 3.0, "MB"), 0.1).reference is None
+    memory = beside_yardstick(Measurement("memory", 3.0, "MB"), 0.1).reference
+    assert memory is not None
+    assert memory.value > 3.0
 
 
 def test_a_line_says_the_ratio_and_the_reference() -> None:
     assert line(SPEED).split() == ["S1", "130", "x", "real", "time", "1.30", "x", "then", "(100)"]
+
+
+def test_counts_are_whole() -> None:
+    lost = Measurement("lost", 0, "runs", Reference("all runs", 120), (at_most(0.0),))
+    assert line(lost).split() == ["lost", "0", "runs", "0.00", "x", "all", "runs", "(120)"]
 
 
 def test_works_take_turns_every_other_round_backwards() -> None:

@@ -3,8 +3,8 @@
 Each benchmark is a module ``bench_*`` with ``measure()``, which yields measurements
 (:mod:`tests.benchmarks.measurement`). They are printed as they are made, and at the end the table
 goal / measured / met of those that have goals. Nothing is asserted: times belong to the machine.
-Modules with ``LONG``, the reason, are left out unless they are named. How to read it all is in
-``docs/measuring.md``.
+One that fails says how, the others go on, and the exit status is 1. Modules with ``LONG``, the
+reason, are left out unless they are named. How to read it all is in ``docs/measuring.md``.
 """
 
 from __future__ import annotations
@@ -14,14 +14,45 @@ import os
 import platform
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
-from tests.benchmarks.measurement import Measurement, beside_yardstick, goal_table, line, yardstick
+from tests.benchmarks import progress
+from tests.benchmarks.measurement import Measurement, beside_yardstick, yardstick
+from tests.benchmarks.printing import goal_table, line, part_table, width
 
 COMMANDS = ("against", "campaign", "flame")
 """Modules with a command line of their own: ``main(arguments)`` yields measurements."""
+
+
+@dataclass(slots=True)
+class Made:
+    """What came of the parts so far: measurements with the benchmark's name, seconds, failures."""
+
+    measurements: list[tuple[str, Measurement]] = field(default_factory=list)
+    parts: list[tuple[str, float]] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+
+    def add(self, name: str, title: str, measure: Callable[[], Iterable[Measurement]]) -> None:
+        """Print what is measured as it comes, and keep it."""
+        start = time.monotonic()
+        print(f"\n== {title}", flush=True)
+        try:
+            for each in measure():
+                one = beside_yardstick(each, yardstick())
+                progress.clear()
+                print(line(one, width()), flush=True)
+                self.measurements.append((name, one))
+        except Exception:
+            progress.clear()
+            traceback.print_exc()
+            self.failed.append(name)
+        progress.clear()
+        self.parts.append((name, time.monotonic() - start))
+        print(f"-- {self.parts[-1][1]:.0f} s", flush=True)
 
 
 def benchmarks() -> list[str]:
@@ -38,14 +69,19 @@ def main(arguments: list[str]) -> None:
         f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, "
         f"Python {platform.python_version()}"
     )
+    made = Made()
     if arguments and arguments[0] in COMMANDS:
         module = importlib.import_module(f"tests.benchmarks.{arguments[0]}")
-        made = printed(arguments[0], lambda: module.main(arguments[1:]))
+        made.add(arguments[0], arguments[0], lambda: module.main(arguments[1:]))
     else:
-        made = [each for name in chosen(arguments) for each in measured(name)]
-    print()
-    for row in goal_table(made):
-        print(row)
+        names = chosen(arguments)
+        for k, name in enumerate(names, 1):
+            made.add(name, f"{name} ({k} of {len(names)})", lambda name=name: load(name).measure())
+    for table in (goal_table(made.measurements, width()), part_table(made.parts, width())):
+        for k, row in enumerate(table):
+            print(f"\n{row}" if k == 0 else row)
+    if made.failed:
+        sys.exit(f"failed, see above: {', '.join(made.failed)}")
 
 
 def chosen(names: list[str]) -> list[str]:
@@ -61,24 +97,6 @@ def chosen(names: list[str]) -> list[str]:
     for name, why in long.items():
         print(f"left out, to be named: {name} ({why})")
     return [name for name in known if name not in long]
-
-
-def measured(name: str) -> list[tuple[str, Measurement]]:
-    return printed(name, load(name).measure)
-
-
-def printed(
-    name: str, measure: Callable[[], Iterable[Measurement]]
-) -> list[tuple[str, Measurement]]:
-    """Print what is measured as it comes, and return it with the name of the benchmark."""
-    made, start = [], time.monotonic()
-    print(f"\n== {name}", flush=True)
-    for each in measure():
-        one = beside_yardstick(each, yardstick())
-        print(line(one), flush=True)
-        made.append((name, one))
-    print(f"-- {time.monotonic() - start:.0f} s", flush=True)
-    return made
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,6 +27,7 @@ from typing import Any
 
 import platformdirs
 
+from tests.benchmarks import progress
 from tests.benchmarks.case_process import CAMPAIGNS, CORRIDORS
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.batch.harness import eventually
@@ -39,6 +40,8 @@ COMMANDS = {
     "status": ("status",),
 }
 TIMES = 5
+BEGINNING = 20.0
+"""Simulated seconds of a run that are not counted."""
 _PROGRAM = "import sys; from scenario_tui.cli import main; main(sys.argv[1:])"
 
 
@@ -66,6 +69,13 @@ class Checkout:
         """Do a case once."""
         return self._run(case) if case in RUNS else self._command(*COMMANDS[case])
 
+    def prepare(self, case: str) -> None:
+        """Do as much of a case that files have been read and kernels compiled."""
+        if case in RUNS:
+            self._run(f"{case} {BEGINNING}")
+        else:
+            self.take(case)
+
     @cached_property
     def _process(self) -> subprocess.Popen[str]:
         script = Path(__file__).with_name("case_process.py")
@@ -81,10 +91,10 @@ class Checkout:
             raise RuntimeError(f"a process in {self._folder} imports the packages of elsewhere")
         return process
 
-    def _run(self, case: str) -> Sample:
+    def _run(self, line: str) -> Sample:
         process = self._process
         assert process.stdin is not None
-        process.stdin.write(f"{case}\n")
+        process.stdin.write(f"{line}\n")
         process.stdin.flush()
         return Sample(*self._answer(process))
 
@@ -150,8 +160,8 @@ def archived(revision: str) -> Path:
     return folder
 
 
-def compare(revision: str, cases: Sequence[str], times: int = TIMES) -> Iterator[Measurement]:
-    """Yield a measurement for each case, the older commit being the reference.
+def compare(revision: str, cases: Mapping[str, int]) -> Iterator[Measurement]:
+    """Yield a measurement for each case, done so many times, the older commit being the reference.
 
     Raises ``LookupError`` as :func:`archived`.
     """
@@ -161,10 +171,10 @@ def compare(revision: str, cases: Sequence[str], times: int = TIMES) -> Iterator
             Checkout(folder, Path(name, label), stack)
             for folder, label in ((older, "old"), (ROOT, "new"))
         ]
-        for case in cases:
-            if case not in RUNS or times > 1:  # the first time reads files, and compiles
-                for checkout in checkouts:
-                    checkout.take(case)
+        for case, times in cases.items():
+            for checkout, which in zip(checkouts, ("the older", "the newer"), strict=True):
+                progress.say(f"{case}: {which} begins, not counted")
+                checkout.prepare(case)
             old, new = _in_turns(checkouts, case, times)
             yield _compared(case, revision, old, new)
 
@@ -172,6 +182,7 @@ def compare(revision: str, cases: Sequence[str], times: int = TIMES) -> Iterator
 def _in_turns(checkouts: Sequence[Checkout], case: str, times: int) -> list[list[Sample]]:
     taken: list[list[Sample]] = [[], []]
     for k in range(times):
+        progress.say(f"{case}: {k + 1} of {times}", case)
         for which in (0, 1) if k % 2 == 0 else (1, 0):
             taken[which].append(checkouts[which].take(case))
     return taken
@@ -200,12 +211,12 @@ def main(arguments: list[str]) -> Iterator[Measurement]:
     parser = argparse.ArgumentParser("tests.benchmarks against", description=__doc__)
     parser.add_argument("revision", help="a commit, as git understands it")
     parser.add_argument("cases", nargs="*", metavar="case", help=", ".join((*RUNS, *COMMANDS)))
-    parser.add_argument("-n", "--times", type=int, default=TIMES, help="of each; 1: nothing before")
+    parser.add_argument("-n", "--times", type=int, default=TIMES, help="of each")
     asked = parser.parse_args(arguments)
     if unknown := set(asked.cases) - {*RUNS, *COMMANDS}:
         parser.error(f"no case {', '.join(sorted(unknown))}")
     cases = asked.cases or [c for c in (*RUNS, *COMMANDS) if c != "s1-incremental"]
     try:
-        yield from compare(asked.revision, cases, max(1, asked.times))
+        yield from compare(asked.revision, dict.fromkeys(cases, max(1, asked.times)))
     except LookupError as error:
         parser.error(str(error))

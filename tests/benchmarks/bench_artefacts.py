@@ -19,7 +19,7 @@ from tests.benchmarks.measurement import Measurement, Reference
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 PUBLISHED = 22.0
-"""Seconds the published tools need for mesh, grid, tasks, Gazebo and key frames (measured)."""
+"""Seconds that mesh, grid, tasks, Gazebo and key frames once took by the published tools."""
 
 
 def tell(kinds: list[str]) -> None:
@@ -80,7 +80,8 @@ def measure() -> Iterator[Measurement]:
         "first.yaml": "two worlds",
         "campaign.yaml": "eight worlds",
     }
-    published = Reference("published tools, then", PUBLISHED)
+    in_one = Reference("all artefacts of one world", everything.value / 1e3)
     for source, worlds in sources.items():
         seconds = _command(source)
-        yield Measurement(f"scenario export {source} all", seconds, "s", published, (), worlds)
+        note = f"{worlds}; the published tools took {PUBLISHED:.0f} s for a part of it"
+        yield Measurement(f"scenario export {source} all", seconds, "s", in_one, (), note)

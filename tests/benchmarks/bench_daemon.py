@@ -42,6 +42,7 @@ PROCESSES = 4
 RUNS = 20
 IDLE = 10.0
 QUESTIONS = 300
+CORE = Reference("one core", 100.0)
 LONG = "a million runs, 400 workers"
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "first.yaml"
 
@@ -85,7 +86,7 @@ def idle() -> Iterator[Measurement]:
         used = (cpu(daemon.pid) - before) / IDLE
         memory = psutil.Process(daemon.pid).memory_full_info()
         yield Measurement(
-            "idle daemon, its worker connected: CPU", 100 * used, "%", None, (at_most(1.0),)
+            "idle daemon, its worker connected: CPU", 100 * used, "%", CORE, (at_most(1.0),)
         )
         yield Measurement(
             "  its RSS", memory.rss / 2**20, "MB", Reference("USS", memory.uss / 2**20),
@@ -321,7 +322,7 @@ def scale() -> Iterator[Measurement]:
             time.sleep(5.0)
             used = (cpu(daemon.pid) - before) / (time.monotonic() - start)
             load = f"{QUEUED} queued runs, {WORKERS} workers that renew every 10 s"
-            yield Measurement("CPU of the daemon", 100 * used, "%", None, (), load)
+            yield Measurement("CPU of the daemon", 100 * used, "%", CORE, (), load)
             memory = psutil.Process(daemon.pid).memory_full_info()
             yield Measurement(
                 "  its RSS", memory.rss / 2**20, "MB", Reference("USS", memory.uss / 2**20)

@@ -20,6 +20,7 @@ from numba.core import event
 
 from daemon.model.kernel_rooms import kernel_rooms
 from daemon.run import warm_up
+from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference
 
 SYSTEMS = {
@@ -74,7 +75,9 @@ def measure() -> Iterator[Measurement]:
     """One cold and one warm process for each system."""
     for system in SYSTEMS:
         with tempfile.TemporaryDirectory(prefix="bench-first-run-") as folder:
+            progress.say(f"{system}: compiling everything")
             cold, own = told(system, folder)
+            progress.say(f"{system}: loading it")
             warm, _ = told(system, folder)
         yield Measurement(
             f"kernels of {system}, compiled", cold, "CPU s", Reference("loaded", warm),

@@ -25,7 +25,7 @@ from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.batch.fake_run import execute
 from tests.daemon.batch.samples import SCENE, make_spec
 
-RUNS = 200
+RUNS = 100
 WARM = 10
 KINDS = ("guarded", "unguarded")
 

@@ -18,6 +18,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 
 TIMES = 20
@@ -131,6 +132,7 @@ def tell(name: str, times: int) -> None:
 
 def told(call: str) -> list[Memory]:
     """What a function of this module says that is called by a process of its own."""
+    progress.say(call)
     program = f"import {__name__} as bench; bench.{call}"
     said = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True

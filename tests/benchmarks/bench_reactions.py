@@ -20,6 +20,7 @@ import psutil
 
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
+from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_submission
@@ -56,6 +57,7 @@ def beside_numpy(
     name: str, command: Sequence[str], goal: float, environ: Mapping[str, str]
 ) -> Measurement:
     """A command in turns with an interpreter that imports numpy; the best of each."""
+    progress.say(name)
     cpu_of(command, environ)  # writes its bytecode
     pairs = [(cpu_of(command, environ), cpu_of(NUMPY[1], environ)) for _ in range(TIMES)]
     ours, theirs = (min(values) for values in zip(*pairs, strict=True))
@@ -64,6 +66,7 @@ def beside_numpy(
 
 def completion(state: Path) -> Measurement:
     """TAB behind ``scenario results`` with many campaigns in the ledger."""
+    progress.say(f"a ledger of {CAMPAIGNS} campaigns")
     paths = StatePaths(state)
     paths.make_folders()
     with LedgerWriter.open(paths) as ledger, ledger.transaction():
@@ -85,6 +88,7 @@ def first_screen(state: Path) -> Iterator[Measurement]:
         yield beside_numpy(
             "status", scenario("status", "--connect", daemon.endpoint), 0.3, environment()
         )
+        progress.say("dashboard")
         walls, used, numpy = [], [], []
         for _ in range(TIMES):
             start = time.perf_counter()

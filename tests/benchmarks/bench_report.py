@@ -29,6 +29,7 @@ from daemon.analysis.report import (
 from daemon.campaign import expand, load_campaign
 from daemon.model.ids import trace_name
 from daemon.run import execute
+from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference
 
 PAPER = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "paper.yaml"
@@ -49,6 +50,7 @@ def measure() -> Iterator[Measurement]:
             runs.append(replace(run, mission=mission, limit=SECONDS))
         used = _cpu()
         for run in runs:
+            progress.say(f"executing {run.scenario}")
             path = folder / trace_name("c", run.scenario, "pilot", 0).partition("/")[2]
             execute(run, scenes[run.scene], trace_path=path)
         each = (_cpu() - used) / len(runs)
@@ -64,6 +66,7 @@ def _report(folder: Path, executed: float) -> Iterator[Measurement]:
         for repeat in range(REPEATS)
     )
     chosen = replace(chosen, records=records)
+    progress.say(f"the report of {len(records)} runs")
     wall, cpu = time.perf_counter(), _cpu()
     material = read_report_data(chosen)
     read = time.perf_counter()

@@ -25,6 +25,7 @@ from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.navfn import Navfn
 from daemon.stacks.ros1.stack import RosStack
 from grammars.model.scene import Scene
+from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least
 from tests.planner_comparison import PLANNERS, planned_by
 
@@ -87,8 +88,9 @@ def measure() -> Iterator[Measurement]:
     best: dict[str, tuple[float, float, str]] = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
-        for _ in range(TIMES):
+        for k in range(TIMES):
             for planner, (spec, scene) in cases.items():
+                progress.say(f"{planner} planner, {k + 1} of {TIMES}")
                 start = time.process_time()
                 result = execute(spec, scene, trace_path=path)
                 cpu = time.process_time() - start
@@ -106,6 +108,7 @@ def measure() -> Iterator[Measurement]:
             Reference(EXACT, exact[0]), (at_least(200.0),), incremental[2],
         )  # fmt: skip
         spec, scene = cases[EXACT]
+        progress.say(f"{EXACT} planner, with stopwatches")
         with stopwatches() as spent:
             start = time.process_time()
             execute(spec, scene, trace_path=path)

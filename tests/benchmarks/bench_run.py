@@ -19,7 +19,7 @@ from grammars.model.behaviour import KeyFrame, KeyFrames, Servo
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.scene import Scene
-from tests.benchmarks import corridor
+from tests.benchmarks import corridor, progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least
 
 SECONDS = 300.0
@@ -62,7 +62,8 @@ def measure() -> Iterator[Measurement]:
     found = cases()
     best: dict[str, tuple[float, str]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for _ in range(TIMES):
+        for k in range(TIMES):
+            progress.say(f"{k + 1} of {TIMES}")
             for title, run, scene in found:
                 start = time.process_time()
                 result = execute(run, scene, trace_path=Path(folder) / "run.mcap")

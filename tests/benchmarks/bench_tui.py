@@ -31,6 +31,7 @@ STARTS = 7
 TURNS = 20
 QUIET = 10.0
 HOUR = 3600
+DRAWN = Reference("80x24 drawn each second", 80 * 24 / 1e3)
 _STROKE = 100
 """Bytes that a cursor which moved sends at least; an age that grew sends less."""
 _MIXED = """
@@ -258,7 +259,7 @@ def per_second(name: str, shown: Terminal, *goals: Goal) -> Measurement:
     while time.monotonic() < start + QUIET:
         shown.read(0.5)
     sent = (shown.sent - before) / (time.monotonic() - start)
-    return Measurement(name, sent / 1e3, "kB/s", None, goals)
+    return Measurement(name, sent / 1e3, "kB/s", DRAWN, goals)
 
 
 async def an_hour() -> Measurement:

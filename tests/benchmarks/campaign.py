@@ -4,12 +4,14 @@
 runs of the published experiment unless told otherwise, from the submission to the written report,
 on a state directory that is removed afterwards. Before and after it one run, S1 with a2s, is
 executed alone: its CPU seconds are the reference, since they tell how quick the machine is today.
+At the end it says how many runs ended how, and how many were lost.
 """
 
 from __future__ import annotations
 
 import argparse
 import fnmatch
+import json
 import os
 import subprocess
 import sys
@@ -26,6 +28,7 @@ from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.spec import RunSpec
 from daemon.model.status import CampaignRow, RunRow, Submission
+from tests.benchmarks import progress
 from tests.benchmarks.bench_ros import CAMPAIGN, EXACT, INCREMENTAL
 from tests.benchmarks.case_process import REFERENCE
 from tests.benchmarks.measurement import Measurement, Reference, at_most
@@ -38,13 +41,19 @@ GOALS = {EXACT: 270.0, INCREMENTAL: 165.0}
 """Seconds for all of them and the report, on two cores."""
 LOOK = 0.5
 """Seconds between two questions how far it is: a question costs the daemon half a millisecond."""
+LINES = 12
+"""In which the progress is told where it is kept."""
 
 
-def reference() -> float:
-    """CPU seconds of the run that everything is held against, in a process of its own."""
+def reference() -> tuple[float, float]:
+    """CPU and simulated seconds of the run that everything is held against, in a process of its
+    own.
+    """
+    progress.say("one S1 alone")
     program = f"from tests.benchmarks.case_process import tell_cpu; tell_cpu({REFERENCE!r})"
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
-    return float(said.stdout)
+    used, simulated = json.loads(said.stdout)
+    return used, simulated
 
 
 def chosen(
@@ -102,10 +111,11 @@ def finish(client: Client, slots: int, start: float) -> tuple[CampaignRow, float
         last = now
         if row.finished:
             return row, idle
-        print(
-            f"  {row.done} of {row.total} runs after {now - start:.0f} s",
-            end="\r", file=sys.stderr, flush=True,
-        )  # fmt: skip
+        ended = row.total - row.queued - row.running
+        progress.say(
+            f"{ended} of {row.total} runs after {now - start:.0f} s, {row.lost} lost",
+            ended * LINES // row.total,
+        )
 
 
 def measured(submission: Submission, slots: int, goal: float | None) -> Iterator[Measurement]:
@@ -122,7 +132,9 @@ def measured(submission: Submission, slots: int, goal: float | None) -> Iterator
         row, tail = finish(client, slots, start)
         took = time.monotonic() - start
         own, runs = (b - a for a, b in zip(begun, cpu(daemon), strict=True))
-        busy = sum(run.wall for run in all_runs(client, row))
+        ended = list(all_runs(client, row))
+        busy = sum(run.wall for run in ended)
+        progress.say("the report")
         usage = os.times()
         written = time.monotonic()
         page = str(Path(name, "report.html"))
@@ -130,13 +142,13 @@ def measured(submission: Submission, slots: int, goal: float | None) -> Iterator
         subprocess.run(command, check=True, capture_output=True)
         report, now = time.monotonic() - written, os.times()
         report_cpu = sum(now[2:4]) - sum(usage[2:4])
-    one = (before + reference()) / 2.0
+    after = reference()
+    one = (before[0] + after[0]) / 2.0
     beside = Reference("CPU s of one S1", one)
     count = len(submission.runs)
     yield Measurement(
         f"{count} runs on {slots} slots, and the report", took + report, "s", beside,
         () if goal is None else (at_most(goal),),
-        f"{row.passed} passed, {row.failed} failed, {row.errors} errors, {row.lost} lost",
     )  # fmt: skip
     yield Measurement(
         "  until the last result", took, "s", beside, (), f"{count / took:.2f} runs/s"
@@ -149,10 +161,35 @@ def measured(submission: Submission, slots: int, goal: float | None) -> Iterator
         "  daemon and worker", own, "CPU s", Reference("the runs", runs), (),
         f"{1e3 * own / count:.1f} ms a run",
     )  # fmt: skip
+    everything = runs + own + report_cpu
+    yield Measurement("  all of these", everything, "CPU s", beside)
+    simulated = sum(run.simulated for run in ended)
     yield Measurement(
-        "  slots without a run", slots * took - busy, "s", Reference("slots x wall", slots * took),
-        (), f"of these {slots * tail:.1f} s at the end, when no run was left to start",
+        "  simulated, in the CPU time of all", simulated / everything, "x real time",
+        Reference("one S1", after[1] / one), (), f"{simulated:.0f} s simulated",
     )  # fmt: skip
+    there = slots * took
+    idle = there - busy
+    yield Measurement(
+        "  slots idle", 100.0 * idle / there, "%", Reference("all the time", 100.0), (),
+        f"{idle:.1f} of {there:.1f} s, {slots * tail:.1f} s of it when no run was left to start",
+    )  # fmt: skip
+    yield from outcomes(row)
+
+
+def outcomes(row: CampaignRow) -> Iterator[Measurement]:
+    """How many runs ended how; of these only the lost are always said."""
+    every = Reference("all runs", row.total)
+    for name, runs in (
+        ("passed", row.passed),
+        ("failed", row.failed),
+        ("inconclusive", row.inconclusive),
+        ("errors", row.errors),
+        ("cancelled", row.cancelled),
+    ):
+        if runs:
+            yield Measurement(f"  {name}", runs, "runs", every)
+    yield Measurement("  lost", row.lost, "runs", every, (at_most(0.0),))
 
 
 def all_runs(client: Client, row: CampaignRow) -> Iterator[RunRow]:

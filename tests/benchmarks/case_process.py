@@ -2,8 +2,8 @@
 
 It is started by its path with another checkout on ``PYTHONPATH``, so it uses nothing that is not in
 both: no module of this folder but those that have been there for long. Reads names of cases from
-its input, one a line, and answers each with a line of JSON: CPU seconds, simulated seconds, and the
-digest of the trace.
+its input, one a line, each perhaps with another limit of simulated seconds, and answers with a line
+of JSON: CPU seconds, simulated seconds, and the digest of the trace.
 """
 
 from __future__ import annotations
@@ -60,15 +60,15 @@ def incremental(spec: Any) -> Any:
 
 
 def tell_cpu(name: str) -> None:
-    """Print the CPU seconds that a case takes in a process that has everything loaded."""
+    """Print CPU and simulated seconds of a case in a process that has everything loaded."""
     from daemon.run import execute, warm_up
 
     warm_up()
     spec, scene = load(name)
     with tempfile.TemporaryDirectory(prefix="bench-case-") as folder:
         start = time.process_time()
-        execute(spec, scene, trace_path=Path(folder) / "trace.mcap")
-        print(time.process_time() - start)
+        result = execute(spec, scene, trace_path=Path(folder) / "trace.mcap")
+        print(json.dumps([time.process_time() - start, result.timing.simulated]))
 
 
 def main(folder: Path) -> None:
@@ -79,10 +79,12 @@ def main(folder: Path) -> None:
     print(json.dumps(str(Path(daemon.__file__).parents[1])), flush=True)
     loaded = {}
     for line in sys.stdin:
-        name = line.strip()
+        name, _, limit = line.strip().partition(" ")
         if name not in loaded:
             loaded[name] = load(name)
         spec, scene = loaded[name]
+        if limit:
+            spec = replace(spec, limit=float(limit))
         path = folder / "trace.mcap"
         start = time.process_time()
         result = execute(spec, scene, trace_path=path)

@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.benchmarks import progress
 from tests.benchmarks.against import ROOT, RUNS
 from tests.benchmarks.case_process import REFERENCE
 from tests.benchmarks.measurement import Measurement, Reference
@@ -35,9 +36,13 @@ def record(py_spy: str, case: str, output: Path, kind: str) -> None:
     """Have a process execute the case and write what py-spy has seen of it."""
     program = _PROGRAM.format(case=case)
     command = [py_spy, "record", "--rate", str(RATE), "--format", kind, "--output", str(output)]
-    subprocess.run(
-        [*command, "--", sys.executable, "-c", program], cwd=ROOT, check=True, capture_output=True
-    )
+    progress.say(f"{case}, recorded as {kind}")
+    said = subprocess.run(
+        [*command, "--", sys.executable, "-c", program], cwd=ROOT, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    if said.returncode:
+        raise RuntimeError(f"py-spy: {said.stdout}")
 
 
 def own_time(stacks: str) -> tuple[Counter[str], int]:
@@ -63,7 +68,9 @@ def main(arguments: list[str]) -> Iterator[Measurement]:
     record(py_spy, asked.case, raw, "raw")
     counted, everything = own_time(raw.read_text("utf-8"))
     record(py_spy, asked.case, asked.output, "flamegraph")
+    progress.clear()
     print(f"flame graph: {asked.output}, its stacks as text: {raw}")
     for function, samples in counted.most_common(MOST):
         whole = Reference("the run", everything / RATE)
-        yield Measurement(function, samples / RATE, "s", whole)
+        name, _, file = function.rstrip(")").partition(" (")
+        yield Measurement(name, samples / RATE, "s", whole, note=file)

@@ -9,10 +9,11 @@ disturbs the other, so their ratio is what to compare between machines and days.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import psutil
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +90,7 @@ class Measurement:
 
 _SECONDS = {"s": 1.0, "CPU s": 1.0, "ms": 1e3, "CPU ms": 1e3, "us": 1e6, "CPU us": 1e6}
 _SPEEDS = ("x real time", "/s")
+_MEMORY = {"MB": 1e6, "MiB": 2.0**20}
 
 
 def yardstick() -> float:
@@ -105,13 +107,16 @@ def _fixed_work() -> None:
 
 
 def beside_yardstick(one: Measurement, seconds: float) -> Measurement:
-    """Give a time or a speed without a reference the yardstick as one."""
+    """Give a time or a speed without a reference the yardstick as one, memory this process."""
     if one.reference is not None or not seconds:
         return one
     if one.unit in _SECONDS:
         return replace(one, reference=Reference("yardstick", seconds * _SECONDS[one.unit]))
     if one.unit in _SPEEDS:
         return replace(one, reference=Reference("yardsticks a second", 1.0 / seconds))
+    if one.unit in _MEMORY:
+        own = psutil.Process().memory_info().rss / _MEMORY[one.unit]
+        return replace(one, reference=Reference("RSS of this process", own))
     return one
 
 
@@ -129,63 +134,3 @@ def in_turns(
             works[name]()
             took[name].append(clock() - start)
     return took
-
-
-def number(value: float) -> str:
-    """Three digits that count, without an exponent where people would not write one."""
-    if value != value or value in (float("inf"), float("-inf")):
-        return "-"
-    if abs(value) >= 100.0:
-        return f"{value:.0f}"
-    return f"{value:#.3g}".rstrip(".") if abs(value) >= 1e-3 or not value else f"{value:.1e}"
-
-
-def bound(goal: Goal, unit: str) -> str:
-    """A goal in words: ``>= 1000 x real time``, ``<= 1.35 x the reference``."""
-    sign = ">=" if goal.at_least else "<="
-    return f"{sign} {goal.bound:g} {'x reference' if goal.of_ratio else unit}".rstrip()
-
-
-def line(one: Measurement) -> str:
-    """A measurement as it is printed when it has been made."""
-    beside = ""
-    if one.reference is not None:
-        ratio = "-" if one.ratio is None else number(one.ratio)
-        beside = f"{ratio:>8} x {one.reference.name} ({number(one.reference.value)})"
-    note = f"  {one.note}" if one.note else ""
-    return f"{one.name:46} {number(one.value):>8} {one.unit:12} {beside}{note}".rstrip()
-
-
-def goal_table(made: Iterable[tuple[str, Measurement]]) -> Iterator[str]:
-    """Lines of the table goal / measured / met: a row for each goal of what was measured."""
-    rows = [
-        (
-            f"{benchmark}: {one.name}",
-            bound(goal, one.unit),
-            _measured(one, goal),
-            "yes" if one.met(goal) else "NO",
-        )
-        for benchmark, one in made
-        for goal in one.goals
-    ]
-    if rows:
-        yield from aligned([("what", "goal", "measured", "met"), *rows])
-
-
-def _measured(one: Measurement, goal: Goal) -> str:
-    judged = one.judged(goal)
-    if judged is None:
-        return "no reference here"
-    if goal.of_ratio:
-        assert one.reference is not None
-        return f"{number(judged)} x {one.reference.name}"
-    beside = f" ({number(one.ratio)} x {one.reference.name})" if one.reference and one.ratio else ""
-    return f"{number(judged)} {one.unit}{beside}"
-
-
-def aligned(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    """Rows of cells as lines, each column as wide as its widest cell."""
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        yield "  ".join(cells).rstrip()

@@ -14,9 +14,14 @@ from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, CostGrid
 from daemon.stacks.ros1.global_planner._parameters import GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner.astar import search_astar
-from daemon.stacks.ros1.global_planner.descent import descend_cells, descend_gradient
+from daemon.stacks.ros1.global_planner.descent import (
+    descend_cells,
+    descend_gradient,
+    goal_is_doubtful,
+)
 from daemon.stacks.ros1.global_planner.expansion import (
     MARGIN,
+    VALUE,
     copy_window,
     cost_tables,
     fill_around_goal,
@@ -25,9 +30,9 @@ from daemon.stacks.ros1.global_planner.expansion import (
     seed_wave,
 )
 from daemon.stacks.ros1.global_planner.orientation import orient
-from daemon.stacks.ros1.global_planner.restricted import goal_is_doubtful, propagate_towards
 from daemon.stacks.ros1.navfn.guided import MARGINS, WORTHWHILE, GuidedField
-from daemon.stacks.ros1.navfn.propagation import BUFFER, path_to_poses, reset_potentials
+from daemon.stacks.ros1.navfn.propagation import BUFFER, UNREACHED, path_to_poses, reset_potentials
+from daemon.stacks.ros1.navfn.restricted import spread_towards
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2
 
@@ -200,10 +205,16 @@ class _Field(GuidedField):
         self, start: int, goal: int, bound: np.float32
     ) -> tuple[int, int, np.float32]:
         waiting = self._seed(start)
-        self._count, self._doubts, fill, used, threshold = propagate_towards(
-            self._states, self._potentials, self._table, self._gains, self._remainder.ahead,
-            bound, self._parameters.lethal_cost, self.columns, goal, self._cycles,
-            self._buffers, waiting, self._log, self._count, self._doubtful,
+        ahead, seeds = self._remainder.ahead, self._buffers[0, :waiting]
+        # The four cells at the start may lie between several areas, and the checks know of one.
+        if (ahead[seeds] >= UNREACHED).any():
+            self._states[seeds] &= VALUE
+            self._doubts = 0
+            return BUFFER, 0, bound
+        self._count, self._doubts, fill, used, threshold = spread_towards(
+            self._states, self._potentials, self._table, self._gains, ahead, bound,
+            np.float32(self._parameters.lethal_cost), self.columns, goal, self._cycles,
+            self._buffers, waiting, self._log, self._count, self._doubtful, True,
         )  # fmt: skip
         return int(fill), int(used), threshold
 

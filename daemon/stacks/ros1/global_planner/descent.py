@@ -13,8 +13,14 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
-from daemon.stacks.ros1.global_planner.expansion import MARGIN
-from daemon.stacks.ros1.navfn.propagation import UNREACHED, at_edge, interpolate_rounded
+from daemon.stacks.ros1.global_planner.expansion import MARGIN, States
+from daemon.stacks.ros1.navfn.propagation import (
+    BLOCKED,
+    DOUBTFUL,
+    UNREACHED,
+    at_edge,
+    interpolate_rounded,
+)
 
 HALF_CELL = np.float32(0.5)
 
@@ -203,3 +209,28 @@ def descend_cells(
             return 0
         x, y = np.float32(best_x), np.float32(best_y)
     return 0
+
+
+@kernel
+def goal_is_doubtful(
+    states: States,
+    costs: States,
+    potentials: Singles,
+    ahead: Singles,
+    latest: np.float32,
+    columns: int,
+    goal: int,
+) -> bool:
+    """Tell whether what the potentials around the goal are filled from is doubtful.
+
+    Neither may a cell there that was not reached be one that a wave through the cells left out
+    could have reached: its remainder is above ``latest``.
+    """
+    for row in range(-3, 4):
+        for n in range(goal + row * columns - 3, goal + row * columns + 4):
+            if states[n] >= DOUBTFUL:
+                return True
+            missing = potentials[n] >= UNREACHED and costs[n] < BLOCKED
+            if missing and latest < ahead[n] < UNREACHED:
+                return True
+    return False

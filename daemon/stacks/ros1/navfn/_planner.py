@@ -17,6 +17,7 @@ from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, CostGrid
 from daemon.stacks.ros1.navfn.guided import MARGINS, WORTHWHILE, GuidedField
 from daemon.stacks.ros1.navfn.propagation import (
+    BLOCKED,
     BUFFER,
     GAINS,
     UNREACHED,
@@ -24,10 +25,11 @@ from daemon.stacks.ros1.navfn.propagation import (
     path_to_poses,
     propagate_wave,
     reset_potentials,
+    seed_wave,
     translate_costs,
     translation_table,
 )
-from daemon.stacks.ros1.navfn.restricted import propagate_towards
+from daemon.stacks.ros1.navfn.restricted import spread_towards
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2
 
@@ -55,6 +57,7 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
 }
 
 
+_FIRST_THRESHOLD: Final = np.float32(BLOCKED)
 _NO_TRIP: Final = (-1, -1)
 
 
@@ -128,9 +131,12 @@ class PotentialField(GuidedField):
     def _spread_towards(
         self, start: int, goal: int, bound: np.float32
     ) -> tuple[int, int, np.float32]:
-        self._count, self._doubts, fill, used, threshold = propagate_towards(
-            self._costs, self._potentials, GAINS, self._remainder.ahead, bound, self.columns,
-            start, goal, self._cycles, self._buffers, self._log, self._doubtful, self._certified,
+        costs, potentials = self._costs, self._potentials
+        waiting = seed_wave(costs, potentials, self.columns, start, self._buffers[0], self._log)
+        self._count, self._doubts, fill, used, threshold = spread_towards(
+            costs, potentials, None, GAINS, self._remainder.ahead, bound, _FIRST_THRESHOLD,
+            self.columns, goal, self._cycles, self._buffers, waiting, self._log, 1,
+            self._doubtful, self._certified,
         )  # fmt: skip
         return int(fill), int(used), threshold
 

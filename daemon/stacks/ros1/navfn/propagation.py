@@ -81,6 +81,22 @@ def interpolate_potential(first: np.float32, second: np.float32, cost: np.float3
 
 
 @kernel
+def seed_wave(
+    costs: States, potentials: Singles, columns: int, start: int, queue: Integers, reached: Integers
+) -> int:
+    """Give the start its potential, the first of ``reached``; return how many neighbours wait."""
+    potentials[start] = np.float32(0.0)
+    reached[0] = start
+    waiting = 0
+    for cell in (start + 1, start - 1, start - columns, start + columns):
+        if 0 <= cell < costs.size and costs[cell] < BLOCKED:
+            queue[waiting] = cell
+            waiting += 1
+            costs[cell] |= PENDING
+    return waiting
+
+
+@kernel
 def propagate_wave(
     costs: States,
     potentials: Singles,
@@ -103,16 +119,9 @@ def propagate_wave(
     """
     # Event for event the original's loop: its order is the result, so it stays in one piece.
     capacity = buffers.shape[1]
-    potentials[start] = np.float32(0.0)
-    reached[0] = start
-    count, fill = 1, 0
     a, b, c = 0, 1, 2
-    now, later, over = 0, 0, 0
-    for cell in (start + 1, start - 1, start - columns, start + columns):
-        if 0 <= cell < costs.size and costs[cell] < BLOCKED:
-            buffers[a, now] = cell
-            now += 1
-            costs[cell] |= PENDING
+    now, later, over = seed_wave(costs, potentials, columns, start, buffers[a], reached), 0, 0
+    count, fill = 1, 0
     threshold = np.float32(BLOCKED)
     # Unsigned, so that an index is not looked at for being negative.
     one, line = np.uintp(1), np.uintp(columns)

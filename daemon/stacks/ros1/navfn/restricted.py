@@ -166,23 +166,28 @@ def queue_if_gaining(
 
 
 @kernel
-def propagate_towards(
-    costs: States,
+def spread_towards(
+    states: States,
     potentials: Singles,
+    table: Singles | None,
     gains: Singles,
     ahead: Singles,
     bound: np.float32,
+    threshold: np.float32,
     columns: int,
-    start: int,
     goal: int,
     cycles: int,
     buffers: Integers,
+    waiting: int,
     reached: Integers,
+    count: int,
     doubtful: Integers,
     certified: bool,
 ) -> tuple[int, int, int, int, np.float32]:
     """Spread the wave as :func:`propagate_wave` does, but leave out what the bound excludes.
 
+    It begins with the ``waiting`` cells of the first buffer; ``count`` cells in ``reached`` have a
+    potential already. What a cell costs stands in its state, or in a ``table`` where there is one.
     A cell is left out when threshold plus ``ahead`` exceed ``bound``, and is flagged ``DOUBTFUL``;
     if ``certified``, so is each cell looked at beside a doubtful one. The cells flagged stand in
     ``doubtful``, for :func:`clear_doubts`. Returns how many cells were reached, how many are
@@ -190,20 +195,11 @@ def propagate_towards(
     all there is, where a buffer could run over.
     """
     capacity = buffers.shape[1]
-    waiting = buffers.reshape(-1)
+    queue = buffers.reshape(-1)
     # Where the next cell goes: behind those of later blocks, and behind those of this one.
     ends = np.empty(2, dtype=np.int64)
-    potentials[start] = np.float32(0.0)
-    reached[0] = start
-    count, doubts, fill = 1, 0, 0
     a, b, c = 0, 1, 2
-    now, later, over = 0, 0, 0
-    for cell in (start + 1, start - 1, start - columns, start + columns):
-        if 0 <= cell < costs.size and costs[cell] < BLOCKED:
-            buffers[a, now] = cell
-            now += 1
-            costs[cell] |= PENDING
-    threshold = np.float32(BLOCKED)
+    now, later, over, doubts, fill = waiting, 0, 0, 0, 0
     # Unsigned, so that an index is not looked at for being negative.
     one, line = np.uintp(1), np.uintp(columns)
     flag, settled = np.uint16(DOUBTFUL), np.uint16(VALUE | DOUBTFUL)
@@ -218,7 +214,7 @@ def propagate_towards(
         used += 1
         current, farthest = buffers[a], bound - threshold
         for i in range(now):
-            costs[np.uintp(current[i])] &= settled
+            states[np.uintp(current[i])] &= settled
         ends[0], ends[1] = c * capacity + over, b * capacity
         # What a cell would get is reckoned while the cell before it is still looked at: mostly
         # right, and without waiting for that one, on which it often borders.
@@ -228,26 +224,29 @@ def propagate_towards(
             min(potentials[m - one], potentials[m + one]),
             min(potentials[m - line], potentials[m + line]),
         )
-        cost = np.float32(costs[m] & np.uint16(VALUE))
+        # The type of the table says which it is: numba compiles only that.
+        value = states[m] & np.uint16(VALUE)
+        cost = np.float32(value) if table is None else table[value]
         guess = interpolate_potential(across, along, cost)
         for i in range(now):
             n, x, y, dear, p = m, across, along, cost, guess
             m = np.uintp(current[i + 1])
             across = min(potentials[m - one], potentials[m + one])
             along = min(potentials[m - line], potentials[m + line])
-            cost = np.float32(costs[m] & np.uint16(VALUE))
+            value = states[m] & np.uint16(VALUE)
+            cost = np.float32(value) if table is None else table[value]
             guess = interpolate_potential(across, along, cost)
-            state = costs[n]
+            state = states[n]
             if ahead[n] > farthest:
                 if state < flag:
-                    costs[n] = state | flag
+                    states[n] = state | flag
                     doubtful[doubts] = n
                     doubts += 1
                 continue
-            on_left, on_right = costs[n - one], costs[n + one]
-            above, below = costs[n - line], costs[n + line]
+            on_left, on_right = states[n - one], states[n + one]
+            above, below = states[n - line], states[n + line]
             if (on_left | on_right | above | below) & passed_on > state:
-                costs[n] = state | flag
+                states[n] = state | flag
                 doubtful[doubts] = n
                 doubts += 1
             left, right = potentials[n - one], potentials[n + one]
@@ -263,10 +262,10 @@ def propagate_towards(
             count += old >= UNREACHED
             soon = np.uintp(p < threshold)
             end = ends[soon]
-            end = queue_if_gaining(costs, gains, n - one, on_left, left, p, waiting, end)
-            end = queue_if_gaining(costs, gains, n + one, on_right, right, p, waiting, end)
-            end = queue_if_gaining(costs, gains, n - line, above, up, p, waiting, end)
-            end = queue_if_gaining(costs, gains, n + line, below, down, p, waiting, end)
+            end = queue_if_gaining(states, gains, n - one, on_left, left, p, queue, end)
+            end = queue_if_gaining(states, gains, n + one, on_right, right, p, queue, end)
+            end = queue_if_gaining(states, gains, n - line, above, up, p, queue, end)
+            end = queue_if_gaining(states, gains, n + line, below, down, p, queue, end)
             ends[soon] = end
         over, later = ends[0] - c * capacity, ends[1] - b * capacity
         a, b = b, a
@@ -279,9 +278,9 @@ def propagate_towards(
         if potentials[goal] < UNREACHED:
             break
     for i in range(now):
-        costs[buffers[a, i]] &= settled
+        states[buffers[a, i]] &= settled
     for i in range(over):
-        costs[buffers[c, i]] &= settled
+        states[buffers[c, i]] &= settled
     return count, doubts, fill, used, threshold
 
 

@@ -16,7 +16,11 @@ from daemon.stacks.ros1.global_planner import (
     warm_up,
 )
 from daemon.stacks.ros1.global_planner.astar import search_astar
-from daemon.stacks.ros1.global_planner.descent import descend_cells, descend_gradient
+from daemon.stacks.ros1.global_planner.descent import (
+    descend_cells,
+    descend_gradient,
+    goal_is_doubtful,
+)
 from daemon.stacks.ros1.global_planner.expansion import (
     copy_window,
     cost_tables,
@@ -25,7 +29,7 @@ from daemon.stacks.ros1.global_planner.expansion import (
     seed_wave,
 )
 from daemon.stacks.ros1.global_planner.orientation import orient
-from daemon.stacks.ros1.global_planner.restricted import goal_is_doubtful, propagate_towards
+from daemon.stacks.ros1.navfn.restricted import spread_towards
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from grammars.model.geometry import Floats, Pose2
 
@@ -320,7 +324,7 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
 def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
     kernels: tuple[Any, ...] = (
-        copy_window, seed_wave, propagate_wave, propagate_towards, goal_is_doubtful,
+        copy_window, seed_wave, propagate_wave, goal_is_doubtful,
         fill_around_goal, search_astar, descend_gradient, descend_cells, orient,
     )  # fmt: skip
     grid = a_grid()
@@ -329,3 +333,6 @@ def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
         for grid_path in (True, False):
             plan(grid, start, goal, use_dijkstra=dijkstra, use_grid_path=grid_path)
     assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
+    # navfn has no table of costs: of either kind there is one.
+    tables = [str(types[2]) for types in spread_towards.signatures]  # type: ignore[attr-defined]
+    assert len([table for table in tables if table != "none"]) == 1

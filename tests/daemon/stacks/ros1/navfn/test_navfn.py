@@ -15,14 +15,15 @@ from daemon.stacks.ros1.navfn.propagation import (
     path_to_poses,
     propagate_wave,
     reset_potentials,
+    seed_wave,
     translate_costs,
     translation_table,
 )
 from daemon.stacks.ros1.navfn.restricted import (
     clear_doubts,
     descent_is_doubtful,
-    propagate_towards,
     relax_lowered_costs,
+    spread_towards,
 )
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from grammars.model.geometry import Floats, Pose2
@@ -152,9 +153,13 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
 def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
     kernels = (
-        translate_costs, propagate_wave, propagate_towards, descent_is_doubtful, clear_doubts,
+        translate_costs, propagate_wave, seed_wave, descent_is_doubtful, clear_doubts,
         descend_gradient, reset_potentials, path_to_poses, relax_lowered_costs,
     )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
     assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)  # type: ignore[attr-defined]
+    # GlobalPlanner has a table of costs: of either kind there is one.
+    tables = [str(types[2]) for types in spread_towards.signatures]  # type: ignore[attr-defined]
+    assert tables.count("none") == 1
+    assert len(tables) == len(set(tables))

@@ -13,10 +13,11 @@ from daemon.stacks.ros1.navfn.propagation import (
     DOUBTFUL,
     GAINS,
     UNREACHED,
+    seed_wave,
     translate_costs,
     translation_table,
 )
-from daemon.stacks.ros1.navfn.restricted import CostToGo, clear_doubts, propagate_towards
+from daemon.stacks.ros1.navfn.restricted import CostToGo, clear_doubts, spread_towards
 from tests.daemon.stacks.ros1.navfn import plain
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
 
@@ -60,9 +61,10 @@ def test_doubtful_is_what_a_cell_left_out_took_part_in(seed: int, certified: boo
     buffers, reached = np.empty((3, 10_000), np.int32), np.empty(costs.size + 1, np.int32)
     doubtful = np.empty(costs.size, np.int32)
     cycles = max(costs.size // 20, rows + COLUMNS)
-    count, doubts, _, _, _ = propagate_towards(
-        flags, potentials, GAINS, ahead, bound, COLUMNS, start, goal, cycles, buffers, reached,
-        doubtful, certified,
+    waiting = seed_wave(flags, potentials, COLUMNS, start, buffers[0], reached)
+    count, doubts, _, _, _ = spread_towards(
+        flags, potentials, None, GAINS, ahead, bound, F(254), COLUMNS, goal, cycles, buffers,
+        waiting, reached, 1, doubtful, certified,
     )  # fmt: skip
     assert np.array_equal(potentials, expected)
     assert set(reached[:count].tolist()) == set(np.flatnonzero(expected < UNREACHED).tolist())
@@ -86,9 +88,10 @@ def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over() -> None:
     for room, gives_up in ((40, True), (400, False)):
         potentials[:] = UNREACHED
         buffers = np.empty((3, room), dtype=np.int32)
-        _, _, fill, _, _ = propagate_towards(
-            costs, potentials, GAINS, np.zeros(size, dtype=np.float32), UNREACHED, 40, 820, 1300,
-            10_000, buffers, reached, doubtful, True,
+        waiting = seed_wave(costs, potentials, 40, 820, buffers[0], reached)
+        _, _, fill, _, _ = spread_towards(
+            costs, potentials, None, GAINS, np.zeros(size, dtype=np.float32), UNREACHED, F(254),
+            40, 1300, 10_000, buffers, waiting, reached, 1, doubtful, True,
         )  # fmt: skip
         assert (fill == room) is gives_up
         assert (costs < 256).all()
