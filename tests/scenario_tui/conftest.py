@@ -11,6 +11,7 @@ from textual._compositor import Compositor
 from scenario_tui.cli import invoke, target
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import FakeDaemon
+from tests.scenario_tui.idle import wait_for_idle
 
 
 class Said(NamedTuple):
@@ -44,6 +45,13 @@ def _unseen_is_not_painted(monkeypatch: pytest.MonkeyPatch) -> None:
         return None
 
     monkeypatch.setattr(Compositor, "render_update", render_update)
+
+
+@pytest.fixture(autouse=True)
+def _idle_means_nothing_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait after each key until it was taken in, not for as long as that takes at best."""
+    monkeypatch.setattr("textual.app.wait_for_idle", wait_for_idle)
+    monkeypatch.setattr("textual.pilot.wait_for_idle", wait_for_idle)
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 import signal
 import threading
-import time
 from pathlib import Path
 
 import psutil
@@ -80,14 +79,12 @@ def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> No
 def test_a_frozen_daemon_is_unreachable_after_the_timeout(tmp_path: Path) -> None:
     with (
         daemon_at(tmp_path / "state") as daemon,
-        daemon.client() as client,
         daemon.client(timeout=0.3) as hasty,
+        daemon.client(timeout=3600.0) as client,
     ):
         daemon.freeze()
-        start = time.monotonic()
         with pytest.raises(Unreachable):
-            hasty.overview()
-        assert time.monotonic() - start < 10.0  # the timeout of others
+            hasty.overview()  # with the timeout of the other one this test would not end
         daemon.signal(signal.SIGCONT)
         assert eventually(lambda: client.overview().now)
 

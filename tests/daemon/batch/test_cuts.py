@@ -80,7 +80,7 @@ def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_coun
     log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
     elsewhere = ("--state", str(tmp_path / "elsewhere"))
     with (
-        daemon_at(tmp_path / "state", listen=free_endpoint(), lease=2.0) as daemon,
+        daemon_at(tmp_path / "state", listen=free_endpoint(), lease=4.0) as daemon,
         daemon.client() as client,
         relay(daemon.endpoint) as cable,
         worker_for(daemon, 1, *elsewhere, connect=cable.endpoint),

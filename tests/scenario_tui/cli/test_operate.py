@@ -35,8 +35,10 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
     with daemon_at(state, 2) as daemon, daemon.client() as client:
         client.submit(make_submission("first", 4))
         eventually(lambda: finished(client, 4))
-        client.submit(make_submission("second", 30, sleep=0.05))
+        gate = tmp_path / "gate"
+        client.submit(make_submission("second", 30, until=str(gate)))
         assert scenario("pause", "second").code == 0
+        gate.touch()
         eventually(lambda: client.overview().running == 0)
         assert "second (paused)" in scenario("status").out
         dry = declared(scenario("gc", "--keep", "0", "-n", "--json").out)

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
-import pty
-import select
-import struct
 import subprocess
-import termios
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +13,7 @@ import pytest
 from scenario_tui.cli.exit_codes import exit_code
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.cli.real import COMMAND, call, call_here, short_demo
+from tests.scenario_tui.terminal.pseudo_terminal import terminal
 
 
 @pytest.fixture(scope="module")
@@ -122,52 +117,30 @@ def test_a_state_directory_without_a_daemon_is_not_mixed_up(finished: Path, plac
 def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(
     finished: Path, place: Path
 ) -> None:
-    leader, follower = pty.openpty()
-    fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
-    environ = os.environ | {"SCENARIO_STATE": str(finished), "TERM": "xterm-256color"}
-    process = subprocess.Popen(
-        [*COMMAND, "tui"], stdin=follower, stdout=follower, stderr=follower, cwd=place, env=environ
-    )
-    os.close(follower)
-    try:
-        _read_until(leader, "connected")
+    with terminal([*COMMAND, "tui"], environ={"SCENARIO_STATE": str(finished)}) as shown:
+        shown.until("connected")
         # The mission takes longer than the limit of this campaign.
-        _read_until(leader, "1 unexpected")
-        os.write(leader, b"m")
-        _read_until(leader, "expected pass")
-        os.write(leader, b"q")
-        assert "no run is waiting" in _read_until(leader, "Back with")
-        assert process.wait(60) == 0
-    finally:
-        process.kill()
-        process.wait()
-        os.close(leader)
+        shown.until("1 unexpected")
+        shown.type("m")
+        shown.until("expected pass")
+        shown.type("q")
+        assert shown.wait() == 0
+        assert "no run is waiting" in shown.text
+        assert "Back with" in shown.text
     assert call_here("status", state=finished, cwd=place).returncode == 0
-
-
-def _read_until(terminal: int, word: str) -> str:
-    seen = ""
-    deadline = time.monotonic() + 60.0
-    while word not in seen:
-        assert time.monotonic() < deadline, f"{word!r} never came: {seen}"
-        ready, _, _ = select.select([terminal], [], [], 0.1)
-        if ready:
-            seen += os.read(terminal, 65536).decode("utf-8", "replace")
-    return seen
 
 
 def test_a_reader_that_leaves_early_causes_no_noise(finished: Path, place: Path) -> None:
     environ = os.environ | {"SCENARIO_STATE": str(finished)}
-    process = subprocess.Popen(
+    reader, writer = os.pipe()
+    os.close(reader)  # before it begins: or it may be done before the reader leaves
+    done = subprocess.run(
         [*COMMAND, "results", "--runs"],
-        stdout=subprocess.PIPE,
+        stdout=writer,
         stderr=subprocess.PIPE,
         cwd=place,
         env=environ,
+        check=False,
     )
-    assert process.stdout is not None
-    assert process.stderr is not None
-    process.stdout.close()
-    assert process.stderr.read() == b""
-    process.stderr.close()
-    assert process.wait(60) == 141
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, b"")

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from textual.command import Command, CommandList
 from textual.pilot import Pilot
@@ -17,6 +18,7 @@ from textual.widgets import Input
 from daemon.model.status import CampaignRow, DaemonOverview
 from scenario_tui.dashboard.background import CommandAnswer, CommandLines
 from scenario_tui.dashboard.config import Config
+from scenario_tui.dashboard.screens import help as help_screen
 from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.dashboard.inline import press, settle
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
@@ -105,12 +107,14 @@ async def choose_from_palette(pilot: Pilot[None], text: str, wanted: str) -> Non
     await pilot.press("colon")
     await until(pilot, lambda: pilot.app.screen.query_one(CommandList).option_count)
     found = pilot.app.screen.query_one(CommandList)
-    pilot.app.screen.query_one(Input).value = text
 
     def first() -> str:
         option = found.get_option_at_index(0) if found.option_count else None
         return str(option.hit.text) if isinstance(option, Command) else ""
 
-    await until(pilot, lambda: first() == wanted)
+    # What the daemon is asked for is left out when it does not answer soon.
+    with mock.patch.object(help_screen, "_PATIENCE", DEADLINE):
+        pilot.app.screen.query_one(Input).value = text
+        await until(pilot, lambda: first() == wanted)
     await press(pilot, "enter")
     await settle(pilot)

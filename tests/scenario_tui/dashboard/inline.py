@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from typing import Any, Final
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any, TypeVar
 
 from textual.pilot import Pilot
-from textual.widget import Widget
 
 from daemon.batch.errors import DaemonError
 from daemon.model.status import LiveSnapshot
 from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.background import BackgroundTasks, Problem
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.state import CampaignAssessor, DashboardState, Notice
+from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.fake import FakeDaemon
+from tests.scenario_tui.idle import until_idle
 
-_QUIET: Final = 10
-"""Turns of the loop without a message after which there will be none."""
+T = TypeVar("T")
 
 
 class InlineFeed(Feed):
@@ -43,35 +47,53 @@ class InlineFeed(Feed):
         return super().take_news()
 
 
+class CountedTasks(BackgroundTasks):
+    """Knows how many of its tasks are under way, but for ``commands``: those end when told to."""
+
+    def __init__(self, commands: Callable[..., Any]) -> None:
+        super().__init__()
+        self._commands = commands
+        self.under_way = 0
+
+    def start(self, work: Callable[[], T], then: Callable[[T], None], otherwise: Problem) -> None:
+        if isinstance(work, partial) and work.func is self._commands:
+            super().start(work, then, otherwise)
+        else:
+            self.under_way += 1
+            super().start(work, partial(self._pass_on, then), partial(self._pass_on, otherwise))
+
+    def _pass_on(self, take: Callable[[T], None], found: T) -> None:
+        self.under_way -= 1
+        take(found)
+
+
 def make_dashboard(fake: FakeDaemon, **settings: Any) -> Dashboard:
     dashboard = Dashboard(InlineFeed(fake), clock=lambda: fake.now, **settings)
+    dashboard.background_tasks = CountedTasks(dashboard.run_command)
     # On a busy machine what a test reads would be gone before.
     dashboard.NOTIFICATION_TIMEOUT = 600.0
     return dashboard
 
 
 async def settle(pilot: Pilot[None]) -> None:
-    """Let the dashboard take over what is new, twice: some screens ask because of what they see."""
-    for _ in range(2):
-        await _quiet(pilot)
-        assert isinstance(pilot.app, Dashboard)
-        pilot.app.update_state()
-        await _quiet(pilot)
+    """Let the dashboard take over what is new, twice: some screens ask because of what they see.
 
-
-async def _quiet(pilot: Pilot[None]) -> None:
-    """Wait until nobody has a message to handle.
-
-    The pilot's own pause takes a process for idle that a loaded machine does not let run.
+    Nothing that it has begun is under way then: no message, no worker, no task in a thread. A test
+    has to wait by itself only for what it holds up itself, and for real daemons and files.
     """
-    await pilot.pause(0)
-    quiet = 0
-    while quiet < _QUIET:
-        await asyncio.sleep(0)
-        stack = pilot.app.screen_stack if pilot.app.is_running else []
-        nodes = [pilot.app, *(node for screen in stack for node in screen.walk_children(Widget))]
-        busy = any(node.message_queue_size for node in (*nodes, *stack))
-        quiet = 0 if busy else quiet + 1
+    app = pilot.app
+    assert isinstance(app, Dashboard)
+    assert isinstance(app.background_tasks, CountedTasks)
+    deadline, looks = time.monotonic() + DEADLINE, 0
+    while looks < 2:
+        assert time.monotonic() < deadline, "a background task is not done"
+        await until_idle(app)
+        app.update_state()
+        await until_idle(app)
+        looks += 1
+        if app.background_tasks.under_way:
+            looks = 0
+            await asyncio.sleep(0.002)
 
 
 async def press(pilot: Pilot[None], *keys: str) -> None:

@@ -88,8 +88,7 @@ def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon) -> None
         shown.until("corridor-1")
         shown.type("\x1a")
         eventually(lambda: (shown.read(0.05), shown.stopped())[1])
-        shown.read(0.2)
-        assert restored(shown)
+        shown.until(lambda: restored(shown))
         shown.screen.reset()
         os.kill(shown.pid, signal.SIGCONT)
         shown.until("corridor-1")
@@ -105,11 +104,15 @@ def test_while_nothing_happens_next_to_nothing_is_sent(daemon) -> None:
     with terminal(dashboard(daemon)) as shown:
         shown.until("corridor-1")
         shown.until("✗ 1 fail")
-        shown.settle(4 * FEW_BYTES)
-        before, began = shown.sent, time.monotonic()
-        while time.monotonic() < began + 1.5:
-            shown.read(0.3)
-        assert shown.sent - before < FEW_BYTES * (time.monotonic() - began)
+
+        def only_ages_grow() -> bool:
+            before, began = shown.sent, time.monotonic()
+            while time.monotonic() < began + 1.5:
+                shown.read(0.3)
+            # On a busy machine it may be late with what is painted first, or say nothing at all.
+            return 0 < shown.sent - before < FEW_BYTES * (time.monotonic() - began)
+
+        eventually(only_ages_grow)
 
 
 def test_sixteen_colours_and_ascii_are_enough(daemon) -> None:
@@ -119,14 +122,17 @@ def test_sixteen_colours_and_ascii_are_enough(daemon) -> None:
         shown.until("x 1 fail")
         shown.type("\r")
         shown.until("+ pass")
-        shown.read(0.3)
+
+        def is_reverse(run: str) -> bool:
+            rows = [y for y, line in enumerate(shown.lines) if run in line]
+            return bool(rows) and shown.screen.buffer[rows[0]][1].reverse
+
+        shown.until(lambda: is_reverse("S1/pilot/0"))
         drawn = bytes(shown.raw).split(b"\x1b[6n", 1)[1]
         assert drawn.isascii()
         assert b"38;" not in drawn
         assert b"48;" not in drawn
-        selected = next(y for y, line in enumerate(shown.lines) if "S1/pilot/0" in line)
-        assert shown.screen.buffer[selected][1].reverse
-        assert not shown.screen.buffer[selected + 1][1].reverse
+        assert not is_reverse("S2/pilot/0")
 
 
 def test_a_dumb_terminal_is_told_what_to_do() -> None:

@@ -20,6 +20,8 @@ from typing import Final
 import pyte
 
 ROOT: Final = Path(__file__).parents[3]
+DEADLINE: Final = 120.0
+"""Seconds after which a test is broken, and not the machine busy."""
 ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
 _PRIVATE: Final = 5
 """How far pyte shifts the numbers of private modes."""
@@ -68,21 +70,13 @@ class Terminal:
         self._stream.feed(data)
         return bool(data)
 
-    def until(self, seen: str | Callable[[], bool], seconds: float = 120.0) -> None:
+    def until(self, seen: str | Callable[[], bool], seconds: float = DEADLINE) -> None:
         """Read until some text is on the screen, or something else is true."""
         true = seen if callable(seen) else lambda: seen in self.text
         deadline = time.monotonic() + seconds
         while not true():
             assert time.monotonic() < deadline, f"not in time: {seen!r}\n{self.text}"
             self.read(0.02)
-
-    def settle(self, few: int) -> None:
-        """Read until no more than a ``few`` bytes have come in a second: all is painted."""
-        for _ in range(60):
-            before = self.sent
-            self.read(1.0)
-            if self.sent - before <= few:
-                return
 
     def type(self, keys: str) -> None:
         """Press keys."""
@@ -94,8 +88,11 @@ class Terminal:
         self.screen.resize(rows, columns)
         os.kill(self.pid, signal.SIGWINCH)
 
-    def wait(self, seconds: float = 60.0) -> int:
-        """Read until the program has left; returns its exit code, minus the signal's number."""
+    def wait(self, seconds: float = DEADLINE) -> int:
+        """Read until the program has left; returns its exit code, minus the signal's number.
+
+        What it said last is read then, however late: nobody else writes to this terminal.
+        """
         deadline = time.monotonic() + seconds
         while self._code is None:
             self.read(0.02)
@@ -103,7 +100,8 @@ class Terminal:
             if done:
                 self._code = os.waitstatus_to_exitcode(status)
             assert time.monotonic() < deadline, f"still there:\n{self.text}"
-        self.read(0.2)
+        while self._take():
+            pass
         return self._code
 
     def stopped(self) -> bool:

@@ -70,7 +70,7 @@ def test_a_submission_that_is_killed_in_the_middle_leaves_nothing(tmp_path: Path
 
 def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path: Path) -> None:
     with (
-        daemon_at(tmp_path / "state", lease=1.5) as daemon,
+        daemon_at(tmp_path / "state", lease=3.0) as daemon,
         daemon.client() as client,
         bus.open_client(daemon.endpoint) as session,
         closing(sqlite3.connect(tmp_path / "state" / "ledger.db", isolation_level=None)) as lock,
@@ -90,7 +90,7 @@ def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path: Path) 
         renewing.start()
         eventually(lambda: len(lost) > 1)
         lock.execute("BEGIN IMMEDIATE")  # as a long transaction would
-        threading.Event().wait(3.0)  # twice what a lease lasts
+        threading.Event().wait(4.5)  # longer than a lease lasts
         lock.execute("ROLLBACK")
         lost.clear()
         eventually(lambda: len(lost) > 5)
