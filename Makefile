@@ -18,7 +18,7 @@ demo: $(VENV)/.installed          ## run the main job: a campaign with moving do
 test: $(VENV)/.installed-test     ## lint, types, import contracts and every test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 	$(BIN)/lint-imports --no-cache
 	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 4 --dist loadfile
 
