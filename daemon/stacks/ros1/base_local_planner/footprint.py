@@ -6,20 +6,21 @@ import math
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.base_local_planner.map_grid import Cells, cell_of
+from daemon.stacks.ros1.base_local_planner.map_grid import Cells, place_of
 from daemon.stacks.ros1.cost_grid import INSCRIBED, LETHAL
 from grammars.model.geometry import Floats
 
 
 @kernel
-def line_cost(cells: Cells, start: int, end: int, spans: Integers, inside: bool) -> int:
+def line_cost(
+    cells: Cells, start: tuple[int, int], end: tuple[int, int], spans: Integers, inside: bool
+) -> int:
     """Return the highest cost on the line between two cells, -1 on lethal or unknown ones.
 
-    Bresenham as in base_local_planner ``LineIterator``. ``spans`` collects the first and last
-    column per row when the ``inside`` is asked for as well.
+    A cell is row and column. Bresenham as in base_local_planner ``LineIterator``. ``spans``
+    collects the first and last column per row when the ``inside`` is asked for as well.
     """
-    columns = cells.shape[1]
-    x, y, to_x, to_y = start % columns, start // columns, end % columns, end // columns
+    (y, x), (to_y, to_x) = start, end
     dx, dy = abs(to_x - x), abs(to_y - y)
     step_x, step_y = (1 if to_x >= x else -1), (1 if to_y >= y else -1)
     steep = dy > dx
@@ -75,10 +76,10 @@ def footprint_cost(
     """
     # Outline and inside in one kernel, called for every pose of every trajectory that is scored.
     rows, columns = cells.shape
-    centre = cell_of(pose[0], pose[1], frame, rows, columns)
-    if centre < 0:
+    row, column = place_of(pose[0], pose[1], frame, rows, columns)
+    if row < 0:
         return -1
-    worst = int(cells[centre // columns, centre % columns])
+    worst = int(cells[row, column])
     corners = outline.shape[0]
     if corners < 3:
         return worst if worst < INSCRIBED else -1
@@ -87,28 +88,28 @@ def footprint_cost(
     if inside:
         spans[:, 0], spans[:, 1] = columns, -1
     x, y = scale * outline[corners - 1, 0], scale * outline[corners - 1, 1]
-    last = cell_of(
+    last = place_of(
         pose[0] + (x * pose[3] - y * pose[4]),
         pose[1] + (x * pose[4] + y * pose[3]),
         frame,
         rows,
         columns,
     )
-    if last < 0:
+    if last[0] < 0:
         return -1
-    first, before = -1, -1
+    first, before = last, last
     for k in range(corners):
         at = last
         if k < corners - 1:
             x, y = scale * outline[k, 0], scale * outline[k, 1]
-            at = cell_of(
+            at = place_of(
                 pose[0] + (x * pose[3] - y * pose[4]),
                 pose[1] + (x * pose[4] + y * pose[3]),
                 frame,
                 rows,
                 columns,
             )
-            if at < 0:
+            if at[0] < 0:
                 return -1
         if k == 0:
             first = at

@@ -227,30 +227,34 @@ def is_fit(distances: Bits, row: int, column: int) -> bool:
 
 
 @kernel
-def cell_of(x: float, y: float, frame: Floats, rows: int, columns: int) -> int:
-    """Return row * columns + column of a point, -1 off the grid (costmap_2d ``worldToMap``).
+def place_of(x: float, y: float, frame: Floats, rows: int, columns: int) -> tuple[int, int]:
+    """Return row and column of a point, (-1, -1) off the grid (costmap_2d ``worldToMap``).
 
     ``frame`` is x, y of the lower-left corner and the resolution.
     """
     if x < frame[0] or y < frame[1]:
-        return -1
+        return -1, -1
     column, row = int((x - frame[0]) / frame[2]), int((y - frame[1]) / frame[2])
     if column >= columns or row >= rows:
-        return -1
-    return row * columns + column
+        return -1, -1
+    return row, column
+
+
+@kernel
+def cell_of(x: float, y: float, frame: Floats, rows: int, columns: int) -> int:
+    """Return row * columns + column of a point, -1 off the grid, as :func:`place_of`."""
+    row, column = place_of(x, y, frame, rows, columns)
+    return row * columns + column if row >= 0 else -1
 
 
 @kernel
 def _mark_cell(x: float, y: float, cells: Cells, frame: Floats, seeds: Bits) -> int:
     rows, columns = cells.shape
-    at = cell_of(x, y, frame, rows, columns)
-    if at < 0:
-        return -1
-    row, column = at // columns, at % columns
-    if cells[row, column] == NO_INFORMATION:
+    row, column = place_of(x, y, frame, rows, columns)
+    if row < 0 or cells[row, column] == NO_INFORMATION:
         return -1
     add_cell(seeds, row, column)
-    return at
+    return row * int(columns) + column
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers
+from daemon.stacks.kernels import Integers, machine_code
 from daemon.stacks.ros1.base_local_planner import (
     NO_POINTS,
     NO_VELOCITY,
@@ -212,6 +212,7 @@ class Dwa:
         self._last: LastCycleDistances | None = None
         self._field: ScoringGrid
         self._room: SearchBuffers
+        self._choose: Callable[..., int] | None = None
         self._aligned = False
 
     def set_plan(self, plan: Floats) -> None:
@@ -301,9 +302,12 @@ class Dwa:
 
     def _sample(self, window: Floats, settings: DwaSettings) -> ControllerAnswer:
         field, room = self._field, self._room
-        n = choose_trajectory(
-            self._state, window, len(window), self._front_end, self._aligned, settings, field, room
-        )
+        arguments = (
+            self._state, window, len(window), self._front_end, self._aligned, settings, field, room,
+        )  # fmt: skip
+        if self._choose is None:
+            self._choose = machine_code(choose_trajectory, *arguments)
+        n = self._choose(*arguments)
         self._last = LastCycleDistances(window, field)
         if n == 0:
             return NO_VELOCITY

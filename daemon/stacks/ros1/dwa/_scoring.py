@@ -10,9 +10,9 @@ from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.base_local_planner.map_grid import (
     Bits,
     Cells,
-    cell_of,
     distance_at,
     is_fit,
+    place_of,
 )
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from daemon.stacks.ros1.dwa.samples import footprint_scale, translation_speed
@@ -101,19 +101,20 @@ def _end_cells(points: Floats, n: int, weights: Floats, forward: float, f: Scori
     noses = weights[1] != 0.0 or weights[2] != 0.0
     at, nose = 0, 0
     for i in range(n):
-        at = cell_of(points[i, 0], points[i, 1], f.frame, rows, columns)
-        if at < 0:
+        row, column = place_of(points[i, 0], points[i, 1], f.frame, rows, columns)
+        if row < 0:
             return -1
-        row, column = at // columns, at % columns
         if path and not is_fit(f.path, row, column):
             return -1
         if goal and not is_fit(f.goal, row, column):
             return -1
+        at = row * columns + column
         if noses:
             x, y = points[i, 0] + forward * points[i, 3], points[i, 1] + forward * points[i, 4]
-            nose = cell_of(x, y, f.frame, rows, columns)
-            if nose < 0:
+            row, column = place_of(x, y, f.frame, rows, columns)
+            if row < 0:
                 return -1
+            nose = row * columns + column
     return at * f.cells.size + nose
 
 

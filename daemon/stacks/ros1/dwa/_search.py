@@ -34,16 +34,14 @@ def _cell_if_sure(u: float, v: float, margin: float, rows: int, columns: int) ->
 
     -2 when the margin reaches into another cell, and always when it is a cell or more.
     """
-    if margin >= 1.0:
-        return -2
-    left, right, low, high = u - margin, u + margin, v - margin, v + margin
-    if right < 0.0 or high < 0.0 or left >= columns or low >= rows:
-        return -1
-    # Truncated, which is quicker than rounding down and the same from here on.
-    column, row = int(left), int(low)
-    if left < 0.0 or low < 0.0 or int(right) != column or int(high) != row:
-        return -2
-    return row * columns + column
+    if u >= 0.0 and v >= 0.0:
+        # Truncated, which is quicker than rounding down and here the same.
+        column, row = int(u), int(v)
+        across, up = u - column, v - row
+        if margin < across < 1.0 - margin and margin < up < 1.0 - margin:
+            return row * columns + column if column < columns and row < rows else -1
+    beyond = u + margin < 0.0 or v + margin < 0.0 or u - margin >= columns or v - margin >= rows
+    return -1 if beyond and margin < 1.0 else -2
 
 
 @kernel
@@ -220,14 +218,16 @@ def bound_costs(
     anywhere = weights[0] == 0.0 and weights[3] == 0.0 and weights[4] == 0.0
     noses = weights[1] != 0.0 or weights[2] != 0.0
     strict_path, strict_goal = weights[3] != 0.0, weights[4] != 0.0
+    twirling = weights[5] != 0.0
     flat = cells.reshape(-1)
     for pair in range(number):
-        smallest = math.inf
+        smallest = bound = math.inf
+        last_at = last_nose = -3
         for k in range(turns):
             index = pair * turns + k
-            out[index] = math.inf
             at, nose = ends[index, 0], ends[index, 1]
             if at == -3:
+                out[index] = math.inf
                 continue
             wz = samples[2, k]
             if at == -2 or nose == -2:
@@ -238,6 +238,12 @@ def bound_costs(
                 at = cell_of(x, y, frame, rows, columns)
                 x, y = x + s.forward * points[n - 1, 3], y + s.forward * points[n - 1, 4]
                 nose = cell_of(x, y, frame, rows, columns)
+            # Samples of neighbouring turning speeds mostly end in the same cells.
+            if at == last_at and nose == last_nose and not twirling:
+                out[index] = bound
+                continue
+            last_at, last_nose = at, nose
+            out[index] = bound = math.inf
             if (at < 0 and not anywhere) or (nose < 0 and noses):
                 continue
             at, nose = max(at, 0), max(nose, 0)

@@ -17,6 +17,7 @@ from daemon.stacks.ros1.base_local_planner.map_grid import (
     cell_of,
     distance_at,
     is_fit,
+    place_of,
 )
 from daemon.stacks.ros1.cost_grid import INSCRIBED
 from daemon.stacks.ros1.trajectory_planner._settings import RolloutSettings
@@ -114,13 +115,14 @@ def heading_error(at: int, pose: Floats, plan: Floats, m: int, f: RolloutGrid) -
     """
     rows, columns = f.cells.shape
     for i in range(m - 1, -1, -1):
-        to = cell_of(plan[i, 0], plan[i, 1], f.frame, rows, columns)
-        if to < 0:
+        row, column = place_of(plan[i, 0], plan[i, 1], f.frame, rows, columns)
+        if row < 0:
             continue
-        worst = line_cost(f.cells, at, to, f.spans, False)
+        here = (at // columns, at % columns)
+        worst = line_cost(f.cells, here, (row, column), f.spans, False)
         if 0 <= worst < INSCRIBED:
-            x = f.frame[0] + (to % columns + 0.5) * f.frame[2]
-            y = f.frame[1] + (to // columns + 0.5) * f.frame[2]
+            x = f.frame[0] + (column + 0.5) * f.frame[2]
+            y = f.frame[1] + (row + 0.5) * f.frame[2]
             return abs(normalize_angle(math.atan2(y - pose[1], x - pose[0]) - pose[2]))
     return _NO_HEADING
 
