@@ -169,8 +169,8 @@ def crossed_rooms(facts: RunFacts) -> bool:
     if facts.trace is None:
         return False
     truth, wanted = facts.trace.ground_truth, set(facts.rooms) - {""}
-    # Once a second is enough, no robot crosses a room in less. Poses come at daemon.run.STATE_RATE,
-    # 20 Hz, which is not imported: coverage is to know nothing of systems under test.
+    # Once a second is enough, no robot crosses a room in less. Poses come at 20 Hz, the STATE_RATE
+    # of daemon.run_loop, not imported: coverage is to know nothing of systems under test.
     points = zip(truth.x[::20].tolist(), truth.y[::20].tolist(), strict=True)
     return len({room_at(facts.scene, point) for point in points} & wanted) > 1
 
