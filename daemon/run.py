@@ -1,72 +1,26 @@
 """The one road of a run: specification and scene in, trace and verdicts out.
 
-Every run, wherever it happens, is :func:`execute`. Simulated time advances in ticks of 10 ms; what
-happens inside one tick has a fixed order: physics, ground truth and joints, odometry, scans (laser
-by laser as the robot has them), the system under test, its command. Why in this order: see
-``RunLoop._tick``. Nothing here looks at a clock except to report what a run cost.
+Every run, wherever it happens, is :func:`execute`; what happens while simulated time advances is
+:mod:`daemon.run_loop`. Nothing here looks at a clock except to report what a run cost.
 """
 
 from __future__ import annotations
 
-import math
+import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Final, Literal
-
-import numpy as np
 
 from daemon.judging import oracles
-from daemon.model.deadline import OutOfTime, check_wall_clock
 from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
-from daemon.model.live_view import LiveView
-from daemon.model.spec import (
-    RunEnding,
-    RunResult,
-    RunSpec,
-    Snapshot,
-    Timing,
-    package_versions,
-)
-from daemon.model.sut import (
-    TICK_RATE,
-    Briefing,
-    Cloud,
-    Decision,
-    Estimate,
-    ExternalSystem,
-    LaserScan,
-    Observation,
-    Odometry,
-    SutEvent,
-    SystemUnderTest,
-)
-from daemon.run_map import run_map
-from daemon.simulator import World
-from daemon.stacks.calls import SutError, check_decision, make_in_time, sut_call
-from daemon.trace import Recorder, TraceWriter, read_trace
-from grammars.model.geometry import Floats
+from daemon.model.spec import RunResult, RunSpec, Timing, package_versions
+from daemon.model.sut import TICK_RATE
+from daemon.run_loop import Interest, ProgressCallback, RunLoop
+from daemon.trace import TraceWriter, read_trace
 from grammars.model.scene import Scene
 from grammars.text.codec import warm_up as warm_up_codec
-from grammars.text.terminal_text import printable
-
-STATE_RATE: Final = 20.0
-"""Ground truth and joint states are recorded this often [Hz]."""
-CLOCK_RATE: Final = 10.0
-"""As often as the trace keeps the simulated time [Hz]. The writer thins it to the same rate; the
-timer is here as well because its ticks are among those at which the physics is stopped."""
-SNAPSHOT_RATE: Final = 1.0
-WATCHED_RATE: Final = 10.0
-"""How often somebody who watches is asked whether a snapshot is wanted [Hz, simulated]."""
-
-_WAITING_LENGTH: Final = 120
-"""So much of what an external system waits for is told: snapshots go through a pipe, whole."""
-
-ProgressCallback = Callable[[Snapshot], None]
-Interest = Callable[[], Literal["nothing", "progress", "everything"]]
-"""Asked before a snapshot is taken: whether there is to be one, and how detailed."""
 
 
 class SceneMismatchError(ValueError):
@@ -127,312 +81,14 @@ def execute(
     return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note)
 
 
-@dataclass(slots=True)
-class _PeriodicTimer:
-    """Ticks at which something periodic is due: the k-th is the first tick at or after k/rate."""
+def prepare(spec: RunSpec, scene: Scene) -> None:
+    """Do what runs like ``spec`` in ``scene`` begin with, for processes forked from this one.
 
-    rate: float
-    count: int = 0
-    due: int = 0
-
-    def move_on(self) -> None:
-        """Wait for the next time: what was due has been done."""
-        self.count += 1
-        # From the count and not from the last due tick, so that a rate that does not divide 100 Hz
-        # does not drift. Without the 1e-9 a quotient that is whole but for its last bit would be a
-        # tick late: a period of 0.07 s is a rate whose first tick is 7.000000000000001.
-        self.due = math.ceil(self.count * TICK_RATE / self.rate - 1e-9)
-
-
-class RunLoop:
-    """One run while it lasts: the world, the system under test and what is recorded.
-
-    Whoever does not want it run to its end in one go calls :meth:`begin` and :meth:`advance`.
-    ``sut`` takes the place of the specified system under test.
+    They find the map, what systems under test derive from it and the outline of the building made:
+    together a tenth of the time of a run of the published campaign. Raises as :func:`execute` does.
     """
-
-    def __init__(
-        self,
-        spec: RunSpec,
-        scene: Scene,
-        trace: Recorder,
-        on_progress: ProgressCallback | None = None,
-        interest: Interest | None = None,
-        sut: SystemUnderTest | None = None,
-    ) -> None:
-        # Two branches of one seed: what a system under test draws never changes doors or noise,
-        # so that different systems are compared under the same chance.
-        world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
-        # What cannot be made has left no world yet that somebody would have to end.
-        self._sut = sut or make_in_time(spec.sut.kind, spec.sut.parameters)
-        start = spec.mission.start
-        waypoints = tuple(waypoint.id for waypoint in spec.mission.waypoints)
-        self.world = World(scene, spec.robot, start, spec.behaviours, world_seed, waypoints)
-        self._spec, self._trace, self._on_progress = spec, trace, on_progress
-        joints = dict(zip(self.world.joint_names, self.world.joint_positions(), strict=True))
-        self._grid = run_map(spec.map, scene, spec.robot.laser.z, joints)
-        self._external = self._sut if isinstance(self._sut, ExternalSystem) else None
-        self._waiting = ""
-        self._odometry: list[Odometry] = []
-        self._scans: list[LaserScan] = []
-        self._decision: Decision | None = None
-        self._estimate: Estimate | None = None
-        self._cloud: Cloud | None = None
-        self._plan: Floats | None = None
-        self._recorded = -1
-        self._state = _PeriodicTimer(STATE_RATE)
-        self._clock = _PeriodicTimer(CLOCK_RATE)
-        self._period = spec.robot.odometry.period
-        self._odom = _PeriodicTimer(
-            1.0 / self._period if self._period else spec.robot.odometry.rate
-        )
-        self._scan_timers = tuple(
-            (laser.name, _PeriodicTimer(laser.rate)) for laser in spec.robot.lasers
-        )
-        self._update = _PeriodicTimer(1.0 / self._sut.period)
-        self._interest = interest
-        self._snapshot = _PeriodicTimer(SNAPSHOT_RATE if interest is None else WATCHED_RATE)
-        self._live_view: LiveView | None = None
-        scans = (timer for _, timer in self._scan_timers)
-        self._timers = (self._state, self._clock, self._odom, self._update, *scans)
-
-    def run(self) -> tuple[RunEnding, str]:
-        """Step until the mission is over, the limit is reached or the system crashes."""
-        trace, world = self._trace, self.world
-        try:
-            self.begin()
-            finished = self.advance(round(self._spec.limit * TICK_RATE))
-            self._finish_sut()
-        except SutError as error:
-            trace.event(world.time, "sut", error.note, level="error")
-            return "crashed", error.note
-        finally:
-            # Also after a crash: a trace is valid up to its last recorded state, and contacts and
-            # events since the one before are only recorded with it.
-            if self._recorded != world.tick:
-                self._record_state()
-        return ("finished", "") if finished else ("limit", "simulated time is up")
-
-    def begin(self) -> None:
-        """Record what holds for the whole run, start the system under test."""
-        self._trace.static(self._grid)
-        self._start_sut(self._sut)
-
-    def advance(self, last: int) -> bool:
-        """Step until tick ``last`` or the end of the mission; return whether that is over.
-
-        Stepping to a tick in several calls is stepping there in one: what is due at a tick is
-        done once. Raises :class:`SutError`.
-        """
-        world = self.world
-        while True:
-            # The instant 0 is recorded and answered before anything moves, and the instant of
-            # the limit still is: the last answer may be the one that ends the mission.
-            finished = self._tick()
-            if finished or world.tick >= last:
-                return finished
-            try:
-                check_wall_clock()
-            except OutOfTime as error:
-                raise SutError(error) from error
-            # In one go to the next tick that anything is due at: Python is entered a few
-            # dozen times per simulated second and not a hundred times for each timer.
-            world.advance(min(self.next_due(), last) - world.tick)
-
-    def _start_sut(self, sut: SystemUnderTest) -> None:
-        spec = self._spec
-        briefing = Briefing(
-            spec.robot, self._grid, spec.mission, spec.mission.start, self._sut_seed
-        )
-        with sut_call("start()"):
-            sut.start(briefing)
-
-    def _bring_up(self, first: Observation) -> None:
-        """Wait for an external system, and tell those who watch what it still lacks."""
-        if self._external is None:
-            return
-        with sut_call("bring_up()"):
-            steps = self._external.bring_up(first)
-        while True:
-            # Never while a snapshot is sent: whoever gets half of one waits for the rest.
-            with sut_call("bring_up()"):
-                waiting = next(steps, None)
-            if waiting is None:
-                break
-            self._waiting = _one_line(waiting)
-            self._publish_snapshot(first.time)
-        self._waiting = ""
-
-    def _finish_sut(self) -> None:
-        if self._external is not None:
-            with sut_call("finish()"):
-                self._external.finish()
-
-    def close(self) -> Mapping[str, bytes]:
-        """End the world and an external system; return what that printed, by name."""
-        self.world.close()
-        if self._external is None:
-            return {}
-        self._external.close()
-        return self._external.outputs()
-
-    def next_due(self) -> int:
-        """Return the next tick at which anything is to be done."""
-        # Compared one by one: ``min`` over a generator takes six times as long.
-        due = self._state.due
-        for timer in self._timers:
-            if timer.due < due:
-                due = timer.due
-        return due
-
-    def _tick(self) -> bool:
-        """Do everything due now; return whether the mission is over.
-
-        The physics stands at this instant already; everything here looks at one and the same
-        state of the world, and the answer acts from the next physics step on.
-        """
-        world, trace = self.world, self._trace
-        tick, now = world.tick, world.time
-        # Truth first: it is what was before anybody answered, and what an answer of this instant
-        # is held against. It is in the trace even when that answer raises.
-        if tick >= self._clock.due:
-            self._clock.move_on()
-            trace.clock(now)
-        if tick >= self._state.due:
-            self._state.move_on()
-            self._record_state()
-        # Odometry before the scans, both before the update: the system under test can place a scan
-        # by the odometry of the same stamp, and what it sees is of now, not of a tick ago.
-        if tick >= self._odom.due:
-            # A period need not be a multiple of a tick: the sample then lies within the last one.
-            sample = world.odometry(self._odom.count * self._period if self._period else now)
-            self._odom.move_on()
-            trace.odometry(sample)
-            self._odometry.append(sample)
-        for laser, timer in self._scan_timers:
-            if tick >= timer.due:
-                timer.move_on()
-                ranges = world.scan(laser)
-                trace.scan(now, ranges, laser)
-                self._scans.append(LaserScan(now, ranges, laser))
-                if self._live_view is not None:
-                    self._live_view.add_scan(world.pose(), ranges, laser)
-        # Last, when everything of this instant has been measured: its command moves the robot from
-        # the next step on, never in the one that led here.
-        finished = False
-        if tick >= self._update.due:
-            self._update.move_on()
-            finished = self._update_sut(now)
-        if self._on_progress is not None and tick >= self._snapshot.due:
-            self._snapshot.move_on()
-            self._publish_snapshot(now)
-        return finished
-
-    def _record_state(self) -> None:
-        world, trace = self.world, self._trace
-        self._recorded, now = world.tick, world.time
-        trace.ground_truth(now, world.pose(), world.twist())
-        trace.joints(now, world.joint_positions(), world.joint_velocities())
-        for contact in world.take_contacts():
-            trace.contact(
-                contact.until,
-                contact.first,
-                contact.second,
-                contact.point,
-                contact.normal,
-                contact.depth,
-            )
-            if self._live_view is not None:
-                self._live_view.contacts.append(contact.point)
-        for event in world.take_events():
-            trace.event(event.time, event.source, event.text)
-
-    def _update_sut(self, now: float) -> bool:
-        """Give the system under test what is new, record and apply its answer."""
-        truth = self.world.pose() if self._sut.needs_ground_truth else None
-        observation = Observation(now, tuple(self._odometry), tuple(self._scans), truth)
-        self._odometry.clear()
-        self._scans.clear()
-        if self._decision is None:
-            self._bring_up(observation)
-        with sut_call("update()"):
-            decision = self._sut.update(observation)
-            check_decision(decision)
-        try:
-            # Recorded before it is carried out: what the trace refuses (a plan of another shape)
-            # must not have moved the robot.
-            progressed = self._decision is None or decision.progress != self._decision.progress
-            self._record_decision(now, decision, progressed)
-            if progressed:
-                self.world.progress(decision.progress.current, decision.progress.reached)
-            if decision.command is not None:
-                self.world.command(decision.command)
-        except ValueError as error:
-            raise SutError(error) from error
-        self._decision = decision
-        return decision.progress.state != "active"
-
-    def _record_decision(self, now: float, decision: Decision, progressed: bool) -> None:
-        trace = self._trace
-        if decision.estimate is not None:
-            trace.estimate(decision.estimate)
-            self._estimate = decision.estimate
-        if decision.cloud is not None:
-            trace.cloud(decision.cloud)
-            self._cloud = decision.cloud
-        if decision.plan is not None:
-            trace.plan(now, decision.plan)
-            self._plan = decision.plan
-        if decision.local_plan is not None:
-            trace.local_plan(now, decision.local_plan)
-        if decision.particles is not None:
-            # The particles are those the cloud sums up, so they have its stamp.
-            trace.particles(decision.cloud.time if decision.cloud else now, decision.particles)
-        if decision.costmap is not None:
-            trace.costmap(decision.costmap)
-        if progressed:
-            trace.progress(now, decision.progress)
-        if decision.command is not None:
-            trace.command(now, decision.command)
-        if decision.latency is not None:
-            trace.latency(now, decision.latency)
-        for event in decision.events:
-            said = event if isinstance(event, SutEvent) else SutEvent(event)
-            trace.event(now, said.source, said.text, level=said.level)
-
-    def _publish_snapshot(self, now: float) -> None:
-        """Tell how far the run is, as detailed as is wanted."""
-        wanted = "progress" if self._interest is None else self._interest()
-        if wanted == "nothing" or self._on_progress is None:
-            return
-        if wanted == "everything":
-            self._on_progress(self.snapshot(now))
-        else:
-            # Nobody looks any more: scans and contacts need not be kept for them.
-            self._live_view = None
-            self._on_progress(self._take_snapshot(now))
-
-    def snapshot(self, now: float) -> Snapshot:
-        """Return everything there is to see; scans are kept from the first time on."""
-        if self._live_view is None:
-            self._live_view = LiveView(self._spec.robot.lasers)
-        belief = self._cloud or self._estimate
-        return self._live_view.extend(self._take_snapshot(now), belief, self._plan)
-
-    def _take_snapshot(self, now: float) -> Snapshot:
-        decision = self._decision
-        return Snapshot(
-            time=now,
-            limit=self._spec.limit,
-            pose=self.world.pose(),
-            estimate=None if self._estimate is None else self._estimate.pose,
-            reached=decision.progress.reached if decision else 0,
-            waypoints=len(self._spec.mission.waypoints),
-            joints=tuple(self.world.joint_positions().tolist()),
-            waiting=self._waiting,
-        )
-
-
-def _one_line(waiting: str) -> str:
-    """Return what is waited for as a line that any terminal and any JSON can hold."""
-    return printable(" ".join(waiting[: 2 * _WAITING_LENGTH].split())[:_WAITING_LENGTH])
+    # A run of one tick, since whatever keeps something does so in a run. Without its oracles: of
+    # these may be some that plug in.
+    first = replace(spec, limit=1.0 / TICK_RATE, oracles=())
+    with tempfile.TemporaryDirectory(prefix="scenario-prepared-") as folder:
+        execute(first, scene, trace_path=Path(folder, "trace.mcap"))

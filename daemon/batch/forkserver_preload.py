@@ -5,7 +5,8 @@ importing the simulator and loading its compiled kernels. The fork server swallo
 so a failure is kept here and every child reports it.
 
 Kernels are loaded when the worker lists their rooms, since nobody knows before which systems runs
-will have. The only moment at which a fork server does something for others is a fork.
+will have; and once a run has ended well, what it began with is done here for those like it. The
+only moment at which a fork server does something for others is a fork.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from daemon.batch.freed_memory import return_freed_memory
 from daemon.model.execution import (
     DEFAULT_EXECUTOR,
     EXECUTOR_VARIABLE,
-    KERNEL_LIST_VARIABLE,
+    PREPARATION_VARIABLE,
     forget_safe_path,
 )
 from daemon.model.messages import Lease
@@ -38,6 +40,7 @@ missing: list[str] = []
 """Rooms that are listed and have kernels that are not on the disk."""
 
 _loaded: set[str] = set()
+_prepared = {""}
 _listed = ""
 
 
@@ -51,7 +54,7 @@ def _load(name: str) -> Callable[..., Any]:
         importlib.import_module("logging")
         importlib.import_module("concurrent.futures.thread")
         module.warm_up(rooms=())
-        os.register_at_fork(before=_load_kernels, after_in_child=_forget_list)
+        os.register_at_fork(before=_prepare_listed, after_in_child=_forget_list)
     elif warm_up is not None:
         warm_up()
     found: Callable[..., Any] = getattr(module, function)
@@ -61,6 +64,7 @@ def _load(name: str) -> Callable[..., Any]:
 def _prepare() -> None:
     global execute, problem
     forget_safe_path()
+    return_freed_memory()
     # What a guardian that was killed leaves behind comes to this process, where a worker finds it.
     adopt_orphans()
     warnings.filterwarnings("ignore", "forkserver: waitpid returned unexpected")
@@ -82,20 +86,30 @@ def _keep_for_good() -> None:
     gc.freeze()
 
 
-def _load_kernels() -> None:
-    """Load what has been listed since the last fork, as far as it is on the disk."""
+def _prepare_listed() -> None:
+    """Do what has been listed since the last fork."""
     global _listed
     try:
-        listed = Path(os.environ[KERNEL_LIST_VARIABLE]).read_text()
+        listed = Path(os.environ[PREPARATION_VARIABLE]).read_text()
     except (KeyError, OSError):
         return
     if listed == _listed:
         return
+    _listed = listed
+    rooms, _, example = listed.partition("\n")
+    _load_kernels(rooms.split()[1:])
+    if example not in _prepared:
+        _prepared.add(example)
+        _prepare_runs(*example.split("\n", 1))
+    _keep_for_good()
+
+
+def _load_kernels(rooms: list[str]) -> None:
+    """Load the kernels of rooms, as far as they are on the disk."""
     from daemon.model.kernels import loading_only
 
-    _listed = listed
     missing.clear()
-    for room in listed.split()[1:]:
+    for room in rooms:
         if room in _loaded:
             continue
         try:
@@ -106,12 +120,25 @@ def _load_kernels() -> None:
             missing.append(room)
         else:
             _loaded.add(room)
-    _keep_for_good()
+
+
+def _prepare_runs(file: str, specification: str) -> None:
+    """Do what a run in the scene of a file begins with, for the children."""
+    from daemon.model.kernels import loading_only
+    from daemon.run import prepare
+
+    try:
+        spec = codec.from_json(RunSpec, specification.encode())
+        with loading_only():
+            prepare(spec, codec.from_json(Scene, Path(file).read_bytes()))
+    except Exception:
+        # The scene has been removed, or the disk is full: runs begin with it themselves, as before.
+        traceback.print_exc()
 
 
 def _forget_list() -> None:
     """A child loads nothing when it forks."""
-    os.environ.pop(KERNEL_LIST_VARIABLE, None)
+    os.environ.pop(PREPARATION_VARIABLE, None)
 
 
 _prepare()

@@ -8,7 +8,6 @@ prints, and where it was when it crashed, goes to ``output.txt``; a guardian abo
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import faulthandler
 import os
@@ -24,6 +23,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final, Literal, NoReturn
 
+from daemon.batch.freed_memory import return_freed_memory
 from daemon.model.attachments import FILES_VARIABLE, SutMissing
 from daemon.model.deadline import spare_time, wall_clock_limit
 from daemon.model.messages import Lease
@@ -60,10 +60,6 @@ _LIVE_PERIOD: Final = 0.2
 _WATCHED_PERIOD: Final = 0.1
 _LONGEST_WORDS: Final = 16_000
 """Characters of the reason why there is no result: an exception may have megabytes of them."""
-_MMAP_THRESHOLD: Final = -3
-"""Number of the parameter in malloc.h."""
-_LARGE: Final = 1 << 20
-"""What is larger gets pages of its own from the system [B]."""
 _OOM_SCORE: Final = "500"
 """Half of the way to certain death (proc(5)): a run goes before the worker that can start it again,
 and before what people work with beside it."""
@@ -181,15 +177,6 @@ def _prepare_process(task: RunTask) -> None:
         _, most = resource.getrlimit(resource.RLIMIT_AS)
         memory = task.memory if most == resource.RLIM_INFINITY else min(task.memory, most)
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
-
-
-def return_freed_memory() -> None:
-    """Have the memory of large arrays go back to the system whenever one is freed."""
-    # Whoever frees a grid of megabytes has the next ones taken from the heap, which returns nothing
-    # to the system (mallopt(3), M_MMAP_THRESHOLD, a limit that moves unless it is set). With a
-    # fixed one S1 needs 11 MB less at its peak.
-    with suppress(AttributeError):  # of glibc alone
-        ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _LARGE)
 
 
 class SnapshotSender:

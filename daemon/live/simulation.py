@@ -14,7 +14,8 @@ from typing import Final, Protocol
 from daemon.live.driver import LiveDriver, OutsideInput, RobotListener
 from daemon.model.spec import RunSpec, Snapshot
 from daemon.model.sut import TICK_RATE, Decision, SystemUnderTest
-from daemon.run import RunLoop, SceneMismatchError
+from daemon.run import SceneMismatchError
+from daemon.run_loop import RunLoop
 from daemon.stacks.calls import SutError
 from daemon.trace import MessageStream
 from grammars.model.geometry import Twist2

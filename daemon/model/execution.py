@@ -16,8 +16,10 @@ from typing import Final
 DEFAULT_EXECUTOR: Final = "daemon.run:execute"
 EXECUTOR_VARIABLE: Final = "SCENARIO_EXECUTOR"
 """Environment variable through which a worker tells its fork server ``module:function``."""
-KERNEL_LIST_VARIABLE: Final = "SCENARIO_KERNEL_LIST"
-"""And the file that lists the rooms whose kernels runs need: a number that grows, then names."""
+PREPARATION_VARIABLE: Final = "SCENARIO_PREPARATION"
+"""And the file that says what runs need: a number that grows and the names of the rooms whose
+kernels are to be loaded; below it a line with the file of a scene, and the specification of a run
+in it."""
 
 
 _SAFE_PATH_VARIABLE: Final = "PYTHONSAFEPATH"

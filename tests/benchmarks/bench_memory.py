@@ -109,7 +109,7 @@ def tell_of_child(name: str) -> None:
 
 def tell(name: str, times: int) -> None:
     """Print as JSON what memory a child of a warm process has: before runs, and after each."""
-    from daemon.batch.run_process import return_freed_memory
+    from daemon.batch.freed_memory import return_freed_memory
     from daemon.run import execute, warm_up
     from tests.benchmarks.case_process import load
 

@@ -15,7 +15,8 @@ import pytest
 from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import SutMissing
 from daemon.model.spec import RunSpec, SutReference
-from daemon.run import RunLoop, execute
+from daemon.run import execute
+from daemon.run_loop import RunLoop
 from daemon.simulator import World
 from daemon.stacks.calls import make_in_time
 from daemon.stacks.ros1.costmap import Costmap

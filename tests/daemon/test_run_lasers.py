@@ -13,7 +13,8 @@ from daemon.model.spec import RunSpec, SutReference
 from daemon.model.status import Submission
 from daemon.model.sut import Briefing, Decision, LaserScan, Observation, Progress
 from daemon.model.verdicts import Outcome
-from daemon.run import RunLoop, execute
+from daemon.run import execute
+from daemon.run_loop import RunLoop
 from daemon.trace import Trace, TraceWriter, read_trace
 from grammars.model.scene import Scene
 

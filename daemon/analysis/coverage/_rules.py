@@ -172,8 +172,8 @@ def crossed_rooms(facts: RunFacts) -> bool:
     if facts.trace is None:
         return False
     truth, wanted = facts.trace.ground_truth, set(facts.rooms) - {""}
-    # Once a second is enough, no robot crosses a room in less. Poses come at daemon.run.STATE_RATE,
-    # 20 Hz, which is not imported: coverage is to know nothing of systems under test.
+    # Once a second is enough, no robot crosses a room in less. Poses come at 20 Hz, the STATE_RATE
+    # of daemon.run_loop, not imported: coverage is to know nothing of systems under test.
     return len(_rooms_entered(facts.scene, truth.x[::20], truth.y[::20]) & wanted) > 1
 
 

@@ -28,7 +28,7 @@ from daemon.batch import run_process
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.run_process import RunTask
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
-from daemon.batch.worker._kernel_loading import KernelLoader
+from daemon.batch.worker._fork_server_preparation import ForkServerPreparation
 from daemon.model.deadline import spare_time, stopped_after
 from daemon.model.execution import (
     EXECUTOR_VARIABLE,
@@ -73,7 +73,7 @@ _WARM_UP_LIMIT: Final = 300.0
 class ForkedExecution:
     """A running attempt and its guardian, the ``process``; ``live`` is what it last said of itself.
 
-    ``sweep`` ends what a guardian has left that was killed.
+    ``sweep`` ends what a guardian has left that was killed, ``ended`` is told of the end.
     It counts against the run unless it failed for want of space on the disk, or of the system
     under test.
     """
@@ -84,6 +84,7 @@ class ForkedExecution:
     limit: float
     deadline: float
     sweep: Callable[[], None]
+    ended: Callable[[], None]
     live: bytes = b""
     _reason: str = ""
     _failure: bytes = run_process.FAILED
@@ -147,6 +148,7 @@ class ForkedExecution:
     def close(self) -> None:
         """Free what belongs to the ended process."""
         self.listen()
+        self.ended()
         self.wire.close()
         self.process.close()
 
@@ -170,30 +172,30 @@ class ForkServerPool:
     def __init__(self, slots: int) -> None:
         self.slots = slots
         self._guardians: list[ForkServerProcess] = []
-        self._kernels = KernelLoader(self._fork_guarded)
+        self._preparation = ForkServerPreparation(self._fork_guarded)
         self._context: ForkServerContext = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload([IMPORT_FIRST, *_PRELOADED])
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
         """The process that compiles, while there is one; runs have their own."""
-        return self._kernels.waitables
+        return self._preparation.waitables
 
     @property
     def preparing(self) -> str:
         """How far compiling is, empty when nothing is compiled."""
-        return self._kernels.words
+        return self._preparation.words
 
     def listen(self) -> None:
         """Listen to the process that compiles; those of runs are listened to one by one."""
-        self._kernels.listen()
+        self._preparation.listen()
 
     def prepare(self, sut: SutReference, limits: RunLimits) -> bool:
         """Whether a run of ``sut`` can start with its kernels loaded; sees to it otherwise.
 
         Raises as :meth:`start` does, and :class:`WorkerBroken` when they cannot be compiled.
         """
-        return self._kernels.prepare(sut, limits.nice)
+        return self._preparation.prepare(sut, limits.nice)
 
     def warm_up(self) -> None:
         """Start the fork server and wait until it is there, without a kernel yet.
@@ -223,7 +225,8 @@ class ForkServerPool:
         # The run ends itself at its limit, and has a trace and a result that say so. Only what
         # cannot be interrupted is ended from here.
         deadline = time.monotonic() + limit + spare_time(limit)
-        return ForkedExecution(attempt, process, wire, limit, deadline, sweep)
+        ended = partial(self._preparation.take_ended, attempt, scene)
+        return ForkedExecution(attempt, process, wire, limit, deadline, sweep, ended)
 
     def _sweep(self, server: int) -> None:
         """End what a guardian has left that was killed: it has come to the fork server."""

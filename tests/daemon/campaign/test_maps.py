@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -85,6 +86,18 @@ def test_what_was_recorded_before_there_were_rules_is_drawn_by_touch(folder: Pat
     grid = run_map(old.map, scene, 0.2, {})
     expected = occupancy_grid(scene, laser_height=0.2, rule="touch")
     assert np.array_equal(grid.cells, expected.cells)
+
+
+@pytest.mark.parametrize("doors", ["none", "initial"])
+def test_who_writes_into_a_map_leaves_that_of_the_next_run_alone(
+    folder: Path, doors: Literal["none", "initial"]
+) -> None:
+    scene, _ = drawn(folder)
+    settings = MapSettings(doors=doors)
+    first = run_map(settings, scene, 0.2, {})
+    kept = first.cells.copy()
+    first.cells[:] = OCCUPIED
+    assert np.array_equal(run_map(settings, scene, 0.2, {}).cells, kept)
 
 
 def test_a_map_of_ones_own_is_the_one_of_the_run(folder: Path) -> None:

@@ -34,7 +34,9 @@ def test_a_pipe_the_run_has_closed_wakes_nobody_while_its_guardian_ends(
     ours, theirs = Pipe(duplex=False)
     lease = Lease("c.0", "c", 1, 7, "c/S1.mcap", make_spec())
     attempt = Attempt.prepare(tmp_path / "attempt-1", lease)
-    execution = ForkedExecution(attempt, guardian, ours, 1e9, float("inf"), lambda: None)
+    execution = ForkedExecution(
+        attempt, guardian, ours, 1e9, float("inf"), lambda: None, lambda: None
+    )
     with ours:
         with theirs:
             theirs.send_bytes(FAILED + b"no such door")

@@ -1,4 +1,8 @@
-"""Has the fork server load the kernels of the runs that come, and has compiled what it lacks."""
+"""Tells the fork server what the runs that come need, and has compiled what it lacks.
+
+That is the kernels of their rooms; and what a run began with that has ended well is done there once
+for those like it, which are forked from the server and find it done.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import atexit
 import os
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
@@ -14,10 +18,11 @@ from typing import Final
 
 from daemon.batch import kernel_compilation
 from daemon.batch.errors import WorkerBroken
-from daemon.batch.worker._attempts import Waitable
-from daemon.model.execution import DEFAULT_EXECUTOR, EXECUTOR_VARIABLE, KERNEL_LIST_VARIABLE
-from daemon.model.kernel_rooms import kernel_rooms
-from daemon.model.spec import SutReference
+from daemon.batch.worker._attempts import Attempt, Waitable
+from daemon.model.execution import DEFAULT_EXECUTOR, EXECUTOR_VARIABLE, PREPARATION_VARIABLE
+from daemon.model.kernel_rooms import RUN_ROOMS, kernel_rooms
+from daemon.model.spec import RunSpec, SutReference
+from grammars.text import codec
 
 _NO_ANSWER: Final = "the process that compiles machine code ended without an answer"
 
@@ -25,8 +30,13 @@ _COUNTING: Final = 1.0
 """Seconds between two changes of what is said about compiling."""
 
 
-class KernelLoader:
-    """Which kernels the fork server has, and the process that compiles others.
+_SHORT_RUN: Final = 10.0
+"""CPU seconds: a run that took longer may have begun with something that would keep the fork server
+from starting others for too long, and what it began with is little of it."""
+
+
+class ForkServerPreparation:
+    """What the fork server has been told, and the process that compiles what it lacks.
 
     ``fork`` starts a process from the fork server, given what it executes and its arguments. The
     server loads what is listed, if the disk has it, before it forks (see
@@ -35,9 +45,11 @@ class KernelLoader:
 
     def __init__(self, fork: Callable[..., tuple[ForkServerProcess, Connection]]) -> None:
         self._fork = fork
-        self._list, os.environ[KERNEL_LIST_VARIABLE] = _new_list()
+        self._list, os.environ[PREPARATION_VARIABLE] = _new_list()
         self._listings = 0
         self._rooms: dict[str, None] = {}
+        self._begun: set[Hashable] = set()
+        self._example = b""
         self._ready: set[str] = set()
         self._compiling: tuple[ForkServerProcess, Connection] | None = None
         self._answered = False
@@ -72,6 +84,27 @@ class KernelLoader:
             self._compiling = self._fork(kernel_compilation.compile_kernels, niceness)
             self.listen()
         return False
+
+    def take_ended(self, attempt: Attempt, scene: Path) -> None:
+        """Have the fork server do what a run in the scene of that file began with.
+
+        Only of one that has ended well, once for each map and kind of system, and of systems that
+        ship here: what others do is for processes of their own.
+        """
+        spec = attempt.lease.spec
+        likeness = (spec.scene, spec.map, spec.robot, spec.sut.kind)
+        if likeness in self._begun or not _may_be_prepared(spec) or not attempt.finished:
+            return
+        try:
+            result = attempt.result()
+        except (OSError, ValueError):
+            return  # who delivers it says what is wrong with it
+        # What has just ended in a process of its own, within its limits, ends in the server too.
+        if result.ended == "crashed" or result.timing.cpu > _SHORT_RUN:
+            return
+        self._begun.add(likeness)
+        self._example = b"\n".join((b"", str(scene).encode(), codec.to_json(spec)))
+        self._write_list()
 
     def listen(self) -> None:
         """Take in what the process that compiles has sent."""
@@ -113,17 +146,24 @@ class KernelLoader:
 
     def _write_list(self) -> None:
         self._listings += 1
-        words = " ".join((str(self._listings), *self._rooms)).encode()
+        words = " ".join((str(self._listings), *self._rooms)).encode() + self._example
         os.pwrite(self._list, words, 0)
         os.ftruncate(self._list, len(words))
+
+
+def _may_be_prepared(spec: RunSpec) -> bool:
+    ours = kernel_rooms(spec.sut.kind, spec.sut.parameters) != RUN_ROOMS
+    executed = os.environ.get(EXECUTOR_VARIABLE) == DEFAULT_EXECUTOR
+    # Files are within the reach of their run alone.
+    return ours and executed and not spec.files
 
 
 def _new_list() -> tuple[int, str]:
     """Return a file, open, and its path: read by the fork server, gone with this process."""
     if hasattr(os, "memfd_create"):
         # Of Linux alone; there on a full disk as well.
-        opened = os.memfd_create("kernel-rooms")
+        opened = os.memfd_create("preparation")
         return opened, f"/proc/{os.getpid()}/fd/{opened}"
-    opened, path = tempfile.mkstemp(prefix="scenario-kernel-rooms-")
+    opened, path = tempfile.mkstemp(prefix="scenario-preparation-")
     atexit.register(Path(path).unlink, missing_ok=True)
     return opened, path
