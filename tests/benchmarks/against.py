@@ -52,6 +52,7 @@ class Sample:
     cpu: float
     simulated: float = 0.0
     digest: str = ""
+    planner: str = ""
 
 
 class Checkout:
@@ -200,6 +201,8 @@ def _compared(case: str, revision: str, old: list[Sample], new: list[Sample]) ->
         )
     digests = [{one.digest for one in samples} for samples in (old, new)]
     same = "same bytes" if digests[0] == digests[1] and len(digests[0]) == 1 else "OTHER BYTES"
+    if old[0].planner != new[0].planner:
+        same = "there with another planner"
     return Measurement(
         case, new[0].simulated / now, "x real time",
         Reference(revision, old[0].simulated / before), (), f"{now:.2f} CPU s, {note}, {same}",

@@ -3,7 +3,7 @@
 It is started by its path with another checkout on ``PYTHONPATH``, so it uses nothing that is not in
 both: no module of this folder but those that have been there for long. Reads names of cases from
 its input, one a line, each perhaps with another limit of simulated seconds, and answers with a line
-of JSON: CPU seconds, simulated seconds, and the digest of the trace.
+of JSON: CPU seconds, simulated seconds, the digest of the trace, and the planner that was chosen.
 """
 
 from __future__ import annotations
@@ -90,7 +90,8 @@ def main(folder: Path) -> None:
         result = execute(spec, scene, trace_path=path)
         used = time.process_time() - start
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        print(json.dumps([used, result.timing.simulated, digest]), flush=True)
+        planner = spec.sut.parameters.get("planner", "")
+        print(json.dumps([used, result.timing.simulated, digest, planner]), flush=True)
 
 
 if __name__ == "__main__":
