@@ -85,7 +85,8 @@ def prepare(spec: RunSpec, scene: Scene) -> None:
     """Do what runs like ``spec`` in ``scene`` begin with, for processes forked from this one.
 
     They find the map, what systems under test derive from it and the outline of the building made:
-    together a tenth of the time of a run of the published campaign. Raises as :func:`execute` does.
+    0.3 CPU s of each run of the published campaign, the shortest of which takes one. Raises as
+    :func:`execute` does.
     """
     # A run of one tick, since whatever keeps something does so in a run. Without its oracles: of
     # these may be some that plug in.

@@ -99,6 +99,7 @@ class RunLoop:
         self._spec, self._trace, self._on_progress = spec, trace, on_progress
         joints = dict(zip(self.world.joint_names, self.world.joint_positions(), strict=True))
         self._grid = run_map(spec.map, scene, spec.robot.laser.z, joints)
+        self._update_call = sut_call("update()")
         self._external = self._sut if isinstance(self._sut, ExternalSystem) else None
         self._waiting = ""
         self._odometry: list[Odometry] = []
@@ -260,7 +261,7 @@ class RunLoop:
         world, trace = self.world, self._trace
         self._recorded, now = world.tick, world.time
         trace.ground_truth(now, world.pose(), world.twist())
-        trace.joints(now, world.joint_positions(), world.joint_velocities())
+        trace.joints(now, *world.joint_states())
         for contact in world.take_contacts():
             trace.contact(
                 contact.until,
@@ -283,7 +284,7 @@ class RunLoop:
         self._scans.clear()
         if self._decision is None:
             self._bring_up(observation)
-        with sut_call("update()"):
+        with self._update_call:
             decision = self._sut.update(observation)
             check_decision(decision)
         try:

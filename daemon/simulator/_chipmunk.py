@@ -153,8 +153,7 @@ def _direct_step(
         pymunk's own step also adds and removes what callbacks asked for during it. Nothing in this
         room does that: callbacks take notes, and behaviours act between steps.
         """
-        raw = handle(space)
-        return lambda: chipmunk_step(raw, DT)
+        return partial(chipmunk_step, handle(space), DT)
 
     return of
 

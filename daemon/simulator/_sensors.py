@@ -306,6 +306,8 @@ class OdometrySensor:
         frame = start if noise.origin == "start" else Pose2()
         self._to_odom = frame.inverse()
         self._exact = noise.translation == noise.rotation == noise.drift == 0.0
+        # Variances of the turn [rad^2] per radian turned and per metre.
+        self._per_turn, self._per_way = noise.rotation**2, noise.drift**2
         self._generator = generator
         # Drawn ahead, the next one last: many at once are the same numbers as one by one.
         self._normals: list[float] = []
@@ -345,7 +347,7 @@ class OdometrySensor:
         way = math.hypot(dx, dy)
         # sqrt(way) over way: the error of the distance as a share of it.
         stretch = 1.0 + (forward * noise.translation / math.sqrt(way) if way > 0.0 else 0.0)
-        error = turning * math.sqrt(noise.rotation**2 * abs(turn) + noise.drift**2 * way)
+        error = turning * math.sqrt(self._per_turn * abs(turn) + self._per_way * way)
         # The step turned from the true world into the drifted odom frame.
         c, s = math.cos(pose.yaw - last.yaw), math.sin(pose.yaw - last.yaw)
         x, y = pose.x + stretch * (c * dx - s * dy), pose.y + stretch * (s * dx + c * dy)

@@ -178,13 +178,14 @@ class World:
 
         The same array as before while no joint has moved.
         """
-        return self._joint_states()[0]
+        return self.joint_states()[0]
 
     def joint_velocities(self) -> Floats:
         """Return the joint velocities [rad/s or m/s], shape (joints,), to be read and kept."""
-        return self._joint_states()[1]
+        return self.joint_states()[1]
 
-    def _joint_states(self) -> tuple[Floats, Floats]:
+    def joint_states(self) -> tuple[Floats, Floats]:
+        """Return joint positions and velocities as above, at the price of one of them."""
         # In this order: the version is that of the table as it is now.
         table = self._bodies.at(self.tick)
         return self._joints.at(table, self._bodies.version)

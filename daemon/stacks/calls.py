@@ -44,7 +44,8 @@ class sut_call:  # noqa: N801  (used as a function is)
     """Raise :class:`SutError` for what a call of a system under test raises.
 
     Also for leaving the interpreter, and for not returning before the wall clock limit of
-    :mod:`daemon.model.deadline`. ``name`` is the call, for what is said then.
+    :mod:`daemon.model.deadline`. ``name`` is the call, for what is said then; one of these is good
+    for many calls.
     """
 
     __slots__ = ("_call",)
