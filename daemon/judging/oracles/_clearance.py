@@ -136,20 +136,25 @@ def box_clearance(
     guess = 0
     # Doors rest most of the time: cosine and sine of a frame are those of the sample before while
     # its yaw is.
-    yaws = np.full(tracks.shape[1], math.nan)
-    cosines, sines = np.empty(len(yaws)), np.empty(len(yaws))
-    moves = np.zeros(len(yaws), dtype=np.bool_)
+    frames = tracks.shape[1]
+    yaws = np.full(frames, math.nan)
+    cosines, sines = np.empty(frames), np.empty(frames)
+    moves = np.zeros(frames, dtype=np.bool_)
     asked = np.arange(polygons)
     count, beyond, ox, oy = polygons, -math.inf, 0.0, 0.0
     for i in range(samples):
-        for f in range(len(yaws)):
+        changed = i == 0
+        # Without a branch, for vector instructions: all doors rest at most samples.
+        for f in range(frames):
+            for k in range(3):
+                changed |= tracks[i, f, k] != tracks[i - 1, f, k]
+        for f in range(frames if changed else 0):
+            for k in range(3):
+                if i > 0 and not moves[f] and tracks[i, f, k] != tracks[i - 1, f, k]:
+                    moves[f], beyond = True, -math.inf
             if tracks[i, f, 2] != yaws[f]:
                 yaws[f] = tracks[i, f, 2]
                 cosines[f], sines[f] = math.cos(yaws[f]), math.sin(yaws[f])
-            if i > 0 and not moves[f]:
-                for k in range(3):
-                    if tracks[i, f, k] != tracks[i - 1, f, k]:
-                        moves[f], beyond = True, -math.inf
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         bx = poses[i, 0] + c * centre[0] - s * centre[1]
         by = poses[i, 1] + s * centre[0] + c * centre[1]
