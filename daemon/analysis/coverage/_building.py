@@ -266,7 +266,9 @@ def paint_rays(
     longest = 0.0
     for i in range(len(poses)):
         for k in range(ranges.shape[1]):
-            longest = max(longest, min(float(ranges[i, k]), range_max))
+            reach = min(float(ranges[i, k]), range_max)
+            if reach > longest:  # a lost ray is not
+                longest = reach
     # Marched, not traversed cell by cell: half a cell a step misses only cells that a ray crosses
     # at a corner, and the loop has no branches that depend on the direction.
     along = np.empty(int(longest / (0.5 * resolution)) + 1)
