@@ -143,18 +143,14 @@ def box_clearance(
     asked = np.arange(polygons)
     count, beyond, ox, oy = polygons, -math.inf, 0.0, 0.0
     for i in range(samples):
-        changed = i == 0
-        # Without a branch, for vector instructions: all doors rest at most samples.
         for f in range(frames):
-            for k in range(3):
-                changed |= tracks[i, f, k] != tracks[i - 1, f, k]
-        for f in range(frames if changed else 0):
-            for k in range(3):
-                if i > 0 and not moves[f] and tracks[i, f, k] != tracks[i - 1, f, k]:
-                    moves[f], beyond = True, -math.inf
             if tracks[i, f, 2] != yaws[f]:
                 yaws[f] = tracks[i, f, 2]
                 cosines[f], sines[f] = math.cos(yaws[f]), math.sin(yaws[f])
+            if i > 0 and not moves[f]:
+                for k in range(3):
+                    if tracks[i, f, k] != tracks[i - 1, f, k]:
+                        moves[f], beyond = True, -math.inf
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         bx = poses[i, 0] + c * centre[0] - s * centre[1]
         by = poses[i, 1] + s * centre[0] + c * centre[1]
