@@ -262,22 +262,48 @@ def paint_rays(
     ``range_max``; a lost ray (nan) and one that met something too near (-inf) see nothing.
     """
     rows, columns = cells.shape
+    flat, width = cells.reshape(-1), float(columns)
+    longest = 0.0
+    for i in range(len(poses)):
+        for k in range(ranges.shape[1]):
+            reach = min(float(ranges[i, k]), range_max)
+            if reach > longest:  # a lost ray is not
+                longest = reach
+    # Marched, not traversed cell by cell: half a cell a step misses only cells that a ray crosses
+    # at a corner, and the loop has no branches that depend on the direction.
+    along = np.empty(int(longest / (0.5 * resolution)) + 1)
+    for j in range(len(along)):
+        along[j] = 0.5 * j * resolution
+    passed = np.empty(len(along))
     for i in range(len(poses)):
         x, y, yaw = poses[i, 0] - x0, poses[i, 1] - y0, poses[i, 2]
         for k in range(ranges.shape[1]):
             reach = min(float(ranges[i, k]), range_max)
             if not reach > 0.0:
                 continue
-            # Marched, not traversed cell by cell: half a cell a step misses only cells that a ray
-            # crosses at a corner, and the loop has no branches that depend on the direction.
             angle = yaw + angle_min + k * step
             dx, dy = math.cos(angle), math.sin(angle)
-            for j in range(int(reach / (0.5 * resolution)) + 1):
-                along = 0.5 * j * resolution
-                column = math.floor((x + along * dx) / resolution)
-                row = math.floor((y + along * dy) / resolution)
-                if 0 <= row < rows and 0 <= column < columns:
-                    cells[row, column] = True
+            count = int(reach / (0.5 * resolution)) + 1
+            far_x, far_y = x + along[count - 1] * dx, y + along[count - 1] * dy
+            if (
+                min(x, far_x) > resolution
+                and max(x, far_x) < (columns - 1) * resolution
+                and min(y, far_y) > resolution
+                and max(y, far_y) < (rows - 1) * resolution
+            ):
+                # Inside of the grid with a cell to spare, as nearly always. Numbers of cells as
+                # floats, by themselves: such a loop becomes vector instructions, which halves it.
+                for j in range(count):
+                    row = np.floor((y + along[j] * dy) / resolution)
+                    passed[j] = row * width + np.floor((x + along[j] * dx) / resolution)
+                for j in range(count):
+                    flat[np.uint32(passed[j])] = True
+                continue
+            for j in range(count):
+                at_column = math.floor((x + along[j] * dx) / resolution)
+                at_row = math.floor((y + along[j] * dy) / resolution)
+                if 0 <= at_row < rows and 0 <= at_column < columns:
+                    cells[at_row, at_column] = True
 
 
 @kernel

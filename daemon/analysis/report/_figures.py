@@ -58,7 +58,7 @@ MOST_WORST: Final = 4
 _DETAILED: Final = 4000
 """Samples of a run that is drawn by itself."""
 MOST_MOMENTS: Final = 24
-"""Findings whose deciding moment is drawn: each reads a trace once more."""
+"""Findings whose deciding moment is drawn: their traces are read once more."""
 
 
 @dataclass(frozen=True, slots=True)

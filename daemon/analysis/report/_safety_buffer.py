@@ -185,8 +185,8 @@ def _polygons_near(
         x[:, moving] = tracks[..., 0] + c * own_x - s * own_y
         y[:, moving] = tracks[..., 1] + s * own_x + c * own_y
     away = np.hypot(x - poses[:, :1], y - poses[:, 1:2])
-    near, polygons = np.nonzero(away <= reach + circle[:, 2])
-    return near, polygons
+    numbers, polygons = np.nonzero(away <= reach + circle[:, 2])
+    return numbers, polygons
 
 
 class _ObstacleOutlines:

@@ -136,13 +136,14 @@ def box_clearance(
     guess = 0
     # Doors rest most of the time: cosine and sine of a frame are those of the sample before while
     # its yaw is.
-    yaws = np.full(tracks.shape[1], math.nan)
-    cosines, sines = np.empty(len(yaws)), np.empty(len(yaws))
-    moves = np.zeros(len(yaws), dtype=np.bool_)
+    frames = tracks.shape[1]
+    yaws = np.full(frames, math.nan)
+    cosines, sines = np.empty(frames), np.empty(frames)
+    moves = np.zeros(frames, dtype=np.bool_)
     asked = np.arange(polygons)
     count, beyond, ox, oy = polygons, -math.inf, 0.0, 0.0
     for i in range(samples):
-        for f in range(len(yaws)):
+        for f in range(frames):
             if tracks[i, f, 2] != yaws[f]:
                 yaws[f] = tracks[i, f, 2]
                 cosines[f], sines[f] = math.cos(yaws[f]), math.sin(yaws[f])

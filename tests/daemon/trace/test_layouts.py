@@ -100,9 +100,14 @@ def test_a_layout_refuses_bytes_of_another_message() -> None:
     odom, truth = LAYOUTS["odometry"], LAYOUTS["ground truth"]
     rows = odom.encode(1, np.array([1, 2]), random_columns(odom, 2))
     assert odom.fits(rows).all()
+    assert odom.fits_all(rows)
     assert not truth.fits(rows).any()
+    assert not truth.fits_all(rows)
     rows[1, HEADER.size + 14] ^= 1
     assert odom.fits(rows).tolist() == [True, False]
+    assert not odom.fits_all(rows)
+    assert odom.fits_all(rows[:0])
+    assert not odom.fits_all(rows[:, 1:])
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1))

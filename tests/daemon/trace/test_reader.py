@@ -544,12 +544,18 @@ def test_scans_are_not_even_decompressed_unless_asked_for(
     opened: list[int] = []
     real = zstandard.ZstdDecompressor
 
-    def counting() -> zstandard.ZstdDecompressor:
-        opened.append(1)
-        return real()
+    class Counting:
+        """Counts what is decompressed."""
+
+        def __init__(self) -> None:
+            self._real = real()
+
+        def stream_reader(self, data: bytes) -> zstandard.ZstdDecompressionReader:
+            opened.append(1)
+            return self._real.stream_reader(data)
 
     read_trace(recorded)  # its scene is kept from now on
-    monkeypatch.setattr(zstandard, "ZstdDecompressor", counting)
+    monkeypatch.setattr(zstandard, "ZstdDecompressor", Counting)
     read_trace(recorded)
     few = len(opened)
     read_trace(recorded, scans=True)

@@ -80,6 +80,7 @@ def sample(
     return found.values, [found.object_at(index) for index in range(len(poses))]
 
 
+CLEARANCE = Signal("clearance")
 POSES = st.builds(Pose2, COORDINATE, COORDINATE, ANGLE)
 
 
@@ -189,6 +190,25 @@ def test_a_door_is_where_its_joint_was_recorded() -> None:
     assert found.evidence.object == "door-17.leaf"
     assert found.evidence.value == pytest.approx(0.1 - 0.05)
     assert found.evidence.time == pytest.approx(0.5)
+
+
+def test_a_moment_of_a_long_way_is_judged_as_that_moment_alone() -> None:
+    time = times(4.0)
+    doors = (door("door-1", 9.0, 0.0), door("door-2", 40.0, 1.0))
+    solids = tuple(wall(f"s{i}", 3.0 * i, 1.2, 3.0 * i + 1.0, 9.0) for i in range(20))
+    scene = Scene("row", (), (), solids, doors)
+    # Out slowly and back in leaps; the second door shuts when the robot has long been beside it.
+    x = np.concatenate((np.linspace(0.0, 42.0, 61), np.linspace(42.0, 0.0, 20)))
+    yaw = np.linspace(0.0, 7.0, 81)
+    angle = np.stack((np.where(time < 1.0, 0.0, -1.2), np.where(time < 2.9, 0.4, -1.5)), axis=1)
+    joints = JointTrack(scene.joint_names, time, angle, np.zeros_like(angle))
+    moving = replace(still(time), x=x, yaw=yaw)
+    found = SignalSampler(make_trace(moving, scene=scene, joints=joints)).sample(CLEARANCE)
+    for index in range(len(time)):
+        here = replace(still(time), x=np.full(81, x[index]), yaw=np.full(81, yaw[index]))
+        alone = SignalSampler(make_trace(here, scene=scene, joints=joints)).sample(CLEARANCE)
+        assert found.values[index] == alone.values[index]
+        assert found.object_at(index) == alone.object_at(index)
 
 
 def test_frozen_objects_stand_as_they_were_placed() -> None:
