@@ -50,6 +50,7 @@ class Relay:
         self._target = (host, int(port))
         self._whole = threading.Event()
         self._whole.set()
+        self._until_cut: int | None = None
         self._sockets: list[socket.socket] = []
         self._door = socket.create_server(("127.0.0.1", 0))
         self.endpoint = f"tcp/127.0.0.1:{self._door.getsockname()[1]}"
@@ -58,6 +59,14 @@ class Relay:
 
     def cut(self) -> None:
         self._whole.clear()
+
+    def cut_after(self, size: int) -> None:
+        """Cut it as soon as so many bytes more have passed, one way and the other."""
+        self._until_cut = size
+
+    @property
+    def is_cut(self) -> bool:
+        return not self._whole.is_set()
 
     def mend(self) -> None:
         self._whole.set()
@@ -98,6 +107,12 @@ class Relay:
         with suppress(OSError):
             while data := source.recv(_CHUNK):
                 self._whole.wait()
+                if self._until_cut is not None:
+                    self._until_cut -= len(data)
+                    if self._until_cut < 0:
+                        self._until_cut = None
+                        self._whole.clear()
+                        self._whole.wait()
                 sink.sendall(data)
         for one in (source, sink):
             with suppress(OSError):

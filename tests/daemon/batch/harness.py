@@ -24,10 +24,17 @@ ROOT = Path(__file__).parents[3]
 
 
 def free_endpoint() -> str:
-    """A loopback endpoint that nobody listens at right now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    """A loopback endpoint at which nobody listens, and that is given to nobody else meanwhile.
+
+    The port stays bound as long as this process lives: only who sets SO_REUSEADDR, as servers do,
+    can still listen there. Else another process of the tests gets it before a daemon is up.
+    """
+    held = socket.socket()
+    held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    held.bind(("127.0.0.1", 0))
+    port = held.getsockname()[1]
+    held.detach()
+    return f"tcp/127.0.0.1:{port}"
 
 
 DEADLINE = 120.0

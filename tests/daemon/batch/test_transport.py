@@ -34,12 +34,13 @@ from daemon.model.messages import (
     WelcomeReply,
 )
 from daemon.model.status import RunState
+from tests.chaos.links import relay
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_submission
 from tests.daemon.batch.test_survival import check_ledger
 
-LARGE = 32 * 2**20
-"""Bytes that take long enough to be interrupted."""
+LARGE = 12 * 2**20
+"""Bytes of a trace that is interrupted on its way, twice."""
 
 
 def parts(daemon: DaemonPart) -> list[Path]:
@@ -66,15 +67,20 @@ def done(daemon: DaemonPart, runs: int) -> bool:
 
 def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
-    with daemon_at(tmp_path / "state", lease=30.0) as daemon:
+    with daemon_at(tmp_path / "state", lease=30.0) as daemon, relay(daemon.endpoint) as cable:
         with daemon.client() as client:
             client.submit(make_submission("c", 1, size=LARGE))
-        with worker_for(daemon, 1, "--state", str(elsewhere)) as worker:
+        cable.cut_after(LARGE // 3)
+        away = ("--state", str(elsewhere))
+        with worker_for(daemon, 1, *away, connect=cable.endpoint) as worker:
+            eventually(lambda: cable.is_cut)
             (part,) = eventually(lambda: parts(daemon))
             daemon.kill()
             after_first = part.stat().st_size
             assert after_first < LARGE
             daemon.restart()
+            cable.cut_after(LARGE // 3)
+            cable.mend()
             eventually(lambda: part.stat().st_size > after_first)
             worker.kill()
         after_second = part.stat().st_size
