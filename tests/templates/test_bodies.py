@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 import shapely
-import trimesh
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -28,6 +27,9 @@ def single(*polygons: Ring, height: float = 1.0) -> Body:
     st.floats(0.1, 3.0),
 )
 def test_inertia_is_that_of_the_solid(corners: list[tuple[float, float]], height: float) -> None:
+    # Here, for every process of a round reads this file: with scipy it takes 0.3 s.
+    import trimesh.creation
+
     hull = shapely.MultiPoint(corners).convex_hull
     assume(hull.geom_type == "Polygon" and hull.area > 0.05)
     (link,) = single(tuple(hull.exterior.coords[:-1]), height=height).links

@@ -3,11 +3,11 @@ from __future__ import annotations
 import itertools
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,6 +17,9 @@ from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition import compile_scene
 from templates.mesh import WallMesh, glb_bytes, stl_bytes, wall_mesh
 from tests.templates.test_occupancy import box, two_rooms
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 def volume(scene: Scene) -> float:
@@ -32,6 +35,9 @@ def volume(scene: Scene) -> float:
 
 
 def surface(mesh: WallMesh) -> trimesh.Trimesh:
+    # Here, for every process of a round reads this file: with scipy it takes 0.3 s.
+    import trimesh
+
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
 
@@ -114,6 +120,8 @@ def test_any_heap_of_blocks_has_the_volume_of_its_union(
 
 
 def test_building_c_stays_watertight_in_both_formats(campaigns: Path, tmp_path: Path) -> None:
+    import trimesh
+
     scene = compile_scene(load_floorplan(campaigns / "ortega2024" / "building_c.fpm"))
     mesh = wall_mesh(scene)
     stl, glb = tmp_path / "c.stl", tmp_path / "c.glb"

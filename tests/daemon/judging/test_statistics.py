@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy import stats
 
 from daemon.judging.statistics import (
     MeanDifference,
@@ -31,6 +31,14 @@ counts = st.integers(0, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.ju
 values = st.lists(st.floats(-1e3, 1e3).map(lambda x: round(x, 3)), min_size=2, max_size=12)
 
 
+@pytest.fixture(scope="module")
+def stats() -> Any:
+    """scipy.stats, imported by the process that runs these tests: all of them read this file."""
+    from scipy import stats
+
+    return stats
+
+
 def test_five_of_five_shows_less_than_people_think() -> None:
     assert at_least(5, 5) == pytest.approx(0.549, abs=5e-4)
     assert runs_needed(5, 5, 0.8) == 9
@@ -45,7 +53,9 @@ def test_a_lower_bound_never_says_more_than_was_shown() -> None:
 
 @modest
 @given(counts, st.sampled_from([0.8, 0.95, 0.99]))
-def test_the_interval_is_that_of_clopper_and_pearson(count: tuple[int, int], level: float) -> None:
+def test_the_interval_is_that_of_clopper_and_pearson(
+    stats: Any, count: tuple[int, int], level: float
+) -> None:
     passed, n = count
     assume(n > 0)
     exact = stats.binomtest(passed, n).proportion_ci(level, method="exact")
@@ -66,7 +76,7 @@ def test_bounds_are_those_of_published_tables() -> None:
 @modest
 @given(counts)
 def test_a_one_sided_bound_is_where_the_binomial_tail_is_as_likely_as_allowed(
-    count: tuple[int, int],
+    stats: Any, count: tuple[int, int]
 ) -> None:
     passed, n = count
     assume(passed > 0)
@@ -98,7 +108,7 @@ def test_no_number_of_runs_shows_certainty() -> None:
 
 @modest
 @given(values)
-def test_the_interval_of_a_mean_is_students(sample: list[float]) -> None:
+def test_the_interval_of_a_mean_is_students(stats: Any, sample: list[float]) -> None:
     assume(max(sample) - min(sample) > 1e-2)
     found = mean_interval(sample)
     expected = stats.ttest_1samp(sample, 0.0).confidence_interval(0.95)
@@ -109,7 +119,7 @@ def test_the_interval_of_a_mean_is_students(sample: list[float]) -> None:
 
 
 @pytest.mark.parametrize("confidence", [0.0, 0.1, 0.4, 0.49, 0.51, 0.9, 0.999])
-def test_intervals_of_any_confidence_are_students(confidence: float) -> None:
+def test_intervals_of_any_confidence_are_students(stats: Any, confidence: float) -> None:
     for sample in ([1.0, 2.0], [1.0, 2.0, 4.0], [0.1 * k * k for k in range(30)]):
         found = mean_interval(sample, confidence)
         half = stats.t.ppf(0.5 + 0.5 * confidence, len(sample) - 1) * stats.sem(sample)
@@ -124,7 +134,9 @@ def test_intervals_of_any_confidence_are_students(confidence: float) -> None:
 
 
 @pytest.mark.parametrize("mean", [0.0, 1e-12, 1e-9, 1e-3, 1.0, 1e3, 1e6, 1e9])
-def test_differences_next_to_nothing_and_beyond_doubt_have_their_p_value(mean: float) -> None:
+def test_differences_next_to_nothing_and_beyond_doubt_have_their_p_value(
+    stats: Any, mean: float
+) -> None:
     found = MeanDifference(5, mean, 0.0, 0.0, 1.0, 4.0, "paired")
     assert found.p_above(0.0) == pytest.approx(stats.t.sf(mean, 4), rel=1e-9)
     assert found.p_above(2.0 * mean) == pytest.approx(stats.t.cdf(mean, 4), rel=1e-9)
@@ -158,7 +170,9 @@ def test_one_value_has_no_interval() -> None:
 @given(
     st.lists(st.tuples(st.integers(-9999, 9999), st.integers(-9999, 9999)), min_size=2, max_size=9)
 )
-def test_a_paired_difference_is_the_one_sided_t_test(pairs: list[tuple[int, int]]) -> None:
+def test_a_paired_difference_is_the_one_sided_t_test(
+    stats: Any, pairs: list[tuple[int, int]]
+) -> None:
     assume(len({a - b for a, b in pairs}) > 1)
     left, right = ([pair[side] / 8 for pair in pairs] for side in (0, 1))
     found = paired_difference(left, right)
@@ -172,7 +186,7 @@ def test_a_paired_difference_is_the_one_sided_t_test(pairs: list[tuple[int, int]
 
 @modest
 @given(values, values)
-def test_without_pairs_it_is_welchs(left: list[float], right: list[float]) -> None:
+def test_without_pairs_it_is_welchs(stats: Any, left: list[float], right: list[float]) -> None:
     assume(min(np.ptp(left), np.ptp(right)) > 1.0)
     found = welch_difference(left, right)
     greater = stats.ttest_ind(left, right, equal_var=False, alternative="greater")

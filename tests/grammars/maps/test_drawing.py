@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from grammars.maps import DrawingSettings, DrawnBuilding, load_walls, read_drawi
 from grammars.text.diagnostics import InputError
 from grammars.text.extras import MissingExtraError
 
-ezdxf = pytest.importorskip("ezdxf")
+# Imported in the tests, for every process of a round reads this file.
+pytestmark = pytest.mark.skipif(find_spec("ezdxf") is None, reason="needs the extra import")
 
 Line = tuple[float, float, float, float]
 OUTER: list[Line] = [
@@ -36,6 +38,8 @@ DOORS = [(6.0, 2.0, 90.0, 1.0), (7.5, 3.5, 0.0, 1.0), (1.0, 0.3, 0.0, 1 / 0.9)]
 
 def draw(path: Path, *, unit: int = 4, scale: float = 1000.0, at: float = 0.0) -> Any:
     """Return a drawing of a house with three rooms, three doors and a column; saved by ``path``."""
+    import ezdxf
+
     drawing = ezdxf.new("R2010")
     drawing.header["$INSUNITS"] = unit
     space = drawing.modelspace()
@@ -175,6 +179,8 @@ def test_what_is_no_building_is_refused_with_a_remedy(
 
 
 def test_arcs_of_walls_are_flattened_within_a_tolerance(tmp_path: Path) -> None:
+    import ezdxf
+
     drawing = ezdxf.new("R2010", units=6)
     # A tower: bulges of 1 are half circles; inside, a polyline of the old kind.
     space = drawing.modelspace()
@@ -193,6 +199,8 @@ def test_arcs_of_walls_are_flattened_within_a_tolerance(tmp_path: Path) -> None:
 
 
 def test_blocks_are_looked_into_and_windows_close_walls(tmp_path: Path) -> None:
+    import ezdxf
+
     drawing = ezdxf.new("R2010", units=6)
     storey = drawing.blocks.new("STOREY")
     window = drawing.blocks.new("Window_1200")

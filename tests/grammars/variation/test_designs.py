@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import qmc
 
 from grammars.text.diagnostics import InputError
 from grammars.variation import Normal, Range, Variation, sample
@@ -146,6 +145,9 @@ class _Share:
 @pytest.mark.parametrize("dimensions", [1, 2, 7, 12])
 @pytest.mark.parametrize("seed", [0, 41])
 def test_space_filling_designs_are_those_of_scipy(dimensions: int, seed: int) -> None:
+    # Here, for every process of a round reads this file: that takes half a second.
+    from scipy.stats import qmc
+
     def generator() -> np.random.Generator:
         return np.random.default_rng(np.random.SeedSequence(seed))
 

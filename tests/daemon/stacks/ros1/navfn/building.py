@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from grammars.floorplan import load_floorplan
@@ -24,6 +23,8 @@ INSCRIBED_RADIUS, INFLATION_RADIUS, SCALING = 0.085, 0.5, 3.0
 
 def costmap() -> CostGrid:
     """Return the inflated map of building C with the doors of S1."""
+    from scipy.ndimage import distance_transform_edt
+
     doors = load_scenery(FOLDER / "doors_s1.scenery")
     scene = compile_scene(load_floorplan(FOLDER / "building_c.fpm"), [doors])
     grid = occupancy_grid(scene, laser_height=0.3)

@@ -7,7 +7,6 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import Navfn, NavfnParameters, PotentialField
@@ -27,6 +26,9 @@ seeds = st.integers(0, 2**32 - 1)
 
 def random_cells(random: np.random.Generator, low: int, high: int) -> npt.NDArray[np.uint8]:
     """Inflated rooms with doors, smooth hills, salt and pepper, or a maze of single cells."""
+    # Here, for every process of a round reads this file.
+    from scipy.ndimage import distance_transform_edt, gaussian_filter
+
     shape = tuple(random.integers(low, high, 2).tolist())
     kind = random.integers(4)
     if kind == 0:
