@@ -122,8 +122,10 @@ def box_clearance(
     guess = 0
     # Doors rest most of the time: cosine and sine of a frame are those of the sample before while
     # its yaw is.
-    yaws = np.full(tracks.shape[1], math.nan)
+    yaws = np.empty(tracks.shape[1])
     cosines, sines = np.empty(len(yaws)), np.empty(len(yaws))
+    for f in range(len(yaws)):
+        yaws[f] = math.nan
     for i in range(samples):
         for f in range(len(yaws)):
             if tracks[i, f, 2] != yaws[f]:
