@@ -13,8 +13,10 @@ import pymunk
 import pytest
 
 from daemon.campaign import expand, load_campaign
+from daemon.judging import oracles
 from daemon.model.attachments import SutMissing
 from daemon.model.spec import RunSpec, SutReference
+from daemon.model.verdicts import Verdict
 from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.simulator import World
@@ -71,3 +73,24 @@ def test_nothing_large_outlives_its_run(
     kept = [left for each in made if (left := each()) is not None]
     assert made
     assert not kept
+
+
+@pytest.mark.parametrize("kind", KINDS[:2])
+def test_what_drove_is_gone_before_its_trace_is_judged(
+    kind: str,
+    demo: tuple[RunSpec, Scene],
+    tmp_path: Path,
+    made: list[weakref.ref[Any]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    kept: list[Any] = []
+
+    def judge(*_: object) -> tuple[Verdict, ...]:
+        kept.extend(type(left) for each in made if (left := each()) is not None)
+        return ()
+
+    monkeypatch.setattr(oracles, "judge", judge)
+    spec, scene = demo
+    spec = replace(spec, sut=SutReference(kind, kind, {}), limit=1.0)
+    execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    assert set(kept) == {TraceWriter}

@@ -137,9 +137,10 @@ def box_clearance(
     # Doors rest most of the time: cosine and sine of a frame are those of the sample before while
     # its yaw is.
     frames = tracks.shape[1]
-    yaws = np.full(frames, math.nan)
+    yaws, moves = np.empty(frames), np.empty(frames, dtype=np.bool_)
     cosines, sines = np.empty(frames), np.empty(frames)
-    moves = np.zeros(frames, dtype=np.bool_)
+    for f in range(frames):
+        yaws[f], moves[f] = math.nan, False
     asked = np.arange(polygons)
     count, beyond, ox, oy = polygons, -math.inf, 0.0, 0.0
     for i in range(samples):

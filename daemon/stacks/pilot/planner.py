@@ -106,9 +106,11 @@ def search_astar(
     rows, columns = clearance.shape
     goal = goal_row * columns + goal_column
     start = start_row * columns + start_column
-    spent = np.full(rows * columns, np.inf, dtype=np.float32)
-    came = np.full(rows * columns, -1, dtype=np.int8)
-    done = np.zeros(rows * columns, dtype=np.uint8)
+    # Filled one by one, and later copied so: numba compiles numpy's functions for each type.
+    spent = np.empty(rows * columns, dtype=np.float32)
+    came, done = np.empty(rows * columns, dtype=np.int8), np.empty(rows * columns, dtype=np.int8)
+    for cell in range(rows * columns):
+        spent[cell], came[cell], done[cell] = np.inf, -1, 0
     keys, items = np.empty(1 << 16, dtype=np.float32), np.empty(1 << 16, dtype=np.int32)
     diagonal = math.sqrt(2.0)
     spent[start] = 0.0
@@ -158,7 +160,6 @@ def search_astar(
             dr, dc = abs(r - goal_row), abs(c - goal_column)
             ahead = max(dr, dc) + (diagonal - 1.0) * min(dr, dc)
             if count == keys.shape[0]:
-                # Not by numpy's functions, which are compiled for each type of array.
                 more_keys = np.empty(2 * count, dtype=np.float32)
                 more_items = np.empty(2 * count, dtype=np.int32)
                 for i in range(count):
