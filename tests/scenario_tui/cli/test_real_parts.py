@@ -63,7 +63,8 @@ def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(
 
 
 def test_runs_are_judged_again_by_other_oracles(finished: Path, place: Path) -> None:
-    (campaign,) = (path.name for path in (finished / "traces").iterdir())
+    # The first one, whether or not another test has submitted more.
+    campaign = min((finished / "traces").iterdir(), key=lambda path: path.stat().st_mtime).name
     layer = place / "hasty.oracles.yaml"
     layer.write_text("reached: eventually within 1 s (mission.reached >= 1)\n")
     done = call_here(

@@ -145,16 +145,17 @@ def test_a_dumb_terminal_is_told_what_to_do() -> None:
 class Tmux:
     """A tmux of this test alone, with one window."""
 
-    def __init__(self, socket: Path, command: list[str]) -> None:
-        self._base = ["tmux", "-S", str(socket), "-f", "/dev/null"]
+    def __init__(self, folder: Path, command: list[str]) -> None:
+        # Named from its folder: the whole path of a socket may be too long.
+        self._folder, self._base = folder, ["tmux", "-S", "socket", "-f", "/dev/null"]
         line = " ".join(map(shlex.quote, command))
-        self.call("new-session", "-d", "-x", "80", "-y", "24", f"{line}; sleep 60")
+        self.call("new-session", "-d", "-c", str(ROOT), "-x", "80", "-y", "24", f"{line}; sleep 60")
 
     def call(self, *arguments: str) -> str:
         around = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": "/nowhere",
                   "SHELL": "/bin/sh", "SCENARIO_GLYPHS": "unicode"}  # fmt: skip
         done = subprocess.run(
-            [*self._base, *arguments], env=around, cwd=ROOT, capture_output=True, text=True,
+            [*self._base, *arguments], env=around, cwd=self._folder, capture_output=True, text=True,
             check=True, timeout=60.0,
         )  # fmt: skip
         return done.stdout
@@ -169,7 +170,7 @@ class Tmux:
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
 def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path) -> None:
-    window = Tmux(tmp_path / "socket", dashboard(daemon))
+    window = Tmux(tmp_path, dashboard(daemon))
     try:
         window.until("corridor-1")
         window.call("send-keys", "Enter")

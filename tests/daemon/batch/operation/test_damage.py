@@ -195,7 +195,8 @@ def test_a_ledger_that_somebody_holds_is_not_called_damaged(
 def test_keys_that_others_could_put_there_are_a_problem(tmp_path: Path) -> None:
     keys = tmp_path / "keys"
     (keys / "worker.spare").mkdir(parents=True, mode=0o700)
-    (keys / "worker.spare" / "key.pem").touch(mode=0o640)
+    (keys / "worker.spare" / "key.pem").touch()
+    (keys / "worker.spare" / "key.pem").chmod(0o640)  # whatever the umask is
     keys.chmod(0o770)
     told = [f.message for f in check_keys(keys, NOW, needed=True)]
     assert any(words.startswith(f"others can write {keys}") for words in told)

@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -68,16 +69,18 @@ def test_systemd_takes_them(tmp_path: Path) -> None:
         command.chmod(0o755)
         (folder / "daemon.service").write_text(daemon_unit(command, folder, "tcp/[::1]:7447", 3))
         (folder / "worker.service").write_text(worker_unit(command, state=folder))
-        done = _verify(folder, tmp_path)
+        done = _verify(folder)
         assert (done.returncode, done.stderr) == (0, "")
     unit = folder / "daemon.service"
     unit.write_text(unit.read_text().replace("mixed", "nonsense"))
-    assert "nonsense" in _verify(folder, tmp_path).stderr
+    assert "nonsense" in _verify(folder).stderr
 
 
-def _verify(folder: Path, runtime: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        ["systemd-analyze", "--user", "verify", "daemon.service", "worker.service"],
-        cwd=folder, capture_output=True, text=True, check=False,
-        env={**os.environ, "XDG_RUNTIME_DIR": str(runtime)},
-    )  # fmt: skip
+def _verify(folder: Path) -> subprocess.CompletedProcess[str]:
+    # Not the folder of the test: paths of the sockets of others in it would be too long.
+    with tempfile.TemporaryDirectory() as runtime:
+        return subprocess.run(
+            ["systemd-analyze", "--user", "verify", "daemon.service", "worker.service"],
+            cwd=folder, capture_output=True, text=True, check=False,
+            env={**os.environ, "XDG_RUNTIME_DIR": runtime},
+        )  # fmt: skip

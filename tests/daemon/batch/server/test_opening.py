@@ -138,7 +138,8 @@ def test_others_may_neither_write_nor_read_there(tmp_path: Path) -> None:
     assert words.startswith(f"others can write in {state}, and so decide")
     assert "Traceback" not in words
     state.chmod(0o755)
-    (state / "ledger.db").touch(mode=0o644)
+    (state / "ledger.db").touch()
+    (state / "ledger.db").chmod(0o644)  # whatever the umask is
     before = os.umask(0)
     try:
         with daemon_at(state) as daemon, daemon.client() as client:
