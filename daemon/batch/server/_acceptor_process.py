@@ -32,7 +32,8 @@ class AcceptorProcess:
         self._listener = _listen(address)
         self._process: subprocess.Popen[str] | None = None
         self._next_start = 0.0
-        self.port = _free_port()
+        self._held = _hold_port()
+        self.port = self._held.getsockname()[1]
 
     @property
     def behind(self) -> str:
@@ -76,6 +77,7 @@ class AcceptorProcess:
     def close(self) -> None:
         """Let nobody in any more, and end the links there are."""
         self._listener.close()
+        self._held.close()
         process = self._process
         if process is None:
             return
@@ -110,7 +112,12 @@ def _listen(address: str) -> socket.socket:
     return listener
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+def _hold_port() -> socket.socket:
+    """Return a socket that keeps a port of loopback for a server of ours until it is closed.
+
+    Nobody else is given the port: only who sets SO_REUSEADDR, as Zenoh does, can listen there.
+    """
+    held = socket.socket()
+    held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    held.bind(("127.0.0.1", 0))
+    return held

@@ -331,9 +331,10 @@ def test_it_listens_at_addresses_of_either_kind(keys: Path, tmp_path: Path) -> N
             probe.bind(("::1", 0))
         except OSError:
             pytest.skip("there is no IPv6 here")
-    port = int(free_endpoint().rpartition(":")[2])
+    address = free_endpoint("::").replace("tcp/", "tls/")
+    port = int(address.rpartition(":")[2])
     log = EventLog(tmp_path / "log")
-    acceptor = AcceptorProcess(f"tls/[::]:{port}", log)
+    acceptor = AcceptorProcess(address, log)
     with bus.open_router([acceptor.behind], find_daemon_credentials(keys)) as _, closing(acceptor):
         acceptor.supervise()
         context = ssl.create_default_context(cafile=str(keys / "ca.pem"))
