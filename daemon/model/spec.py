@@ -157,11 +157,27 @@ class Timing:
 
 
 @dataclass(frozen=True, slots=True)
+class LeadingMargin:
+    """How near a run was to failing by an oracle: negative exactly when its verdict is a failure.
+
+    In ``unit``, as the verdict's margin, but it leads to the failure also where that is flat
+    (``never(contact)`` by the clearance). ``None`` when the run says nothing about it. ``object``
+    is what it is about.
+    """
+
+    oracle: str
+    margin: float | None
+    unit: str
+    object: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class RunResult:
     """What a run leaves: verdicts, the trace's identity, why it ended, what it cost.
 
     ``ended``: ``finished`` (the SUT says the mission is over), ``limit`` (simulated time is up)
-    or ``crashed`` (the SUT raised; ``note`` says what).
+    or ``crashed`` (the SUT raised; ``note`` says what). ``leads`` are there where somebody asked
+    for them: a search.
     """
 
     spec: str
@@ -171,11 +187,13 @@ class RunResult:
     trace: TraceInfo
     timing: Timing
     note: str = ""
+    leads: tuple[LeadingMargin, ...] = ()
 
     @property
     def digest(self) -> str:
         """Digest of what must be equal when the same specification runs again (not timing)."""
-        # ``ended`` and ``note`` are in the trace. The order is part of the digest.
+        # ``ended`` and ``note`` are in the trace, ``leads`` follow from it. The order is part of
+        # the digest.
         names = ("spec", "outcome", "verdicts", "trace")
         return codec.digest({name: getattr(self, name) for name in names})
 
