@@ -9,14 +9,20 @@ from daemon.analysis.blame._case import CampaignRun, Candidate, RunCase, find_ru
 from daemon.analysis.blame._elements import Blame, Element, NoFailureError, Without, sut_differences
 from daemon.analysis.blame._layer_text import behaviour_sentences
 from daemon.analysis.blame._runner import (
+    SLOTS,
     BudgetSpentError,
+    CandidateExecutor,
     CandidateResult,
     CandidateRunner,
     execute_candidates,
+    judge_verdict,
+    run_forked,
+    unresolved_candidate,
 )
 from daemon.analysis.blame._save import save_campaign
 from daemon.analysis.blame._search import (
     LINEAR_STEPS,
+    BlameResult,
     ddmin,
     explain_failure,
     find_flip,
@@ -25,10 +31,13 @@ from daemon.analysis.blame._search import (
 
 __all__ = [
     "LINEAR_STEPS",
+    "SLOTS",
     "Blame",
+    "BlameResult",
     "BudgetSpentError",
     "CampaignRun",
     "Candidate",
+    "CandidateExecutor",
     "CandidateResult",
     "CandidateRunner",
     "Element",
@@ -41,8 +50,11 @@ __all__ = [
     "explain_failure",
     "find_flip",
     "find_run",
+    "judge_verdict",
     "load_case",
+    "run_forked",
     "save_campaign",
     "split_evenly",
     "sut_differences",
+    "unresolved_candidate",
 ]
