@@ -28,6 +28,7 @@ from daemon.analysis.blame._search import (
     find_flip,
     split_evenly,
 )
+from daemon.analysis.blame._story import story_lines
 
 __all__ = [
     "LINEAR_STEPS",
@@ -55,6 +56,7 @@ __all__ = [
     "run_forked",
     "save_campaign",
     "split_evenly",
+    "story_lines",
     "sut_differences",
     "unresolved_candidate",
 ]
