@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import os
 import shutil
 from pathlib import Path
 
@@ -138,8 +137,8 @@ def test_what_is_unpacked_is_its_owners_alone(tmp_path: Path) -> None:
     unpack_bundle((BundledFile("a/b.yaml", coded(b"x: 1\n")),), tmp_path / "there")
     file = tmp_path / "there" / "a" / "b.yaml"
     assert file.read_bytes() == b"x: 1\n"
-    assert os.stat(file).st_mode & 0o077 == 0
-    assert os.stat(file.parent).st_mode & 0o077 == 0
+    assert file.stat().st_mode & 0o077 == 0
+    assert file.parent.stat().st_mode & 0o077 == 0
     with pytest.raises(FileExistsError):
         unpack_bundle((BundledFile("c", coded(b"x")),), tmp_path / "there")
 
