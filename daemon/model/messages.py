@@ -204,7 +204,8 @@ class LeaseRequest:
 class Lease:
     """One leased run: ``token`` fences it, ``trace`` names its trace in the ``store``.
 
-    ``store`` is a URL, empty for the daemon's state directory.
+    ``store`` is a URL, empty for the daemon's state directory. ``leads``: the result is to have
+    leading margins, which a search asks for.
     """
 
     run: str
@@ -214,6 +215,7 @@ class Lease:
     trace: str
     spec: RunSpec
     store: str = ""
+    leads: bool = False
 
 
 @dataclass(frozen=True, slots=True)
