@@ -269,6 +269,18 @@ def test_a_release_in_another_unit_is_missed_in_that_of_the_predicate() -> None:
     assert (found.margin, found.unit) == (pytest.approx(-0.05), "m")
 
 
+def test_the_waypoint_ahead_is_that_of_the_decisive_moment() -> None:
+    y = np.where(np.arange(len(TIME)) < 150, 0.0, 0.4)
+    progress = tuple(ProgressRecord(at, n, n, "active") for n, at in enumerate((0.0, 2.0, 6.0)))
+    trace = make_trace(along(TIME, y=y), goal=AROUND, progress=progress)
+    assert lead(trace, "never(contact)").waypoint == "w3"
+    assert lead(trace, "never(contact) when abs(elapsed - 4 s) <= 1 s").waypoint == "w2"
+    assert lead(trace, "always(clearance >= 5 cm)").waypoint == "w3"
+    assert lead(trace, "reached(mission, 0.5 m)").waypoint == "w3"
+    assert lead(trace, "mean(speed) <= 1 m/s").waypoint == ""
+    assert lead(make_trace(along(TIME), goal=AROUND), "never(contact)").waypoint == ""
+
+
 KITCHEN = replace(CORRIDOR, regions=(Region("kitchen", box(3.0, -1.0, 6.0, 1.0)),))
 
 
