@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TypeAlias
 
 from daemon.analysis.blame import SLOTS, Candidate, run_forked
@@ -20,11 +21,7 @@ ReportCallback: TypeAlias = Callable[[Phase, str, SearchAnswer], None]
 
 def execute_with_leads(candidates: Sequence[Candidate]) -> list[RunResult | None]:
     """Execute runs at the same time, each in a forked process, with leading margins."""
-    return run_forked(candidates, _execute_with_leads)
-
-
-def _execute_with_leads(*run: object, **where: object) -> RunResult:
-    return execute(*run, **where, leads=True)
+    return run_forked(candidates, partial(execute, leads=True))
 
 
 @dataclass(slots=True)
