@@ -28,6 +28,7 @@ from daemon.search.daemon_runs import (
 )
 from daemon.search.runs import Runs, SearchStoppedError
 from grammars.text.diagnostics import InputError
+from grammars.text.sources import reading_only_in
 
 Searcher: TypeAlias = Callable[[Path, SearchTask, Runs], SearchAnswer]
 """Runs the program of a search: its campaign file, what is asked, and who executes its runs."""
@@ -84,8 +85,8 @@ class Coordinator:
                 self._steered.wait(_LOOK_EVERY)
 
     def _start(self, row: SearchRow) -> _Search:
-        file = self._paths.search(row.campaign) / row.file
-        search = _Search(self._client, row, file, self._searcher, self._steered.set)
+        folder = self._paths.search(row.campaign)
+        search = _Search(self._client, row, folder, self._searcher, self._steered.set)
         search.start()
         return search
 
@@ -105,14 +106,14 @@ class _Search(threading.Thread):
         self,
         client: PatientClient,
         row: SearchRow,
-        file: Path,
+        folder: Path,
         searcher: Searcher,
         ended: Callable[[], None],
     ) -> None:
         super().__init__(name=f"search {row.campaign}", daemon=True)
         self._client = client
         self._row = row
-        self._file = file
+        self._folder = folder
         self._searcher = searcher
         self._ended = ended
         self.runs = DaemonRuns(client, row)
@@ -131,7 +132,9 @@ class _Search(threading.Thread):
         """Return how the search ended, why if it failed, and what it has found."""
         try:
             self.runs.load()
-            answer = self._searcher(self._file, self._row.task, self.runs)
+            # Its files may be somebody else's, who has a key and no account here.
+            with reading_only_in(self._folder):
+                answer = self._searcher(self._folder / self._row.file, self._row.task, self.runs)
         except SearchStoppedError as stopped:
             return "cancelled", "", stopped.answer
         except (InputError, SearchDivergedError, DaemonError) as error:

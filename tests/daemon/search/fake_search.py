@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -63,6 +64,12 @@ def search(file: Path, task: SearchTask, runs: Runs) -> SearchAnswer:
     files = (BundledFile("campaign.yaml", "x" * asked.get("answer", 0)),)
     shrunk = ShrunkScenario(("a line",), True, 0, files)
     return replace(answer_of(task, task.runs), ended="budget", shrunk=shrunk)
+
+
+def idle(file: Path, task: SearchTask, runs: Runs) -> SearchAnswer:
+    """Propose nothing, for as long as the process lasts."""
+    threading.Event().wait()
+    raise AssertionError
 
 
 def answer_of(task: SearchTask, explored: int) -> SearchAnswer:
