@@ -127,13 +127,29 @@ class _Descent:
 
     def go_down(self) -> bool:
         """Bring the failure nearer, and return whether nothing else could be done."""
+        complete = True
         try:
             self._take_back()
             for index in self._changed():
                 self._halve(index)
         except _SpentError:
-            return False
-        return True
+            complete = False
+        self._compare()
+        return complete
+
+    def _compare(self) -> None:
+        """Take as passing the known point that differs in one parameter alone, if there is one."""
+        for index in self._changed():
+            written = self.task.parameters[index].written
+            for value in (self.passing.get(index), written):
+                if value is None:
+                    continue
+                point = with_value(self.failing.values, index, value)
+                known = self.prober.is_known(point)
+                result = self.prober.results([(point, "")])[0] if known else None
+                if result is not None and result.outcome is Outcome.PASS:
+                    self._remember_passing(result, (index,))
+                    break
 
     def _changed(self) -> tuple[int, ...]:
         changed = changed_parameters(self.task, self.failing.values)
