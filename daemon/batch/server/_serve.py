@@ -52,7 +52,7 @@ from daemon.batch.server._workers import WorkerRegistry
 from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
-from daemon.model.status import ChangeEvent
+from daemon.model.status import SEARCHES_HALT, ChangeEvent
 from grammars.text import codec
 
 _LAST_MOMENT: Final = 3.0
@@ -197,7 +197,8 @@ class _Daemon:
         )
 
     def _search_trouble(self) -> str:
-        return "" if self._coordinator is None else self._coordinator.trouble
+        trouble = "" if self._coordinator is None else self._coordinator.trouble
+        return f"{SEARCHES_HALT}: {trouble.splitlines()[-1]}" if trouble else ""
 
     def _troubles(self) -> tuple[str, ...]:
         """Why no run can start here; the first is what to do first."""
