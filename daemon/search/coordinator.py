@@ -66,7 +66,7 @@ class Coordinator:
         self._searcher = searcher
         self._steered = threading.Event()
         self._lock = threading.Lock()
-        self._searches: dict[str, _Search] = {}
+        self._searches: dict[str, _ProgramThread] = {}
 
     def run(self) -> None:
         """Look for searches and run them; returns when there is none."""
@@ -84,9 +84,9 @@ class Coordinator:
                         return
                 self._steered.wait(_LOOK_EVERY)
 
-    def _start(self, row: SearchRow) -> _Search:
+    def _start(self, row: SearchRow) -> _ProgramThread:
         folder = self._paths.search(row.campaign)
-        search = _Search(self._client, row, folder, self._searcher, self._steered.set)
+        search = _ProgramThread(self._client, row, folder, self._searcher, self._steered.set)
         search.start()
         return search
 
@@ -99,7 +99,7 @@ class Coordinator:
             search.runs.note_event(event)
 
 
-class _Search(threading.Thread):
+class _ProgramThread(threading.Thread):
     """The program of one search."""
 
     def __init__(
