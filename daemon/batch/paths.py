@@ -1,10 +1,11 @@
 """Where the daemon keeps things: the state directory and the endpoint.
 
-ledger.db  daemon.lock  daemon.json  daemon.log  worker.log
+ledger.db  daemon.lock  daemon.json  daemon.log  worker.log  search.log
 socket/daemon.sock
 scenes/<digest>.json  files/<digest>
 traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
 spool/<worker>/<run>/attempt-<k>/
+searches/<campaign>/
 incoming/<run>.<token>.<digest>.part|mcap
 marker.json
 
@@ -183,6 +184,17 @@ class StatePaths:
         return self.state / "incoming"
 
     @property
+    def searches(self) -> Path:
+        """The files that searches were submitted with, by campaign."""
+        return self.state / "searches"
+
+    def search(self, campaign: str) -> Path:
+        """Folder of the files of a search; raises ``ValueError`` when ``campaign`` is no id."""
+        if not is_id(campaign):
+            raise ValueError(f"{campaign!r} is not a campaign id")
+        return self.searches / campaign
+
+    @property
     def marker(self) -> Path:
         """What only those can read who share the daemon's file system."""
         return self.state / "marker.json"
@@ -197,9 +209,15 @@ class StatePaths:
         """What the local worker, its children and a dying daemon wrote to standard error."""
         return self.state / "worker.log"
 
+    @property
+    def search_log(self) -> Path:
+        """What the process wrote to standard error that makes proposals for searches."""
+        return self.state / "search.log"
+
     def make_folders(self) -> None:
         """Create the directories, readable by their owner only; raises ``OSError``."""
-        for folder in (self.state, self.scenes, self.files, self.traces, self.spool, self.incoming):
+        kept = (self.scenes, self.files, self.traces, self.spool, self.incoming, self.searches)
+        for folder in (self.state, *kept):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def make_socket_folder(self) -> None:

@@ -48,8 +48,8 @@ def find_exposure(paths: Iterable[Path]) -> Exposure:
 
 def state_folders(paths: StatePaths) -> tuple[Path, ...]:
     """The folders of a state directory that there are, itself first."""
-    folders = (paths.state, paths.scenes, paths.files, paths.traces, paths.spool, paths.incoming)
-    return tuple(folder for folder in folders if folder.is_dir())
+    kept = (paths.scenes, paths.files, paths.traces, paths.spool, paths.incoming, paths.searches)
+    return tuple(folder for folder in (paths.state, *kept) if folder.is_dir())
 
 
 def state_files(paths: StatePaths) -> Iterator[Path]:

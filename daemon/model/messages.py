@@ -31,6 +31,8 @@ WORK: Final = f"{PREFIX}/work"
 LARGEST_SUBMISSION: Final = 64 * 2**20
 """Bytes; a hundred thousand runs of a whole building are a few MiB packed."""
 LARGEST_REQUEST: Final = 4 * 2**20
+LARGEST_EXTENSION: Final = 16 * 2**20
+"""Bytes of runs added to a search, or of its answer; a scene of a whole building is a few MiB."""
 LARGEST_PAGE: Final = 1000
 LARGEST_PAGE_BYTES: Final = 4 * 2**20
 """Of what runs have that may be long, results and reasons: a page of them ends there."""
@@ -204,7 +206,8 @@ class LeaseRequest:
 class Lease:
     """One leased run: ``token`` fences it, ``trace`` names its trace in the ``store``.
 
-    ``store`` is a URL, empty for the daemon's state directory.
+    ``store`` is a URL, empty for the daemon's state directory. With ``leads`` its result is to have
+    leading margins: a search learns of them.
     """
 
     run: str
@@ -214,6 +217,7 @@ class Lease:
     trace: str
     spec: RunSpec
     store: str = ""
+    leads: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -109,7 +109,9 @@ class KeyDeliveries:
 class CampaignRow:
     """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns.
 
-    While it is ``paused`` no more runs start; those of higher ``priority`` start first.
+    While it is ``paused`` no more runs start; those of higher ``priority`` start first. ``search``
+    says how a search stands (``running``, ``finished``, ``cancelled``, ``failed``) and is empty
+    for all other campaigns. More runs come while it is running.
     """
 
     id: str
@@ -130,11 +132,12 @@ class CampaignRow:
     cached: int = 0
     paused: bool = False
     priority: int = 0
+    search: str = ""
 
     @property
     def finished(self) -> bool:
-        """Whether no run of the campaign is waiting or running."""
-        return self.queued == 0 and self.running == 0
+        """Whether no run of the campaign is waiting or running, and none will come."""
+        return self.queued == 0 and self.running == 0 and self.search != "running"
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +293,8 @@ class ChangeEvent:
     ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
     finished, deleted), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt
     of the run gave another result), ``lease`` (superseded: an attempt of the run is not needed any
-    more, another one was first). ``id`` names it.
+    more, another one was first), ``search`` (there is more to say of it; ``state`` is its phase).
+    ``id`` names it.
     """
 
     seq: int

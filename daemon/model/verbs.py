@@ -17,6 +17,7 @@ from typing import Any, Concatenate, Final, Generic, ParamSpec, Protocol, TypeAl
 
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import (
+    LARGEST_EXTENSION,
     LARGEST_PAGE,
     LARGEST_REQUEST,
     LARGEST_SUBMISSION,
@@ -47,6 +48,15 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.packed_submission import PackedSubmission
+from daemon.model.search import (
+    ExtendRequest,
+    ProposalQuery,
+    ProposalRow,
+    SearchProgress,
+    SearchQuery,
+    SearchRow,
+    SearchSubmission,
+)
 from daemon.model.status import (
     CampaignRow,
     ChangeEvent,
@@ -177,6 +187,22 @@ DELIVERIES: Final = Verb("deliveries", KeyRequest, KeyDeliveries,
 VOID: Final = Verb("void", KeyRequest, Count,
     "Let nothing count that a key has brought, and run it again; returns the number of runs.",
     STEERING, WRITER, slow=True)
+SEARCH: Final = Verb("search", SearchSubmission, SubmissionReceipt,
+    "Take a search with its files; one that was cancelled or has failed goes on.",
+    STEERING, WRITER, LARGEST_SUBMISSION, slow=True, advice="leave out files it does not need")
+SEARCHES: Final = Verb("searches", SearchQuery, tuple[SearchRow, ...],
+    "At most 1000 searches, the newest first; the files of answers only where one is asked for.",
+    VIEWING)
+PROPOSALS: Final = Verb("proposals", ProposalQuery, tuple[ProposalRow, ...],
+    "A page of the runs of a search with what they gave, in order; empty after the last.", VIEWING)
+EXTEND: Final = Verb("extend", ExtendRequest, Count,
+    "Add runs to a search; returns how many of them are new.",
+    STEERING, WRITER, LARGEST_EXTENSION, slow=True, advice="send fewer at a time")
+PROGRESS: Final = Verb("progress", SearchProgress, Empty,
+    "Say how far a search is, and what it has found.",
+    STEERING, WRITER, LARGEST_EXTENSION, advice="leave out files")
+BUNDLE: Final = Verb("bundle", IdRequest, SearchSubmission,
+    "A search as it was submitted, with its files.", VIEWING, CARRIER, slow=True)
 WELCOME: Final = Verb("welcome", WorkerInfo, WelcomeReply,
     "What a worker must know before it starts.", WORKING)
 LEASE: Final = Verb("lease", LeaseRequest, LeaseReply,
@@ -260,6 +286,7 @@ class DaemonClient(ABC):
     shutdown = _question(SHUTDOWN)
     deliveries = _question(DELIVERIES)
     void = _counting(VOID)
+    bundle = _question(BUNDLE)
 
     def campaigns(self, *, unfinished: bool = False) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first; or all of which runs wait or run.
@@ -298,6 +325,34 @@ class DaemonClient(ABC):
         """
         words = tuple(word.strip() for word in only.split("|") if word.strip())
         return self.ask(RETRY, RetryRequest(campaign, words)).count
+
+    def searches(self, campaign: str = "", *, running: bool = False) -> tuple[SearchRow, ...]:
+        """Searches, the newest first; all of them, or one, or those that still run."""
+        return self.ask(SEARCHES, SearchQuery(campaign, running))
+
+    def search_row(self, campaign: str) -> SearchRow | None:
+        """The search of an id, if there is one, with all of its answer."""
+        found = self.searches(campaign)
+        return found[0] if found else None
+
+    def proposals(self, campaign: str, offset: int = 0) -> tuple[ProposalRow, ...]:
+        """Every run of a search from a position on, in order, with what it gave."""
+        found: list[ProposalRow] = []
+        while True:
+            query = ProposalQuery(campaign, offset + len(found), _RECORDS_PER_PAGE)
+            page = self.ask(PROPOSALS, query)
+            # One that is shorter than asked for is not the last: bytes are limited, too.
+            if not page:
+                return tuple(found)
+            found.extend(page)
+
+    def submit_search(self, submission: SearchSubmission) -> SubmissionReceipt:
+        """Hand over a search; the receipt says that it is safely in the ledger.
+
+        The same again is harmless: it changes nothing, or lets a search go on that was cancelled
+        or has failed.
+        """
+        return self.ask(SEARCH, submission)
 
     @abstractmethod
     def submit(self, submission: Submission) -> SubmissionReceipt:

@@ -23,6 +23,15 @@ from daemon.model.messages import (
     RunQuery,
     TraceDownloadRequest,
 )
+from daemon.model.search import (
+    ExtendRequest,
+    ProposalQuery,
+    ProposalRow,
+    SearchProgress,
+    SearchQuery,
+    SearchRow,
+    SearchSubmission,
+)
 from daemon.model.spec import (
     MapSettings,
     OracleText,
@@ -256,6 +265,8 @@ class FakeDaemon(DaemonClient):
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
     troubles: tuple[str, ...] = ()
+    found: tuple[SearchRow, ...] = ()
+    proposed: tuple[ProposalRow, ...] = ()
     empty: bool = False
     away: bool = False
     declares: AssessmentRules = field(
@@ -370,6 +381,40 @@ class FakeDaemon(DaemonClient):
         return Count(1)
 
     def _prioritise(self, _: PriorityRequest) -> Empty:
+        return Empty()
+
+    def _searches(self, query: SearchQuery) -> tuple[SearchRow, ...]:
+        return tuple(
+            row
+            for row in self.found
+            if query.campaign in ("", row.campaign)
+            and not (query.running and row.state != "running")
+        )
+
+    def _search_of(self, campaign: str) -> SearchRow:
+        for row in self.found:
+            if row.campaign == campaign:
+                return row
+        raise Refused(f"there is no search {campaign}")
+
+    def _proposals(self, query: ProposalQuery) -> tuple[ProposalRow, ...]:
+        self._search_of(query.campaign)
+        return self.proposed[query.offset : query.offset + query.limit]
+
+    def _bundle(self, request: IdRequest) -> SearchSubmission:
+        row = self._search_of(request.id)
+        return SearchSubmission(row.campaign, row.name, "", "", row.task, "campaign.yaml", ())
+
+    def _search(self, submission: SearchSubmission) -> SubmissionReceipt:
+        known = any(row.campaign == submission.campaign for row in self.found)
+        return SubmissionReceipt(submission.campaign, len(self.proposed) if known else 0, known)
+
+    def _extend(self, request: ExtendRequest) -> Count:
+        self._search_of(request.campaign)
+        return Count(len(request.proposals))
+
+    def _progress(self, progress: SearchProgress) -> Empty:
+        self._search_of(progress.campaign)
         return Empty()
 
     def _deliveries(self, request: KeyRequest) -> KeyDeliveries:

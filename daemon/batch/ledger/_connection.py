@@ -12,13 +12,13 @@ from typing import Final
 
 from daemon.batch.errors import DaemonError, Unavailable
 
-SCHEMA_VERSION: Final = 7
+SCHEMA_VERSION: Final = 8
 _IN_MEMORY: Final = Path(":memory:")
 """What SQLite calls a database that is gone with its connection: no file has this name."""
 UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
 """What a question to a damaged ledger may raise: also that its message is no text."""
 _READER_PATIENCE: Final = 5.0
-_UPGRADABLE: Final = (1, 2, 3, 4, 5, 6)
+_UPGRADABLE: Final = (1, 2, 3, 4, 5, 6, 7)
 _CACHE_KIB: Final = 64 * 2**10
 # What is being entered or removed is not there for whoever asks: these stand before the tables of
 # the same names on connections that read, so no question can forget it.
@@ -172,6 +172,14 @@ _RULES: Final = {
     "runs are queued in campaigns that are closed": (
         "SELECT count(*) FROM run JOIN campaign ON campaign.id = run.campaign"
         " WHERE state IN ('queued', 'running') AND campaign.finished_at IS NOT NULL"
+    ),
+    "runs are proposed and not there": (
+        "SELECT count(*) FROM proposal LEFT JOIN run USING (campaign, position)"
+        " WHERE run.id IS NULL"
+    ),
+    "searches run in campaigns that are closed": (
+        "SELECT count(*) FROM search JOIN campaign ON campaign.id = search.campaign"
+        " WHERE search.state = 'running' AND campaign.finished_at IS NOT NULL"
     ),
     # The tally is kept by triggers; a row of it may count no run, so it stands on the right side.
     "counts differ from the runs": (

@@ -6,6 +6,7 @@ They are hidden before (``campaign.visible``), and so is what was never entered 
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Sequence
 from contextlib import suppress
@@ -61,6 +62,15 @@ def remove_campaign(db: sqlite3.Connection, paths: StatePaths, campaign: str) ->
         (campaign, STEP_ROWS),
     ).rowcount:
         yield
+    while db.execute(
+        "DELETE FROM proposal WHERE campaign = ?1 AND position IN"
+        " (SELECT position FROM proposal WHERE campaign = ?1 LIMIT ?2)",
+        (campaign, STEP_ROWS),
+    ).rowcount:
+        yield
+    if db.execute("DELETE FROM search WHERE campaign = ?", (campaign,)).rowcount:
+        # Before the commit: a folder that is left is looked at by nobody but the housekeeping.
+        shutil.rmtree(paths.search(campaign), ignore_errors=True)
     # The last word about it stays: who was away learns that it is gone.
     db.execute("DELETE FROM event WHERE campaign = ? AND state <> 'deleted'", (campaign,))
     db.execute("DELETE FROM tally WHERE campaign = ?", (campaign,))

@@ -23,6 +23,7 @@ from daemon.batch.ledger._results import (
     reuse_in_steps,
     store_result,
 )
+from daemon.batch.ledger._searches import search_state
 from daemon.batch.ledger._steps import finish
 from daemon.batch.ledger._waiting import (
     end_waits,
@@ -107,7 +108,12 @@ class RunUpdates:
         return str(row[0])
 
     def _close_if_finished(self, campaign: str, now: float) -> None:
-        """Close a campaign of which nothing waits, unless cells need the repeats in reserve."""
+        """Close a campaign of which nothing waits, unless cells need the repeats in reserve.
+
+        A search that goes on will have more runs.
+        """
+        if search_state(self._db, campaign) == "running":
+            return
         # Again and again: the results of new repeats may be in the ledger already, and then the
         # next look at the cells is due at once.
         while not self._unfinished_runs(campaign):
@@ -120,6 +126,11 @@ class RunUpdates:
     def _close(self, campaign: str, now: float) -> None:
         self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
         self.record_event(now, "campaign", campaign, campaign, "finished")
+
+    def _require_campaign(self, campaign: str) -> None:
+        query = "SELECT 1 FROM campaign WHERE id = ? AND visible"
+        if not self._db.execute(query, (campaign,)).fetchone():
+            raise Refused(f"there is no campaign {campaign}")
 
     def _total(self, campaign: str) -> int:
         row = self._db.execute("SELECT total FROM campaign WHERE id = ?", (campaign,)).fetchone()
@@ -155,7 +166,9 @@ class RunUpdates:
 # nothing else for it: what it is able to run is asked for in both places. Ready runs have
 # ``not_before`` 0: those that wait are not in the index, however many they are.
 _NEXT_RUN: Final = (
-    "SELECT run.id, run.campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
+    "SELECT run.id, run.campaign, trace_name, spec.body,"
+    " EXISTS (SELECT 1 FROM search WHERE search.campaign = run.campaign)"
+    " FROM run JOIN spec ON spec.run = run.id"
     " WHERE state = 'queued' AND not_before = 0{able} AND run.campaign = (SELECT id FROM campaign"
     " AS c WHERE finished_at IS NULL AND paused = 0 AND visible"
     " AND id NOT IN (SELECT value FROM json_each(?2)) AND EXISTS (SELECT 1 FROM run"
@@ -215,7 +228,7 @@ class LeaseUpdates(RunUpdates):
             row = self._db.execute(query, values).fetchone()
             if row is None:
                 break
-            run, campaign, trace, body = row
+            run, campaign, trace, body, leads = row
             spec = self._specs.read(body)
             if why := missing(spec):
                 postpone(self._db, run, why, now + _LOOK_AGAIN)
@@ -228,7 +241,9 @@ class LeaseUpdates(RunUpdates):
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
             attempt = change.run.attempt
             record_lease(self._db, token, run, attempt, worker, holder, now)
-            leases.append(Lease(run, campaign, attempt, token, trace, spec, store))
+            leases.append(
+                Lease(run, campaign, attempt, token, trace, spec, store, leads=bool(leads))
+            )
         return tuple(leases)
 
     def _next_token(self) -> int:

@@ -23,6 +23,7 @@ from daemon.batch.ledger._results import (
     read_records,
     read_result,
 )
+from daemon.batch.ledger._searches import read_proposals, read_searches, read_task
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
 from daemon.model.assessments import AssessmentRules, RunRecord
@@ -31,6 +32,13 @@ from daemon.model.messages import (
     CampaignQuery,
     RecordQuery,
     RunQuery,
+)
+from daemon.model.search import (
+    ProposalQuery,
+    ProposalRow,
+    SearchQuery,
+    SearchRow,
+    SearchSubmission,
 )
 from daemon.model.spec import RunResult
 from daemon.model.status import (
@@ -109,7 +117,8 @@ class LedgerReader:
         """A page of campaigns, the newest first."""
         where, values = campaign_filter(query)
         rows = self._db.execute(
-            "SELECT id, name, about, submitted_at, finished_at, total, cached, paused, priority"
+            "SELECT id, name, about, submitted_at, finished_at, total, cached, paused, priority,"
+            " ifnull((SELECT state FROM search WHERE search.campaign = campaign.id), '') AS search"
             f" FROM campaign {where} ORDER BY serial DESC LIMIT ? OFFSET ?",
             (*values, query.limit, query.offset),
         ).fetchall()
@@ -217,6 +226,22 @@ class LedgerReader:
             limit=query.limit,
             room=LARGEST_PAGE_BYTES,
         )
+
+    def searches(self, query: SearchQuery) -> tuple[SearchRow, ...]:
+        """Searches, the newest first."""
+        return read_searches(self._db, query)
+
+    def proposals(self, query: ProposalQuery) -> tuple[ProposalRow, ...]:
+        """A page of the runs of a search, in order."""
+        return read_proposals(self._db, self._paths, query)
+
+    def search_submission(self, campaign: str) -> SearchSubmission:
+        """A search as it was submitted, without its files; refuses when there is none."""
+        task, file = read_task(self._db, campaign)
+        name, about, source, fresh = self._db.execute(
+            "SELECT name, about, source, fresh FROM campaign WHERE id = ?", (campaign,)
+        ).fetchone()
+        return SearchSubmission(campaign, name, about, source, task, file, (), bool(fresh))
 
     def campaign_ids(self) -> frozenset[str]:
         """The ids of all campaigns."""

@@ -182,7 +182,10 @@ _FIND_RESULTS: Final = (
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = new.digest"
     " AND alarm.doubted = 1)"
     " AND NOT EXISTS (SELECT 1 FROM result JOIN void_key ON void_key.name = result.holder"
-    " WHERE result.run = old.id) GROUP BY new.id"
+    " WHERE result.run = old.id)"
+    # A search learns of leading margins, which only runs of searches have.
+    " AND (NOT EXISTS (SELECT 1 FROM search WHERE search.campaign = new.campaign)"
+    " OR EXISTS (SELECT 1 FROM search WHERE search.campaign = old.campaign)) GROUP BY new.id"
 )
 # A result that was itself used again leads to the run that was executed, so that its trace is found
 # in one step.
@@ -310,15 +313,16 @@ def _insert_run(db: sqlite3.Connection, campaign: str, position: int, body: byte
     db.execute("INSERT INTO spec (run, body) VALUES (?, ?)", (name, body))
 
 
-def reuse_in_steps(db: sqlite3.Connection, campaign: str, runs: int) -> Steps[int]:
+def reuse_in_steps(db: sqlite3.Connection, campaign: str, runs: int, first: int = 0) -> Steps[int]:
     """Give queued runs of a campaign the results their specifications have; returns how many.
 
-    ``runs`` is how many it has. Does nothing for a campaign that was submitted to run everything
-    anew, nor for runs of systems that are not repeatable.
+    ``runs`` is how many it has, and ``first`` the position of the first that is looked at. Does
+    nothing for a campaign that was submitted to run everything anew, nor for runs of systems that
+    are not repeatable. Runs of searches take results of such alone.
     """
     fresh = db.execute("SELECT fresh FROM campaign WHERE id = ?", (campaign,)).fetchone()[0]
     count = 0
-    for start in range(0, 0 if fresh else runs, STEP_ROWS):
+    for start in range(first, first if fresh else runs, STEP_ROWS):
         found = db.execute(_FIND_RESULTS, (campaign, start, start + STEP_ROWS)).fetchall()
         for run, source in found:
             db.execute(_TAKE_RESULT, (source, run))

@@ -175,13 +175,13 @@ _PARTS: Final = (
 )
 _RUNS: Final = (
     "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-    " trace_name, seed, kind, repeatable) SELECT ?3 || '.' || position, ?3, position, scenario,"
-    " sut, repeat, time_limit, digest, trace || repeat || '.mcap', seed, kind, repeatable"
+    " trace_name, seed, kind, repeatable) SELECT ?3 || '.' || (position + ?4), ?3, position + ?4,"
+    " scenario, sut, repeat, time_limit, digest, trace || repeat || '.mcap', seed, kind, repeatable"
     " FROM staged_run JOIN staged_cell USING (cell) WHERE position >= ?1 AND position < ?2"
     " ORDER BY position"
 )
 _SPECS: Final = (
-    f"INSERT INTO spec (run, body) SELECT ?3 || '.' || position, {_BODY} FROM staged_run"
+    f"INSERT INTO spec (run, body) SELECT ?3 || '.' || (position + ?4), {_BODY} FROM staged_run"
     " JOIN staged_cell USING (cell) JOIN staged_script USING (script)"
     " WHERE position >= ?1 AND position < ?2 ORDER BY position"
 )
@@ -195,10 +195,15 @@ _RESERVE: Final = (
 
 def enter_rows(db: sqlite3.Connection, campaign: StagedCampaign) -> Steps[None]:
     """Copy parts, runs with their specifications, and reserve into the ledger."""
+    yield from enter_parts(db)
+    yield from _copy(campaign.runs, lambda *part: copy_runs(db, campaign.id, *part))
+    yield from _copy(campaign.reserve, lambda *part: db.execute(_RESERVE, (*part, campaign.id)))
+
+
+def enter_parts(db: sqlite3.Connection) -> Steps[None]:
+    """Copy what the specifications of staged runs are made of."""
     parts = db.execute("SELECT count(*) FROM staged_part").fetchone()[0]
     yield from _copy(parts, lambda *part: db.execute(_PARTS, part), first=1)
-    yield from _copy(campaign.runs, lambda *part: _copy_runs(db, campaign.id, *part))
-    yield from _copy(campaign.reserve, lambda *part: db.execute(_RESERVE, (*part, campaign.id)))
 
 
 def _copy(count: int, copy: Callable[[int, int], object], first: int = 0) -> Steps[None]:
@@ -207,9 +212,10 @@ def _copy(count: int, copy: Callable[[int, int], object], first: int = 0) -> Ste
         yield
 
 
-def _copy_runs(db: sqlite3.Connection, campaign: str, start: int, end: int) -> None:
-    entered = db.execute(_RUNS, (start, end, campaign)).rowcount
-    db.execute(_SPECS, (start, end, campaign))
+def copy_runs(db: sqlite3.Connection, campaign: str, start: int, end: int, offset: int = 0) -> None:
+    """Copy staged runs from ``start`` to before ``end``; ``offset`` is added to their positions."""
+    entered = db.execute(_RUNS, (start, end, campaign, offset)).rowcount
+    db.execute(_SPECS, (start, end, campaign, offset))
     count_queued(db, campaign, entered)
 
 

@@ -30,6 +30,7 @@ StrayKind: TypeAlias = Literal[
     "temporary file",
     "scene of no campaign",
     "file of no campaign",
+    "files of no search",
     "empty trace folder",
     "spool of a dead worker",
     "copy not used for long",
@@ -62,8 +63,7 @@ def find_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
     Changes nothing, a daemon may be working. Raises :class:`DaemonError` when the ledger cannot
     say what is needed, and ``OSError``.
     """
-    needed, unfinished = _read_ledger(paths)
-    return tuple(_find(paths, now, needed, unfinished))
+    return tuple(_find(paths, now, _read_ledger(paths)))
 
 
 def remove_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
@@ -72,8 +72,16 @@ def remove_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
     return tuple(gone)
 
 
-def _read_ledger(paths: StatePaths) -> tuple[frozenset[str], frozenset[str]]:
-    """Digests of scenes and files that runs need, ids of campaigns that are not finished."""
+@dataclass(frozen=True, slots=True)
+class _Needed:
+    """Digests of scenes and files that runs need, campaigns that are not finished, searches."""
+
+    inputs: frozenset[str]
+    unfinished: frozenset[str]
+    searches: frozenset[str]
+
+
+def _read_ledger(paths: StatePaths) -> _Needed:
     if not paths.ledger.exists():
         raise DaemonError(f"there is no ledger in {paths.state}: nothing was ever run there")
     try:
@@ -86,22 +94,27 @@ def _read_ledger(paths: StatePaths) -> tuple[frozenset[str], frozenset[str]]:
                 )
             needed, _ = referenced_inputs(db)
             unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
+            searches = db.execute("SELECT campaign FROM search").fetchall()
     except (sqlite3.Error, ValueError, TypeError, KeyError) as error:
         raise DaemonError(f"{paths.ledger} does not say what is needed: {error}") from error
-    return needed, frozenset(row[0] for row in unfinished)
+    return _Needed(needed, *(frozenset(row[0] for row in rows) for rows in (unfinished, searches)))
 
 
-def _find(
-    paths: StatePaths, now: float, needed: frozenset[str], unfinished: frozenset[str]
-) -> Iterator[StrayFile]:
+def _find(paths: StatePaths, now: float, needed: _Needed) -> Iterator[StrayFile]:
     yield from _old("upload given up", _entries(paths.incoming), now, _GRACE)
     yield from _find_temporary(paths, now)
-    scenes = (p for p in _entries(paths.scenes) if p.suffix == ".json" and p.stem not in needed)
+    scenes = (
+        p for p in _entries(paths.scenes) if p.suffix == ".json" and p.stem not in needed.inputs
+    )
     yield from _old("scene of no campaign", scenes, now, _GRACE)
-    files = (p for p in _entries(paths.files) if is_digest(p.name) and p.name not in needed)
+    files = (p for p in _entries(paths.files) if is_digest(p.name) and p.name not in needed.inputs)
     yield from _old("file of no campaign", files, now, _GRACE)
+    # One that is being submitted has a dot before its name.
+    bundles = (p for p in _folders(paths.searches) if is_id(p.name))
+    unknown = (p for p in bundles if p.name not in needed.searches)
+    yield from _old("files of no search", unknown, now, _GRACE)
     for folder in _folders(paths.traces):
-        if folder.name not in unfinished and not any(folder.iterdir()):
+        if folder.name not in needed.unfinished and not any(folder.iterdir()):
             yield from _old("empty trace folder", [folder], now, _GRACE)
     yield from _find_spools(paths, now)
     damaged = (p for p in (*_entries(paths.scenes), *_entries(paths.files)) if p.suffix == DAMAGED)
@@ -116,7 +129,8 @@ def _find(
 
 
 def _find_temporary(paths: StatePaths, now: float) -> Iterator[StrayFile]:
-    for folder in (paths.state, paths.scenes, paths.files, *_folders(paths.traces)):
+    kept = (paths.state, paths.scenes, paths.files, paths.searches)
+    for folder in (*kept, *_folders(paths.traces)):
         left = (path for path in _entries(folder) if _TEMPORARY.fullmatch(path.name))
         yield from _old("temporary file", left, now, _GRACE)
 

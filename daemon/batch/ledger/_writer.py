@@ -11,9 +11,10 @@ from typing import Any, TypeVar
 from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.ledger._connection import UNREADABLE, connect
 from daemon.batch.ledger._deletion import hides_anything, remove_campaign, remove_hidden
-from daemon.batch.ledger._keys import KeyUpdates
 from daemon.batch.ledger._results import note_of_result, remove_result, reuse_in_steps
-from daemon.batch.ledger._staging import STAGED, drop_rows, enter_rows, read_campaign, stage_rows
+from daemon.batch.ledger._search_updates import SearchUpdates
+from daemon.batch.ledger._searches import search_state
+from daemon.batch.ledger._staging import drop_rows, enter_rows, read_campaign, stage_rows
 from daemon.batch.ledger._steps import STEP_ROWS, Steps, finish
 from daemon.batch.ledger.transitions import Cancelled, Retried
 from daemon.batch.paths import StatePaths
@@ -26,7 +27,7 @@ from daemon.model.verdicts import Outcome
 T = TypeVar("T")
 
 
-class LedgerWriter(KeyUpdates):
+class LedgerWriter(SearchUpdates):
     """The write side of the ledger on one connection, used by one thread, in transactions.
 
     A run is lost after ``attempts`` leases that ended badly; a lease lasts ``lease`` seconds.
@@ -48,18 +49,6 @@ class LedgerWriter(KeyUpdates):
         except UNREADABLE as error:
             raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
 
-    def __init__(
-        self,
-        connection: sqlite3.Connection,
-        *,
-        attempts: int = 3,
-        lease: float = 30.0,
-        paths: StatePaths | None = None,
-    ) -> None:
-        super().__init__(connection, attempts=attempts, lease=lease)
-        self._paths = paths
-        self._detaching = False
-
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """Do everything in the block or nothing; afterwards it is on the disk.
@@ -74,12 +63,12 @@ class LedgerWriter(KeyUpdates):
             self._db.execute("BEGIN IMMEDIATE")
             yield
             self._db.execute("COMMIT")
-            self._detach()
+            self._attachment.detach()
         except BaseException as error:
             self.events = []
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-            self._detach()
+            self._attachment.detach()
             if isinstance(error, UNREADABLE):
                 raise Unavailable(f"the ledger cannot be written: {error}") from error
             raise
@@ -139,24 +128,9 @@ class LedgerWriter(KeyUpdates):
         Nobody sees anything of it before the last step. Given up before, what there is of it is
         hidden, and removed by :meth:`remove_hidden_in_steps` or by the same once more.
         """
-        with self._attached(str(staged)):
+        with self._attachment.of(str(staged)):
             receipt: SubmissionReceipt = yield from self._enter(now)
         return receipt
-
-    @contextmanager
-    def _attached(self, path: str) -> Iterator[None]:
-        self._db.execute(f"ATTACH ? AS {STAGED}", (path,))
-        try:
-            yield
-        finally:
-            # What a transaction has read cannot be detached before its end.
-            self._detaching = True
-            self._detach()
-
-    def _detach(self) -> None:
-        if self._detaching and not self._db.in_transaction:
-            self._db.execute(f"DETACH {STAGED}")
-            self._detaching = False
 
     def _enter(self, now: float) -> Steps[SubmissionReceipt]:
         staged = read_campaign(self._db)
@@ -192,9 +166,10 @@ class LedgerWriter(KeyUpdates):
     def cancel_in_steps(self, campaign: str, now: float) -> Steps[int]:
         """Cancel what is queued or running of a campaign; returns how many runs.
 
-        None of it is leased meanwhile. Given up in the middle, it is done once more.
+        None of it is leased meanwhile. A search ends. Given up in the middle, it is done once more.
         """
         self._require_campaign(campaign)
+        self._end_search(campaign, "cancelled", "", now)
         count, position = 0, -1
         with self._holding(campaign):
             while rows := self._rows_after(
@@ -205,10 +180,15 @@ class LedgerWriter(KeyUpdates):
                     self._apply(run, Cancelled(), now, quiet=True)
                 count += len(rows)
                 yield
-        if count:
+        # A search may have nothing that waits or runs.
+        if count or self._is_open(campaign):
             self.record_event(now, "campaign", campaign, campaign, "cancelled")
             self._close(campaign, now)
         return count
+
+    def _is_open(self, campaign: str) -> bool:
+        query = "SELECT finished_at IS NULL FROM campaign WHERE id = ?"
+        return bool(self._db.execute(query, (campaign,)).fetchone()[0])
 
     def _rows_after(
         self, campaign: str, position: int, columns: str, condition: str
@@ -261,11 +241,15 @@ class LedgerWriter(KeyUpdates):
         """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest.
 
         The result of a run that is not repeatable, or that the wall clock ended, is forgotten:
-        the next one takes its place. None of the campaign is leased meanwhile.
+        the next one takes its place. None of the campaign is leased meanwhile. A search that was
+        cancelled or has failed goes on, with what was cancelled.
         """
         campaign = request.campaign
         self._require_campaign(campaign)
         words = _retry_words(request.only)
+        queued = self._retry_search(campaign, words, now)
+        if queued is not None:
+            return queued
         count, position = 0, -1
         with self._holding(campaign):
             while rows := self._rows_after(
@@ -297,10 +281,15 @@ class LedgerWriter(KeyUpdates):
     def deletable(self, campaigns: Sequence[str]) -> tuple[int, ...]:
         """Return how many runs campaigns have that may be deleted; refuses while runs wait or run.
 
-        Nor may one that is being changed in steps.
+        Nor may a search that goes on, or one that is being changed in steps.
         """
         for campaign in campaigns:
             self._require_campaign(campaign)
+            if search_state(self._db, campaign) == "running":
+                raise Refused(
+                    f"{campaign} is a search that goes on: cancel it first"
+                    f" (`scenario cancel {campaign}`)"
+                )
             if waiting := self._unfinished_runs(campaign):
                 raise Refused(
                     f"{campaign} has {waiting} runs that wait or run: cancel it first"
@@ -334,11 +323,6 @@ class LedgerWriter(KeyUpdates):
             return 0
         removed: int = yield from remove_hidden(self._db, self._paths)
         return removed
-
-    def _require_campaign(self, campaign: str) -> None:
-        query = "SELECT 1 FROM campaign WHERE id = ? AND visible"
-        if not self._db.execute(query, (campaign,)).fetchone():
-            raise Refused(f"there is no campaign {campaign}")
 
 
 def _retry_words(only: Sequence[str]) -> frozenset[str]:

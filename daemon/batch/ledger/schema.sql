@@ -171,3 +171,32 @@ WHEN old.state <> new.state OR old.outcome <> new.outcome BEGIN
     INSERT INTO tally VALUES (new.campaign, new.state, new.outcome, 1)
         ON CONFLICT DO UPDATE SET runs = runs + 1;
 END;
+
+-- Campaigns whose runs are proposed one after the other. ``task`` and ``answer`` are JSON, the
+-- latter empty while there is nothing to say; ``file`` is that of the campaign among its files.
+CREATE TABLE search (
+    campaign   TEXT PRIMARY KEY REFERENCES campaign (id),
+    task       BLOB NOT NULL,
+    file       TEXT NOT NULL,
+    state      TEXT NOT NULL DEFAULT 'running',
+    phase      TEXT NOT NULL DEFAULT 'explore',
+    note       TEXT NOT NULL DEFAULT '',
+    answer     BLOB NOT NULL DEFAULT x'',
+    updated_at REAL NOT NULL
+) STRICT, WITHOUT ROWID;
+
+CREATE INDEX search_running ON search (campaign) WHERE state = 'running';
+
+-- What each run of a search is about, by its position; ``vals`` is a list in JSON.
+CREATE TABLE proposal (
+    campaign TEXT NOT NULL REFERENCES campaign (id),
+    position INTEGER NOT NULL,
+    number   INTEGER NOT NULL,
+    repeat   INTEGER NOT NULL,
+    phase    TEXT NOT NULL,
+    method   TEXT NOT NULL,
+    guided   INTEGER NOT NULL,
+    vals     BLOB NOT NULL,
+    note     TEXT NOT NULL,
+    PRIMARY KEY (campaign, position)
+) STRICT, WITHOUT ROWID;

@@ -10,6 +10,7 @@ from daemon.batch.server._runtime import (
     exposure_warning,
     prepare_endpoints,
 )
+from daemon.batch.server._searches import stage_extension, stage_search
 from daemon.batch.server._serve import STOP_MARGIN, serve
 from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._threads import LedgerJob, WriterThread
@@ -36,4 +37,6 @@ __all__ = [
     "exposure_warning",
     "prepare_endpoints",
     "serve",
+    "stage_extension",
+    "stage_search",
 ]

@@ -36,6 +36,7 @@ from daemon.batch.server._runtime import (
     StallMeter,
     prepare_endpoints,
 )
+from daemon.batch.server._searches import remove_staged_searches
 from daemon.batch.server._stopping import StopRequest
 from daemon.batch.server._submissions import remove_remains
 from daemon.batch.server._threads import (
@@ -202,6 +203,7 @@ class _Daemon:
         )
         self._hint = lambda: _publish_hint(session)
         remove_remains(self._paths)
+        remove_staged_searches(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
         if acceptor is not None:
             acceptor.supervise()

@@ -31,7 +31,7 @@ from grammars.text import codec
 
 _SHOWN: Final = 10
 """Problems that are said: who has forgotten a file has forgotten it for 100,000 runs."""
-_LARGE: Final = 256 * 2**10
+LARGE_REQUEST: Final = 256 * 2**10
 """Bytes of a request from which on a process of its own is worth its start."""
 _PROCESS: Final = "daemon.batch.server._admission_process"
 _REQUEST, _STAGED = "submission-*.json", "submission-*.db"
@@ -45,10 +45,10 @@ def stage_request(payload: bytes, paths: StatePaths) -> Path:
     """
     staged = paths.incoming / f"submission-{uuid.uuid4().hex}.db"
     try:
-        if len(payload) < _LARGE:
+        if len(payload) < LARGE_REQUEST:
             stage_here(payload, staged, paths)
         else:
-            _stage_in_child(payload, staged, paths)
+            admit_in_child(payload, staged, paths, str(SUBMIT))
     except BaseException as error:
         staged.unlink(missing_ok=True)
         if isinstance(error, OSError):
@@ -72,12 +72,13 @@ def stage_here(payload: bytes, staged: Path, paths: StatePaths) -> None:
     stage_submission(packed, staged)
 
 
-def _stage_in_child(payload: bytes, staged: Path, paths: StatePaths) -> None:
-    request = staged.with_suffix(".json")
+def admit_in_child(payload: bytes, staged: Path, paths: StatePaths, verb: str) -> None:
+    """Let another process check a request as it came, and make it ready at ``staged``."""
+    request = paths.incoming / f"submission-{uuid.uuid4().hex}.json"
     try:
         request.write_bytes(payload)
         done = subprocess.run(
-            python_command("-m", _PROCESS, str(request), str(staged), str(paths.state)),
+            python_command("-m", _PROCESS, str(request), str(staged), str(paths.state), verb),
             stdin=subprocess.DEVNULL,
             capture_output=True,
             check=False,

@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import replace
 from typing import Any
 
+from daemon.model.packed_submission import pack_submission
+from daemon.model.search import (
+    BundledFile,
+    ExtendRequest,
+    OracleScale,
+    Phase,
+    Proposal,
+    SearchParameter,
+    SearchSubmission,
+    SearchTask,
+)
 from daemon.model.spec import (
     MapSettings,
     OracleText,
@@ -78,3 +90,45 @@ def make_result(
     verdict = Verdict("arrives", "within 10 s", outcome, margin, margin, "s")
     info = trace or TraceInfo("0" * 64, 0, 0)
     return RunResult(spec.digest, outcome, (verdict,), "finished", info, Timing(wall, wall, 5.0))
+
+
+TASK = SearchTask(
+    "doors",
+    "S1",
+    "pilot",
+    "arrives",
+    (OracleScale("arrives", 1.0, "s"),),
+    (SearchParameter("swing", "behaviours", 0, "swing", "deg/s", 40.0, 80.0, 0.1),),
+    runs=30,
+)
+"""A search of one parameter; proposal n is the scenario ``doors.n``."""
+
+
+def make_search(
+    campaign: str, files: dict[str, str] | None = None, **changes: Any
+) -> SearchSubmission:
+    """A search on its way; ``changes`` are those of its task."""
+    texts = files or {"campaign.yaml": "campaign: test\n", "layers/doors.scenery": "scenery doors"}
+    bundled = tuple(
+        BundledFile(path, base64.b64encode(text.encode()).decode()) for path, text in texts.items()
+    )
+    task = replace(TASK, **changes)
+    return SearchSubmission(
+        campaign, task.name, "for tests", "text", task, next(iter(texts)), bundled
+    )
+
+
+def make_proposal(position: int, phase: Phase = "explore") -> Proposal:
+    """The proposal of a position, by itself."""
+    return Proposal(position, position, 0, phase, "halton", False, (40.0 + position,))
+
+
+def make_extension(
+    campaign: str, first: int, count: int = 1, *, send_scenes: bool = True, **parameters: Any
+) -> ExtendRequest:
+    """``count`` runs of a search from position ``first`` on, one of each proposal."""
+    positions = range(first, first + count)
+    specs = (make_spec(scenario=TASK.scenario_of(n), number=n, **parameters) for n in positions)
+    scenes = (SCENE,) if send_scenes else ()
+    runs = Submission(campaign, "", "", "", tuple(specs), scenes)
+    return ExtendRequest(campaign, tuple(map(make_proposal, positions)), pack_submission(runs))

@@ -263,7 +263,7 @@ def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
     assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
 
 
-@pytest.mark.parametrize("version", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("version", [1, 2, 3, 4, 5, 6, 7])
 def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, version: int) -> None:
     path = tmp_path / "ledger.db"
     more = (", declared", ", x''") if version > 1 else ("", "")
@@ -280,7 +280,7 @@ def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, ve
     connect(path).close()
     upgraded, made = connect(path), connect(tmp_path / "new.db")
     assert upgraded.execute("PRAGMA user_version").fetchone()[0] == SCHEMA_VERSION
-    for table in ("campaign", "run", "reserve", "result", "lease"):
+    for table in ("campaign", "run", "reserve", "result", "lease", "search", "proposal"):
         columns = [
             [row[1:] for row in db.execute(f"PRAGMA table_info({table})")]
             for db in (upgraded, made)

@@ -50,11 +50,12 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.packed_submission import pack_submission
+from daemon.model.search import ProposalQuery, SearchProgress, SearchQuery
 from daemon.model.spec import TraceInfo
 from daemon.model.verbs import VERBS, A, AnyVerb, Verb
 from grammars.text import codec
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
-from tests.daemon.batch.samples import make_result, make_submission
+from tests.daemon.batch.samples import make_extension, make_result, make_search, make_submission
 
 ME = WorkerInfo("hostile-1", "host", 1, version("scenario-tui"), 4, 0)
 TRACE = b"no real trace"
@@ -111,7 +112,14 @@ class Target:
             copy.execute("UPDATE run SET lease_until = 0")
             copy.commit()
             dump = [line for line in copy.iterdump() if not line.startswith("COMMIT")]
-        kept = (places.scenes, places.traces, places.spool, places.incoming, places.files)
+        kept = (
+            places.scenes,
+            places.traces,
+            places.spool,
+            places.incoming,
+            places.files,
+            places.searches,
+        )
         paths = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
         return dump, [(str(path), path.stat().st_size) for path in paths]
 
@@ -213,6 +221,12 @@ def valid(target: Target) -> dict[AnyVerb, object]:
         verbs.PRIORITISE: PriorityRequest("camp", 3),
         verbs.DELIVERIES: KeyRequest("worker.spare"),
         verbs.VOID: KeyRequest("worker.spare"),
+        verbs.SEARCH: make_search("sought"),
+        verbs.SEARCHES: SearchQuery("sought"),
+        verbs.PROPOSALS: ProposalQuery("sought"),
+        verbs.EXTEND: make_extension("sought", 0, 2),
+        verbs.PROGRESS: SearchProgress("sought", "explore", "so far"),
+        verbs.BUNDLE: IdRequest("sought"),
         verbs.WELCOME: ME,
         verbs.LEASE: LeaseRequest(ME, 1),
         verbs.RENEW: RenewRequest(ME, ()),
@@ -279,7 +293,7 @@ def dumped(document: Any) -> bytes:
     return json.dumps(document).encode()
 
 
-ANSWERED = (verbs.CAMPAIGNS, verbs.RUNS, verbs.RECORDS)
+ANSWERED = (verbs.CAMPAIGNS, verbs.RUNS, verbs.RECORDS, verbs.SEARCHES)
 """Questions about what is not there that have an empty answer."""
 WITH_FIELDS = [verb for verb in VERBS.values() if verb.request is not Empty]
 
@@ -300,6 +314,8 @@ def test_numbers_out_of_range_are_refused(target: Target) -> None:
         (verbs.RUNS, "offset"),
         (verbs.RUNS, "limit"),
         (verbs.RECORDS, "limit"),
+        (verbs.PROPOSALS, "offset"),
+        (verbs.PROPOSALS, "limit"),
         (verbs.FETCH, "offset"),
         (verbs.FETCH, "count"),
         (verbs.PRIORITISE, "priority"),

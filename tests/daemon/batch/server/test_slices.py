@@ -162,7 +162,7 @@ def test_a_tick_that_comes_late_is_a_stall() -> None:
 def test_a_process_of_its_own_says_what_is_wrong_with_a_submission(
     tmp_path: Path, monkeypatch
 ) -> None:
-    monkeypatch.setattr(submissions, "_LARGE", 0)
+    monkeypatch.setattr(submissions, "LARGE_REQUEST", 0)
     places = StatePaths(tmp_path)
     places.make_folders()
     twice = submission_of("c", *[make_spec(i % 20) for i in range(40)])

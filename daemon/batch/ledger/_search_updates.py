@@ -1,0 +1,235 @@
+"""What the ledger does about searches: entered, given more runs, reported on, ended.
+
+The runs of a search are not known when it is submitted. Whoever makes its proposals adds them a few
+at a time, by position, and does so again after a crash: what is there already must be the same.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Final
+
+from daemon.batch.errors import Refused
+from daemon.batch.ledger._attachment import Attachment
+from daemon.batch.ledger._deletion import remove_campaign
+from daemon.batch.ledger._keys import KeyUpdates
+from daemon.batch.ledger._results import reuse_in_steps
+from daemon.batch.ledger._searches import insert_proposal, read_task, search_state
+from daemon.batch.ledger._staging import copy_runs, enter_parts
+from daemon.batch.ledger._steps import STEP_ROWS, Steps
+from daemon.batch.ledger.transitions import Retried
+from daemon.batch.paths import StatePaths
+from daemon.model.assessments import AssessmentRules
+from daemon.model.search import MOST_PROPOSALS, Proposal, SearchProgress, SearchSubmission
+from daemon.model.status import SubmissionReceipt
+from grammars.text import codec
+
+_LIVE: Final = ("cancelled", "failed")
+"""Searches that go on when somebody asks for it."""
+
+
+class SearchUpdates(KeyUpdates):
+    """What may be done with searches; ``paths`` are those of the state directory."""
+
+    def __init__(
+        self,
+        connection: sqlite3.Connection,
+        *,
+        attempts: int = 3,
+        lease: float = 30.0,
+        paths: StatePaths | None = None,
+    ) -> None:
+        super().__init__(connection, attempts=attempts, lease=lease)
+        self._paths = paths
+        self._attachment = Attachment(connection)
+
+    def submit_search(
+        self, search: SearchSubmission, digest: str, place: Callable[[bool], None], now: float
+    ) -> Steps[SubmissionReceipt]:
+        """Enter a search whose content has that ``digest``, or go on with one that is known.
+
+        ``place`` puts its files where they belong, before the commit: without them it could never
+        run, and files of no search are cleared away. It is told whether those that are there are
+        the same, and may be in use.
+        """
+        campaign = search.campaign
+        row = self._db.execute(
+            "SELECT digest, total, visible FROM campaign WHERE id = ?", (campaign,)
+        ).fetchone()
+        if row is not None and row[2]:
+            if row[0] != digest:
+                raise Refused(f"campaign id {campaign} is taken by another campaign")
+            place(True)
+            if search_state(self._db, campaign) in _LIVE:
+                self._go_on(campaign, now)
+            return SubmissionReceipt(campaign, row[1], known=True)
+        if row is not None and self._paths is not None:
+            yield from remove_campaign(self._db, self._paths, campaign)
+        named = (campaign, search.name, search.about, search.source, digest)
+        declared = codec.to_json(AssessmentRules())
+        self._db.execute(
+            "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
+            " fresh) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?)",
+            (*named, now, declared, search.fresh),
+        )
+        self._db.execute(
+            "INSERT INTO search (campaign, task, file, updated_at) VALUES (?, ?, ?, ?)",
+            (campaign, codec.to_json(search.task), search.file, now),
+        )
+        place(False)
+        self.record_event(now, "campaign", campaign, campaign, "submitted")
+        return SubmissionReceipt(campaign, 0, known=False)
+
+    def extend_in_steps(
+        self, campaign: str, proposals: tuple[Proposal, ...], staged: Path, now: float
+    ) -> Steps[int]:
+        """Add the runs that are staged, one for each proposal; returns how many are new.
+
+        Refuses others than are there at their positions, and what leaves positions out.
+        """
+        self._require_running(campaign)
+        with self._attachment.of(str(staged)):
+            first, total = proposals[0].position, self._total(campaign)
+            if first > total:
+                raise Refused(f"{campaign} has {total} runs: none can be added at {first}")
+            known = min(total - first, len(proposals))
+            self._compare(campaign, proposals[:known], first)
+            if first + len(proposals) > MOST_PROPOSALS:
+                raise Refused(f"a search has at most {MOST_PROPOSALS} runs")
+            self._refuse_twice(known)
+            yield from enter_parts(self._db)
+            for start in range(known, len(proposals), STEP_ROWS):
+                # It may have been cancelled between two steps.
+                self._require_running(campaign)
+                end = min(start + STEP_ROWS, len(proposals))
+                self._enter_proposals(campaign, proposals[start:end], start, first)
+                yield
+        added = len(proposals) - known
+        if added:
+            yield from reuse_in_steps(self._db, campaign, first + len(proposals), first + known)
+            self.record_event(now, "campaign", campaign, campaign, "extended")
+        return added
+
+    def _require_running(self, campaign: str) -> None:
+        self._require_campaign(campaign)
+        state = search_state(self._db, campaign)
+        if state != "running":
+            raise Refused(
+                f"the search {campaign} is {state}" if state else f"{campaign} is no search"
+            )
+
+    def _compare(self, campaign: str, proposals: tuple[Proposal, ...], first: int) -> None:
+        """Refuse other runs than are there: the same search must propose the same again."""
+        rows = self._db.execute(
+            "SELECT run.position, run.digest, staged_run.digest FROM run JOIN staged_run"
+            " ON staged_run.position = run.position - ?2 WHERE campaign = ?1"
+            " AND run.position >= ?2 AND run.position < ?3 ORDER BY run.position",
+            (campaign, first, first + len(proposals)),
+        )
+        for position, known, proposed in rows:
+            if known != proposed:
+                raise Refused(
+                    f"{campaign}.{position} is another run than is proposed: what was proposed"
+                    " before, or what it gave, is not what it was"
+                )
+
+    def _refuse_twice(self, known: int) -> None:
+        """Refuse runs, from the one that is ``known`` on, of a name that another one has."""
+        row = self._db.execute(
+            "SELECT run.id, scenario, repeat FROM run JOIN ("
+            " SELECT trace || staged_run.repeat || '.mcap' AS name FROM staged_run"
+            " JOIN staged_cell USING (cell) WHERE staged_run.position >= ?) AS staged"
+            " ON run.trace_name = staged.name LIMIT 1",
+            (known,),
+        ).fetchone()
+        if row is not None:
+            raise Refused(f"{row[1]}, repeat {row[2]}, is there already: {row[0]}")
+
+    def _enter_proposals(
+        self, campaign: str, proposals: tuple[Proposal, ...], start: int, offset: int
+    ) -> None:
+        copy_runs(self._db, campaign, start, start + len(proposals), offset)
+        for proposal in proposals:
+            insert_proposal(self._db, campaign, proposal)
+        self._db.execute(
+            "UPDATE campaign SET total = total + ? WHERE id = ?", (len(proposals), campaign)
+        )
+
+    def note_progress(self, progress: SearchProgress, now: float) -> None:
+        """Write down how far a search is, or how it ended.
+
+        Of one that has ended only the answer may still come, from whoever has ended it.
+        """
+        campaign = progress.campaign
+        read_task(self._db, campaign)
+        before = search_state(self._db, campaign)
+        if before not in ("running", progress.state):
+            raise Refused(f"the search {campaign} is {before}")
+        answer = b"" if progress.answer is None else codec.to_json(progress.answer)
+        self._db.execute(
+            "UPDATE search SET state = ?1, phase = ?2, note = ?3, updated_at = ?4,"
+            " answer = CASE ?5 WHEN x'' THEN answer ELSE ?5 END WHERE campaign = ?6",
+            (progress.state, progress.phase, progress.note, now, answer, campaign),
+        )
+        self.record_event(now, "search", campaign, campaign, progress.phase, progress.note)
+        if before == "running" and progress.state != "running":
+            self._close_if_finished(campaign, now)
+
+    def fail_searches(self, note: str, now: float) -> int:
+        """End all searches that run as failed, for a reason; returns how many."""
+        running = self.running_searches()
+        for campaign in running:
+            self._end_search(campaign, "failed", note, now)
+            self._close_if_finished(campaign, now)
+        return len(running)
+
+    def running_searches(self) -> dict[str, int]:
+        """Return the searches that run, and how many runs each has."""
+        rows = self._db.execute(
+            "SELECT id, total FROM search JOIN campaign ON campaign.id = search.campaign"
+            " WHERE search.state = 'running' AND visible"
+        )
+        return dict(rows.fetchall())
+
+    def _end_search(self, campaign: str, state: str, note: str, now: float) -> None:
+        ended = self._db.execute(
+            "UPDATE search SET state = ?, note = ?, updated_at = ?"
+            " WHERE campaign = ? AND state = 'running'",
+            (state, note, now, campaign),
+        ).rowcount
+        if ended:
+            self.record_event(now, "search", campaign, campaign, state, note)
+
+    def _go_on(self, campaign: str, now: float) -> int:
+        """Let a search go on that was cancelled or has failed; returns how many runs are queued.
+
+        Those that were cancelled have taught it nothing yet. What a lost one lacks it has learnt,
+        and so that stays: the same search proposes the same after any crash.
+        """
+        self._db.execute(
+            "UPDATE search SET state = 'running', note = '', updated_at = ? WHERE campaign = ?",
+            (now, campaign),
+        )
+        self._db.execute("UPDATE campaign SET finished_at = NULL WHERE id = ?", (campaign,))
+        rows = self._db.execute(
+            "SELECT id FROM run WHERE campaign = ? AND state = 'cancelled' ORDER BY position",
+            (campaign,),
+        ).fetchall()
+        for (run,) in rows:
+            self._apply(run, Retried(), now, quiet=True)
+        self.record_event(now, "campaign", campaign, campaign, "retried")
+        return len(rows)
+
+    def _retry_search(self, campaign: str, words: Iterable[str], now: float) -> int | None:
+        """Let a search go on, if that is what a retry of a campaign means; else ``None``."""
+        state = search_state(self._db, campaign)
+        if state in ("", "finished"):
+            return None
+        if not {"cancelled", "all"} & set(words):
+            raise Refused(
+                f"{campaign} is a search that is not finished: what it has learnt stays as it is, "
+                "only what was cancelled can run again (--only cancelled)"
+            )
+        return 0 if state == "running" else self._go_on(campaign, now)

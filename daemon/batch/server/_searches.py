@@ -1,0 +1,214 @@
+"""What the daemon admits of searches: their files, and the runs that are added to them.
+
+The files of a search are written into a folder for its owner alone, by names that lead nowhere
+else. Large searches are admitted by a process of their own, as submissions are.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import os
+import shutil
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from daemon.batch.errors import Refused, Unavailable
+from daemon.batch.ledger import stage_submission
+from daemon.batch.paths import StatePaths
+from daemon.batch.server._dispatcher import read_request
+from daemon.batch.server._submissions import LARGE_REQUEST, admit_in_child, admit_submission
+from daemon.model.ids import is_id
+from daemon.model.search import (
+    LARGEST_BUNDLE,
+    BundledFile,
+    ExtendRequest,
+    Proposal,
+    SearchSubmission,
+)
+from daemon.model.spec import RunSpec
+from daemon.model.verbs import EXTEND, SEARCH
+from grammars.text import codec
+
+MOST_FILES: Final = 1000
+"""Files of a search."""
+_LONGEST_NAME: Final = 200
+_FILES, _ASKED, _DIGEST = "files", "search.json", "digest"
+_STAGED: Final = ".search.{}.tmp"
+
+
+@dataclass(frozen=True, slots=True)
+class StagedSearch:
+    """A search that was admitted: ``asked`` without its files, which lie in ``folder``.
+
+    ``digest`` is that of all of it, the files included.
+    """
+
+    asked: SearchSubmission
+    digest: str
+    folder: Path
+
+    def place(self, paths: StatePaths, *, same: bool) -> None:
+        """Put its files where those of the search belong, unless the ``same`` are there already."""
+        target = paths.search(self.asked.campaign)
+        if same and target.is_dir():
+            return
+        shutil.rmtree(target, ignore_errors=True)
+        (self.folder / _FILES).rename(target)
+
+    def remove(self) -> None:
+        """Remove what was not placed."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+@dataclass(frozen=True, slots=True)
+class StagedExtension:
+    """Runs to be added to a search: what they are about, and the file of their rows."""
+
+    campaign: str
+    proposals: tuple[Proposal, ...]
+    rows: Path
+
+
+def stage_search(payload: bytes, paths: StatePaths) -> StagedSearch:
+    """Check a search as it came and write its files into a folder, to be placed or removed.
+
+    Raises :class:`Refused` with what is wrong, and :class:`Unavailable` when the disk is full, say.
+    """
+    folder = paths.searches / _STAGED.format(uuid.uuid4().hex[:8])
+    try:
+        folder.mkdir(mode=0o700)
+        if len(payload) < LARGE_REQUEST:
+            stage_search_here(payload, folder)
+        else:
+            admit_in_child(payload, folder, paths, str(SEARCH))
+        asked = codec.from_json(SearchSubmission, (folder / _ASKED).read_bytes())
+        return StagedSearch(asked, (folder / _DIGEST).read_text(), folder)
+    except BaseException as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise Unavailable(f"the search cannot be stored: {error}") from error
+        raise
+
+
+def stage_search_here(payload: bytes, folder: Path) -> None:
+    """Check a search and write its files, in this process."""
+    search = read_request(SEARCH, payload)
+    assert isinstance(search, SearchSubmission)
+    if not is_id(search.campaign):
+        words = f"{search.campaign!r} is not a campaign id: use up to 100 of A-Z a-z 0-9 _ -"
+        raise Refused(words)
+    if search.file not in {file.path for file in search.files}:
+        raise Refused(f"the campaign file {search.file!r} is not among the files of the search")
+    write_bundle(search.files, folder / _FILES)
+    (folder / _DIGEST).write_text(codec.digest(replace(search, fresh=False)))
+    (folder / _ASKED).write_bytes(codec.to_json(replace(search, files=())))
+
+
+def remove_staged_searches(paths: StatePaths) -> None:
+    """Remove what a daemon that was killed has left of searches it was reading."""
+    for folder in paths.searches.glob(_STAGED.format("*")):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def write_bundle(files: tuple[BundledFile, ...], folder: Path) -> None:
+    """Write files into a new folder; raises :class:`Refused` for names that lead elsewhere.
+
+    Nothing is written unless all of them are well.
+    """
+    if len(files) > MOST_FILES:
+        raise Refused(f"the search has {len(files)} files: at most {MOST_FILES} are taken")
+    contents: dict[PurePosixPath, bytes] = {}
+    room = LARGEST_BUNDLE
+    for file in files:
+        name = _safe_name(file.path)
+        if name in contents:
+            raise Refused(f"{file.path!r} is there twice")
+        contents[name] = _decode(file)
+        room -= len(contents[name])
+        if room < 0:
+            raise Refused(f"the files of a search have {LARGEST_BUNDLE} bytes at most")
+    for name in contents:
+        if any(parent in contents for parent in name.parents):
+            raise Refused(f"{str(name)!r} cannot lie below a file")
+    folder.mkdir(mode=0o700)
+    for name, data in contents.items():
+        path = folder / name
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        with os.fdopen(os.open(path, flags, 0o600), "wb") as output:
+            output.write(data)
+
+
+def _safe_name(path: str) -> PurePosixPath:
+    parts = path.split("/")
+    well = all(
+        part not in ("", ".", "..") and len(part.encode()) <= _LONGEST_NAME and part.isprintable()
+        for part in parts
+    )
+    if not well or "\\" in path:
+        raise Refused(f"{path[:200]!r} is not the name of a file below the campaign's folder")
+    return PurePosixPath(path)
+
+
+def _decode(file: BundledFile) -> bytes:
+    try:
+        return base64.b64decode(file.data, validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise Refused(f"the file {file.path!r} is not in base64: {error}") from error
+
+
+def read_bundle(folder: Path) -> tuple[BundledFile, ...]:
+    """Read the files of a search back, in the order of their names; raises ``OSError``."""
+    return tuple(
+        BundledFile(
+            path.relative_to(folder).as_posix(), base64.b64encode(path.read_bytes()).decode()
+        )
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.is_symlink()
+    )
+
+
+def stage_extension(payload: bytes, paths: StatePaths) -> StagedExtension:
+    """Check runs that are to be added to a search, and make them ready for the ledger.
+
+    Stores their scenes. Raises as :func:`stage_search` does.
+    """
+    request = read_request(EXTEND, payload)
+    assert isinstance(request, ExtendRequest)
+    problems = list(_extension_problems(request))
+    if problems:
+        raise Refused("\n".join(problems[:10]))
+    admit_submission(request.runs, paths)
+    rows = paths.incoming / f"submission-{uuid.uuid4().hex}.db"
+    try:
+        stage_submission(request.runs, rows)
+    except BaseException:
+        rows.unlink(missing_ok=True)
+        raise
+    return StagedExtension(request.campaign, request.proposals, rows)
+
+
+def _extension_problems(request: ExtendRequest) -> Iterator[str]:
+    proposals, packed = request.proposals, request.runs
+    if packed.campaign != request.campaign:
+        yield f"the runs are of {packed.campaign!r}, not of {request.campaign!r}"
+    if len(packed.runs) != len(proposals) or packed.reserve:
+        yield f"there are {len(packed.runs)} runs for {len(proposals)} proposals"
+        return
+    for place, (proposal, run) in enumerate(zip(proposals, packed.runs, strict=True)):
+        if proposal.position != proposals[0].position + place:
+            yield f"proposals follow one after the other, not at {proposal.position}"
+        if min(proposal.position, proposal.number, proposal.repeat) < 0:
+            yield f"proposals are counted from 0, not {proposal.position}"
+        if proposal.repeat != run.repeat:
+            yield f"repeat {run.repeat} was proposed as repeat {proposal.repeat}"
+        if run.cell < len(packed.cells) and not _is_of(proposal, packed.cells[run.cell]):
+            yield f"{packed.cells[run.cell].scenario!r} is not proposal {proposal.number}"
+
+
+def _is_of(proposal: Proposal, cell: RunSpec) -> bool:
+    return cell.scenario.endswith(f".{proposal.number}")

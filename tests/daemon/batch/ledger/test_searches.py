@@ -1,0 +1,292 @@
+"""Searches in the ledger: runs added by position, ended by whoever proposes or by people."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.errors import Refused
+from daemon.batch.ledger import LedgerReader, LedgerWriter, check_integrity, connect, find_strays
+from daemon.batch.ledger._steps import finish
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import stage_extension
+from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
+from daemon.model.search import (
+    ProposalQuery,
+    ProposalRow,
+    SearchAnswer,
+    SearchProgress,
+    SearchQuery,
+)
+from daemon.model.spec import LeadingMargin, RunResult, RunSpec
+from daemon.model.status import CampaignRow, RunState, SubmissionReceipt
+from daemon.model.verdicts import Outcome
+from grammars.text import codec
+from tests.daemon.batch.samples import make_extension, make_result, make_search, submission_of
+
+NOW = 1_000_000.0
+ANSWER = SearchAnswer("budget", 3, 3, 0, 1, 0, 0, 3, 1, 0.5, sentences=("three runs",))
+
+
+def led(spec: RunSpec) -> RunResult:
+    lead = LeadingMargin("arrives", 0.25, "s", "door")
+    return replace(make_result(spec, outcome=Outcome.FAIL, margin=-0.5), leads=(lead,))
+
+
+class Searches:
+    """A ledger with a search ``s``."""
+
+    def __init__(self, places: StatePaths, book: LedgerWriter, reader: LedgerReader) -> None:
+        self.places, self.book, self.reader = places, book, reader
+        self.submit("s")
+
+    def submit(self, name: str, digest: str = "d") -> SubmissionReceipt:
+        def place(_: bool) -> None:
+            self.places.search(name).mkdir(exist_ok=True)
+
+        return finish(self.book.submit_search(make_search(name), digest, place, NOW))
+
+    def extend(self, first: int, count: int = 1, name: str = "s", **parameters: object) -> int:
+        request = make_extension(name, first, count, **parameters)  # type: ignore[arg-type]
+        staged = stage_extension(codec.to_json(request), self.places)
+        steps = self.book.extend_in_steps(name, staged.proposals, staged.rows, NOW)
+        try:
+            with self.book.transaction():
+                return finish(steps)
+        finally:
+            staged.rows.unlink()
+
+    def work(self) -> int:
+        done = 0
+        while grants := self.book.lease("w", 100, NOW):
+            for grant in grants:
+                path = self.places.trace(grant.trace)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(b"trace")
+                done_by = ("w", grant.run, grant.attempt, grant.token)
+                answer = self.book.complete(Completion(*done_by, led(grant.spec)), NOW)
+                assert answer in (LedgerAnswer.RECORDED, LedgerAnswer.KNOWN)
+            done += len(grants)
+        return done
+
+    def rows(self, offset: int = 0, limit: int = 500, name: str = "s") -> tuple[ProposalRow, ...]:
+        return self.reader.proposals(ProposalQuery(name, offset, limit))
+
+    def campaign(self, name: str = "s") -> CampaignRow:
+        return next(row for row in self.reader.campaigns() if row.id == name)
+
+    def say(self, **changes: object) -> None:
+        self.book.note_progress(replace(SearchProgress("s", "explore"), **changes), NOW)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def searches(tmp_path: Path) -> Iterator[Searches]:
+    places = StatePaths(tmp_path)
+    places.make_folders()
+    writing = connect(places.ledger)
+    writing.execute("PRAGMA synchronous = OFF")  # power cuts are tested elsewhere
+    with LedgerReader.open(places) as reader:
+        yield Searches(places, LedgerWriter(writing, paths=places), reader)
+    writing.close()
+
+
+def test_runs_are_added_by_position_and_only_once(searches: Searches) -> None:
+    assert searches.extend(0, 3) == 3
+    assert searches.extend(0, 3) == 0
+    assert searches.extend(2, 2) == 1
+    rows = searches.rows()
+    assert [(r.run, r.proposal.position, r.label) for r in rows] == [
+        (f"s.{n}", n, f"doors.{n}/pilot/0") for n in range(4)
+    ]
+    assert [row.proposal.values for row in rows] == [(40.0 + n,) for n in range(4)]
+    assert {row.state for row in rows} == {RunState.QUEUED}
+    assert (searches.campaign().total, searches.campaign().queued) == (4, 4)
+    with pytest.raises(Refused, match="has 4 runs: none can be added at 5"):
+        searches.extend(5)
+    with pytest.raises(Refused, match=r"s\.3 is another run than is proposed"):
+        searches.extend(3, 2, speed=2)
+    assert searches.campaign().total == 4
+
+
+def test_pages_of_proposals_begin_at_a_position(searches: Searches) -> None:
+    searches.extend(0, 300)
+    searches.extend(300, 300)
+    assert [row.proposal.position for row in searches.rows(298, 4)] == [298, 299, 300, 301]
+    assert searches.rows(600) == ()
+    with pytest.raises(Refused, match="there is no search other"):
+        searches.rows(name="other")
+
+
+def test_runs_of_a_search_are_leased_with_the_wish_for_leading_margins(searches: Searches) -> None:
+    searches.extend(0)
+    searches.book.submit(submission_of("plain", make_extension("x", 9).runs.cells[0]), NOW)
+    assert {lease.campaign: lease.leads for lease in searches.book.lease("w", 9, NOW)} == {
+        "s": True,
+        "plain": False,
+    }
+
+
+def test_a_search_stays_open_until_it_is_said_to_be_over(searches: Searches) -> None:
+    searches.extend(0, 2)
+    assert searches.work() == 2
+    row = searches.campaign()
+    assert (row.finished_at, row.finished, row.search) == (None, False, "running")
+    searches.say(note="so far", answer=ANSWER)
+    (found,) = searches.reader.searches(SearchQuery("s"))
+    assert (found.state, found.note, found.answer) == ("running", "so far", ANSWER)
+    assert (found.proposed, found.finished, found.task.name) == (2, 2, "doors")
+    searches.say(state="finished", phase="shrink")
+    (found,) = searches.reader.searches(SearchQuery())
+    assert (found.state, found.phase, found.answer) == ("finished", "shrink", ANSWER)
+    assert searches.reader.searches(SearchQuery(running=True)) == ()
+    row = searches.campaign()
+    assert (row.finished_at, row.finished, row.search) == (NOW, True, "finished")
+    with pytest.raises(Refused, match="the search s is finished"):
+        searches.extend(2)
+    with pytest.raises(Refused, match="the search s is finished"):
+        searches.say()
+
+
+def test_runs_under_way_at_the_end_of_a_search_are_finished(searches: Searches) -> None:
+    searches.extend(0, 2)
+    searches.say(state="finished")
+    assert searches.campaign().finished_at is None
+    assert searches.work() == 2
+    assert searches.campaign().finished_at == NOW
+    (first, _) = searches.rows()
+    assert (first.outcome, first.leads[0].margin, first.trace) == (
+        Outcome.FAIL,
+        0.25,
+        str(searches.places.trace("s/doors%2E0.pilot.0.mcap")),
+    )
+
+
+@pytest.mark.parametrize("runs", [0, 3])
+def test_a_cancelled_search_goes_on_when_it_is_submitted_or_retried(
+    searches: Searches, runs: int
+) -> None:
+    for position in range(runs):
+        searches.extend(position)
+    assert searches.book.cancel("s", NOW) == runs
+    row = searches.campaign()
+    assert (row.search, row.finished_at, row.cancelled) == ("cancelled", NOW, runs)
+    with pytest.raises(Refused, match="the search s is cancelled"):
+        searches.extend(runs)
+    searches.say(state="cancelled", answer=ANSWER)  # the last word of whoever proposed
+    (found,) = searches.reader.searches(SearchQuery("s"))
+    assert found.answer == ANSWER
+    receipt = searches.submit("s")
+    assert (receipt.known, receipt.runs) == (True, runs)
+    row = searches.campaign()
+    assert (row.search, row.finished_at, row.queued) == ("running", None, runs)
+    searches.book.cancel("s", NOW)
+    assert searches.book.retry(RetryRequest("s", ("lost", "cancelled")), NOW) == runs
+    assert searches.extend(runs) == 1
+    assert searches.work() == runs + 1
+
+
+def test_what_a_search_has_learnt_is_not_run_again(searches: Searches) -> None:
+    searches.extend(0)
+    searches.work()
+    with pytest.raises(Refused, match="what it has learnt stays"):
+        searches.book.retry(RetryRequest("s", ("fail",)), NOW)
+    assert searches.book.retry(RetryRequest("s", ("all",)), NOW) == 0
+    searches.say(state="finished")
+    assert searches.book.retry(RetryRequest("s", ("all",)), NOW) == 1
+    assert searches.campaign().finished_at is None
+    assert searches.work() == 1
+    assert searches.campaign().finished_at == NOW
+
+
+def test_results_are_used_again_among_searches_only(searches: Searches) -> None:
+    plain = [make_extension("x", n).runs.cells[0] for n in range(2)]
+    searches.book.submit(submission_of("plain", *plain), NOW)
+    searches.work()
+    searches.extend(0, 2)
+    assert {row.state for row in searches.rows()} == {RunState.QUEUED}
+    searches.work()
+    searches.submit("again")
+    assert searches.extend(0, 3, name="again") == 3
+    rows = searches.rows(name="again")
+    assert [row.cached for row in rows] == [True, True, False]
+    assert rows[0].leads == searches.rows()[0].leads
+    assert searches.campaign("again").cached == 2
+    receipt = searches.book.submit(replace(submission_of("last", *plain), fresh=False), NOW)
+    assert receipt.cached == 2
+
+
+def test_an_id_of_another_campaign_is_refused(searches: Searches) -> None:
+    with pytest.raises(Refused, match="taken by another campaign"):
+        searches.submit("s", "other")
+    assert not searches.submit("t").known
+    searches.book.submit(submission_of("plain", make_extension("x", 9).runs.cells[0]), NOW)
+    with pytest.raises(Refused, match="plain is no search"):
+        searches.extend(0, name="plain")
+
+
+def test_all_searches_that_run_can_be_ended_at_once(searches: Searches) -> None:
+    searches.submit("t")
+    assert searches.book.running_searches() == {"s": 0, "t": 0}
+    assert searches.book.fail_searches("it dies", NOW) == 2
+    assert searches.book.running_searches() == {}
+    assert [(r.state, r.note) for r in searches.reader.searches(SearchQuery())] == [
+        ("failed", "it dies")
+    ] * 2
+    assert searches.campaign().finished_at == NOW
+
+
+def test_a_search_is_deleted_with_all_that_it_has(searches: Searches) -> None:
+    searches.extend(0, 2)
+    searches.work()
+    with pytest.raises(Refused, match="is a search that goes on: cancel it first"):
+        searches.book.delete(("s",), NOW)
+    searches.book.cancel("s", NOW)
+    searches.book.delete(("s",), NOW)
+    assert searches.reader.searches(SearchQuery()) == ()
+    with pytest.raises(Refused, match="there is no search s"):
+        searches.rows()
+    assert finish(searches.book.remove_hidden_in_steps()) == 1
+    assert not searches.places.search("s").exists()
+    assert searches.reader.searches(SearchQuery()) == ()
+    assert not searches.submit("s").known
+    assert check_integrity(searches.places.ledger).violations == ()
+
+
+def test_files_of_no_search_are_strays(searches: Searches, tmp_path: Path) -> None:
+    left = (searches.places.search("gone"), searches.places.searches / ".search.0123abcd.tmp")
+    for folder in left:
+        folder.mkdir()
+    later = max(folder.stat().st_mtime for folder in left) + 7200.0
+    found = {stray.path: stray.what for stray in find_strays(searches.places, later)}
+    assert found == dict(zip(left, ("files of no search", "temporary file"), strict=True))
+
+
+def test_the_answers_of_many_searches_fit_into_a_page(searches: Searches) -> None:
+    long = replace(ANSWER, sentences=("x" * 3 * 2**20,))
+    for name in ("s", "t", "u"):
+        if name != "s":
+            searches.submit(name)
+        searches.book.note_progress(SearchProgress(name, "explore", answer=long), NOW)
+    rows = searches.reader.searches(SearchQuery())
+    assert [(row.campaign, row.answer is not None) for row in rows] == [
+        ("u", True),
+        ("t", True),
+        ("s", False),
+    ]
+    assert searches.reader.searches(SearchQuery("s"))[0].answer == long
+
+
+def test_the_doctor_sees_a_search_that_is_not_whole(searches: Searches) -> None:
+    searches.extend(0, 2)
+    db = sqlite3.connect(searches.places.ledger, isolation_level=None)
+    db.execute("INSERT INTO proposal VALUES ('s', 7, 7, 0, 'explore', 'tpe', 1, x'5b5d', '')")
+    db.execute("UPDATE campaign SET finished_at = 1.0")
+    db.close()
+    assert set(check_integrity(searches.places.ledger).violations) >= {
+        "1 runs are proposed and not there",
+        "1 searches run in campaigns that are closed",
+    }

@@ -1,0 +1,141 @@
+"""Searches at the daemon: what is admitted of them, and what clients see."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.errors import Refused
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import _searches as searches
+from daemon.batch.server import stage_extension, stage_search
+from daemon.model.packed_submission import PackedRun
+from daemon.model.search import BundledFile, SearchProgress
+from daemon.model.verbs import EXTEND, PROGRESS
+from grammars.text import codec
+from tests.daemon.batch.harness import daemon_at
+from tests.daemon.batch.samples import make_extension, make_search, make_submission
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> StatePaths:
+    places = StatePaths(tmp_path / "state")
+    places.make_folders()
+    return places
+
+
+def kept(places: StatePaths) -> list[Path]:
+    return [*places.searches.iterdir(), *places.incoming.iterdir()]
+
+
+@pytest.mark.parametrize("size", [10, searches.LARGE_REQUEST])
+def test_the_files_of_a_search_come_back_as_they_were(tmp_path: Path, size: int) -> None:
+    search = make_search("s", {"a/campaign.yaml": "campaign: test", "maps/flat.pgm": "P5" * size})
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+        places = StatePaths(daemon.state)
+        assert client.submit_search(search).known is False
+        assert client.submit_search(search).known is True
+        assert client.bundle("s") == search
+        folder = places.search("s")
+        assert (folder / "maps" / "flat.pgm").read_text() == "P5" * size
+        modes = {path.stat().st_mode & 0o777 for path in (folder, *folder.rglob("*"))}
+        assert modes == {0o700, 0o600}
+        assert kept(places) == [folder]
+        with pytest.raises(Refused, match="taken by another campaign"):
+            client.submit_search(replace(search, about="another"))
+        assert kept(places) == [folder]
+        assert client.ask(EXTEND, make_extension("s", 0, 3)).count == 3
+        assert client.ask(EXTEND, make_extension("s", 1, 3, send_scenes=False)).count == 1
+        assert [row.digest for row in client.proposals("s")] == [
+            client.run(row.id).spec.digest for row in client.runs(campaign="s").rows
+        ]
+        assert [row.proposal.position for row in client.proposals("s", 2)] == [2, 3]
+        assert client.campaigns(unfinished=True)[0].search == "running"
+        with pytest.raises(Refused, match="goes on: cancel it first"):
+            client.delete(("s",))
+        client.ask(PROGRESS, SearchProgress("s", "explore", "no more", "failed"))
+        (row,) = client.searches()
+        assert (row.state, row.note) == ("failed", "no more")
+        assert client.cancel("s") == 4
+        client.delete(("s",))
+        assert client.search_row("s") is None
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/etc/passwd", "../up", "a/../../up", "a//b", "./a", "a/", "", ".", "..", "a\\b",
+        "a\nb", "x" * 201, "a/..", "\u202etxt",
+    ],
+)  # fmt: skip
+def test_a_file_that_leads_elsewhere_is_refused_with_all_others(
+    places: StatePaths, path: str
+) -> None:
+    search = make_search("s")
+    bad = replace(search, files=(*search.files, BundledFile(path, "")))
+    with pytest.raises(Refused, match="is not the name of a file below|malformed"):
+        stage_search(codec.to_json(bad), places)
+    assert kept(places) == []
+
+
+def bundled(path: str, data: bytes = b"x") -> BundledFile:
+    return BundledFile(path, base64.b64encode(data).decode())
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        ((bundled("c.yaml"), bundled("c.yaml")), "is there twice"),
+        ((bundled("c.yaml"), bundled("c.yaml/below")), "cannot lie below a file"),
+        ((bundled("other.yaml"),), "is not among the files"),
+        ((BundledFile("c.yaml", "!"),), "not in base64"),
+        (tuple(bundled(f"{n}") for n in range(1001)), "at most 1000"),
+        ((bundled("c.yaml"), *(bundled(f"{n}", b"x" * 2**23) for n in range(5))), "bytes at most"),
+    ],
+)
+def test_what_is_wrong_with_files_is_said(
+    places: StatePaths, files: tuple[BundledFile, ...], words: str
+) -> None:
+    first = files[0].path if words != "is not among the files" else "c.yaml"
+    search = replace(make_search("s"), files=files, file=first)
+    with pytest.raises(Refused, match=words):
+        stage_search(codec.to_json(search), places)
+    assert kept(places) == []
+
+
+def test_runs_that_are_not_what_was_proposed_are_refused(places: StatePaths) -> None:
+    good = make_extension("s", 4, 2)
+    later = tuple(replace(one, position=one.position + 5 * one.number) for one in good.proposals)
+    others = tuple(replace(one, number=one.number + 1) for one in good.proposals)
+    noisy = tuple(run._replace(repeat=1) for run in good.runs.runs)
+    for wrong, words in (
+        (replace(good, campaign="t"), "the runs are of 's', not of 't'"),
+        (replace(good, proposals=good.proposals[:1]), "2 runs for 1 proposals"),
+        (replace(good, proposals=later), "proposals follow one after the other, not at 30"),
+        (replace(good, proposals=others), "'doors.4' is not proposal 5"),
+        (replace(good, runs=replace(good.runs, runs=noisy)), "repeat 1 was proposed as repeat 0"),
+        (
+            replace(good, runs=replace(good.runs, runs=(PackedRun(9, 0, 0, 0),) * 2)),
+            "no cell 9",
+        ),
+    ):
+        with pytest.raises(Refused, match=words):
+            stage_extension(codec.to_json(wrong), places)
+    assert kept(places) == []
+
+
+def test_a_plain_campaign_is_no_search(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+        client.submit(make_submission("plain", 1))
+        assert client.campaigns()[0].search == ""
+        for ask in (
+            lambda: client.proposals("plain"),
+            lambda: client.bundle("plain"),
+            lambda: client.ask(EXTEND, make_extension("plain", 1)),
+            lambda: client.ask(PROGRESS, SearchProgress("plain", "explore")),
+        ):
+            with pytest.raises(Refused, match="no search"):
+                ask()
