@@ -6,6 +6,7 @@ from daemon.campaign._campaign import (
     examine,
     expand,
     load_campaign,
+    noise_seed,
     repeat_seed,
 )
 from daemon.campaign._cells import CampaignCell
@@ -32,7 +33,9 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.campaign._scenarios import LayerReference
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario
+from daemon.campaign._search_file import read_budget, read_confirm, read_stop
+from daemon.campaign._searchable import references_of
 from daemon.campaign._survey import read_campaign
 from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
 
@@ -56,6 +59,7 @@ __all__ = [
     "ParameterValue",
     "ParameterValues",
     "RefusedSutError",
+    "ResolvedScenario",
     "SutFile",
     "check",
     "examine",
@@ -67,7 +71,12 @@ __all__ = [
     "load_campaign",
     "load_sut",
     "merge_parameters",
+    "noise_seed",
     "parameter_tree",
+    "read_budget",
     "read_campaign",
+    "read_confirm",
+    "read_stop",
+    "references_of",
     "repeat_seed",
 ]

@@ -170,6 +170,10 @@ class LayerLibrary:
     warnings: list[Diagnostic] = field(default_factory=list)
     _loaded: dict[tuple[str, Path], Any] = field(default_factory=dict)
 
+    def branch(self) -> LayerLibrary:
+        """Return a library that knows what this one has read; what it reads ends with it."""
+        return LayerLibrary(self.folder, _loaded=dict(self._loaded))
+
     def floorplan(self, reference: LayerReference) -> FloorPlan:
         """Load a floor plan; its warnings are kept once."""
         path = find_layer(self.folder, reference, FLOORPLAN)

@@ -54,6 +54,8 @@ class SearchParameter:
     beside the ``index``-th name of that slot. ``low``, ``high``, ``step`` and ``written`` are in
     ``unit``, as written in the range; it is empty for plain numbers. With ``choices`` there is no
     range. ``written`` is the value that the scenario has, which may lie outside of the range.
+    Values of a ``whole`` parameter are whole numbers, those of a ``truth`` parameter ``"true"``
+    and ``"false"``. ``where`` is the place of the range: file and line.
     """
 
     name: str
@@ -68,11 +70,21 @@ class SearchParameter:
     choices: tuple[PointValue, ...] = ()
     written: PointValue | None = None
     where: str = ""
+    whole: bool = False
+    truth: bool = False
 
     def text(self, value: PointValue) -> str:
         """Return a value as it is written in a file: ``52.5 deg/s``."""
         words = value if isinstance(value, str) else f"{value:.10g}"
         return f"{words} {self.unit}" if self.unit and not isinstance(value, str) else words
+
+    def override(self, value: PointValue) -> str | float | int | bool:
+        """Return what stands in a campaign file as the parameter's value."""
+        if self.truth:
+            return value == "true"
+        if isinstance(value, str) or self.unit:
+            return self.text(value)
+        return round(value) if self.whole else float(f"{value:.10g}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,14 @@
 :func:`daemon.run.execute`), :func:`save_campaign` writes the smallest failing run as a campaign.
 """
 
-from daemon.analysis.blame._case import CampaignRun, Candidate, RunCase, find_run, load_case
+from daemon.analysis.blame._case import (
+    CampaignRun,
+    Candidate,
+    RunCase,
+    case_of,
+    find_run,
+    load_case,
+)
 from daemon.analysis.blame._elements import Blame, Element, NoFailureError, Without, sut_differences
 from daemon.analysis.blame._layer_text import behaviour_sentences
 from daemon.analysis.blame._runner import (
@@ -36,6 +43,7 @@ __all__ = [
     "RunCase",
     "Without",
     "behaviour_sentences",
+    "case_of",
     "ddmin",
     "execute_candidates",
     "explain_failure",
