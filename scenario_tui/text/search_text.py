@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         ObjectiveValue,
         Phase,
         PointValue,
+        Proposal,
         ProposalRow,
         SearchAnswer,
         SearchParameter,
@@ -171,6 +172,25 @@ def range_text(parameter: SearchParameter) -> str:
         return " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     low = f"{parameter.low:.10g}"
     return f"{low} .. {parameter.text(parameter.high)}{', log' if parameter.log else ''}"
+
+
+def proposal_lines(
+    task: SearchTask, proposal: Proposal, styles: Styles = DASHBOARD_STYLES
+) -> list[Text]:
+    """Return what a run of a search was for, and its values, those not as written first."""
+    purpose = f"{_PHASES[proposal.phase]}, {proposal.method}"
+    if proposal.note:
+        purpose += f": {proposal.note}"
+    about = f"point {proposal.number} of the search {task.name}, {purpose}"
+    lines = [Text(about, style=quiet_style(styles))]
+    rows = sorted(parameter_table(task, proposal.values), key=lambda row: not row[3])
+    width = max((len(row[0]) for row in rows), default=0)
+    for name, written, value, differs in rows:
+        line = Text(f"  {name:<{width}}  {value}", style="" if differs else quiet_style(styles))
+        if differs:
+            line.append(f"  instead of {written}", style=quiet_style(styles))
+        lines.append(line)
+    return lines
 
 
 def search_word(row: SearchRow) -> str:
