@@ -1,5 +1,6 @@
 """Campaign files: from layers by name to run specifications."""
 
+from daemon.campaign._bundle import bundle_campaign, checked_bundle, unpack_bundle
 from daemon.campaign._campaign import (
     Campaign,
     check,
@@ -61,7 +62,9 @@ __all__ = [
     "RefusedSutError",
     "ResolvedScenario",
     "SutFile",
+    "bundle_campaign",
     "check",
+    "checked_bundle",
     "examine",
     "expand",
     "find_layer",
@@ -79,4 +82,5 @@ __all__ = [
     "read_stop",
     "references_of",
     "repeat_seed",
+    "unpack_bundle",
 ]

@@ -34,6 +34,7 @@ from daemon.model.search import (
     SearchTask,
 )
 from daemon.model.spec import SutReference
+from grammars.model.robot import Robot
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import KeyPath, YamlDocument
@@ -107,7 +108,7 @@ class _SearchReader:
             scenario=self.text.scenario,
             sut=sut.name,
             minimise=self.text.minimise,
-            scales=tuple(OracleScale(oracle.name, 1.0, "") for oracle in minimised),
+            scales=_scales(minimised, cell.robot),
             parameters=parameters,
             constraints=constraints,
             runs=runs,
@@ -192,22 +193,37 @@ class _SearchReader:
         """Return the oracles it is about; none after saying what is wrong with the one named."""
         picked = {reference.name for reference in cell.scenario.oracles}
         oracles = {oracle.name: oracle for oracle in cell.oracles if oracle.name in picked}
-        limited = tuple(oracle for oracle in oracles.values() if not oracle.is_measure)
+        limited = [oracle for oracle in oracles.values() if not oracle.is_measure]
         wanted, where = self.text.minimise, self._at("minimise")
         if wanted in oracles:
-            if oracles[wanted].is_measure:
-                message = f"{wanted} is a measure: without a limit nothing of it can fail"
-                example = f"{wanted}-enough: {oracles[wanted].text} >= …"
-                self._error(where, message, f"write an oracle with a limit, such as {example}")
-                return ()
-            return (oracles[wanted],)
+            return tuple(o for o in (oracles[wanted],) if self._leads(o, Severity.ERROR))
         if wanted == ANY:
-            if not limited:
-                self._error(where, f"{cell.name} has no oracle with a limit, nothing can fail")
-            return limited
+            led = tuple(oracle for oracle in limited if self._leads(oracle, Severity.WARNING))
+            if not led:
+                message = f"{cell.name} has no oracle with a limit that a search can follow"
+                self._error(where, message, "such as always(clearance >= 0.05 m)")
+            return led
         hint = did_you_mean(wanted, (*(oracle.name for oracle in limited), ANY))
         self._error(where, f'{cell.name} is not judged by an oracle "{wanted}"', hint)
         return ()
+
+    def _leads(self, oracle: Oracle, severity: Severity) -> bool:
+        """Return whether a search can follow an oracle, after saying why not and what to do."""
+        # What judges is loaded by campaigns that have a search.
+        from daemon.judging.oracles import leading_kind
+
+        where = self._at("minimise")
+        try:
+            kind = leading_kind(oracle)
+        except ValueError as error:
+            self.findings.append(Diagnostic(where, f"{oracle.name}: {error}", "", severity))
+            return False
+        if not kind.led:
+            passed_over = ", it is passed over" if severity is Severity.WARNING else ""
+            message = f"{oracle.name} cannot be searched with{passed_over}: {kind.reason}"
+            hint = f"write an oracle that leads to the failure, such as {kind.better}"
+            self.findings.append(Diagnostic(where, message, hint, severity))
+        return kind.led
 
     def _parameters(
         self, layers: Sequence[SearchLayer], cell: CampaignCell
@@ -298,6 +314,12 @@ class _SearchReader:
                 message, _, hint = str(error).partition("; ")
                 self._error(where, message, hint)
         return tuple(found)
+
+
+def _scales(oracles: Sequence[Oracle], robot: Robot) -> tuple[OracleScale, ...]:
+    from daemon.judging.oracles import oracle_scale
+
+    return tuple(oracle_scale(oracle, robot) for oracle in oracles)
 
 
 def _find_value(
