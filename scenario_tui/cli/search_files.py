@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final
 
-from daemon.campaign import unpack_bundle
+from daemon.campaign import checked_bundle
 
 if TYPE_CHECKING:
-    from daemon.model.search import ProposalRow, SearchRow
+    from daemon.model.search import BundledFile, ProposalRow, SearchRow
     from daemon.model.verbs import DaemonClient
 
 PAGE: Final = "search.html"
@@ -36,14 +36,25 @@ def write_search_files(
     folder.mkdir(parents=True, exist_ok=True)
     if answer.found:
         bundle = daemon.bundle(row.campaign)
-        unpack_bundle(bundle.files, folder)
+        _write_bundle(bundle.files, folder)
         file = folder / Path(bundle.file).parent / f"{row.task.name}.found.yaml"
         file.write_text(answer.found, encoding="utf-8")
         written["found"] = file
     if answer.shrunk is not None and answer.shrunk.files:
-        unpack_bundle(answer.shrunk.files, folder / _SHRUNK)
+        _write_bundle(answer.shrunk.files, folder / _SHRUNK)
         written["smallest"] = folder / _SHRUNK / "campaign.yaml"
     return written
+
+
+def _write_bundle(files: Sequence[BundledFile], folder: Path) -> None:
+    """Write files below a folder in place of what was written there before.
+
+    Raises ``ValueError`` for paths that lead elsewhere: a daemon may be anybody's.
+    """
+    for path, data in checked_bundle(files).items():
+        target = folder.joinpath(*PurePosixPath(path).parts)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(data)
 
 
 def file_commands(written: Mapping[str, str]) -> Iterator[tuple[str, str]]:

@@ -99,7 +99,8 @@ class SearchWatch:
         row, tally = self.row, self.tally
         text = Text(f"{tally.explored}/{pluralise(row.task.runs, 'run')}")
         if tally.failed:
-            words = f"{GLYPHS['fail']} {failures_text(tally.failed)}"
+            words = failures_text(tally.failed) if dispensable < 3 else f"{tally.failed:,}"
+            words = f"{GLYPHS['fail']} {words}"
             text.append(f"  {words}", style=TERMINAL_STYLES["fail"])
         if tally.smallest is not None:
             text.append(f"  {margin(tally.smallest.margin, tally.smallest.unit)}")
