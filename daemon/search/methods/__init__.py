@@ -1,6 +1,20 @@
 """Methods of searching: which values to try next, made of what the ones before gave."""
 
-from daemon.search.methods._make import make_method
+from daemon.search.methods._make import (
+    COVARIANCE_FROM,
+    METHODS,
+    make_method,
+    method_names,
+    method_problem,
+)
 from daemon.search.methods._protocol import MethodProposal, SearchMethod
 
-__all__ = ["MethodProposal", "SearchMethod", "make_method"]
+__all__ = [
+    "COVARIANCE_FROM",
+    "METHODS",
+    "MethodProposal",
+    "SearchMethod",
+    "make_method",
+    "method_names",
+    "method_problem",
+]

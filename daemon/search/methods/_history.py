@@ -94,6 +94,11 @@ class SearchHistory:
                 self._known.append(KnownResult(n, point, self.space.unit(point), value))
         return self._known
 
+    def outcomes(self, number: int) -> dict[Point, float | None]:
+        """Return the value of each point that proposal ``number`` may know, or that it has none."""
+        points = ((n, self._points.get(n)) for n in range(number - self.window + 1))
+        return {p: self._values[n] for n, p in points if p is not None and n in self._values}
+
     def pending(self, number: int) -> list[Point]:
         """Return the points that are out when proposal ``number`` is made, in order."""
         first = max(0, number - self.window + 1)
