@@ -235,7 +235,7 @@ class ObjectiveValue:
     """What a run is worth to a search: ``value`` is compared, ``margin`` in ``unit`` is told.
 
     Both are the same where one oracle is minimised. ``oracle`` is the one that is nearest to
-    failing, ``object`` what it is about.
+    failing, ``object`` what it is about, ``waypoint`` the one that the robot was on its way to.
     """
 
     value: float
@@ -243,6 +243,7 @@ class ObjectiveValue:
     unit: str
     oracle: str
     object: str = ""
+    waypoint: str = ""
 
 
 def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValue | None:
@@ -254,13 +255,18 @@ def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValu
             continue
         value = lead.margin if len(task.scales) == 1 else lead.margin / scale.scale
         if best is None or value < best.value:
-            best = ObjectiveValue(value, lead.margin, lead.unit, lead.oracle, lead.object)
+            best = ObjectiveValue(
+                value, lead.margin, lead.unit, lead.oracle, lead.object, lead.waypoint
+            )
     return best
 
 
 @dataclass(frozen=True, slots=True)
 class PointResult:
-    """A proposal with what it gave: its verdict, its margin, and the run to look at."""
+    """A proposal with what it gave: its verdict, its margin, and the run to look at.
+
+    ``outcome`` is that of the oracle in question; an error where the run cannot be trusted.
+    """
 
     number: int
     position: int
@@ -280,9 +286,10 @@ class PointResult:
 
 @dataclass(frozen=True, slots=True)
 class Confirmation:
-    """How many of the repeats of a point fail, itself included.
+    """How many of the repeats of a point fail, with other noise than the run that was found.
 
-    ``low`` and ``high`` bound the rate with 95 % certainty (Clopper and Pearson).
+    That run does not count: it was chosen for failing. ``low`` and ``high`` bound the rate with
+    95 % certainty (Clopper and Pearson).
     """
 
     failed: int
@@ -365,11 +372,13 @@ class SearchAnswer:
     """What a search has found, so far or in the end.
 
     ``ended`` says why it ended (``budget``, ``time``, ``failures``, ``settled``, ``errors``,
-    ``cancelled``), empty while it lasts. ``written`` is the scenario as it stands, ``first`` the
-    failure of the lowest number, ``best`` the smallest margin. Of the ``space_filling`` runs
-    ``space_filling_failed`` fail; with 95 % certainty less than ``failing_share`` of the space
-    does. ``sentences`` tell all of it; ``found`` is the text of ``NAME.found.yaml``, empty when
-    nothing fails.
+    ``exhausted``, ``cancelled``), empty while it lasts. Of the ``explored`` proposals ``refused``
+    are points that no run can be made of. ``written`` is the scenario as it stands, ``first`` the
+    failure of the lowest number, ``best`` the smallest margin. Of the ``space_filling`` runs, those
+    with a verdict that were drawn without looking at results (the scenario as written was not
+    drawn), ``space_filling_failed`` fail; with 95 % certainty at most ``failing_share`` of the
+    space does. ``sentences`` tell all of it; ``found`` is the text of ``NAME.found.yaml``, empty
+    when nothing fails.
     """
 
     ended: str
@@ -394,6 +403,7 @@ class SearchAnswer:
     found: str = ""
     found_label: str = ""
     found_digest: str = ""
+    refused: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,26 +16,36 @@ from daemon.analysis.blame._case import (
 from daemon.analysis.blame._elements import Blame, Element, NoFailureError, Without, sut_differences
 from daemon.analysis.blame._layer_text import behaviour_sentences
 from daemon.analysis.blame._runner import (
+    SLOTS,
     BudgetSpentError,
+    CandidateExecutor,
     CandidateResult,
     CandidateRunner,
     execute_candidates,
+    judge_verdict,
+    run_forked,
+    unresolved_candidate,
 )
 from daemon.analysis.blame._save import save_campaign
 from daemon.analysis.blame._search import (
     LINEAR_STEPS,
+    BlameResult,
     ddmin,
     explain_failure,
     find_flip,
     split_evenly,
 )
+from daemon.analysis.blame._story import story_lines
 
 __all__ = [
     "LINEAR_STEPS",
+    "SLOTS",
     "Blame",
+    "BlameResult",
     "BudgetSpentError",
     "CampaignRun",
     "Candidate",
+    "CandidateExecutor",
     "CandidateResult",
     "CandidateRunner",
     "Element",
@@ -49,8 +59,12 @@ __all__ = [
     "explain_failure",
     "find_flip",
     "find_run",
+    "judge_verdict",
     "load_case",
+    "run_forked",
     "save_campaign",
     "split_evenly",
+    "story_lines",
     "sut_differences",
+    "unresolved_candidate",
 ]
