@@ -126,7 +126,7 @@ class SearchWatch:
             self.told_first = True
             worst = next((one for one in first.verdicts if one.outcome == "fail"), None)
             words = f"{worst.oracle} by {margin(worst.margin, worst.unit)}" if worst else ""
-            shown.note(f"point {first.proposal.number} fails: {words} ({first.run})")
+            shown.note(f"run {first.proposal.number} fails: {words} ({first.run})")
         if row.phase != self.told_phase and row.state == "running":
             shown.note(phase_text(row))
         self.told_phase = row.phase

@@ -240,7 +240,7 @@ def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fak
     said = scenario("search", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
     assert said.err.splitlines() == [
-        f"point 4 fails: keeps-clear by −0.012 m ({SEARCH}.4)",
+        f"run 4 fails: keeps-clear by −0.012 m ({SEARCH}.4)",
         "looking for the nearest failure",
     ]
 
