@@ -203,6 +203,8 @@ class _SearchReader:
                 message = f"{cell.name} has no oracle with a limit that a search can follow"
                 self._error(where, message, "such as always(clearance >= 0.05 m)")
             return led
+        if len(oracles) < len(picked):
+            return ()  # one of them cannot be read, which has been said
         hint = did_you_mean(wanted, (*(oracle.name for oracle in limited), ANY))
         self._error(where, f'{cell.name} is not judged by an oracle "{wanted}"', hint)
         return ()

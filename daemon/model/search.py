@@ -410,7 +410,8 @@ class SearchAnswer:
 class SearchRow:
     """A search and how it stands; ``note`` says what keeps it or why it failed.
 
-    ``campaign`` is its id in the ledger, ``proposed`` and ``finished`` count runs.
+    ``campaign`` is its id in the ledger, ``proposed`` and ``finished`` count runs. ``file`` is the
+    campaign file among its files.
     """
 
     campaign: str
@@ -423,6 +424,7 @@ class SearchRow:
     finished: int = 0
     note: str = ""
     answer: SearchAnswer | None = None
+    file: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,10 @@ from daemon.search.methods._make import (
     COVARIANCE_FROM,
     METHODS,
     make_method,
+    method_misfit,
     method_names,
     method_problem,
+    missing_library,
 )
 from daemon.search.methods._protocol import MethodProposal, SearchMethod
 
@@ -15,6 +17,8 @@ __all__ = [
     "MethodProposal",
     "SearchMethod",
     "make_method",
+    "method_misfit",
     "method_names",
     "method_problem",
+    "missing_library",
 ]

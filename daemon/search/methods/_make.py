@@ -43,6 +43,11 @@ def method_names() -> tuple[str, ...]:
 
 def method_problem(task: SearchTask) -> str:
     """Return why the method of a search cannot be used, and what can; empty when it can."""
+    return method_misfit(task) or missing_library(task)
+
+
+def method_misfit(task: SearchTask) -> str:
+    """Return why a method does not fit a search, on any machine; empty when it does."""
     if task.method not in METHODS:
         return _plugin_problem(task.method)
     lists = [parameter.name for parameter in task.parameters if parameter.choices]
@@ -52,6 +57,11 @@ def method_problem(task: SearchTask) -> str:
         return f"the method cma takes ranges alone, {lists[0]} is a list; write method: tpe"
     if task.method == "cma" and len(task.parameters) < 2:
         return "the method cma takes two parameters or more; write method: tpe"
+    return ""
+
+
+def missing_library(task: SearchTask) -> str:
+    """Return which library the method of a search lacks here; empty when it lacks none."""
     missing = [name for name in _libraries(task) if importlib.util.find_spec(name) is None]
     if missing:
         install = 'install it with: pip install "scenario-tui[search]"'
