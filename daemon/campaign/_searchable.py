@@ -110,11 +110,13 @@ def _scenery_values(layer: SceneryLayer) -> Iterator[tuple[str, WrittenValue]]:
         yield group.name, WrittenValue(names, None, "", group.where, "names")
 
 
-def literal_hint(layer: SearchLayer, key: str, over: ValueRange | ValueChoices) -> str:
+def literal_hint(
+    layer: SearchLayer, key: str, over: ValueRange | ValueChoices, *, named: bool
+) -> str:
     """Say how a quantity that stands in a sentence becomes a parameter, where one may be meant.
 
     That is the one nearest to the middle of the range, in a sentence about what ``key`` speaks of
-    if there is one.
+    if there is one; ``named`` says that a parameter may be meant that is there.
     """
     if not isinstance(over, ValueRange) or not layer.sentences:
         return ""
@@ -125,7 +127,8 @@ def literal_hint(layer: SearchLayer, key: str, over: ValueRange | ValueChoices) 
     for sentence in layer.sentences:
         about = set(re.split(r"[^a-z0-9]+", str(sentence.subject).lower()))
         for measure in _measures(sentence):
-            if measure.dimension == unit.dimension and low <= measure.value <= high:
+            fits = measure.dimension == unit.dimension and low <= measure.value <= high
+            if fits and (words & about or not named):
                 off = abs(measure.value - (low + high) / 2.0)
                 meant.append((-len(words & about), off, measure))
     if not meant:

@@ -36,7 +36,7 @@ from daemon.model.search import (
 from daemon.model.spec import SutReference
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, closest, did_you_mean
 from grammars.text.documents import KeyPath, YamlDocument
 from grammars.text.inequalities import Inequality, read_inequality
 from grammars.text.quantity import read_quantity, unit_of
@@ -347,9 +347,9 @@ def _find_value(
     if near:
         layer, key = near[0]
         message = f'{layer.title} has no parameter "{key}"'
-        hint = literal_hint(layer, key, over) or did_you_mean(
-            name, [f"{layer.label}.{known}" for layer, _ in near for known in layer.values]
-        )
+        known = [known for layer, _ in near for known in layer.values]
+        hint = literal_hint(layer, key, over, named=bool(closest(key, known)))
+        hint = hint or did_you_mean(key, known)
         raise InputError.at(where, message, hint)
     head = name.partition(".")[0]
     oracles = {oracle.name for oracle in cell.oracles}
@@ -394,6 +394,7 @@ def _choice_as_written(
     name: str, value: WrittenValue, over: ValueChoices, where: Where
 ) -> PointValue | None:
     """Return the choice that is the number as written, else that number in its own words."""
+    same = None
     for choice in over.values:
         if isinstance(choice, str):
             try:
@@ -411,9 +412,9 @@ def _choice_as_written(
             raise InputError.at(where, f"{name}: {choice:g} has no unit", hint)
         number = read_quantity(choice).value if isinstance(choice, str) else choice
         if value.number is not None and abs(number - value.number) <= 1e-9 * abs(number):
-            return choice
+            same = choice
     words = isinstance(over.values[0], str)
-    return value.text if words else value.number
+    return same if same is not None else value.text if words else value.number
 
 
 def _has_words(parameter: SearchParameter) -> bool:
