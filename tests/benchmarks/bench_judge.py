@@ -1,4 +1,4 @@
-"""Judging: all oracles of one run of 700 s, with leading margins too; thousands of old traces again.
+"""Judging: all oracles of one run of 700 s, also with leading margins, and many old traces again.
 
 Building C (scenario S2 of the paper: doors that swing at random) with the pilot driving; the long
 run repeats its mission until 700 s have passed. Judged by every oracle of the paper's layer. The
