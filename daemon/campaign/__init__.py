@@ -25,6 +25,13 @@ from daemon.campaign._layers import (
     layer_names,
     layer_places,
 )
+from daemon.campaign._overrides import (
+    OverridableValue,
+    find_overridable,
+    layer_at,
+    overridable,
+    with_overrides,
+)
 from daemon.campaign._parameters import (
     ParameterValue,
     ParameterValues,
@@ -34,7 +41,8 @@ from daemon.campaign._parameters import (
 )
 from daemon.campaign._scenarios import LayerReference
 from daemon.campaign._survey import read_campaign
-from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
+from daemon.campaign._sut_files import ROS2, SutFile
+from daemon.campaign._suts import LoadedSut, RefusedSutError, load_sut
 
 __all__ = [
     "FLOORPLAN",
@@ -53,6 +61,7 @@ __all__ = [
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",
+    "OverridableValue",
     "ParameterValue",
     "ParameterValues",
     "RefusedSutError",
@@ -61,13 +70,17 @@ __all__ = [
     "examine",
     "expand",
     "find_layer",
+    "find_overridable",
     "flatten_parameters",
+    "layer_at",
     "layer_names",
     "layer_places",
     "load_campaign",
     "load_sut",
     "merge_parameters",
+    "overridable",
     "parameter_tree",
     "read_campaign",
     "repeat_seed",
+    "with_overrides",
 ]
