@@ -15,6 +15,7 @@ from typing import Final
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._overrides import OverridableValue
 from daemon.campaign._scenarios import ResolvedScenario
 from daemon.campaign._search_file import (
     SearchText,
@@ -24,7 +25,6 @@ from daemon.campaign._search_file import (
     read_confirm,
     read_stop,
 )
-from daemon.campaign._overrides import OverridableValue
 from daemon.campaign._searchable import SearchLayer, literal_hint, search_layers
 from daemon.campaign._steps import step_of
 from daemon.model.search import (
