@@ -266,15 +266,17 @@ class _SearchReader:
             raise InputError.at(where, message, f"write a list of choices: [{choices or '…'}]")
         _require_dimension(name, over.unit, value, where)
         whole = over.whole and value.whole
-        step = step_of(over.low, over.high, over.unit, log=over.log, whole=whole)
-        written = _in_unit(value, over.unit)
+        # What may be written as a plain number is in SI units then.
+        unit = over.unit or value.unit
+        step = step_of(over.low, over.high, unit, log=over.log, whole=whole)
+        written = _in_unit(value, unit)
         if written is not None and not over.low <= written <= over.high:
-            shown = replace(base, unit=over.unit).text(written)
+            shown = replace(base, unit=unit).text(written)
             message = f"{name} is {shown} as written, outside of what is searched"
             hint = f"at {value.where}; the first run is the scenario as written all the same"
             self._warn(where, message, hint)
         return replace(
-            base, unit=over.unit, low=over.low, high=over.high, step=step, log=over.log,
+            base, unit=unit, low=over.low, high=over.high, step=step, log=over.log,
             written=written, whole=whole,
         )  # fmt: skip
 
@@ -448,6 +450,8 @@ def _with_fixed_values(
         if name in searched or len(meant) != 1 or _number_of(meant[0]) is None:
             return found[0]
         text = meant[0].text
+        if meant[0].unit and not re.search(r"[A-Za-z°]", text):
+            text = f"{_number_of(meant[0]):.12g} {meant[0].unit}"
         if not text.startswith("-"):
             return f"{sign} {text}".lstrip()
         return f"{'+' if sign == '-' else '-'} {text[1:]}"
