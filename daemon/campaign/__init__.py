@@ -8,6 +8,7 @@ from daemon.campaign._campaign import (
     load_campaign,
     repeat_seed,
 )
+from daemon.campaign._campaign_text import campaign_text
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
@@ -66,6 +67,7 @@ __all__ = [
     "ParameterValues",
     "RefusedSutError",
     "SutFile",
+    "campaign_text",
     "check",
     "examine",
     "expand",

@@ -273,7 +273,7 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
         spec=found[0],
         scene=cell.scene,
         layers=_layers(cell, library),
-        settings=sut_differences(cell, found[0].sut, path.parent, library),
+        settings=sut_differences(cell, found[0].sut, library),
     )
 
 
