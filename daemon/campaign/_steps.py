@@ -31,7 +31,7 @@ def step_of(low: float, high: float, unit: str, *, log: bool, whole: bool) -> fl
         precision = _PRECISION.get(one.dimension)
         if precision is not None:
             step = _power_of_ten(precision / one.value)
-            if (high - low) / step < _FEWEST:
+            if round((high - low) / step, 6) < _FEWEST:
                 step = _power_of_ten((high - low) / 100.0)
     return min(step, _power_of_ten(low / 10.0)) if log else step
 
