@@ -17,7 +17,7 @@ import pytest
 
 from daemon.batch.client import Client
 from daemon.batch.paths import StatePaths
-from daemon.campaign import load_campaign
+from daemon.campaign import bundle_campaign, load_campaign, unpack_bundle
 from daemon.model.search import SearchRow, SearchSubmission
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec
 from daemon.search.coordinator import run_program
@@ -225,12 +225,15 @@ def keeping_clear(spec: RunSpec) -> RunResult:
 
 
 def test_the_program_of_a_search_is_run_on_its_files(campaigns: Path, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(campaigns / "demo", tmp_path / "demo"))
-    file = folder / "tiny.yaml"
-    file.write_text(TINY)
-    (task,) = load_campaign(file).searches
+    own = Path(shutil.copytree(campaigns / "demo", tmp_path / "demo")) / "tiny.yaml"
+    own.write_text(TINY)
+    (task,) = load_campaign(own).searches
+    name, files = bundle_campaign(own)
+    folder = tmp_path / "unpacked"
+    unpack_bundle(files, folder)
+    shutil.rmtree(own.parent)
     runs = LocalRuns(keeping_clear)
     with reading_only_in(folder):
-        answer = run_program(file, task, runs)
+        answer = run_program(folder / name, task, runs)
     assert (answer.ended, answer.explored, answer.failed) == ("budget", 3, 0)
     assert len({digest for _, digest in runs.digests}) == 3
