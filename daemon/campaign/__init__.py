@@ -27,6 +27,13 @@ from daemon.campaign._layers import (
     layer_names,
     layer_places,
 )
+from daemon.campaign._overrides import (
+    OverridableValue,
+    find_overridable,
+    layer_at,
+    overridable,
+    with_overrides,
+)
 from daemon.campaign._parameters import (
     ParameterValue,
     ParameterValues,
@@ -36,9 +43,9 @@ from daemon.campaign._parameters import (
 )
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
-from daemon.campaign._searchable import references_of
 from daemon.campaign._survey import read_campaign
-from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
+from daemon.campaign._sut_files import ROS2, SutFile
+from daemon.campaign._suts import LoadedSut, RefusedSutError, load_sut
 
 __all__ = [
     "FLOORPLAN",
@@ -57,6 +64,7 @@ __all__ = [
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",
+    "OverridableValue",
     "ParameterValue",
     "ParameterValues",
     "RefusedSutError",
@@ -68,19 +76,22 @@ __all__ = [
     "examine",
     "expand",
     "find_layer",
+    "find_overridable",
     "flatten_parameters",
+    "layer_at",
     "layer_names",
     "layer_places",
     "load_campaign",
     "load_sut",
     "merge_parameters",
     "noise_seed",
+    "overridable",
     "parameter_tree",
     "read_budget",
     "read_campaign",
     "read_confirm",
     "read_stop",
-    "references_of",
     "repeat_seed",
     "unpack_bundle",
+    "with_overrides",
 ]

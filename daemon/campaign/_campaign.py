@@ -351,7 +351,8 @@ def _plans(
 
 def _configured_layer(library: LayerLibrary, reference: LayerReference) -> SceneryLayer:
     """Return a scenery layer as the campaign wants it."""
-    return configure(library.scenery(reference), reference.overrides, reference.where)
+    plain = library.scenery(reference)
+    return configure(plain, reference.overrides, reference.where, reference.lines)
 
 
 def _scene(plan: FloorPlan, objects: tuple[SceneryLayer, ...], loader: _CampaignLoader) -> Scene:
