@@ -10,6 +10,7 @@ from daemon.campaign._campaign import (
     noise_seed,
     repeat_seed,
 )
+from daemon.campaign._campaign_text import campaign_text
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
@@ -71,6 +72,7 @@ __all__ = [
     "ResolvedScenario",
     "SutFile",
     "bundle_campaign",
+    "campaign_text",
     "check",
     "checked_bundle",
     "examine",
