@@ -41,7 +41,7 @@ _SETTLED: Final = frozenset({"done", "lost", "cancelled", "deleted", "retried"})
 """States of events after which a run may be settled, or the search over."""
 _LOOK_EVERY: Final = 2.0
 """Seconds between two looks at a run that is waited for: events may be lost."""
-_REPORT_EVERY: Final = 0.5
+_REPORT_EVERY: Final = 1.0
 _FIRST_PAUSE: Final = 0.1
 _LONGEST_PAUSE: Final = 5.0
 """Seconds between two questions to a daemon that does not answer."""
@@ -191,7 +191,7 @@ class DaemonRuns:
         return self._rows[position]
 
     def report(self, phase: Phase, note: str, answer: SearchAnswer) -> None:
-        """Tell people how far the search is, twice a second at most."""
+        """Tell people how far the search is, once a second at most."""
         self._unsaid = SearchProgress(self._campaign, phase, note[:LONGEST_NOTE], "running", answer)
         # What was said before the process was started again was about more than this.
         if self._reached + 1 < self._earlier:
