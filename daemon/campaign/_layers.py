@@ -257,20 +257,27 @@ class LayerLibrary:
 
     def loaded_sut(self, reference: LayerReference) -> LoadedSut:
         """Load a system under test with all there is to say about it."""
-        # A file of that name comes first: so a kind can be given parameters without renaming. Those
-        # that ship come last: what plugs in never changes its meaning.
-        try:
-            path = find_layer(self.folder, reference, SUT, shipped=False)
-        except InputError:
-            if reference.name in sut_kinds():
-                path = Path(reference.name)
-                default = partial(self._default_sut, reference)
-                return self._with_overrides("sut", path, reference, default)
-            path = find_layer(self.folder, reference, SUT)
+        # Which kinds are installed is asked once: it reads the metadata of every package.
+        named = Path(reference.name)
+        path = self._once("place of a sut", named, partial(self._sut_place, reference))
+        if path is None:
+            default = partial(self._default_sut, reference)
+            return self._with_overrides("sut", named, reference, default)
         if not reference.overrides:
             return self.sut_file(path)
         change = partial(self._change_sut, reference)
         return self._with_overrides("sut file", path, reference, change)
+
+    def _sut_place(self, reference: LayerReference, _: Path) -> Path | None:
+        """Return the file of a system under test, ``None`` for a kind by its name."""
+        # A file of that name comes first: so a kind can be given parameters without renaming. Those
+        # that ship come last: what plugs in never changes its meaning.
+        try:
+            return find_layer(self.folder, reference, SUT, shipped=False)
+        except InputError:
+            if reference.name in sut_kinds():
+                return None
+            return find_layer(self.folder, reference, SUT)
 
     def sut_file(self, path: Path) -> LoadedSut:
         """Load a SUT file and all it stands on; its warnings are kept once."""

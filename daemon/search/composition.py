@@ -19,6 +19,7 @@ from daemon.campaign import (
     LayerLibrary,
     LayerReference,
     ResolvedScenario,
+    campaign_text,
     load_campaign,
     noise_seed,
     repeat_seed,
@@ -74,6 +75,22 @@ class SearchCase:
         cell = self.cell_at(point, number, 0)
         with reading_only_in(self._only_in):
             return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
+
+    def found_text(self, point: Point, number: int, *, comment: str, repeats: int) -> str:
+        """Return a campaign file beside that of the campaign with the scenario of a point alone.
+
+        Its runs are those of the proposal, digest by digest: repeat 0 is that of proposal
+        ``number``. ``comment`` stands above it, ``repeats`` is how many of them it has.
+        """
+        return campaign_text(
+            self.campaign,
+            self.scenario_at(point, number),
+            name=self.task.scenario_of(number),
+            sut=self.sut,
+            repeats=repeats,
+            about=f"Found by the search {self.task.name} of {self.campaign.name}.",
+            comment=comment,
+        )
 
     def scenario_at(self, point: Point, number: int) -> ResolvedScenario:
         """Return the scenario with the values of a point written beside its layers."""
