@@ -1,0 +1,410 @@
+"""A search in words: how far it is, what it found, what decides; for command line and dashboard."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from rich.text import Text
+
+from daemon.model.search import objective
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    NOTHING,
+    Styles,
+    glyph_word,
+    margin,
+    margin_bar,
+    moment_text,
+    pluralise,
+    quiet_style,
+)
+
+if TYPE_CHECKING:
+    from daemon.model.search import (
+        Confirmation,
+        Finding,
+        ObjectiveValue,
+        Phase,
+        PointValue,
+        ProposalRow,
+        SearchAnswer,
+        SearchParameter,
+        SearchRow,
+        SearchTask,
+    )
+
+BLOCKS: Final = "▁▂▃▄▅▆▇█"
+"""Signs of a sparkline, the lowest first."""
+CHANCE: Final = 1.96
+"""Divided by the root of the runs less one: what chance keeps rank correlations below, 19 of 20."""
+_HALF: Final = 8
+"""Cells on either side of a bar of influence."""
+_PHASES: Final[dict[Phase, str]] = {
+    "explore": "looking for failures",
+    "confirm": "repeating a failure with other noise",
+    "nearest": "looking for the nearest failure",
+    "shrink": "taking away what the failure does not need",
+}
+_ENDINGS: Final = {
+    "budget": "the budget is spent",
+    "time": "the time is up",
+    "failures": "enough failures were found",
+    "settled": "nothing got better for a while",
+    "errors": "five runs in a row could not be judged",
+    "cancelled": "it was cancelled",
+}
+"""Why a search ended."""
+_STATES: Final = {"cancelled": "cancelled", "failed": "error"}
+"""Words of searches that did not come to their end."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchTally:
+    """What the runs of a search come to so far; ``best`` are the smallest values after each.
+
+    ``failed`` counts the runs of points that were looked for, not those that repeat or refine one.
+    ``explored`` are those with a result, of ``out`` others nothing is known yet.
+    """
+
+    explored: int
+    out: int
+    failed: int
+    first: ProposalRow | None
+    best: tuple[ObjectiveValue, ...]
+    best_row: ProposalRow | None
+
+    @property
+    def smallest(self) -> ObjectiveValue | None:
+        """The best value so far."""
+        return self.best[-1] if self.best else None
+
+
+def tally_search(task: SearchTask, rows: Iterable[ProposalRow]) -> SearchTally:
+    """Return what the runs of a search, in order, come to so far."""
+    explored = out = failed = 0
+    first: ProposalRow | None = None
+    best: list[ObjectiveValue] = []
+    best_row: ProposalRow | None = None
+    for row in rows:
+        if row.proposal.phase != "explore":
+            continue
+        if not row.settled:
+            out += 1
+            continue
+        explored += 1
+        if row_fails(task, row):
+            failed += 1
+            first = first or row
+        found = objective(task, row.leads)
+        if found is not None and (not best or found.value < best[-1].value):
+            best.append(found)
+            best_row = row
+        elif best:
+            best.append(best[-1])
+    return SearchTally(explored, out, failed, first, tuple(best), best_row)
+
+
+def row_fails(task: SearchTask, row: ProposalRow) -> bool:
+    """Whether an oracle that the search is about fails in a run."""
+    about = {scale.oracle for scale in task.scales}
+    return any(one.oracle in about and one.outcome == "fail" for one in row.verdicts)
+
+
+def sparkline(values: Sequence[float], width: int = 24) -> str:
+    """Return values as a line of blocks, at most ``width`` long; nought is always in its range.
+
+    Where there are more values than cells, a cell shows the smallest of its values. What is no
+    finite number is left out.
+    """
+    shown = [value for value in values if math.isfinite(value)]
+    if len(shown) > width:
+        edges = [len(shown) * cell // width for cell in range(width + 1)]
+        shown = [min(shown[a:b]) for a, b in pairwise(edges)]
+    low, high = min([*shown, 0.0]), max([*shown, 0.0])
+    if high == low:
+        return BLOCKS[0] * len(shown)
+    top = len(BLOCKS) - 1
+    return "".join(BLOCKS[round(top * (value - low) / (high - low))] for value in shown)
+
+
+def value_text(parameter: SearchParameter, value: PointValue | None) -> str:
+    """Return a value of a parameter as it is written in a file; ``–`` for none."""
+    return NOTHING if value is None else parameter.text(value)
+
+
+def parameter_table(
+    task: SearchTask, values: Sequence[PointValue]
+) -> tuple[tuple[str, str, str, bool], ...]:
+    """Return name, written value, value, and whether it differs, of each parameter of a point."""
+    return tuple(
+        (
+            one.name,
+            value_text(one, one.written),
+            value_text(one, value),
+            value_text(one, one.written) != value_text(one, value),
+        )
+        for one, value in zip(task.parameters, values, strict=False)
+    )
+
+
+def share_in_range(parameter: SearchParameter, value: PointValue | None) -> float | None:
+    """Return where in its range [0, 1] a value lies; ``None`` where there is no such place."""
+    if parameter.choices:
+        last = len(parameter.choices) - 1
+        return parameter.choices.index(value) / max(1, last) if value in parameter.choices else None
+    if not isinstance(value, float | int) or parameter.high <= parameter.low:
+        return None
+    low, high, at = parameter.low, parameter.high, float(value)
+    if parameter.log and low > 0.0 and at > 0.0:
+        low, high, at = math.log(low), math.log(high), math.log(at)
+    return min(1.0, max(0.0, (at - low) / (high - low)))
+
+
+def range_text(parameter: SearchParameter) -> str:
+    """Return what a parameter may be: ``48 .. 72 deg/s``, ``a, b or c``."""
+    if parameter.choices:
+        names = [parameter.text(choice) for choice in parameter.choices]
+        return " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    low = f"{parameter.low:.10g}"
+    return f"{low} .. {parameter.text(parameter.high)}{', log' if parameter.log else ''}"
+
+
+def search_word(row: SearchRow) -> str:
+    """Return the one word for how a search stands: ``fail`` when there is a failure."""
+    if row.state == "failed":
+        return "error"
+    answer = row.answer
+    if answer is not None and (answer.first is not None or answer.failed):
+        return "fail"
+    if row.state == "running":
+        return "running"
+    if row.state == "cancelled":
+        return "cancelled"
+    if answer is None or answer.ended == "errors":
+        return "error"
+    return "pass" if answer.best is not None else "inconclusive"
+
+
+def phase_text(row: SearchRow) -> str:
+    """Return what a search is doing, or why it does nothing any more."""
+    if row.state == "failed":
+        return "it could not go on"
+    if row.state == "cancelled":
+        return _ENDINGS["cancelled"]
+    if row.state == "finished":
+        return _ENDINGS.get(row.answer.ended, "ended") if row.answer is not None else "ended"
+    return _PHASES[row.phase]
+
+
+def best_text(value: ObjectiveValue | None, *, oracle: bool = False) -> str:
+    """Return the smallest margin so far, with the oracle it is of where several count."""
+    if value is None:
+        return ""
+    named = f" ({value.oracle})" if oracle else ""
+    return f"smallest margin {margin(value.margin, value.unit)}{named}"
+
+
+def search_line(row: SearchRow) -> str:
+    """Return how a search stands in one line: ``doors: looking for failures, 23 of 60 runs``."""
+    parts = [phase_text(row)]
+    answer = row.answer
+    if row.state == "running" and row.phase == "explore":
+        parts.append(f"{row.finished:,} of {pluralise(row.task.runs, 'run')}")
+    else:
+        parts.append(pluralise(row.finished, "run"))
+    if answer is not None:
+        parts.append(failures_text(answer.failed))
+        parts.append(best_text(answer.best.value if answer.best else None))
+    if row.note:
+        parts.append(row.note.strip().splitlines()[-1])
+    return f"{row.task.name}: {', '.join(filter(None, parts))}"
+
+
+def failures_text(count: int) -> str:
+    """Return ``3 failures``, or that there is none."""
+    return pluralise(count, "failure") if count else "no failure"
+
+
+def confirmation_text(found: Confirmation | None) -> str:
+    """Return ``fails in 5 of 5 noises``, with its interval; nothing when it was not repeated."""
+    if found is None:
+        return ""
+    share = f"{100 * found.low:.0f} to {100 * found.high:.0f} %"
+    return f"fails in {found.failed} of {pluralise(found.runs, 'noise')} ({share})"
+
+
+def headline(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
+    """Return what was searched, and what came of it in a word."""
+    task, word = row.task, search_word(row)
+    text = Text.assemble((task.name, "bold"), "  ")
+    said = {"fail": "it can fail", "pass": "nothing fails", "running": "running"}.get(word, word)
+    text.append(glyph_word(word).replace(word, said), style=styles[word])
+    if task.about:
+        text.append(f"  {task.about}", style=quiet_style(styles))
+    what = f"any of {len(task.scales)} oracles" if len(task.scales) > 1 else task.minimise
+    counts = f"{pluralise(len(task.parameters), 'parameter')} of {task.scenario} ({task.sut})"
+    text.append(f"\n{what} over {counts}, method {task.method}, seed {task.seed}")
+    return text
+
+
+def answer_lines(
+    row: SearchRow, answer: SearchAnswer | None = None, styles: Styles = DASHBOARD_STYLES
+) -> list[Text]:
+    """Return a search and its answer, the sentences first, then findings and influence.
+
+    Without ``answer`` it is that of the row.
+    """
+    found = answer or row.answer
+    lines = list(headline(row, styles).split("\n"))
+    if row.note:
+        style = styles[_STATES.get(row.state, "inconclusive")]
+        lines.extend(Text(line, style=style) for line in row.note.strip().splitlines())
+    if found is None:
+        lines.append(Text(search_line(row)))
+        return lines
+    lines.append(Text(_runs_text(row, found), style=quiet_style(styles)))
+    lines.append(Text())
+    lines.extend(Text(sentence) for sentence in found.sentences)
+    for title, block in (
+        ("the nearest failure", nearest_lines(row.task, found, styles)),
+        ("findings", finding_lines(found.findings, styles)),
+        (_influence_title(found), influence_lines(found, styles)),
+        ("the least that still fails", shrunk_lines(found)),
+    ):
+        if block:
+            lines.extend((Text(), Text(f"{title}:", style="bold"), *block))
+    return lines
+
+
+def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
+    parts = [pluralise(answer.explored, "point")]
+    if answer.executed or answer.reused:
+        parts.append(f"{pluralise(answer.executed, 'run')} executed")
+    if answer.reused:
+        parts.append(f"{answer.reused:,} reused")
+    parts.append(failures_text(answer.failed))
+    if answer.errors:
+        parts.append(f"{answer.errors:,} broke or could not be composed")
+    if answer.inconclusive:
+        parts.append(f"{answer.inconclusive:,} inconclusive")
+    return f"{', '.join(parts)}; {phase_text(row)}"
+
+
+def nearest_lines(
+    task: SearchTask, answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES
+) -> list[Text]:
+    """Return what is not as written in the nearest failure, a parameter a line."""
+    if answer.nearest is None or not answer.nearest.changes:
+        return []
+    named = {one.name: one for one in task.parameters}
+    rows = [
+        (
+            change.parameter,
+            value_text(named[change.parameter], change.written),
+            value_text(named[change.parameter], change.value),
+            "" if change.passing is None else named[change.parameter].text(change.passing),
+        )
+        for change in answer.nearest.changes
+        if change.parameter in named
+    ]
+    widths = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
+    lines = []
+    for name, written, value, passing in rows:
+        line = Text(f"  {name:<{widths[0]}}  ")
+        line.append(f"{written:>{widths[1]}} -> ", style=quiet_style(styles))
+        line.append(f"{value:<{widths[2]}}", style=styles["fail"])
+        if passing:
+            line.append(f"  passes at {passing}", style=quiet_style(styles))
+        lines.append(line)
+    if not answer.nearest.complete:
+        said = "  runs were spent before nothing else could be taken back"
+        lines.append(Text(said, style=quiet_style(styles)))
+    return lines
+
+
+def finding_lines(findings: Sequence[Finding], styles: Styles = DASHBOARD_STYLES) -> list[Text]:
+    """Return failures that are different ones, each with its example."""
+    rows = [finding_cells(found) for found in findings]
+    widths = [max((len(row[column]) for row in rows), default=0) for column in range(4)]
+    lines = []
+    for row in rows:
+        count, oracle, where, least = (
+            cell.ljust(width) for cell, width in zip(row[:4], widths, strict=True)
+        )
+        line = Text("  ").append(f"{count}  {oracle}", style=styles["fail"])
+        line.append(f"  {where}  {least}  ")
+        line.append(row[4], style=quiet_style(styles))
+        lines.append(line)
+    return lines
+
+
+def finding_cells(found: Finding) -> tuple[str, str, str, str, str]:
+    """Return count, oracle, place, smallest margin and the run to look at."""
+    where = " ".join(
+        filter(
+            None,
+            (
+                found.object,
+                f"on the way to {found.waypoint}" if found.waypoint else "",
+                moment_text(found.evidence.time),
+            ),
+        )
+    )
+    example = found.example
+    value = example.value
+    least = margin(value.margin, value.unit) if value is not None else NOTHING
+    return f"{found.count:,}x", found.oracle, where, least, example.run
+
+
+def _influence_title(answer: SearchAnswer) -> str:
+    runs = max((one.runs for one in answer.influence), default=0)
+    return f"influence on the margin, rank correlation in {pluralise(runs, 'unguided run')}"
+
+
+def influence_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> list[Text]:
+    """Return a bar for each parameter, those that decide most first.
+
+    To the left: larger values bring the failure nearer. What chance gives as well is dim.
+    """
+    found = sorted(answer.influence, key=lambda one: (-_weight(one.correlation), one.parameter))
+    width = max((len(one.parameter) for one in found), default=0)
+    lines = []
+    for one in found:
+        chance = _weight(one.correlation) <= CHANCE / math.sqrt(max(1, one.runs - 1))
+        style = quiet_style(styles) if chance else ""
+        number = f"{one.correlation:+.2f}".replace("-", "−")
+        bar = margin_bar(one.correlation, _HALF)
+        lines.append(Text(f"  {one.parameter:<{width}}  {bar}  {number}", style=style))
+    return lines
+
+
+def _weight(correlation: float) -> float:
+    return abs(correlation) if math.isfinite(correlation) else 0.0
+
+
+def shrunk_lines(answer: SearchAnswer) -> list[Text]:
+    """Return the least that still fails, as told by whoever took the rest away."""
+    return [Text(f"  {line}") for line in answer.shrunk.story] if answer.shrunk else []
+
+
+def search_commands(row: SearchRow) -> tuple[tuple[str, str], ...]:
+    """Return what to type next about a search: commands and what they do."""
+    if row.state == "running":
+        return (
+            (f"scenario search {row.campaign}", "watch it"),
+            (f"scenario cancel {row.campaign}", "end it, what was found is kept"),
+        )
+    answer = row.answer
+    shown = answer and (answer.nearest.result if answer.nearest else answer.best or answer.first)
+    found: list[tuple[str, str]] = []
+    if shown and shown.run:
+        begin = f" --from {shown.verdict.oracle}" if shown.fails and shown.verdict else ""
+        what = "watch the failure" if shown.fails else "watch the run nearest to failing"
+        found.append((f"scenario replay {shown.run}{begin}", what))
+        found.append((f"scenario show {shown.run}", "what each oracle says"))
+    found.append((f"scenario results {row.campaign} --runs", "every run of the search"))
+    return tuple(found)

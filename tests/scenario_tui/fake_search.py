@@ -1,0 +1,179 @@
+"""A search as a daemon has it: a task of three parameters, its runs, its answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from daemon.model.search import (
+    BundledFile,
+    Confirmation,
+    Finding,
+    Influence,
+    NearestFailure,
+    ObjectiveValue,
+    OracleScale,
+    ParameterChange,
+    Phase,
+    PointResult,
+    Proposal,
+    ProposalRow,
+    SearchAnswer,
+    SearchParameter,
+    SearchRow,
+    SearchTask,
+    ShrunkScenario,
+)
+from daemon.model.spec import LeadingMargin
+from daemon.model.status import RunState
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+
+SEARCH = "house-doors-in-time-0f1e2d3c"
+MARGINS = (0.105, 0.104, 0.061, 0.105, -0.012, 0.02, -0.031, 0.104)
+"""What the runs of points come to, in order."""
+
+TASK = SearchTask(
+    name="doors-in-time",
+    scenario="busy-house",
+    sut="pilot",
+    minimise="keeps-clear",
+    scales=(OracleScale("keeps-clear", 0.05, "m"),),
+    parameters=(
+        SearchParameter(
+            "doors_moving.kitchen_opens", "behaviours", 0, "kitchen_opens", "s", 7.1, 8.9, 0.01,
+            written=8.0,
+        ),
+        SearchParameter(
+            "robot.laser.noise", "robot", 0, "laser.noise", "m", 0.01, 0.05, 0.001, log=True,
+            written=0.01,
+        ),
+        SearchParameter(
+            "doors_moving.leading", "behaviours", 0, "leading",
+            choices=("bedroom_door", "kitchen_door"), written="bedroom_door",
+        ),
+    ),
+    runs=60,
+    seed=7,
+    about="Doors a little early or late",
+)  # fmt: skip
+
+
+def make_proposal_row(
+    position: int,
+    margin: float | None = 0.105,
+    *,
+    phase: Phase = "explore",
+    state: RunState = RunState.DONE,
+    number: int | None = None,
+    repeat: int = 0,
+) -> ProposalRow:
+    """A run of the search; one that is not done has no result."""
+    number = position if number is None else number
+    values = (8.0 + 0.1 * number, 0.02, "kitchen_door" if number % 2 else "bedroom_door")
+    proposal = Proposal(position, number, repeat, phase, "halton", number >= 6, values)
+    label = f"doors-in-time.{number}/pilot/{repeat}"
+    found = ProposalRow(proposal, f"{SEARCH}.{position}", label, f"{position:064d}", state)
+    if state is not RunState.DONE or margin is None:
+        return found
+    outcome = Outcome.FAIL if margin < 0 else Outcome.PASS
+    seen = Evidence(31.5, margin + 0.05, 0.05, "kitchen_door")
+    text = "always(clearance >= 0.05 m)"
+    return replace(
+        found,
+        outcome=outcome,
+        verdicts=(Verdict("keeps-clear", text, outcome, margin, margin, "m", seen),),
+        leads=(LeadingMargin("keeps-clear", margin, "m", "kitchen_door"),),
+        ended="finished",
+        simulated=60.0,
+        wall=0.5,
+        cpu=0.5,
+        trace=f"state/traces/{SEARCH}/doors-in-time.{number}.pilot.{repeat}.mcap",
+    )
+
+
+def make_proposals(*margins: float) -> tuple[ProposalRow, ...]:
+    """Finished runs of points with these margins."""
+    return tuple(make_proposal_row(i, margin) for i, margin in enumerate(margins or MARGINS))
+
+
+def make_point(row: ProposalRow) -> PointResult:
+    """What a run says of its point."""
+    lead = row.leads[0]
+    margin = lead.margin or 0.0
+    value = ObjectiveValue(margin, margin, lead.unit, lead.oracle, lead.object)
+    proposal = row.proposal
+    return PointResult(
+        proposal.number, proposal.position, proposal.values, row.outcome, value, row.verdicts[0],
+        row.run, row.label, row.digest,
+    )  # fmt: skip
+
+
+def make_answer() -> SearchAnswer:
+    """An answer with a failure, its nearest one, a finding, and what the parameters do."""
+    rows = make_proposals()
+    best, first = make_point(rows[6]), make_point(rows[4])
+    confirmed = Confirmation(5, 5, 0.478, 1.0)
+    nearest = NearestFailure(
+        make_point(rows[4]),
+        (ParameterChange("doors_moving.kitchen_opens", "s", 8.0, 8.54, 8.32),),
+        make_point(rows[0]),
+        13,
+        complete=True,
+        sentence="kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by "
+        "0.018 m near kitchen_door; at 8.32 s it passes with 0.105 m",
+        confirmed=confirmed,
+    )
+    return SearchAnswer(
+        ended="budget",
+        explored=len(rows),
+        executed=len(rows) + 17,
+        reused=3,
+        failed=2,
+        errors=0,
+        inconclusive=0,
+        space_filling=6,
+        space_filling_failed=1,
+        failing_share=None,
+        written=make_point(rows[0]),
+        first=first,
+        best=best,
+        confirmed=confirmed,
+        nearest=nearest,
+        shrunk=ShrunkScenario(
+            ("minimal: kitchen_door (of 3 objects)",),
+            minimal=True,
+            runs=9,
+            files=(BundledFile("campaign.yaml", "Y2FtcGFpZ246IHNocnVuawo="),),
+        ),
+        findings=(
+            Finding(
+                "keeps-clear", "kitchen_door", "kitchen", 2, best, rows[6].verdicts[0].evidence
+            ),
+        ),
+        influence=(
+            Influence("robot.laser.noise", 0.08, 6),
+            Influence("doors_moving.kitchen_opens", -0.93, 6),
+            Influence("doors_moving.leading", 0.2, 6),
+        ),
+        sentences=(
+            "Run 4 is the first that fails: keeps-clear by 0.012 m near kitchen_door.",
+            nearest.sentence,
+        ),
+        found="campaign: house\n",
+        found_label="doors-in-time.4/pilot/0",
+        found_digest="4".zfill(64),
+    )  # fmt: skip
+
+
+def make_search(state: str = "finished", **changes: object) -> SearchRow:
+    """A search in the ledger; finished ones have an answer."""
+    row = SearchRow(
+        campaign=SEARCH,
+        name="house",
+        submitted_at=1_799_999_000.0,
+        task=TASK,
+        state=state,  # type: ignore[arg-type]
+        proposed=len(MARGINS),
+        finished=len(MARGINS),
+        answer=make_answer() if state == "finished" else None,
+    )
+    return replace(row, **changes)  # type: ignore[arg-type]

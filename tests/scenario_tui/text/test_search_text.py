@@ -1,0 +1,193 @@
+"""A search in words: how far it is, what it found, what decides."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from daemon.model.search import Confirmation, ObjectiveValue
+from daemon.model.status import RunState
+from scenario_tui.text.search_text import (
+    answer_lines,
+    best_text,
+    confirmation_text,
+    influence_lines,
+    parameter_table,
+    phase_text,
+    range_text,
+    search_commands,
+    search_line,
+    search_word,
+    share_in_range,
+    sparkline,
+    tally_search,
+)
+from tests.scenario_tui.fake_search import (
+    MARGINS,
+    SEARCH,
+    TASK,
+    make_answer,
+    make_point,
+    make_proposal_row,
+    make_proposals,
+    make_search,
+)
+
+
+def test_a_sparkline_always_has_nought_in_its_range() -> None:
+    assert sparkline([0.4, 0.2, 0.0]) == "█▅▁"
+    assert sparkline([0.1, 0.1]) == "██"
+    assert sparkline([-0.1, 0.1]) == "▁█"
+    assert sparkline([0.0, 0.0]) == "▁▁"
+    assert sparkline([]) == ""
+
+
+def test_a_sparkline_of_many_values_shows_the_smallest_of_each_cell() -> None:
+    values = [1.0] * 2000
+    values[1234] = -1.0
+    shown = sparkline(values, 20)
+    assert len(shown) == 20
+    assert shown.index("▁") == 12
+    assert sparkline([math.inf, 1.0, math.nan]) == "█"
+
+
+def test_the_tally_knows_first_failure_and_best_value_after_each_run() -> None:
+    rows = (*make_proposals(), make_proposal_row(8, state=RunState.RUNNING))
+    rows += (make_proposal_row(9, -0.5, phase="nearest"),)
+    tally = tally_search(TASK, rows)
+    assert (tally.explored, tally.out, tally.failed) == (len(MARGINS), 1, 2)
+    assert tally.first == rows[4]
+    assert [one.margin for one in tally.best] == [
+        0.105, 0.104, 0.061, 0.061, -0.012, -0.012, -0.031, -0.031,
+    ]  # fmt: skip
+    assert tally.best_row == rows[6]
+    assert tally.smallest == ObjectiveValue(-0.031, -0.031, "m", "keeps-clear", "kitchen_door")
+
+
+def test_a_run_without_a_value_neither_fails_nor_is_best() -> None:
+    tally = tally_search(TASK, (make_proposal_row(0, state=RunState.LOST),))
+    assert (tally.explored, tally.failed, tally.smallest) == (1, 0, None)
+
+
+def test_parameters_are_shown_beside_what_is_written() -> None:
+    assert parameter_table(TASK, (8.54, 0.01, "kitchen_door")) == (
+        ("doors_moving.kitchen_opens", "8 s", "8.54 s", True),
+        ("robot.laser.noise", "0.01 m", "0.01 m", False),
+        ("doors_moving.leading", "bedroom_door", "kitchen_door", True),
+    )
+    assert [range_text(one) for one in TASK.parameters] == [
+        "7.1 .. 8.9 s",
+        "0.01 .. 0.05 m, log",
+        "bedroom_door or kitchen_door",
+    ]
+
+
+def test_where_in_its_range_a_value_lies() -> None:
+    opens, noise, leading = TASK.parameters
+    assert share_in_range(opens, 8.0) == pytest.approx(0.5)
+    assert share_in_range(opens, 99.0) == 1.0
+    assert share_in_range(noise, math.sqrt(0.01 * 0.05)) == pytest.approx(0.5)
+    assert share_in_range(leading, "kitchen_door") == 1.0
+    assert share_in_range(leading, "nowhere") is None
+    assert share_in_range(opens, None) is None
+
+
+@pytest.mark.parametrize(
+    ("row", "word", "phase"),
+    [
+        (make_search("running"), "running", "looking for failures"),
+        (make_search(), "fail", "the budget is spent"),
+        (make_search("running", answer=make_answer()), "fail", "looking for failures"),
+        (make_search("cancelled"), "cancelled", "it was cancelled"),
+        (make_search("failed", note="no"), "error", "it could not go on"),
+        (
+            make_search(answer=replace(make_answer(), first=None, failed=0, ended="settled")),
+            "pass",
+            "nothing got better for a while",
+        ),
+        (
+            make_search(answer=replace(make_answer(), first=None, failed=0, best=None)),
+            "inconclusive",
+            "the budget is spent",
+        ),
+    ],
+)
+def test_one_word_and_one_phrase_for_how_a_search_stands(row, word: str, phase: str) -> None:
+    assert search_word(row) == word
+    assert phase_text(row) == phase
+    assert phase in search_line(row)
+
+
+def test_a_line_for_a_search() -> None:
+    assert search_line(make_search("running")) == (
+        "doors-in-time: looking for failures, 8 of 60 runs"
+    )
+    assert search_line(make_search()) == (
+        "doors-in-time: the budget is spent, 8 runs, 2 failures, smallest margin −0.031 m"
+    )
+
+
+def test_the_answer_begins_with_its_sentences() -> None:
+    text = "\n".join(line.plain for line in answer_lines(make_search()))
+    assert text == (
+        "doors-in-time  ✗ it can fail  Doors a little early or late\n"
+        "keeps-clear over 3 parameters of busy-house (pilot), method auto, seed 7\n"
+        "8 points, 25 runs executed, 3 reused, 2 failures; the budget is spent\n"
+        "\n"
+        "Run 4 is the first that fails: keeps-clear by 0.012 m near kitchen_door.\n"
+        "kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m near "
+        "kitchen_door; at 8.32 s it passes with 0.105 m\n"
+        "\n"
+        "the nearest failure:\n"
+        "  doors_moving.kitchen_opens  8 s -> 8.54 s  passes at 8.32 s\n"
+        "\n"
+        "findings:\n"
+        "  2x  keeps-clear  kitchen_door on the way to kitchen at 31.5 s  −0.031 m  "
+        f"{SEARCH}.6\n"
+        "\n"
+        "influence on the margin, rank correlation in 6 unguided runs:\n"
+        "  doors_moving.kitchen_opens  ▐███████│          −0.93\n"
+        "  doors_moving.leading                │██        +0.20\n"
+        "  robot.laser.noise                   │█         +0.08\n"
+        "\n"
+        "the least that still fails:\n"
+        "  minimal: kitchen_door (of 3 objects)"
+    )
+
+
+def test_a_search_without_an_answer_says_how_it_stands() -> None:
+    lines = [line.plain for line in answer_lines(make_search("failed", note="flat.fpm:3: gone"))]
+    assert lines[2] == "flat.fpm:3: gone"
+    assert "it could not go on" in lines[-1]
+
+
+def test_what_chance_gives_as_well_is_dim() -> None:
+    first, *others = influence_lines(make_answer())
+    assert not first.style
+    assert all(line.style for line in others)
+
+
+def test_influence_of_a_flat_margin_is_nothing() -> None:
+    answer = make_answer()
+    flat = replace(answer.influence[0], correlation=math.nan)
+    (line,) = influence_lines(replace(answer, influence=(flat,)))
+    assert line.plain.endswith("nan")
+
+
+def test_confirmation_and_best_value() -> None:
+    assert confirmation_text(None) == ""
+    assert (
+        confirmation_text(Confirmation(4, 5, 0.28, 0.99)) == "fails in 4 of 5 noises (28 to 99 %)"
+    )
+    value = make_point(make_proposal_row(0, 0.02)).value
+    assert best_text(value, oracle=True) == "smallest margin +0.02 m (keeps-clear)"
+    assert best_text(None) == ""
+
+
+def test_what_to_type_about_a_search() -> None:
+    running = dict(search_commands(make_search("running")))
+    assert f"scenario cancel {SEARCH}" in running
+    done = dict(search_commands(make_search()))
+    assert f"scenario replay {SEARCH}.4 --from keeps-clear" in done
