@@ -69,7 +69,7 @@ TASK: Final = SearchTask(
     seed=7,
     about="Doors a little early or late",
 )  # fmt: skip
-WRITTEN: Final = tuple(one.written for one in TASK.parameters)
+WRITTEN: Final = tuple(one.written for one in TASK.parameters if one.written is not None)
 
 
 def make_proposals(count: int = 60, *, settled: int | None = None) -> tuple[ProposalRow, ...]:
