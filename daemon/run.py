@@ -15,7 +15,7 @@ from pathlib import Path
 
 from daemon.judging import oracles
 from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
-from daemon.model.spec import RunResult, RunSpec, Timing, package_versions
+from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, package_versions
 from daemon.model.sut import TICK_RATE
 from daemon.run_loop import Interest, ProgressCallback, RunLoop
 from daemon.trace import TraceWriter, read_trace
@@ -46,6 +46,7 @@ def execute(
     trace_path: Path,
     on_progress: ProgressCallback | None = None,
     interest: Interest | None = None,
+    leads: bool = False,
 ) -> RunResult:
     """Run ``spec`` in ``scene``, write the trace to ``trace_path``, judge it.
 
@@ -53,6 +54,7 @@ def execute(
     speed. A system under test that raises ends the run as ``crashed``; that is an error verdict,
     never a failure of the robot. ``on_progress`` is called once a simulated second, with
     ``interest`` up to ten times, as often as that wants it; neither has any influence on the run.
+    With ``leads`` the result has leading margins as well; verdicts and trace are the same.
 
     Raises :class:`SceneMismatchError` when ``scene`` is not the specified one.
     """
@@ -75,10 +77,14 @@ def execute(
     # Judged is the file, not what is still in memory: the verdicts of a run are then the very
     # ones that anybody gets who judges its trace again, on another machine and years later.
     recorded = read_trace(trace_path)
-    verdicts = oracles.judge(recorded, spec.oracles)
+    margins: tuple[LeadingMargin, ...] = ()
+    if leads:
+        verdicts, margins = oracles.judge_leading(recorded, spec.oracles)
+    else:
+        verdicts = oracles.judge(recorded, spec.oracles)
     outcome = oracles.overall_outcome(recorded, verdicts)
     timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated)
-    return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note)
+    return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note, margins)
 
 
 def prepare(spec: RunSpec, scene: Scene) -> None:

@@ -11,6 +11,7 @@ from grammars.text.sources import is_folder, refuse_unreadable
 from scenario_tui.text.formatting import pluralise
 
 if TYPE_CHECKING:
+    from daemon.campaign import Campaign
     from grammars.floorplan import FloorPlan
 
 Checker = Callable[[Path], tuple[str, tuple[Diagnostic, ...]]]
@@ -142,13 +143,25 @@ def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     from daemon.campaign import examine
 
     campaign, found = examine(path)
+    found = (*found, *_search_findings(campaign))
     # As written: what is wrong with a layer makes no campaign smaller.
     suts = [*(cell.suts for cell in campaign.cells), *campaign.lost]
     cells, policy = sum(map(len, suts)), campaign.declared.policy
     more = f", up to {cells * policy.at_most:,}" if policy.until_decided else ""
     scenarios = pluralise(len(suts), "scenario")
     runs = pluralise(campaign.runs + campaign.lost_runs, "run")
-    return f"{scenarios}, {runs}{more}", found
+    searches = f", {pluralise(len(campaign.searches), 'search', 'searches')}"
+    return f"{scenarios}, {runs}{more}{searches if campaign.searches else ''}", found
+
+
+def _search_findings(campaign: Campaign) -> tuple[Diagnostic, ...]:
+    if not campaign.searches:
+        return ()
+    from daemon.search.checks import check_search
+    from daemon.search.composition import search_case
+
+    cases = (search_case(campaign, task) for task in campaign.searches)
+    return tuple(dict.fromkeys(one for case in cases for one in check_search(case)))
 
 
 _BY_ENDING: Final[dict[str, Checker]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
@@ -19,6 +19,7 @@ from daemon.batch.stores import FileUpload
 from daemon.model.attachments import attached_digests, user_files_folder
 from daemon.model.messages import EVENTS, LARGEST_CHUNK, LIVE, FileUploadChunk, UploadProgress
 from daemon.model.packed_submission import pack_submission
+from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, LiveSnapshot, Submission, SubmissionReceipt
 from daemon.model.verbs import KEEP, SUBMIT, DaemonClient, Role, Verb
 from grammars.text import codec
@@ -151,13 +152,17 @@ class Client(DaemonClient):
 
     def submit(self, submission: Submission) -> SubmissionReceipt:
         """Hand over a campaign, after the files that its runs need."""
+        self.send_files((*submission.runs, *submission.reserve))
+        return self.ask(SUBMIT, pack_submission(submission))
+
+    def send_files(self, runs: Sequence[RunSpec]) -> None:
+        """Send the files that runs need, their maps included, as far as the daemon lacks them."""
         # By identity: 100,000 runs share a handful of these, each with hundreds of parameters.
-        suts = {id(run.sut): run.sut for run in (*submission.runs, *submission.reserve)}
+        suts = {id(run.sut): run.sut for run in runs}
         digests = (attached_digests(sut.parameters).values() for sut in suts.values())
-        maps = (run.map.file for run in (*submission.runs, *submission.reserve) if run.map.file)
+        maps = (run.map.file for run in runs if run.map.file)
         for digest in dict.fromkeys(chain(chain.from_iterable(digests), maps)):
             self._upload_file(digest, user_files_folder() / digest)
-        return self.ask(SUBMIT, pack_submission(submission))
 
     def _upload_file(self, digest: str, path: Path) -> None:
         """Send a file the daemon lacks; one that is not here may be there all the same."""

@@ -111,6 +111,8 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
         scene = codec.from_json(Scene, task.scene.read_bytes())
         trace = task.folder / TRACE
         reporter = SnapshotSender(lease.run, wire, task.folder / WATCHED)
+        # Only where they are asked for: executors that plug in need not know of them.
+        asked = {"leads": True} if lease.leads else {}
         with wall_clock_limit(task.wall):
             result: RunResult = forkserver_preload.execute(
                 lease.spec,
@@ -118,6 +120,7 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
                 trace_path=trace,
                 on_progress=reporter,
                 interest=reporter.interest,
+                **asked,
             )
         _write_result(result, trace, task.folder)
     except SutMissing as error:

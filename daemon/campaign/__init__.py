@@ -1,11 +1,13 @@
 """Campaign files: from layers by name to run specifications."""
 
+from daemon.campaign._bundle import bundle_campaign, checked_bundle, unpack_bundle
 from daemon.campaign._campaign import (
     Campaign,
     check,
     examine,
     expand,
     load_campaign,
+    noise_seed,
     repeat_seed,
 )
 from daemon.campaign._cells import CampaignCell
@@ -32,7 +34,9 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.campaign._scenarios import LayerReference
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario
+from daemon.campaign._search_file import read_budget, read_confirm, read_stop
+from daemon.campaign._searchable import references_of
 from daemon.campaign._survey import read_campaign
 from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
 
@@ -56,8 +60,11 @@ __all__ = [
     "ParameterValue",
     "ParameterValues",
     "RefusedSutError",
+    "ResolvedScenario",
     "SutFile",
+    "bundle_campaign",
     "check",
+    "checked_bundle",
     "examine",
     "expand",
     "find_layer",
@@ -67,7 +74,13 @@ __all__ = [
     "load_campaign",
     "load_sut",
     "merge_parameters",
+    "noise_seed",
     "parameter_tree",
+    "read_budget",
     "read_campaign",
+    "read_confirm",
+    "read_stop",
+    "references_of",
     "repeat_seed",
+    "unpack_bundle",
 ]

@@ -39,9 +39,11 @@ from daemon.campaign._scenarios import (
     limit_place,
     pick_oracles,
 )
+from daemon.campaign._searches import SearchScope, read_searches
 from daemon.campaign._survey import survey_campaign
 from daemon.campaign._unused import CampaignUse, find_unused
 from daemon.model.assessments import AssessmentRules
+from daemon.model.search import SearchTask
 from daemon.model.spec import OracleText, RunSpec, SutReference
 from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
@@ -55,7 +57,7 @@ from grammars.scenery.composition import (
     compile_scene,
     resolve_behaviours,
 )
-from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.diagnostics import Diagnostic, InputError, Severity
 from grammars.text.documents import YamlDocument, load_yaml
 
 if TYPE_CHECKING:
@@ -83,6 +85,8 @@ class Campaign:
     warnings: tuple[Diagnostic, ...]
     lost: tuple[tuple[SutReference | None, ...], ...] = ()
     """The systems of every cell of the file that no run can be made of."""
+    searches: tuple[SearchTask, ...] = ()
+    """The searches of the file, in its order; they are no part of its runs."""
 
     def repeats_with(self, sut: SutReference) -> int:
         """Return how many runs every scenario has with a system before anything is decided."""
@@ -174,6 +178,17 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         timings = LegTimings(timed, document)
         _load_cells(scenario, loader, pool, timings, whole=scenario.name not in survey.incomplete)
     use = CampaignUse(text, document, scenarios, loader.worlds, not loader.findings)
+    searches, said = read_searches(
+        SearchScope(
+            text,
+            document,
+            loader.library,
+            {scenario.name: scenario for scenario in scenarios},
+            loader.cells,
+            survey.unread_searches,
+        )
+    )
+    loader.findings += [one for one in said if one.severity is Severity.ERROR]
     unused = find_unused(
         use, lambda layer: loader.collect_errors(lambda: loader.library.oracles((layer,)))
     )
@@ -190,8 +205,10 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
             *say_once(loader.library.warnings),
             *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
             *dict.fromkeys(unused),
+            *(one for one in said if one.severity is Severity.WARNING),
         ),
         lost=tuple(loader.lost),
+        searches=searches,
     )
     return campaign, loader
 
@@ -373,6 +390,11 @@ def repeat_seed(seed: int, repeat: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=(repeat,))
 
 
+def noise_seed(seed: int, repeat: int) -> int:
+    """Return the seed of a run: the root of all that is drawn while it is simulated."""
+    return int(repeat_seed(seed, repeat).generate_state(1, np.uint64)[0])
+
+
 def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
     """Return every run of the campaign, scenario by scenario, SUT by SUT, repeat by repeat.
 
@@ -417,7 +439,6 @@ def _specs(campaign: Campaign) -> Iterator[RunSpec]:
             if campaign.repeats is None:
                 behaviours_of = behaviours_of[: campaign.repeats_with(sut)]
             for repeat, behaviours in enumerate(behaviours_of):
-                seed = repeat_seed(campaign.seed, repeat).generate_state(1, np.uint64)
                 yield RunSpec(
                     campaign=campaign.name,
                     scenario=cell.name,
@@ -429,6 +450,6 @@ def _specs(campaign: Campaign) -> Iterator[RunSpec]:
                     behaviours=behaviours,
                     oracles=oracles,
                     map=cell.map,
-                    seed=int(seed[0]),
+                    seed=noise_seed(campaign.seed, repeat),
                     limit=cell.limit,
                 )

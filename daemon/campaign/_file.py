@@ -19,6 +19,7 @@ from pydantic import (
 
 from daemon.campaign._names import LayerName, Names, OneName, References
 from daemon.campaign._references import ReferenceText
+from daemon.campaign._search_file import SEARCH_NAME, SearchText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
 from grammars.model.files import MISSION_KEYS, ROBOT_KEYS
@@ -336,6 +337,10 @@ class CampaignFile(StrictModel):
     """Whether random behaviours are drawn anew for each repeat or once."""
     scenarios: dict[Annotated[str, Field(pattern=_NAME)], ScenarioText] = Field(min_length=1)
     """The scenarios by name."""
+    search: dict[Annotated[str, Field(pattern=SEARCH_NAME)], SearchText] = Field(
+        default_factory=dict
+    )
+    """Searches by name, for what makes a scenario fail: they run when they are asked for."""
     compare: dict[Annotated[str, Field(pattern=_NAME)], str] = Field(default_factory=dict)
     """Comparisons of scenarios by name, paired by repeat: delay(S3.2 vs S3.5) <= 30 s, with
     "on leg NAME" inside for one leg only; a measure's name instead of delay compares that."""

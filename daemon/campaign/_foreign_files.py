@@ -13,6 +13,7 @@ from daemon.campaign._parameters import ParameterPath, ParameterValues
 from daemon.stacks.findings import ParameterFindings
 from grammars.text.diagnostics import Diagnostic, InputError
 from grammars.text.documents import KeyPath, YamlDocument
+from grammars.text.sources import note_read
 
 _ROS2_MARK: Final = "ros__parameters"
 _DEEPEST: Final = 5
@@ -63,6 +64,7 @@ def _ros2_sections(data: Any, path: KeyPath) -> Iterator[KeyPath]:
 
 def is_of_ros2(path: Path) -> bool:
     """Whether a file looks like one with parameters of ROS 2."""
+    note_read(path)
     with path.open("rb") as file:
         return _ROS2_MARK.encode() in file.read(2**20)
 

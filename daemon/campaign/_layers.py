@@ -27,7 +27,7 @@ from grammars.scenery import SceneryLayer, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
 from grammars.text.shipped import shipped_folder
-from grammars.text.sources import is_file, is_folder, names_in, read_text
+from grammars.text.sources import is_file, is_folder, names_in, not_recording, read_text
 
 T = TypeVar("T")
 
@@ -130,7 +130,8 @@ def _may_be(path: Path, kind: LayerKind) -> bool:
     if not kind.key:
         return True
     try:
-        keys = {line.partition(":")[0] for line in read_text(path).split("\n")}
+        with not_recording():
+            keys = {line.partition(":")[0] for line in read_text(path).split("\n")}
     except InputError:
         return False  # what cannot be read is not proposed
     return kind.key in keys and "campaign" not in keys
@@ -169,6 +170,10 @@ class LayerLibrary:
     folder: Path
     warnings: list[Diagnostic] = field(default_factory=list)
     _loaded: dict[tuple[str, Path], Any] = field(default_factory=dict)
+
+    def branch(self) -> LayerLibrary:
+        """Return a library that knows what this one has read; what it reads ends with it."""
+        return LayerLibrary(self.folder, _loaded=dict(self._loaded))
 
     def floorplan(self, reference: LayerReference) -> FloorPlan:
         """Load a floor plan; its warnings are kept once."""

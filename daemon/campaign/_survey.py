@@ -33,6 +33,8 @@ class CampaignSurvey:
     incomplete: frozenset[str]
     lost: bool
     problems: tuple[Diagnostic, ...]
+    unread_searches: frozenset[str] = frozenset()
+    """The searches of which something was left out."""
 
 
 def read_campaign(document: YamlDocument) -> tuple[CampaignFile, tuple[ResolvedScenario, ...]]:
@@ -85,6 +87,11 @@ def survey_campaign(document: YamlDocument) -> CampaignSurvey:
         frozenset(incomplete),
         bool(lost),
         tuple(dict.fromkeys(problems)),
+        frozenset(
+            name
+            for name in text.search
+            if any(p[:2] in (("search", name), ("search",)) for p in lost)
+        ),
     )
 
 

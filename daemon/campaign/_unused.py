@@ -16,7 +16,7 @@ from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument
-from grammars.text.sources import read_text
+from grammars.text.sources import not_recording, read_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,9 @@ def _is_shared(layer: str, campaign: Path) -> bool:
 
 def _text_of(path: Path) -> str:
     try:
-        return read_text(path)
+        # What other campaigns name decides about a warning, and about nothing that is run.
+        with not_recording():
+            return read_text(path)
     except InputError:
         # A folder or a pipe of such a name is no campaign: it names nothing.
         return ""

@@ -19,6 +19,7 @@ import platformdirs
 
 from daemon.model.ids import is_digest
 from grammars.text.files import replacing
+from grammars.text.sources import note_read
 
 FILES_PARAMETER: Final = "files"
 LARGEST_FILE: Final = 64 * 2**20
@@ -75,6 +76,7 @@ def _store_file(name: str, path: Path) -> str:
     if size > LARGEST_FILE:
         limit = LARGEST_FILE // 2**20
         raise ValueError(f"files: {name} has {size / 2**20:.0f} MiB, at most {limit} may have")
+    note_read(path)
     return store_data(path.read_bytes())
 
 

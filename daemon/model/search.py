@@ -54,6 +54,8 @@ class SearchParameter:
     beside the ``index``-th name of that slot. ``low``, ``high``, ``step`` and ``written`` are in
     ``unit``, as written in the range; it is empty for plain numbers. With ``choices`` there is no
     range. ``written`` is the value that the scenario has, which may lie outside of the range.
+    Values of a ``whole`` parameter are whole numbers, those of a ``truth`` parameter ``"true"``
+    and ``"false"``. ``where`` is the place of the range: file and line.
     """
 
     name: str
@@ -68,11 +70,21 @@ class SearchParameter:
     choices: tuple[PointValue, ...] = ()
     written: PointValue | None = None
     where: str = ""
+    whole: bool = False
+    truth: bool = False
 
     def text(self, value: PointValue) -> str:
         """Return a value as it is written in a file: ``52.5 deg/s``."""
         words = value if isinstance(value, str) else f"{value:.10g}"
         return f"{words} {self.unit}" if self.unit and not isinstance(value, str) else words
+
+    def override(self, value: PointValue) -> str | float | int | bool:
+        """Return what stands in a campaign file as the parameter's value."""
+        if self.truth:
+            return value == "true"
+        if isinstance(value, str) or self.unit:
+            return self.text(value)
+        return round(value) if self.whole else float(f"{value:.10g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +235,7 @@ class ObjectiveValue:
     """What a run is worth to a search: ``value`` is compared, ``margin`` in ``unit`` is told.
 
     Both are the same where one oracle is minimised. ``oracle`` is the one that is nearest to
-    failing, ``object`` what it is about.
+    failing, ``object`` what it is about, ``waypoint`` the one that the robot was on its way to.
     """
 
     value: float
@@ -231,6 +243,7 @@ class ObjectiveValue:
     unit: str
     oracle: str
     object: str = ""
+    waypoint: str = ""
 
 
 def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValue | None:
@@ -242,13 +255,18 @@ def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValu
             continue
         value = lead.margin if len(task.scales) == 1 else lead.margin / scale.scale
         if best is None or value < best.value:
-            best = ObjectiveValue(value, lead.margin, lead.unit, lead.oracle, lead.object)
+            best = ObjectiveValue(
+                value, lead.margin, lead.unit, lead.oracle, lead.object, lead.waypoint
+            )
     return best
 
 
 @dataclass(frozen=True, slots=True)
 class PointResult:
-    """A proposal with what it gave: its verdict, its margin, and the run to look at."""
+    """A proposal with what it gave: its verdict, its margin, and the run to look at.
+
+    ``outcome`` is that of the oracle in question; an error where the run cannot be trusted.
+    """
 
     number: int
     position: int
@@ -268,9 +286,10 @@ class PointResult:
 
 @dataclass(frozen=True, slots=True)
 class Confirmation:
-    """How many of the repeats of a point fail, itself included.
+    """How many of the repeats of a point fail, with other noise than the run that was found.
 
-    ``low`` and ``high`` bound the rate with 95 % certainty (Clopper and Pearson).
+    That run does not count: it was chosen for failing. ``low`` and ``high`` bound the rate with
+    95 % certainty (Clopper and Pearson).
     """
 
     failed: int
@@ -353,11 +372,13 @@ class SearchAnswer:
     """What a search has found, so far or in the end.
 
     ``ended`` says why it ended (``budget``, ``time``, ``failures``, ``settled``, ``errors``,
-    ``cancelled``), empty while it lasts. ``written`` is the scenario as it stands, ``first`` the
-    failure of the lowest number, ``best`` the smallest margin. Of the ``space_filling`` runs
-    ``space_filling_failed`` fail; with 95 % certainty less than ``failing_share`` of the space
-    does. ``sentences`` tell all of it; ``found`` is the text of ``NAME.found.yaml``, empty when
-    nothing fails.
+    ``exhausted``, ``cancelled``), empty while it lasts. Of the ``explored`` proposals ``refused``
+    are points that no run can be made of. ``written`` is the scenario as it stands, ``first`` the
+    failure of the lowest number, ``best`` the smallest margin. Of the ``space_filling`` runs, those
+    with a verdict that were drawn without looking at results (the scenario as written was not
+    drawn), ``space_filling_failed`` fail; with 95 % certainty at most ``failing_share`` of the
+    space does. ``sentences`` tell all of it; ``found`` is the text of ``NAME.found.yaml``, empty
+    when nothing fails.
     """
 
     ended: str
@@ -382,13 +403,15 @@ class SearchAnswer:
     found: str = ""
     found_label: str = ""
     found_digest: str = ""
+    refused: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class SearchRow:
     """A search and how it stands; ``note`` says what keeps it or why it failed.
 
-    ``campaign`` is its id in the ledger, ``proposed`` and ``finished`` count runs.
+    ``campaign`` is its id in the ledger, ``proposed`` and ``finished`` count runs. ``file`` is the
+    campaign file among its files.
     """
 
     campaign: str
@@ -401,6 +424,7 @@ class SearchRow:
     finished: int = 0
     note: str = ""
     answer: SearchAnswer | None = None
+    file: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -162,13 +162,14 @@ class LeadingMargin:
 
     In ``unit``, as the verdict's margin, but it leads to the failure also where that is flat
     (``never(contact)`` by the clearance). ``None`` when the run says nothing about it. ``object``
-    is what it is about.
+    is what it is about, ``waypoint`` the one that the robot was on its way to at that moment.
     """
 
     oracle: str
     margin: float | None
     unit: str
     object: str = ""
+    waypoint: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +210,8 @@ def bound_result(result: RunResult) -> RunResult:
     """Return a result of at most :data:`LARGEST_RESULT` bytes: as it is, or without the rest.
 
     Long notes and evidence go first, and only then verdicts, all of them: a part of them would
-    look like the whole. The outcome stays; ``note`` says what was left out.
+    look like the whole; leading margins, which are short, last of all. The outcome stays; ``note``
+    says what was left out.
     """
     size = len(codec.to_json(result))
     if size <= LARGEST_RESULT:
@@ -220,11 +222,13 @@ def bound_result(result: RunResult) -> RunResult:
         result,
         verdicts=tuple(map(_shorten, result.verdicts)),
         note=join_notes(f"{words}notes were cut", note),
+        leads=tuple(replace(lead, object=lead.object[:_LONGEST_EVIDENCE]) for lead in result.leads),
     )
     if len(codec.to_json(shorter)) <= LARGEST_RESULT:
         return shorter
     lost = f"{words}{len(result.verdicts)} verdicts were left out, judge its trace again"
-    return replace(result, verdicts=(), note=join_notes(lost, note))
+    bare = replace(shorter, verdicts=(), note=join_notes(lost, note))
+    return bare if len(codec.to_json(bare)) <= LARGEST_RESULT else replace(bare, leads=())
 
 
 def _shorten(verdict: Verdict) -> Verdict:

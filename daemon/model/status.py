@@ -29,6 +29,10 @@ stored has no other mark, so every ledger there is can be asked.
 """
 
 
+SEARCHES_HALT: Final = "no proposals are made for searches"
+"""The first words of the trouble that says why."""
+
+
 class RunState(StrEnum):
     """Life of a run in the ledger; ``lost`` means no result after every attempt."""
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.extras import load_extra
-from grammars.text.sources import is_file
+from grammars.text.sources import is_file, note_read
 
 MOST_CELLS: Final = 64_000_000
 """A map of 400 m by 400 m at 5 cm; more is refused before it is read."""
@@ -50,6 +50,7 @@ def read_image(path: Path, named: Where, *, alpha_counts: bool) -> MapImage:
     """
     if not is_file(path):
         raise InputError.at(named, f"the image {path} cannot be read: No such ordinary file")
+    note_read(path)
     try:
         size = path.stat().st_size
         if size > _LONGEST_HEADER + 4 * MOST_CELLS:

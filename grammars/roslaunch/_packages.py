@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
-from grammars.text.sources import is_folder, names_in, read_text
+from grammars.text.sources import is_folder, names_in, note_read, read_text
 
 _FIND: Final = re.compile(r"\$\(\s*find\s+([^\s()$]+)\s*\)[/\\]?")
 _MANIFESTS: Final = ("package.xml", "manifest.xml")
@@ -158,6 +158,7 @@ def follow_links(path: Path, warnings: list[Diagnostic]) -> Path:
     for _ in range(_MOST_LINKS):
         if not path.is_file() or path.stat().st_size > 300:
             return path
+        note_read(path)
         name = path.read_bytes().decode(errors="replace").strip()
         target = path.parent / name
         if not re.fullmatch(r"[\w./-]{1,200}", name) or name == path.name or not target.is_file():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -42,18 +42,23 @@ def grid(distributions: Sequence[Distribution], levels: int, where: Where) -> It
 
 
 def halton(distributions: Sequence[Distribution], seed: int) -> Iterator[Point]:
-    """Return points of a scrambled Halton sequence, without an end.
+    """Return points of a scrambled Halton sequence, without an end; see :func:`halton_points`."""
+    return _points_at(distributions, halton_points(len(distributions), seed))
+
+
+def halton_points(dimensions: int, seed: int) -> Iterator[Point]:
+    """Return points in the unit cube [0, 1) of a scrambled Halton sequence, without an end.
 
     Halton, J. H.: On the efficiency of certain quasi-random sequences of points, Numerische
     Mathematik 2 (1960); the digits are permuted after Owen, A randomized Halton algorithm in R
     (2017). The points are those of :class:`scipy.stats.qmc.Halton` with the same generator.
     """
     rng = _generator(seed)
-    digits = [_permuted_digits(base, rng) for base in _primes(len(distributions))]
+    digits = [_permuted_digits(base, rng) for base in _primes(dimensions)]
     for first in itertools.count(0, _BLOCK):
         numbers = np.arange(first, first + _BLOCK)
         axes = [_radical_inverse(numbers, permutations) for permutations in digits]
-        yield from _points_at(distributions, np.column_stack(axes))
+        yield from map(tuple, np.column_stack(axes).tolist())
 
 
 def latin_hypercube(distributions: Sequence[Distribution], n: int, seed: int) -> Iterator[Point]:
@@ -68,7 +73,7 @@ def latin_hypercube(distributions: Sequence[Distribution], n: int, seed: int) ->
     slices = np.tile(np.arange(1, n + 1), (len(distributions), 1))
     for axis in slices:
         rng.shuffle(axis)
-    return _points_at(distributions, (slices.T - within) / n)
+    return _points_at(distributions, ((slices.T - within) / n).tolist())
 
 
 def pairwise(
@@ -99,8 +104,10 @@ def pairwise(
     return (tuple(row) for row in rows)
 
 
-def _points_at(distributions: Sequence[Distribution], quantiles: Any) -> Iterator[Point]:
-    for row in quantiles.tolist():
+def _points_at(
+    distributions: Sequence[Distribution], quantiles: Iterable[Sequence[float]]
+) -> Iterator[Point]:
+    for row in quantiles:
         yield tuple(d.at(share) for d, share in zip(distributions, row, strict=True))
 
 

@@ -16,7 +16,7 @@ from scenario_tui.cli.options import AsJson, State
 from scenario_tui.cli.output import Output, say, stderr_console, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.analysis.blame import Blame, CampaignRun, CandidateRunner, Element, RunCase, Without
+    from daemon.analysis.blame import Blame, CampaignRun, CandidateRunner, RunCase
 
 
 class BlameOutput(Output, schema="blame"):
@@ -172,13 +172,14 @@ class _RunCounter:
 
 
 def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Path) -> None:
+    from daemon.analysis.blame import story_lines
     from scenario_tui.cli.results import print_commands
     from scenario_tui.text.formatting import duration, pluralise, verdict_line
 
     console = stdout_console()
     console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)
     console.print()
-    for line in (*_layer_lines(case, story), *_part_lines(story)):
+    for line in story_lines(story, case.settings.like, several=len(case.added) > 1):
         console.print(f"  {line}", soft_wrap=True)
     console.print()
     if story.stopped:
@@ -186,50 +187,3 @@ def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Pat
     took = f"{pluralise(runner.runs, 'run')}, {duration(runner.seconds)}"
     console.print(f"{took}; {runner.cached} more were known already")
     print_commands((f"scenario run {file}", "the smallest failing scenario, on its own"))
-
-
-def _layer_lines(case: RunCase, story: Blame) -> Iterator[str]:
-    if not story.layers:
-        if story.stopped:
-            yield "which of its layers makes it fail is not known yet"
-        else:
-            like = f" with {case.settings.like}" if case.settings.like else ""
-            yield f"fails in the bare building{like} as well: no layer is to blame"
-        return
-    on_top = case.settings.like if story.parameters else ""
-    names = _join_names([one.element.name for one in story.layers])
-    yield f"fails with {names}{f' on top of {on_top}' if on_top else ''}"
-    for one in story.layers:
-        yield f"without {_short_name(one.element)}: {_outcome_without(one)}"
-    # With a single layer added there is nothing that an order could say.
-    if story.flips is not None and len(case.added) > 1:
-        yield f"in the order of the campaign, it is {_short_name(story.flips)} that flips it"
-
-
-def _short_name(element: Element) -> str:
-    """Return what to call an element once it has been told in full."""
-    return element.name.partition(": ")[0] if element.kind == "parameter" else element.name
-
-
-def _outcome_without(one: Without) -> str:
-    if one.word == "fail":
-        return "fails as well, but for another reason"
-    return "passes" if one.word == "pass" else one.note or "cannot be judged"
-
-
-def _part_lines(story: Blame) -> Iterator[str]:
-    before = dict(story.before)
-    doors = ", ".join(story.objects) or "no objects"
-    waypoints = ", ".join(story.waypoints)
-    yield f"{'minimal' if story.minimal else 'so far'}: {doors} (of {before['object']})"
-    yield f"  waypoints {waypoints} (of {before['waypoint']})"
-    behaviours = ", ".join(story.behaviours) or "none"
-    yield f"  behaviours {behaviours} (of {before['behaviour']})"
-    if before["parameter"]:
-        names = (name.partition(": ")[0] for name in story.parameters)
-        parameters = ", ".join(names) or "none"
-        yield f"  parameters {parameters} (of {before['parameter']})"
-
-
-def _join_names(names: list[str]) -> str:
-    return " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)

@@ -5,30 +5,47 @@
 :func:`daemon.run.execute`), :func:`save_campaign` writes the smallest failing run as a campaign.
 """
 
-from daemon.analysis.blame._case import CampaignRun, Candidate, RunCase, find_run, load_case
+from daemon.analysis.blame._case import (
+    CampaignRun,
+    Candidate,
+    RunCase,
+    case_of,
+    find_run,
+    load_case,
+)
 from daemon.analysis.blame._elements import Blame, Element, NoFailureError, Without, sut_differences
 from daemon.analysis.blame._layer_text import behaviour_sentences
 from daemon.analysis.blame._runner import (
+    SLOTS,
     BudgetSpentError,
+    CandidateExecutor,
     CandidateResult,
     CandidateRunner,
     execute_candidates,
+    judge_verdict,
+    run_forked,
+    unresolved_candidate,
 )
 from daemon.analysis.blame._save import save_campaign
 from daemon.analysis.blame._search import (
     LINEAR_STEPS,
+    BlameResult,
     ddmin,
     explain_failure,
     find_flip,
     split_evenly,
 )
+from daemon.analysis.blame._story import story_lines
 
 __all__ = [
     "LINEAR_STEPS",
+    "SLOTS",
     "Blame",
+    "BlameResult",
     "BudgetSpentError",
     "CampaignRun",
     "Candidate",
+    "CandidateExecutor",
     "CandidateResult",
     "CandidateRunner",
     "Element",
@@ -36,13 +53,18 @@ __all__ = [
     "RunCase",
     "Without",
     "behaviour_sentences",
+    "case_of",
     "ddmin",
     "execute_candidates",
     "explain_failure",
     "find_flip",
     "find_run",
+    "judge_verdict",
     "load_case",
+    "run_forked",
     "save_campaign",
     "split_evenly",
+    "story_lines",
     "sut_differences",
+    "unresolved_candidate",
 ]

@@ -265,15 +265,20 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     if not found:
         message = f"{scenario} with {name} has no repeat {repeat}"
         raise InputError(Diagnostic(Where(campaign.file), message, "repeats count from 0"))
-    library = LayerLibrary(path.parent)
+    return case_of(campaign, cell, found[0], path.parent)
+
+
+def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path) -> RunCase:
+    """Take a run apart that a scenario of a campaign in ``folder`` specifies."""
+    library = LayerLibrary(folder)
     return RunCase(
         campaign=campaign,
         cell=cell,
-        folder=path.parent,
-        spec=found[0],
+        folder=folder,
+        spec=spec,
         scene=cell.scene,
         layers=_layers(cell, library),
-        settings=sut_differences(cell, found[0].sut, path.parent, library),
+        settings=sut_differences(cell, spec.sut, folder, library),
     )
 
 

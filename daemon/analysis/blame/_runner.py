@@ -46,18 +46,22 @@ class CandidateResult:
 
 
 RunnerWatch: TypeAlias = Callable[["CandidateRunner"], None]
+CandidateExecutor: TypeAlias = Callable[[Sequence[Candidate]], list[tuple[CandidateResult, ...]]]
+"""Executes a batch of candidates; returns how each ended by each of its oracles, in order."""
 
 
 @dataclass(slots=True)
 class CandidateRunner:
-    """Executes runs in processes of their own and remembers how they ended, by their digests.
+    """Has runs executed and remembers how they ended, by their digests.
 
     ``runs`` counts what was executed, ``cached`` what was known already. ``watch`` is called
-    after each batch.
+    after each batch. Without an ``executor`` runs are executed here, in processes of their own
+    (:func:`execute_candidates`).
     """
 
     budget: int
     watch: RunnerWatch | None = None
+    executor: CandidateExecutor | None = None
     runs: int = 0
     cached: int = 0
     started: float = field(default_factory=time.monotonic)
@@ -81,7 +85,7 @@ class CandidateRunner:
         if self.runs >= self.budget:
             raise BudgetSpentError
         self.runs += 1
-        (endings,) = execute_candidates([candidate])
+        (endings,) = self._endings([candidate])
         return endings
 
     def results(self, candidates: Sequence[Candidate | None]) -> list[CandidateResult | None]:
@@ -112,11 +116,14 @@ class CandidateRunner:
         if self.runs + len(new) > self.budget:
             raise BudgetSpentError
         if new:
-            endings = execute_candidates(list(new.values()))
+            endings = self._endings(list(new.values()))
             self._known |= {digest: one for digest, (one,) in zip(new, endings, strict=True)}
             self.runs += len(new)
         if self.watch is not None:
             self.watch(self)
+
+    def _endings(self, candidates: Sequence[Candidate]) -> list[tuple[CandidateResult, ...]]:
+        return (self.executor or execute_candidates)(candidates)
 
 
 def execute_candidates(
@@ -126,6 +133,20 @@ def execute_candidates(
 
     A process that dies, is killed or takes too long leaves its run unresolved. Whatever is
     raised here, Ctrl-C included, no process survives it, and none that a run has started.
+    """
+    return [
+        judge_candidate(candidate, result)
+        for candidate, result in zip(candidates, run_forked(candidates, execute_run), strict=True)
+    ]
+
+
+def run_forked(
+    candidates: Sequence[Candidate], execute_run: Callable[..., RunResult] = execute
+) -> list[RunResult | None]:
+    """Execute runs at the same time, each in a forked process.
+
+    Of a process that does not end well there is no result. Whatever is raised here, no process
+    survives it.
     """
     # Forked from here and not from a worker's fork server: this process is warm already, has no
     # Zenoh session, and the candidate need not be written to a file and read again.
@@ -146,7 +167,7 @@ def execute_candidates(
             for process in processes:
                 if process.pid is not None:
                     end_guarded(process)
-        return [_read_results(c, folder) for c, folder in zip(candidates, folders, strict=True)]
+        return [_read_result(folder) for folder in folders]
 
 
 def _await(processes: Sequence[ForkProcess], seconds: float) -> None:
@@ -168,12 +189,21 @@ def _run_candidate(
     write_atomically(folder / "result.json", codec.to_json(result))
 
 
-def _read_results(candidate: Candidate, folder: Path) -> tuple[CandidateResult, ...]:
+def _read_result(folder: Path) -> RunResult | None:
     file = folder / "result.json"
-    if file.is_file():
-        result = codec.from_json(RunResult, file.read_bytes())
-        return tuple(judge_candidate(result, verdict) for verdict in result.verdicts)
-    evidence = Evidence(note="its process did not end well")
+    return codec.from_json(RunResult, file.read_bytes()) if file.is_file() else None
+
+
+def judge_candidate(candidate: Candidate, result: RunResult | None) -> tuple[CandidateResult, ...]:
+    """Return how a run ended by each of its oracles; without a result, nobody knows."""
+    if result is None:
+        return unresolved_candidate(candidate, "its process did not end well")
+    return tuple(judge_verdict(verdict, result.ended) for verdict in result.verdicts)
+
+
+def unresolved_candidate(candidate: Candidate, note: str) -> tuple[CandidateResult, ...]:
+    """Return what there is to say of a run without a result: ``note``."""
+    evidence = Evidence(note=note)
     return tuple(
         CandidateResult(
             "unresolved", Verdict(o.name, o.text, Outcome.ERROR, None, None, "", evidence)
@@ -182,12 +212,12 @@ def _read_results(candidate: Candidate, folder: Path) -> tuple[CandidateResult, 
     )
 
 
-def judge_candidate(result: RunResult, verdict: Verdict) -> CandidateResult:
+def judge_verdict(verdict: Verdict, ended: str) -> CandidateResult:
     """Return how a run ended by one oracle; a run that cannot be trusted is unresolved.
 
     A crash of the system under test is one too: another failure than the one that is looked for.
     """
-    trusted = result.ended != "crashed" and verdict.outcome in (Outcome.PASS, Outcome.FAIL)
+    trusted = ended != "crashed" and verdict.outcome in (Outcome.PASS, Outcome.FAIL)
     if not trusted:
         return CandidateResult("unresolved", verdict)
     return CandidateResult("fail" if verdict.outcome is Outcome.FAIL else "pass", verdict)

@@ -167,6 +167,9 @@ class SearchUpdates(KeyUpdates):
         before = search_state(self._db, campaign)
         if before not in ("running", progress.state):
             raise Refused(f"the search {campaign} is {before}")
+        if before == "running" and progress.state == "cancelled":
+            # Somebody let it go on before its last word came.
+            raise Refused(f"the search {campaign} goes on")
         answer = b"" if progress.answer is None else codec.to_json(progress.answer)
         self._db.execute(
             "UPDATE search SET state = ?1, phase = ?2, note = ?3, updated_at = ?4,"

@@ -26,7 +26,7 @@ from daemon.model.status import RunState
 from grammars.text import codec
 
 _SEARCHES: Final = (
-    "SELECT id, name, submitted_at, task, search.state, phase, total, note, answer,"
+    "SELECT id, name, submitted_at, task, search.state, phase, total, note, answer, file,"
     " (SELECT total(runs) FROM tally WHERE tally.campaign = campaign.id"
     " AND tally.state IN ('done', 'lost', 'cancelled'))"
     " FROM search JOIN campaign ON campaign.id = search.campaign"
@@ -115,7 +115,7 @@ def _without_files(answer: SearchAnswer) -> SearchAnswer:
 
 
 def _search_row(row: Any, answer: SearchAnswer | None) -> SearchRow:
-    campaign, name, submitted_at, task, state, phase, total, note, _, finished = row
+    campaign, name, submitted_at, task, state, phase, total, note, _, file, finished = row
     return SearchRow(
         campaign,
         name,
@@ -127,6 +127,7 @@ def _search_row(row: Any, answer: SearchAnswer | None) -> SearchRow:
         int(finished),
         note,
         answer,
+        file,
     )
 
 

@@ -21,6 +21,7 @@ from daemon.batch.ledger import VerificationProgress
 from daemon.batch.operation._checks import check_keys, check_leftovers
 from daemon.batch.operation._findings import DoctorFinding, guarded, ok, problem, warning
 from daemon.batch.operation._ledger_checks import check_ledger
+from daemon.batch.operation._search_checks import check_searches
 from daemon.batch.paths import (
     Endpoint,
     StatePaths,
@@ -33,7 +34,7 @@ from daemon.batch.permissions import find_exposure, state_files, state_folders
 from daemon.batch.security import keys_folder
 from daemon.model.execution import IMPORT_FIRST, available_cores
 from daemon.model.spec import ENGINE_VERSION
-from daemon.model.status import DaemonOverview, DiskUsage, WorkerRow
+from daemon.model.status import SEARCHES_HALT, DaemonOverview, DiskUsage, WorkerRow
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
 _OWN_PACKAGES: Final = ("daemon", "grammars", "templates", "campaigns")
@@ -71,6 +72,7 @@ def examine(
         "kernels": lambda: _kernels(paths),
         "state": lambda: _state(paths),
         "ledger": lambda: check_ledger(paths, now, quick=quick, traces=traces, progress=progress),
+        "searches": lambda: check_searches(paths),
         "clock": lambda: _clock(now),
         "endpoint": lambda: _endpoint(endpoint),
         "keys": lambda: check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
@@ -286,6 +288,8 @@ def _remedy(trouble: str, paths: StatePaths) -> str:
         return _FREE_SOME
     if trouble.startswith("worker "):
         return "see to its machine; it tries again by itself, at least once a minute"
+    if trouble.startswith(SEARCHES_HALT):
+        return f"see {paths.search_log}; it is tried again, and searches end if that does not help"
     if "submit its campaign again" in trouble:
         return f"`scenario submit` the same campaign; what was damaged lies aside in {paths.state}"
     return f"see {paths.worker_log} and {paths.log}"

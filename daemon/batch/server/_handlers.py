@@ -127,6 +127,7 @@ class Handlers:
     stop: Callable[[], None]
     troubles: Callable[[], tuple[str, ...]]
     marker: Marker
+    search_trouble: Callable[[], str]
     damage: str = ""
     draining: bool = False
 
@@ -190,7 +191,8 @@ class Handlers:
         ]
         if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
             halting += idle[:1]
-        troubles = tuple(dict.fromkeys((*halting, self.damage, *idle, *self._inputs.troubles())))
+        others = (self.damage, self.search_trouble(), *idle, *self._inputs.troubles())
+        troubles = tuple(dict.fromkeys((*halting, *others)))
         named = tuple(words for words in troubles if words)
         return (halting[0] if halting else ""), named[:_MOST_TROUBLES]
 

@@ -1,19 +1,17 @@
 """What the daemon admits of searches: their files, and the runs that are added to them.
 
 The files of a search are written into a folder for its owner alone, by names that lead nowhere
-else. Large searches are admitted by a process of their own, as submissions are.
+else, by a process of its own.
 """
 
 from __future__ import annotations
 
 import base64
-import binascii
-import os
 import shutil
 import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
@@ -23,7 +21,6 @@ from daemon.batch.server._dispatcher import read_request
 from daemon.batch.server._submissions import LARGE_REQUEST, admit_in_child, admit_submission
 from daemon.model.ids import is_id
 from daemon.model.search import (
-    LARGEST_BUNDLE,
     BundledFile,
     ExtendRequest,
     Proposal,
@@ -33,9 +30,6 @@ from daemon.model.spec import RunSpec
 from daemon.model.verbs import EXTEND, SEARCH
 from grammars.text import codec
 
-MOST_FILES: Final = 1000
-"""Files of a search."""
-_LONGEST_NAME: Final = 200
 _FILES, _ASKED, _DIGEST = "files", "search.json", "digest"
 _STAGED: Final = ".search.{}.tmp"
 
@@ -78,13 +72,13 @@ def stage_search(payload: bytes, paths: StatePaths) -> StagedSearch:
 
     Raises :class:`Refused` with what is wrong, and :class:`Unavailable` when the disk is full, say.
     """
+    if len(payload) < LARGE_REQUEST:
+        _read_search(payload)  # most of what is wrong needs no process of its own
     folder = paths.searches / _STAGED.format(uuid.uuid4().hex[:8])
     try:
         folder.mkdir(mode=0o700)
-        if len(payload) < LARGE_REQUEST:
-            stage_search_here(payload, folder)
-        else:
-            admit_in_child(payload, folder, paths, str(SEARCH))
+        # Whoever knows what a bundle is knows all languages, too: more than a daemon should load.
+        admit_in_child(payload, folder, paths, str(SEARCH))
         asked = codec.from_json(SearchSubmission, (folder / _ASKED).read_bytes())
         return StagedSearch(asked, (folder / _DIGEST).read_text(), folder)
     except BaseException as error:
@@ -94,8 +88,7 @@ def stage_search(payload: bytes, paths: StatePaths) -> StagedSearch:
         raise
 
 
-def stage_search_here(payload: bytes, folder: Path) -> None:
-    """Check a search and write its files, in this process."""
+def _read_search(payload: bytes) -> SearchSubmission:
     search = read_request(SEARCH, payload)
     assert isinstance(search, SearchSubmission)
     if not is_id(search.campaign):
@@ -103,7 +96,18 @@ def stage_search_here(payload: bytes, folder: Path) -> None:
         raise Refused(words)
     if search.file not in {file.path for file in search.files}:
         raise Refused(f"the campaign file {search.file!r} is not among the files of the search")
-    write_bundle(search.files, folder / _FILES)
+    return search
+
+
+def stage_search_here(payload: bytes, folder: Path) -> None:
+    """Check a search and write its files, in this process; raises as :func:`stage_search` does."""
+    from daemon.campaign import unpack_bundle
+
+    search = _read_search(payload)
+    try:
+        unpack_bundle(search.files, folder / _FILES)
+    except ValueError as error:
+        raise Refused(f"the files of the search: {error}") from error
     (folder / _DIGEST).write_text(codec.digest(replace(search, fresh=False)))
     (folder / _ASKED).write_bytes(codec.to_json(replace(search, files=())))
 
@@ -112,53 +116,6 @@ def remove_staged_searches(paths: StatePaths) -> None:
     """Remove what a daemon that was killed has left of searches it was reading."""
     for folder in paths.searches.glob(_STAGED.format("*")):
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def write_bundle(files: tuple[BundledFile, ...], folder: Path) -> None:
-    """Write files into a new folder; raises :class:`Refused` for names that lead elsewhere.
-
-    Nothing is written unless all of them are well.
-    """
-    if len(files) > MOST_FILES:
-        raise Refused(f"the search has {len(files)} files: at most {MOST_FILES} are taken")
-    contents: dict[PurePosixPath, bytes] = {}
-    room = LARGEST_BUNDLE
-    for file in files:
-        name = _safe_name(file.path)
-        if name in contents:
-            raise Refused(f"{file.path!r} is there twice")
-        contents[name] = _decode(file)
-        room -= len(contents[name])
-        if room < 0:
-            raise Refused(f"the files of a search have {LARGEST_BUNDLE} bytes at most")
-    for name in contents:
-        if any(parent in contents for parent in name.parents):
-            raise Refused(f"{str(name)!r} cannot lie below a file")
-    folder.mkdir(mode=0o700)
-    for name, data in contents.items():
-        path = folder / name
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-        with os.fdopen(os.open(path, flags, 0o600), "wb") as output:
-            output.write(data)
-
-
-def _safe_name(path: str) -> PurePosixPath:
-    parts = path.split("/")
-    well = all(
-        part not in ("", ".", "..") and len(part.encode()) <= _LONGEST_NAME and part.isprintable()
-        for part in parts
-    )
-    if not well or "\\" in path:
-        raise Refused(f"{path[:200]!r} is not the name of a file below the campaign's folder")
-    return PurePosixPath(path)
-
-
-def _decode(file: BundledFile) -> bytes:
-    try:
-        return base64.b64decode(file.data, validate=True)
-    except (binascii.Error, ValueError) as error:
-        raise Refused(f"the file {file.path!r} is not in base64: {error}") from error
 
 
 def read_bundle(folder: Path) -> tuple[BundledFile, ...]:

@@ -26,6 +26,7 @@ from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
+from daemon.batch.server._processes import LocalWorker, SearchCoordinator
 from daemon.batch.server._quota import Quota
 from daemon.batch.server._request_limits import RequestLimits, holder_of
 from daemon.batch.server._runtime import (
@@ -47,11 +48,11 @@ from daemon.batch.server._threads import (
     ReaderThread,
     WriterThread,
 )
-from daemon.batch.server._workers import LocalWorker, WorkerRegistry
+from daemon.batch.server._workers import WorkerRegistry
 from daemon.batch.stores import check_store_url
-from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
+from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
-from daemon.model.status import ChangeEvent
+from daemon.model.status import SEARCHES_HALT, ChangeEvent
 from grammars.text import codec
 
 _LAST_MOMENT: Final = 3.0
@@ -74,6 +75,7 @@ def serve(
     slots: int | None = None,
     settings: DaemonSettings | None = None,
     executor: str = DEFAULT_EXECUTOR,
+    searcher: str = DEFAULT_SEARCHER,
     limits: RunLimits | None = None,
     tether: bool = False,
 ) -> None:
@@ -82,7 +84,8 @@ def serve(
     It listens at the socket of the state directory, and at ``listen`` if that is given: over TLS
     with ``keys``, or plain TCP on loopback, elsewhere only if ``insecure`` is meant.
     ``slots`` is the size of the local worker: ``None`` for one per core, 0 for no local worker.
-    ``executor`` (``module:function``) executes runs within ``limits``. With ``tether`` the
+    ``executor`` (``module:function``) executes runs within ``limits``, ``searcher`` makes the
+    proposals of searches. With ``tether`` the
     daemon leaves at once when its standard input closes: its parent is gone. The first signal
     lets running runs finish for a while, the second gives them back. To be called from the main
     thread.
@@ -117,8 +120,10 @@ def serve(
             limits=limits or RunLimits(),
             tether=tether,
         )
+        coordinator = SearchCoordinator(paths, log, endpoint=listening.socket, searcher=searcher)
+        stack.callback(coordinator.close)
         try:
-            daemon.run(stack, local if slots else None)
+            daemon.run(stack, local if slots else None, coordinator)
         except Exception as error:
             log.write("failed", problem=repr(error))
             raise
@@ -173,6 +178,8 @@ class _Daemon:
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
+        self._coordinator: SearchCoordinator | None = None
+        self._searches: dict[str, int] = {}
         self._hint: Callable[[], None] | None = None
         self._handlers = Handlers(
             paths,
@@ -186,7 +193,12 @@ class _Daemon:
             troubles=self._troubles,
             marker=opened.marker,
             damage=opened.damage,
+            search_trouble=self._search_trouble,
         )
+
+    def _search_trouble(self) -> str:
+        trouble = "" if self._coordinator is None else self._coordinator.trouble
+        return f"{SEARCHES_HALT}: {trouble.splitlines()[-1]}" if trouble else ""
 
     def _troubles(self) -> tuple[str, ...]:
         """Why no run can start here; the first is what to do first."""
@@ -194,9 +206,12 @@ class _Daemon:
         found = (self._paths.disk_shortage(), self._quota.trouble, own)
         return tuple(words for words in found if words)
 
-    def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
+    def run(
+        self, stack: ExitStack, local: LocalWorker | None, coordinator: SearchCoordinator
+    ) -> None:
         """Open the bus, work, leave; ``stack`` closes what was opened."""
         self._local = local
+        self._coordinator = coordinator
         acceptor = self._start_acceptor(stack)
         session = stack.enter_context(
             bus.open_router(self._zenoh_endpoints(acceptor), self._listening.keys)
@@ -221,12 +236,16 @@ class _Daemon:
                 acceptor.supervise()
             if local is not None:
                 local.supervise()
+            given_up = coordinator.watch(self._searches)
+            if given_up:
+                writer.put(LedgerJob(partial(self._fail_searches, given_up), self._ticked))
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
             writer.put(LedgerJob(partial(self._tick, writer), self._ticked))
             if not all(thread.is_alive() for thread in threads):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
             self._stop.wait(self._settings.tick)
+        coordinator.close()
         self._leave(local)
         self._log.write("stopped")
 
@@ -311,6 +330,7 @@ class _Daemon:
             # Behind whatever is being entered, which is hidden as well until then.
             self._removing = True
             writer.put(LedgerJob(LedgerWriter.remove_hidden_in_steps, self._removed))
+        self._searches = ledger.running_searches()
         now = self._clock.now()
         ready = ledger.end_waits(now)
         # A renewal that has come proves that its worker lives, whenever there is time to read it.
@@ -324,6 +344,11 @@ class _Daemon:
                 ledger.record_event(now, "worker", worker, state="gone")
                 self._log.write("worker gone", worker=worker)
         return ready
+
+    def _fail_searches(self, note: str, ledger: LedgerWriter) -> int:
+        failed = ledger.fail_searches(note, self._clock.now())
+        self._log.write("searches given up", count=failed, problem=note)
+        return 0
 
     def _removed(self, value: object) -> None:
         self._removing = False

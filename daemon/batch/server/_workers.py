@@ -1,24 +1,13 @@
-"""The daemon's workers: the registry of those connected, and the local one it starts itself."""
+"""The registry of the workers that are connected to the daemon."""
 
 from __future__ import annotations
 
-import os
-import shutil
-import signal
-import subprocess
 import threading
-import time
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.numba_cache import numba_cache_environment
-from daemon.batch.paths import StatePaths
-from daemon.batch.permissions import open_private_log
-from daemon.batch.server._runtime import EventLog
-from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import WorkerInfo
 from daemon.model.spec import install_hint, own_version, version_text
 from daemon.model.status import WorkerRow
@@ -31,16 +20,6 @@ _REMEMBERED: Final = 5.0
 
 Sessions reconnect within half a second: who left for good need not be seen for long.
 """
-
-# Seconds. A worker that dies at once is started again after twice the time, up to the longest; one
-# that ran steadily died of something new and is started without delay.
-_FIRST_PAUSE: Final = 0.1
-_LONGEST_PAUSE: Final = 10.0
-_STEADY: Final = 30.0
-_SETTLED: Final = 5.0
-_LARGEST_LOG: Final = 4 * 2**20
-_LONGEST_TAIL: Final = 2000
-"""Characters of the log that say why the local worker died."""
 
 
 @dataclass(slots=True)
@@ -176,124 +155,3 @@ class WorkerRegistry:
                 )
                 for e in self._entries.values()
             )
-
-
-class LocalWorker:
-    """Starts the worker, starts it again when it dies, and ends it.
-
-    ``trouble`` holds its last words from its death until a new one has settled.
-    """
-
-    def __init__(
-        self,
-        paths: StatePaths,
-        log: EventLog,
-        *,
-        endpoint: str,
-        slots: int,
-        executor: str,
-        limits: RunLimits,
-        tether: bool,
-    ) -> None:
-        self._paths = paths
-        self._log = log
-        self._tether = tether
-        self._command = python_command("-m", "daemon", "worker", "--connect", endpoint)
-        self._command += ["--slots", str(slots), "--executor", executor]
-        self._command += ["--wall", str(limits.wall), "--memory", str(limits.memory)]
-        self._command += ["--nice", str(limits.nice)]
-        self._command += ["--parent", str(os.getpid())] + (["--tether"] if tether else [])
-        self._process: subprocess.Popen[bytes] | None = None
-        self._started = 0.0
-        self._pause = _FIRST_PAUSE
-        self._next_start = 0.0
-        self._log_start = 0
-        self.trouble = ""
-
-    def supervise(self) -> None:
-        """Start the worker unless it runs or has just died; call this every now and then."""
-        now = time.monotonic()
-        if self.trouble and now - self._started > _SETTLED and self.alive:
-            self.trouble = ""
-        if self._process is not None:
-            code = self._process.poll()
-            if code is None:
-                self._rotate()
-                return
-            self._process = None
-            steady = now - self._started > _STEADY
-            self._pause = _FIRST_PAUSE if steady else min(2 * self._pause, _LONGEST_PAUSE)
-            self._next_start = now + self._pause
-            self.trouble = self._log_tail(code)
-            self._log.write(
-                "local worker ended", code=code, restart_in=self._pause, words=self.trouble
-            )
-        if now >= self._next_start:
-            try:
-                self._start(now)
-            except OSError as error:
-                self._pause = min(2 * self._pause, _LONGEST_PAUSE)
-                self._next_start = now + self._pause
-                self.trouble = f"the local worker cannot be started: {error}"
-
-    def _rotate(self) -> None:
-        """Put a log aside that has grown; the worker goes on at the beginning of the file.
-
-        What it writes in that very moment is lost.
-        """
-        # Copied and cut off, not renamed: the worker and its children keep writing to the open
-        # file, in append mode, so that they go on at its new end.
-        log = self._paths.worker_log
-        with suppress(FileNotFoundError):
-            if log.stat().st_size > _LARGEST_LOG:
-                # On a full disk what was said before is not kept.
-                with suppress(OSError):
-                    shutil.copy(log, log.with_suffix(".log.1"))
-                os.truncate(log, 0)
-                self._log_start = 0
-
-    def _start(self, now: float) -> None:
-        self._rotate()
-        log = self._paths.worker_log
-        with open_private_log(log) as output:
-            self._log_start = output.seek(0, os.SEEK_END)
-            self._process = subprocess.Popen(
-                self._command,
-                # A tethered daemon's standard input is the tether: both see its end.
-                stdin=None if self._tether else subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                # Ctrl-C in the daemon's terminal is for the daemon, which ends it in order.
-                start_new_session=True,
-                env=numba_cache_environment(self._paths),
-            )
-        self._started = now
-        self._log.write("local worker started", pid=self._process.pid)
-
-    def _log_tail(self, code: int) -> str:
-        words = ""
-        with suppress(FileNotFoundError), self._paths.worker_log.open("rb") as log:
-            size = log.seek(0, os.SEEK_END)
-            log.seek(max(self._log_start, size - 4 * _LONGEST_TAIL))
-            words = log.read().decode("utf-8", "replace").strip()
-        return words[-_LONGEST_TAIL:] or f"the worker ended with code {code}"
-
-    @property
-    def alive(self) -> bool:
-        """Whether the process runs."""
-        return self._process is not None and self._process.poll() is None
-
-    def signal(self, number: signal.Signals) -> None:
-        """Pass a signal on: SIGTERM finishes runs, SIGQUIT gives them back."""
-        if self._process is not None and self._process.poll() is None:
-            self._process.send_signal(number)
-
-    def wait(self, seconds: float) -> bool:
-        """Wait for the end of the process; returns whether it came."""
-        if self._process is None:
-            return True
-        try:
-            self._process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            return False
-        return True

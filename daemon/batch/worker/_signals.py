@@ -8,8 +8,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -85,18 +83,3 @@ class WorkerSignals(WakeupSocket):
         finally:
             for number, handler in kept.items():
                 signal.signal(number, handler)
-
-
-def exit_when_stdin_closes() -> None:
-    """End this process at once when standard input closes; its children follow by themselves.
-
-    For a worker that was started by ssh: its parent there is sshd, which outlives the connection,
-    so ``parent`` would not do.
-    """
-
-    def watch() -> None:
-        while os.read(sys.stdin.fileno(), 4096):
-            pass
-        os._exit(1)
-
-    threading.Thread(target=watch, name="tether", daemon=True).start()

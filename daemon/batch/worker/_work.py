@@ -12,6 +12,7 @@ from daemon.batch import bus
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.paths import is_encrypted
 from daemon.batch.security import find_credentials
+from daemon.batch.tether import exit_when_stdin_closes
 from daemon.batch.worker._attempts import Backend, Spool
 from daemon.batch.worker._connection import DaemonConnection, choose_paths, describe_worker
 from daemon.batch.worker._forkserver import (
@@ -20,7 +21,7 @@ from daemon.batch.worker._forkserver import (
     prepare_environment,
 )
 from daemon.batch.worker._loop import WorkerLoop
-from daemon.batch.worker._signals import WorkerSignals, exit_when_stdin_closes
+from daemon.batch.worker._signals import WorkerSignals
 from daemon.model.execution import (
     DEFAULT_EXECUTOR,
     DaskScheduler,

@@ -11,15 +11,22 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from daemon.judging.oracles._clearance import ObstaclePolygons
     from daemon.judging.oracles._judge import judge, overall_outcome, warm_up
+    from daemon.judging.oracles._leading import judge_leading, leading_margins
+    from daemon.judging.oracles._leading_kind import LeadingKind, leading_kind, oracle_scale
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
     from daemon.judging.oracles._sampler import SignalSampler
     from daemon.judging.oracles._validity import trace_problems
 
 __all__ = [
+    "LeadingKind",
     "ObstaclePolygons",
     "OracleTimeline",
     "SignalSampler",
     "judge",
+    "judge_leading",
+    "leading_kind",
+    "leading_margins",
+    "oracle_scale",
     "oracle_timeline",
     "overall_outcome",
     "trace_problems",
@@ -27,9 +34,14 @@ __all__ = [
 ]
 
 _MODULES: Final = {
+    "LeadingKind": "_leading_kind",
     "ObstaclePolygons": "_clearance",
     "OracleTimeline": "_oracle_timeline",
     "SignalSampler": "_sampler",
+    "judge_leading": "_leading",
+    "leading_kind": "_leading_kind",
+    "leading_margins": "_leading",
+    "oracle_scale": "_leading_kind",
     "oracle_timeline": "_oracle_timeline",
     "trace_problems": "_validity",
 }

@@ -26,12 +26,14 @@ def distance_series(obstacles: ObstaclePolygons, poses: Floats, footprint: Ring)
     if not obstacles.names:
         note = "nothing of it is as high as the robot"
         return SignalSeries(np.full(len(poses), np.nan), note=note)
-    robot = _placed(np.array(footprint, dtype=np.float64), poses)
+    robot = placed_polygons(np.array(footprint, dtype=np.float64), poses)
     away = np.empty((len(obstacles.names), len(poses)))
     for index, frame in enumerate(obstacles.frame):
         first, last = obstacles.offsets[index : index + 2]
         corners = obstacles.corners[first:last]
-        other = Polygon(corners) if frame < 0 else _placed(corners, obstacles.tracks[:, frame])
+        other = (
+            Polygon(corners) if frame < 0 else placed_polygons(corners, obstacles.tracks[:, frame])
+        )
         away[index] = shapely.distance(robot, other)
     nearest = np.argmin(away, axis=0).astype(np.int32)
     return SignalSeries(away.min(axis=0), nearest, obstacles.names)
@@ -39,7 +41,7 @@ def distance_series(obstacles: ObstaclePolygons, poses: Floats, footprint: Ring)
 
 def place_distance_series(outline: Ring, poses: Floats, footprint: Ring, name: str) -> SignalSeries:
     """Return the distance [m] from the footprint at ``poses`` (n, 3) to a part of the floor."""
-    robot = _placed(np.array(footprint, dtype=np.float64), poses)
+    robot = placed_polygons(np.array(footprint, dtype=np.float64), poses)
     values: Floats = np.asarray(shapely.distance(robot, Polygon(outline)))
     return SignalSeries(values, np.zeros(len(poses), dtype=np.int32), (name,))
 
@@ -56,7 +58,7 @@ def place_outline(scene: Scene, name: str) -> Ring:
     return (doorways | {region.name: region.outline for region in scene.regions})[name]
 
 
-def _placed(corners: Floats, poses: Floats) -> Any:
+def placed_polygons(corners: Floats, poses: Floats) -> Any:
     """Return the polygons (n,) that ``corners`` (k, 2) make at ``poses`` (n, 3)."""
     c, s = cos_sin(poses[:, 2].copy())
     x, y = corners[:, 0], corners[:, 1]

@@ -99,6 +99,14 @@ def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
     )
 
 
+def written_oracle(written: OracleText) -> Oracle | None:
+    """Return an oracle that is bound to no scene; ``None`` when it cannot be read."""
+    try:
+        return _parse(written.name, written.text)
+    except InputError:
+        return None
+
+
 def bind_oracle(written: OracleText, trace: Trace) -> Oracle:
     """Parse an oracle and bind it to the scene and the mission of a run.
 

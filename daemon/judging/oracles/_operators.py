@@ -110,7 +110,7 @@ def judge_statistic(oracle: Oracle, judgement: Statistic, sampler: SignalSampler
     scope = scope_of(oracle, sampler, window, signal.values)
     if not scope.allowed.any():
         return unknown_margin(scope.reason, measured=limit is None)
-    value, index = _statistic(judgement.operator, time_base, scope.allowed, signal.values)
+    value, index = statistic_of(judgement.operator, time_base, scope.allowed, signal.values)
     low, high = value, value
     # A maximum so far can only grow, a minimum only shrink; of the others nothing is known yet.
     if not window.closed:
@@ -148,7 +148,7 @@ def _amount(
     return count, count, count if window.closed else math.inf
 
 
-def _statistic(
+def statistic_of(
     operator: str, time_base: TimeBase, allowed: SampleMask, values: Floats
 ) -> tuple[float, int | None]:
     """Return the statistic and the sample that decides it (``None``: all of them)."""
@@ -291,7 +291,7 @@ def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) ->
     return MarginInterval(margin, margin if time_base.closed else math.inf, evidence)
 
 
-def _distance(sampler: SignalSampler, usable: SampleMask, waypoint: Waypoint) -> Floats:
+def waypoint_distance(sampler: SignalSampler, usable: SampleMask, waypoint: Waypoint) -> Floats:
     """Return the distance [m] at every sample, infinite where a guard forbids to count it."""
     distance = np.hypot(sampler.x - waypoint.x, sampler.y - waypoint.y)
     distance[~usable] = math.inf
@@ -305,7 +305,7 @@ def _closest(sampler: SignalSampler, usable: SampleMask, waypoints: tuple[Waypoi
     # power of the waypoints.
     best = np.zeros(len(sampler.time_base.time))
     for waypoint in waypoints:
-        worst = np.maximum(best, _distance(sampler, usable, waypoint))
+        worst = np.maximum(best, waypoint_distance(sampler, usable, waypoint))
         best = np.minimum.accumulate(worst)
     return float(best[-1])
 
@@ -321,7 +321,7 @@ def _decisive_visit(
     time, start = sampler.time_base.time, 0
     worst, decisive, when = -math.inf, 0, 0
     for index, waypoint in enumerate(waypoints):
-        distance = _distance(sampler, usable, waypoint)[start:]
+        distance = waypoint_distance(sampler, usable, waypoint)[start:]
         visit = _first_visit(distance, max(closest, tolerance))
         best = visit.start + int(distance[visit].argmin())
         if distance[best] > worst:

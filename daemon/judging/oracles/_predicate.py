@@ -40,7 +40,7 @@ VACUOUS = "vacuous: the guard never held"
 JUST_BELOW: Final = -float(np.finfo(np.float64).tiny)
 """Margin of a strict comparison whose sides are equal: it does not hold, by nothing."""
 
-_NEGATED: Final = {"<=": ">", "<": ">=", ">=": "<", ">": "<=", "==": "!=", "!=": "=="}
+NEGATED: Final = {"<=": ">", "<": ">=", ">=": "<", ">": "<=", "==": "!=", "!=": "=="}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +83,9 @@ def evaluate_predicate(
         case Logic(operator=word, operands=operands):
             parts = [evaluate_predicate(operand, sampler, negated=negated) for operand in operands]
             comparable = margin_kind(predicate) is not None
-            return _combine(parts, every=(word == "and") != negated, comparable=comparable)
+            return combine_predicates(
+                parts, every=(word == "and") != negated, comparable=comparable
+            )
         case Comparison():
             return _evaluate_comparison(predicate, sampler, negated)
         case _:
@@ -152,7 +154,7 @@ def _evaluate_comparison(
         evaluate_quantity(comparison.left, sampler),
         evaluate_quantity(comparison.right, sampler),
     )
-    operator = _NEGATED[comparison.operator] if negated else comparison.operator
+    operator = NEGATED[comparison.operator] if negated else comparison.operator
     if left.objects is None and right.objects is not None:
         left = SignalSeries(left.values, right.objects, right.names, left.note)
     margin = margin_of(operator, left.values, right.values)
@@ -171,7 +173,9 @@ def _evaluate_flag(signal: Expression, sampler: SignalSampler, negated: bool) ->
     return PredicateSeries(-margin if negated else margin, decided, (clause,))
 
 
-def _combine(parts: list[PredicateSeries], *, every: bool, comparable: bool) -> PredicateSeries:
+def combine_predicates(
+    parts: list[PredicateSeries], *, every: bool, comparable: bool
+) -> PredicateSeries:
     """Join predicates by ``and`` (``every``) or ``or``, in Kleene's three-valued logic.
 
     Margins in unlike units only keep their sign.

@@ -185,7 +185,7 @@ class SignalSampler:
         self.x, self.y = truth.x[:count], truth.y[:count]
         self.poses = np.column_stack((self.x, self.y, truth.yaw[:count]))
         self._cache: dict[tuple[str, str, tuple[float, ...]], SignalSeries] = {}
-        self._localisation = LocalisationSignals(trace, self.time_base.time)
+        self.localisation = LocalisationSignals(trace, self.time_base.time)
 
     def sample(self, signal: Signal) -> SignalSeries:
         """Return ``signal`` on the time base; it must have passed the static checks.
@@ -224,7 +224,7 @@ class SignalSampler:
         if name in RECORDED_SIGNALS:
             return SignalSeries(recorded_signal(self.trace, name, self.time_base.time))
         if name.startswith("loc."):
-            return self._localisation.sample(name)
+            return self.localisation.sample(name)
         if name == "clearance":
             return self._clearance(thing, arguments)
         if name == "distance":

@@ -164,6 +164,15 @@ class LocalisationSignals:
         }[name]
         return self._hold(estimate, values, "")
 
+    def inside_margin(self) -> SignalSeries:
+        """Return what is left [m] of two standard deviations, on the axis that is nearer to them.
+
+        At least 0 where ``loc.inside_2sigma`` is true.
+        """
+        dx, dy, _ = self._difference(self._spread)
+        left = np.minimum(2.0 * self._sigma(0) - np.abs(dx), 2.0 * self._sigma(1) - np.abs(dy))
+        return self._hold(self._spread, left, self._note)
+
     def _hold(self, track: PoseTrack, values: Floats, note: str) -> SignalSeries:
         return SignalSeries(hold_last(track.time, values, self._time), note=note)
 

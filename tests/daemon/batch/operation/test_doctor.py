@@ -13,10 +13,12 @@ from pathlib import Path
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.ledger._steps import finish
 from daemon.batch.operation import DoctorFinding, FindingLevel, examine
 from daemon.batch.paths import Endpoint, StatePaths
+from daemon.model.search import SearchProgress
 from grammars.text import codec
-from tests.daemon.batch.samples import SCENE, make_submission
+from tests.daemon.batch.samples import SCENE, make_search, make_submission
 
 NOBODY = Endpoint("tcp/127.0.0.1:1", "default")
 
@@ -118,6 +120,24 @@ def test_leftovers_are_named_unless_somebody_uses_them(places: StatePaths) -> No
         messages = " ".join(finding.message for finding in found(places, "leftovers"))
     assert all(str(path) in messages for path in (partial, unknown, dead, shop))
     assert not any(str(path) in messages for path in (living, busy))
+
+
+def test_searches_that_failed_or_lack_their_files_are_named(places: StatePaths) -> None:
+    assert found(places, "searches") == ()
+    with closing(connect(places.ledger)) as db:
+        book = LedgerWriter(db, paths=places)
+        for name in ("good", "bad"):
+            folder = places.search(name)
+            finish(book.submit_search(make_search(name), "", lambda _, f=folder: f.mkdir(), 1.0))
+            (folder / "campaign.yaml").touch()
+        (fine,) = found(places, "searches")
+        assert fine.message == "2, 2 of them running"
+        book.note_progress(SearchProgress("bad", "explore", "it\nbroke", "failed"), 2.0)
+        (places.search("good") / "campaign.yaml").unlink()
+        gone, failed = found(places, "searches")
+    assert (gone.level, failed.level) == (FindingLevel.PROBLEM, FindingLevel.WARNING)
+    assert "files of good, which goes on, are gone" in gone.message
+    assert failed.message == "bad failed: it broke"
 
 
 def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(

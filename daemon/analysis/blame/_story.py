@@ -1,0 +1,63 @@
+"""The story of a failure in lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from daemon.analysis.blame._elements import Blame, Element, Without
+
+
+def story_lines(story: Blame, like: str, *, several: bool) -> tuple[str, ...]:
+    """Return what makes a run fail and what is left of it, line by line.
+
+    ``like`` names the system under test that the run's own is like, if any; ``several`` says
+    whether the campaign adds more than one layer or parameter.
+    """
+    return (*_layer_lines(story, like, several=several), *_part_lines(story))
+
+
+def _layer_lines(story: Blame, like: str, *, several: bool) -> Iterator[str]:
+    if not story.layers:
+        if story.stopped:
+            yield "which of its layers makes it fail is not known yet"
+        else:
+            bare = f" with {like}" if like else ""
+            yield f"fails in the bare building{bare} as well: no layer is to blame"
+        return
+    on_top = like if story.parameters else ""
+    names = _join_names([one.element.name for one in story.layers])
+    yield f"fails with {names}{f' on top of {on_top}' if on_top else ''}"
+    for one in story.layers:
+        yield f"without {_short_name(one.element)}: {_outcome_without(one)}"
+    # With a single layer added there is nothing that an order could say.
+    if story.flips is not None and several:
+        yield f"in the order of the campaign, it is {_short_name(story.flips)} that flips it"
+
+
+def _short_name(element: Element) -> str:
+    """Return what to call an element once it has been told in full."""
+    return element.name.partition(": ")[0] if element.kind == "parameter" else element.name
+
+
+def _outcome_without(one: Without) -> str:
+    if one.word == "fail":
+        return "fails as well, but for another reason"
+    return "passes" if one.word == "pass" else one.note or "cannot be judged"
+
+
+def _part_lines(story: Blame) -> Iterator[str]:
+    before = dict(story.before)
+    doors = ", ".join(story.objects) or "no objects"
+    waypoints = ", ".join(story.waypoints)
+    yield f"{'minimal' if story.minimal else 'so far'}: {doors} (of {before['object']})"
+    yield f"  waypoints {waypoints} (of {before['waypoint']})"
+    behaviours = ", ".join(story.behaviours) or "none"
+    yield f"  behaviours {behaviours} (of {before['behaviour']})"
+    if before["parameter"]:
+        names = (name.partition(": ")[0] for name in story.parameters)
+        parameters = ", ".join(names) or "none"
+        yield f"  parameters {parameters} (of {before['parameter']})"
+
+
+def _join_names(names: Sequence[str]) -> str:
+    return " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)

@@ -1,0 +1,195 @@
+"""The files that a campaign is made of, as one value that can be sent and unpacked elsewhere.
+
+Everything that loading the campaign reads is in it, what ships included: another machine may have
+another version. Nothing else is: neighbours that only warnings are about stay where they are.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import os
+import re
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from daemon.campaign._campaign import Campaign, expand, load_campaign
+from daemon.model.search import LARGEST_BUNDLE, BundledFile
+from grammars.text.diagnostics import InputError, Where
+from grammars.text.shipped import shipped_folder
+from grammars.text.sources import reading_only_in, reason_of, recording_reads
+
+MOST_FILES: Final = 2_000
+_LONGEST_PATH: Final = 1_000
+_LONGEST_PART: Final = 200
+_DEEPEST: Final = 40
+_FARTHEST: Final = 3
+"""So many folders above that of the campaign may files lie that it names."""
+_WRONG: Final = re.compile(r"[\x00-\x1f\x7f\\]")
+
+
+def bundle_campaign(path: str | Path) -> tuple[str, tuple[BundledFile, ...]]:
+    """Return the path of a campaign file among the files that loading it reads, and these files.
+
+    Paths are relative to the folder that all of them have in common; shipped layers lie where the
+    campaign finds them first. The bundle is unpacked and loaded before it is returned: it means
+    the same runs. Raises :class:`InputError` for a campaign that cannot be loaded, and for files
+    that cannot be handed on: too large, too many, named by a path that is none elsewhere.
+    """
+    # Its folder without links: ".." of a link leads elsewhere than its text says.
+    file = Path(path).parent.resolve() / Path(path).name
+    with recording_reads() as read:
+        campaign = load_campaign(file)
+    places = _places(file, read)
+    files = tuple(
+        BundledFile(place, base64.b64encode(_content(source)).decode("ascii"))
+        for place, source in sorted(places.items())
+    )
+    name = next(place for place, source in places.items() if source == file)
+    _refuse_oversized(file, places)
+    _verify(file, name, files, campaign)
+    return name, files
+
+
+def _places(campaign: Path, read: Iterable[Path]) -> dict[str, Path]:
+    """Return the files by their paths in the bundle; raises :class:`InputError`."""
+    shipped = shipped_folder()
+    own = campaign.parent.is_relative_to(shipped)
+    from_here: list[Path] = []
+    from_shipped: list[Path] = []
+    for path in dict.fromkeys((campaign, *read)):
+        place = Path(os.path.normpath(path.absolute()))
+        if not _is_same(place, path):
+            message = f"{path} cannot be handed on: its path leads behind a link"
+            raise InputError.at(Where(str(campaign)), message, "name it without ..")
+        # In a checkout the shipped campaigns are files like others.
+        ships = not own and place.is_relative_to(shipped)
+        (from_shipped if ships else from_here).append(place)
+    root = Path(os.path.commonpath([place.parent for place in from_here]))
+    if len(campaign.parent.relative_to(root).parts) > _FARTHEST:
+        far = max(from_here, key=lambda place: len(_above(campaign.parent, place)))
+        message = f"{far} cannot be handed on with the campaign: it lies too far from it"
+        raise InputError.at(Where(str(campaign)), message, "put it near the campaign file")
+    found = {place.relative_to(root).as_posix(): place for place in dict.fromkeys(from_here)}
+    beside = campaign.parent.relative_to(root)
+    for place in dict.fromkeys(from_shipped):
+        name = (beside / place.relative_to(shipped)).as_posix()
+        if name in found:
+            message = f"{place} cannot be handed on: {found[name]} has its place"
+            raise InputError.at(Where(str(campaign)), message, "give your file another name")
+        found[name] = place
+    return found
+
+
+def _above(folder: Path, place: Path) -> tuple[str, ...]:
+    """Return the part of a folder's path that it does not share with a place."""
+    return folder.relative_to(os.path.commonpath([folder, place.parent])).parts
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except OSError:
+        return False
+
+
+def _content(source: Path) -> bytes:
+    try:
+        return source.read_bytes()
+    except OSError as error:
+        raise InputError.at(Where(str(source)), f"cannot be read: {reason_of(error)}") from error
+
+
+def _refuse_oversized(campaign: Path, places: dict[str, Path]) -> None:
+    if len(places) > MOST_FILES:
+        message = f"it is made of {len(places)} files, {MOST_FILES} can be handed on"
+        raise InputError.at(Where(str(campaign)), message)
+    sizes = {place: source.stat().st_size for place, source in places.items()}
+    total = sum(sizes.values())
+    if total > LARGEST_BUNDLE:
+        largest = max(sizes, key=lambda place: sizes[place])
+        message = (
+            f"its files have {total / 2**20:.0f} MiB, {LARGEST_BUNDLE >> 20} can be handed on; "
+            f"the largest is {largest} with {sizes[largest] / 2**20:.0f}"
+        )
+        raise InputError.at(Where(str(campaign)), message, "leave out what the campaign can spare")
+
+
+def _verify(campaign: Path, name: str, files: Sequence[BundledFile], wanted: Campaign) -> None:
+    """Hold the bundle to specifying the runs of the campaign, without any file from around it."""
+    with tempfile.TemporaryDirectory(prefix="scenario-bundle-") as parent:
+        folder = Path(parent) / "files"
+        unpack_bundle(files, folder)
+        try:
+            with reading_only_in(folder):
+                unpacked = load_campaign(folder / name)
+        except InputError as error:
+            first = error.diagnostics[0]
+            said = f"{first.message}".replace(f"{folder}/", "")
+            message = f"cannot be handed on: elsewhere {said}"
+            hint = "name files by paths relative to the campaign file"
+            raise InputError.at(Where(str(campaign)), message, hint) from error
+    if _digests(unpacked) != _digests(wanted) or unpacked.searches != wanted.searches:
+        message = "cannot be handed on: its files mean other runs elsewhere"
+        hint = "name files by paths relative to the campaign file"
+        raise InputError.at(Where(str(campaign)), message, hint)
+
+
+def _digests(campaign: Campaign) -> list[str]:
+    return [spec.digest for spec in expand(campaign).runs]
+
+
+def unpack_bundle(files: Sequence[BundledFile], folder: Path) -> None:
+    """Write the files of a bundle into ``folder``, which is made, readable by its owner alone.
+
+    Raises ``ValueError`` for what no bundle is: paths that lead elsewhere or twice to one place,
+    too much of it, text that is no base64; then nothing is written. Raises ``OSError``, also when
+    the folder is there already.
+    """
+    contents = checked_bundle(files)
+    folder.mkdir(mode=0o700, parents=True)
+    for path, data in contents.items():
+        target = folder.joinpath(*PurePosixPath(path).parts)
+        target.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        descriptor = os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "wb") as opened:
+            opened.write(data)
+
+
+def checked_bundle(files: Sequence[BundledFile]) -> dict[str, bytes]:
+    """Return the content of each file by its path; raises ``ValueError`` for what no bundle is."""
+    if not 1 <= len(files) <= MOST_FILES:
+        raise ValueError(f"a bundle has 1 to {MOST_FILES} files, not {len(files)}")
+    # Before anything is decoded: four characters are three bytes.
+    if sum(len(file.data) for file in files) * 3 // 4 > LARGEST_BUNDLE + 3 * len(files):
+        raise ValueError(f"a bundle has at most {LARGEST_BUNDLE >> 20} MiB")
+    found: dict[str, bytes] = {}
+    for file in files:
+        _check_path(file.path)
+        try:
+            data = base64.b64decode(file.data, validate=True)
+        except (binascii.Error, ValueError) as error:
+            raise ValueError(f"{file.path} in the bundle is no base64") from error
+        if file.path in found:
+            raise ValueError(f"{file.path} is twice in the bundle")
+        found[file.path] = data
+    folders = {str(parent) for path in found for parent in PurePosixPath(path).parents}
+    both = sorted(folders & found.keys())
+    if both:
+        raise ValueError(f"{both[0]} is a file and a folder in the bundle")
+    return found
+
+
+def _check_path(path: str) -> None:
+    parts = path.split("/")
+    sound = (
+        0 < len(path) <= _LONGEST_PATH
+        and len(parts) <= _DEEPEST
+        and not _WRONG.search(path)
+        and all(part not in ("", ".", "..") for part in parts)
+        and all(len(part.encode()) <= _LONGEST_PART for part in parts)
+    )
+    if not sound:
+        raise ValueError(f"{path[:80]!r} is no path of a file in a bundle")

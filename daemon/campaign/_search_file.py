@@ -1,0 +1,271 @@
+"""The keys of a search in a campaign file, as they are written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
+
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator
+
+from daemon.model.search import MOST_PROPOSALS, WINDOW, PointValue
+from grammars.text.documents import StrictModel, wrong_form
+from grammars.text.quantity import read_as, read_quantity
+
+SEARCH_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"
+"""Without dots: the name is part of the id of a campaign in the ledger."""
+_MOST_PARAMETERS: Final = 100
+_MOST_CHOICES: Final = 1_000
+_MOST_CONFIRMED: Final = 100
+_LONGEST: Final = 30 * 86_400.0
+"""Seconds of wall clock a search may take."""
+
+_NUMBER: Final = r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+_UNIT: Final = r"[A-Za-z%°][^.,]*?(?:\^0?\.5[^.,]*?)?"
+_RANGE: Final = re.compile(
+    rf"\s*(?P<low>{_NUMBER})\s*(?P<low_unit>{_UNIT})?\s*\.\.\s*"
+    rf"(?P<high>{_NUMBER})\s*(?P<unit>{_UNIT})?\s*(?P<log>,\s*log)?\s*"
+)
+_WHOLE: Final = re.compile(r"[+-]?\d+")
+_EXAMPLE: Final = "such as 48 .. 72 deg/s, or 0.01 .. 0.05 m, log, or a list: [left, right]"
+
+
+@dataclass(frozen=True, slots=True)
+class ValueRange:
+    """A range of numbers in ``unit``; ``whole`` when both ends are whole numbers without unit."""
+
+    low: float
+    high: float
+    unit: str
+    log: bool
+    whole: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ValueChoices:
+    """A list of choices; ``whole`` when they are whole numbers, ``truth`` when true and false."""
+
+    values: tuple[PointValue, ...]
+    whole: bool
+    truth: bool
+
+
+def read_range(text: str) -> ValueRange:
+    """Read ``48 .. 72 deg/s`` or ``0.01 .. 0.05 m, log``; raises ``ValueError``.
+
+    The unit stands at the end, or behind both numbers; then the range is in that of the end.
+    """
+    found = _RANGE.fullmatch(text)
+    if found is None:
+        raise ValueError(f'"{text}" is no range: write one, {_EXAMPLE}')
+    unit = " ".join((found["unit"] or "").split())
+    low_unit = " ".join((found["low_unit"] or "").split())
+    low, high = float(found["low"]), float(found["high"])
+    if unit:
+        whole = read_quantity(f"1 {unit}")
+        if low_unit and low_unit != unit:
+            part = read_quantity(f"{found['low']} {low_unit}")
+            if part.dimension != whole.dimension:
+                raise ValueError(f'"{text}" goes from {low_unit} to {unit}')
+            low = float(f"{part.value / whole.value:.12g}")
+    elif low_unit:
+        raise ValueError(f'"{text}": write the unit at the end: .. {found["high"]} {low_unit}')
+    if not low < high:
+        order = "is empty" if low == high else "begins above its end"
+        raise ValueError(f'"{text}" {order}: write the smaller value first')
+    log = bool(found["log"])
+    if log and low <= 0.0:
+        raise ValueError(f'"{text}": a logarithmic range begins above 0')
+    integers = not unit and all(_WHOLE.fullmatch(found[end]) for end in ("low", "high"))
+    return ValueRange(low, high, unit, log, integers)
+
+
+def _read_over(value: Any) -> ValueRange | ValueChoices:
+    if isinstance(value, str):
+        return read_range(value)
+    if not isinstance(value, list):
+        given = "nothing" if value is None else "keys" if isinstance(value, dict) else str(value)
+        raise ValueError(f"takes a range or a list, not {given}: {_EXAMPLE}")
+    if len(value) < 2:
+        raise ValueError("a list has two choices or more; what has one value is not searched")
+    if len(value) > _MOST_CHOICES:
+        raise ValueError(f"a list has {_MOST_CHOICES} choices at most: write a range")
+    wrong = [one for one in value if not isinstance(one, str | int | float)]
+    if wrong:
+        raise ValueError("a list has names, numbers or quantities as choices")
+    truth = all(isinstance(one, bool) for one in value)
+    if not truth and any(isinstance(one, bool) for one in value):
+        raise ValueError("a list of true and false has nothing else")
+    words = tuple(str(one).lower() if isinstance(one, bool) else one for one in value)
+    if len(set(words)) < len(words):
+        raise ValueError("a choice is there twice")
+    numbers = [one for one in value if not isinstance(one, str)]
+    if 0 < len(numbers) < len(value):
+        raise ValueError("a list has numbers or words, not both: write units behind all or none")
+    whole = not truth and bool(numbers) and all(isinstance(one, int) for one in numbers)
+    return ValueChoices(
+        tuple(one if isinstance(one, str) else float(one) for one in words), whole, truth
+    )
+
+
+OverText: TypeAlias = Annotated[
+    ValueRange | ValueChoices,
+    PlainValidator(
+        _read_over, json_schema_input_type=str | Annotated[list[str | float], Field(min_length=2)]
+    ),
+]
+
+_RUNS: Final = re.compile(r"\s*(\d{1,9})\s+runs?\s*")
+_FAILURES: Final = re.compile(r"\s*(\d{1,9})\s+failures?\s*")
+_REPEATS: Final = re.compile(r"\s*(\d{1,9})(?:\s+repeats?)?\s*")
+
+StopRule: TypeAlias = Literal["budget", "failures", "settled"]
+
+
+def read_budget(text: str) -> tuple[int, float]:
+    """Read ``60 runs``, ``10 min`` or both: proposals and seconds of wall clock (0: any time).
+
+    Raises ``ValueError``.
+    """
+    runs, seconds = 0, 0.0
+    for part in text.split(","):
+        counted = _RUNS.fullmatch(part)
+        if counted is not None and not runs:
+            runs = int(counted[1])
+            if not 1 <= runs <= MOST_PROPOSALS:
+                raise ValueError(f"a search has 1 to {MOST_PROPOSALS} runs, not {runs}")
+        elif counted is None and not seconds:
+            try:
+                seconds = read_as(part.strip(), "time")
+            except ValueError as error:
+                raise ValueError(
+                    f'"{text}" is no budget: write 60 runs, 10 min, or both: 60 runs, 10 min'
+                ) from error
+            if not 0.0 < seconds <= _LONGEST:
+                raise ValueError(f'"{part.strip()}" is no time to search: up to 30 days')
+        else:
+            raise ValueError(f'"{text}" says twice how much: write 60 runs, 10 min')
+    return runs or MOST_PROPOSALS, seconds
+
+
+def read_stop(text: str) -> tuple[StopRule, int]:
+    """Read ``first failure``, ``5 failures``, ``when settled`` or ``budget``.
+
+    Returns the rule and after how many failures it ends the search. Raises ``ValueError``.
+    """
+    words = " ".join(text.split())
+    if words == "budget":
+        return "budget", 1
+    if words in ("when settled", "settled"):
+        return "settled", 1
+    counted = _FAILURES.fullmatch(words)
+    failures = 1 if words == "first failure" else int(counted[1]) if counted else 0
+    if failures < 1:
+        raise ValueError(
+            f'"{text}" is no end of a search: '
+            "write first failure, 5 failures, when settled or budget"
+        )
+    return "failures", failures
+
+
+def read_confirm(text: str) -> int:
+    """Read ``5 repeats``; raises ``ValueError``."""
+    counted = _REPEATS.fullmatch(text)
+    if counted is None or int(counted[1]) > _MOST_CONFIRMED:
+        raise ValueError(f'"{text}": write 5 repeats, {_MOST_CONFIRMED} at most')
+    return int(counted[1])
+
+
+def _checked(read: Callable[[str], Any]) -> AfterValidator:
+    """Return a validator that leaves a text as it is once it can be read."""
+
+    def check(text: str) -> str:
+        read(text)
+        return text
+
+    return AfterValidator(check)
+
+
+def _counted(unit: str) -> BeforeValidator:
+    """Return a validator that takes a plain number for so many of ``unit``."""
+
+    def take(value: Any) -> Any:
+        plain = isinstance(value, int) and not isinstance(value, bool)
+        return f"{value} {unit}" if plain else value
+
+    return BeforeValidator(take, json_schema_input_type=str | int)
+
+
+def _as_list(value: Any) -> Any:
+    if isinstance(value, dict):
+        raise wrong_form("takes words, not keys")
+    return value if isinstance(value, list) else [value]
+
+
+_Inequalities: TypeAlias = Annotated[
+    list[str], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
+]
+_Steps: TypeAlias = Annotated[
+    list[Literal["nearest", "shrink"]],
+    BeforeValidator(
+        _as_list,
+        json_schema_input_type=Literal["nearest", "shrink"] | list[Literal["nearest", "shrink"]],
+    ),
+]
+
+
+class SearchText(StrictModel):
+    """A search for what makes a scenario fail."""
+
+    elsewhere: ClassVar[Mapping[str, str]] = {
+        "minimize": "it is called minimise",
+        "objective": "it is called minimise: the name of an oracle",
+        "oracle": "it is called minimise",
+        "parameters": "it is called over",
+        "constraints": "it is called such that",
+        "such_that": "it is called such that",
+        "runs": "it is called budget: 60 runs",
+        "repeats": "it is called confirm: 5 repeats",
+    }
+
+    about: str = ""
+    """One line for people."""
+    scenario: str = Field(min_length=1, examples=["busy-house"])
+    """The scenario that is varied."""
+    sut: str = ""
+    """Which of its systems under test, where it has several."""
+    minimise: str = Field(min_length=1, examples=["keeps-clear"])
+    """The oracle that is to fail, one of the scenario's that has a limit; any: the smallest of all
+    margins, each divided by its limit."""
+    over: dict[str, OverText] = Field(
+        min_length=1,
+        max_length=_MOST_PARAMETERS,
+        examples=[{"doors_moving.swing": "48 .. 72 deg/s"}],
+    )
+    """What is varied, LAYER.PARAMETER of a layer of the scenario: a range with its unit (48 .. 72
+    deg/s; with ", log" behind it evenly over its magnitudes), or a list of choices. In place of
+    the layer's name mission, robot, sut and floorplan are understood."""
+    such_that: _Inequalities = Field(
+        default_factory=list, alias="such that", max_length=_MOST_PARAMETERS,
+        examples=[["doors_moving.bedroom_closes < doors_moving.bedroom_opens"]],
+    )  # fmt: skip
+    """Inequalities that hold in every run, between sums of parameters and quantities: a < b,
+    a + 1 s <= b."""
+    budget: Annotated[str, _checked(read_budget), _counted("runs")] = "60 runs"
+    """Runs, or wall time, or both: 60 runs, 10 min; what is spent first ends the search."""
+    stop: Annotated[str, _checked(read_stop)] = "budget"
+    """first failure, so many failures (5 failures), when settled: when nothing better is found any
+    more, or budget: not before that is spent."""
+    method: str = Field(default="auto", min_length=1)
+    """auto, halton, random, tpe, cma, boundary, or one that plugs in. auto: 16 runs of a scrambled
+    Halton sequence, then TPE, and CMA-ES from 150 runs on."""
+    confirm: Annotated[str, _checked(read_confirm), _counted("repeats")] = "5 repeats"
+    """How often a failure that is told is run again with other noise."""
+    then: _Steps = Field(default=["nearest", "shrink"])
+    """What follows a failure. nearest: the smallest change of the scenario that still fails;
+    shrink: what the nearest failure can do without."""
+    window: int = Field(default=WINDOW, ge=1, le=1_000)
+    """Runs that may be out at a time: the search is the same on any number of cores."""
+    seed: int | None = Field(default=None, ge=0, lt=2**63)
+    """Seed of the proposals; that of the campaign when left out."""

@@ -1,0 +1,466 @@
+"""Searches of a campaign file, checked: what each varies, and within which bounds.
+
+Everything is said where it stands in the file, before the first run. What only shows when a point
+is composed (a door that does not fit any more) is told by :mod:`daemon.search.checks`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+from daemon.campaign._cells import CampaignCell
+from daemon.campaign._file import CampaignFile
+from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._scenarios import ResolvedScenario
+from daemon.campaign._search_file import (
+    SearchText,
+    ValueChoices,
+    ValueRange,
+    read_budget,
+    read_confirm,
+    read_stop,
+)
+from daemon.campaign._searchable import SearchLayer, WrittenValue, literal_hint, search_layers
+from daemon.campaign._steps import step_of
+from daemon.model.search import (
+    ANY,
+    OracleScale,
+    PointValue,
+    SearchParameter,
+    SearchTask,
+)
+from daemon.model.spec import SutReference
+from grammars.model.robot import Robot
+from grammars.oracle import Oracle
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, closest, did_you_mean
+from grammars.text.documents import KeyPath, YamlDocument
+from grammars.text.inequalities import Inequality, read_inequality
+from grammars.text.quantity import read_quantity, unit_of
+
+_LONGEST_NAMES: Final = 88
+"""Characters of the names of a campaign and its search together: both are part of an id."""
+_LEAST_CONFIRMED: Final = 3
+"""Repeats of what a system that is not repeatable fails: one run of it shows little."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchScope:
+    """A campaign as far as searches are about it.
+
+    ``named`` are its concrete scenarios, ``cells`` those that runs are made of. Of the searches in
+    ``unread`` something could not be read.
+    """
+
+    text: CampaignFile
+    document: YamlDocument
+    library: LayerLibrary
+    named: Mapping[str, ResolvedScenario]
+    cells: Sequence[CampaignCell]
+    unread: frozenset[str] = frozenset()
+
+
+def read_searches(scope: SearchScope) -> tuple[tuple[SearchTask, ...], tuple[Diagnostic, ...]]:
+    """Return the searches of a campaign that can be run, and what there is to say of all of them.
+
+    Of a scenario that could not be loaded nothing is said: its layers have been complained about.
+    """
+    tasks: list[SearchTask] = []
+    found: list[Diagnostic] = []
+    for name, text in scope.text.search.items():
+        reader = _SearchReader(name, text, scope)
+        task = reader.read() if name not in scope.unread else None
+        found += reader.findings
+        if task is not None and not any(d.severity is Severity.ERROR for d in reader.findings):
+            tasks.append(task)
+    return tuple(tasks), tuple(found)
+
+
+@dataclass(slots=True)
+class _SearchReader:
+    """One search while it is read; everything wrong with it is collected."""
+
+    name: str
+    text: SearchText
+    scope: SearchScope
+    findings: list[Diagnostic] = field(default_factory=list)
+
+    def read(self) -> SearchTask | None:
+        """Return the search, ``None`` where nothing can be said of its scenario."""
+        self._check_names()
+        cell = self._cell()
+        if cell is None:
+            return None
+        sut = self._sut(cell)
+        minimised = self._minimised(cell)
+        if sut is None:
+            return None
+        layers = search_layers(self.scope.library, cell.scenario, cell.suts.index(sut))
+        parameters = self._parameters(layers, cell)
+        constraints = self._constraints(parameters, layers)
+        runs, seconds = read_budget(self.text.budget)
+        stop, failures = read_stop(self.text.stop)
+        return SearchTask(
+            name=self.name,
+            scenario=self.text.scenario,
+            sut=sut.name,
+            minimise=self.text.minimise,
+            scales=_scales(minimised, cell.robot),
+            parameters=parameters,
+            constraints=constraints,
+            runs=runs,
+            seconds=seconds,
+            stop=stop,
+            failures=failures,
+            method=self.text.method,
+            confirm=self._confirm(sut),
+            then=tuple(step for step in ("nearest", "shrink") if step in self.text.then),
+            window=self.text.window,
+            seed=self.scope.text.seed if self.text.seed is None else self.text.seed,
+            repeatable=sut.repeatable,
+            about=self.text.about,
+        )
+
+    def _at(self, *key: str | int) -> Where:
+        path: KeyPath = ("search", self.name, *key)
+        return self.scope.document.where(path)
+
+    def _error(self, where: Where, message: str, hint: str = "") -> None:
+        self.findings.append(Diagnostic(where, message, hint))
+
+    def _warn(self, where: Where, message: str, hint: str = "") -> None:
+        self.findings.append(Diagnostic(where, message, hint, Severity.WARNING))
+
+    def _check_names(self) -> None:
+        campaign = self.scope.text.campaign
+        if len(campaign) + len(self.name) > _LONGEST_NAMES:
+            message = f'the names "{campaign}" and "{self.name}" are too long together'
+            self._error(self._at(), message, f"{_LONGEST_NAMES} characters at most")
+        if self.name in self.scope.text.scenarios:
+            message = f'there is a scenario "{self.name}": tables could not tell them apart'
+            self._error(self._at(), message, "call the search otherwise")
+
+    def _cell(self) -> CampaignCell | None:
+        """Return the cell of the scenario, ``None`` after saying why there is none to search."""
+        scenario, where = self.text.scenario, self._at("scenario")
+        if scenario not in self.scope.named:
+            written = self.scope.text.scenarios.get(scenario)
+            if written is not None and written.abstract:
+                hint = "search a scenario that is like it"
+                self._error(where, f'scenario "{scenario}" is abstract, it is never run', hint)
+            elif written is None:
+                hint = did_you_mean(scenario, self.scope.named)
+                self._error(where, f'no scenario "{scenario}" here', hint)
+            return None
+        cells = [cell for cell in self.scope.cells if cell.scenario.name == scenario]
+        if len(cells) > 1:
+            message = f"{scenario} is run in {len(cells)} buildings, a search is about one"
+            hint = "search a scenario like it with: vary: {…, samples: 1}, or with a floorplan"
+            self._error(where, message, hint)
+            return None
+        return cells[0] if cells else None
+
+    def _sut(self, cell: CampaignCell) -> SutReference | None:
+        named, wanted = cell.scenario.suts, self.text.sut
+        if len(named) != len(cell.suts):
+            return None  # one of them cannot be loaded
+        names = [sut.name for sut in cell.suts]
+        if not wanted and len(names) == 1:
+            return cell.suts[0]
+        for reference, sut in zip(named, cell.suts, strict=True):
+            if wanted and wanted in (sut.name, reference.name):
+                return sut
+        if wanted:
+            message = f'{cell.name} is not run with a system under test "{wanted}"'
+            self._error(self._at("sut"), message, did_you_mean(wanted, names))
+        else:
+            message = f"{cell.name} is run with {len(names)} systems under test, search one"
+            self._error(self._at(), message, f"write sut: {names[0]}, or one of {names[1:]}")
+        return None
+
+    def _confirm(self, sut: SutReference) -> int:
+        confirm = read_confirm(self.text.confirm)
+        if sut.repeatable or confirm >= _LEAST_CONFIRMED:
+            return confirm
+        message = f"{sut.name} is not repeatable: failures of it are run {_LEAST_CONFIRMED} times"
+        self._warn(self._at("confirm"), message, f"write confirm: {_LEAST_CONFIRMED} repeats")
+        return _LEAST_CONFIRMED
+
+    def _minimised(self, cell: CampaignCell) -> tuple[Oracle, ...]:
+        """Return the oracles it is about; none after saying what is wrong with the one named."""
+        picked = {reference.name for reference in cell.scenario.oracles}
+        oracles = {oracle.name: oracle for oracle in cell.oracles if oracle.name in picked}
+        limited = [oracle for oracle in oracles.values() if not oracle.is_measure]
+        wanted, where = self.text.minimise, self._at("minimise")
+        if wanted in oracles:
+            return tuple(o for o in (oracles[wanted],) if self._leads(o, Severity.ERROR))
+        if wanted == ANY:
+            led = tuple(oracle for oracle in limited if self._leads(oracle, Severity.WARNING))
+            if not led:
+                message = f"{cell.name} has no oracle with a limit that a search can follow"
+                self._error(where, message, "such as always(clearance >= 0.05 m)")
+            return led
+        if len(oracles) < len(picked):
+            return ()  # one of them cannot be read, which has been said
+        hint = did_you_mean(wanted, (*(oracle.name for oracle in limited), ANY))
+        self._error(where, f'{cell.name} is not judged by an oracle "{wanted}"', hint)
+        return ()
+
+    def _leads(self, oracle: Oracle, severity: Severity) -> bool:
+        """Return whether a search can follow an oracle, after saying why not and what to do."""
+        # What judges is loaded by campaigns that have a search.
+        from daemon.judging.oracles import leading_kind
+
+        where = self._at("minimise")
+        try:
+            kind = leading_kind(oracle)
+        except ValueError as error:
+            self.findings.append(Diagnostic(where, f"{oracle.name}: {error}", "", severity))
+            return False
+        if not kind.led:
+            passed_over = ", it is passed over" if severity is Severity.WARNING else ""
+            message = f"{oracle.name} cannot be searched with{passed_over}: {kind.reason}"
+            hint = f"write an oracle that leads to the failure, such as {kind.better}"
+            self.findings.append(Diagnostic(where, message, hint, severity))
+        return kind.led
+
+    def _parameters(
+        self, layers: Sequence[SearchLayer], cell: CampaignCell
+    ) -> tuple[SearchParameter, ...]:
+        found: list[SearchParameter] = []
+        taken: dict[tuple[str, int, str], str] = {}
+        for name, over in self.text.over.items():
+            where = self._at("over", name)
+            try:
+                layer, key, value = _find_value(name, layers, over, where, cell)
+                place = (layer.slot, layer.index, key)
+                if place in taken:
+                    raise InputError.at(where, f"{name} and {taken[place]} are the same value")
+                taken[place] = name
+                found.append(self._parameter(name, layer, key, value, over))
+            except InputError as error:
+                self.findings += error.diagnostics
+        return tuple(found)
+
+    def _parameter(
+        self,
+        name: str,
+        layer: SearchLayer,
+        key: str,
+        value: WrittenValue,
+        over: ValueRange | ValueChoices,
+    ) -> SearchParameter:
+        where = self._at("over", name)
+        # Without the folder: what a search is does not depend on where its files lie.
+        place = f"{Path(where.file).name}:{where.line}"
+        base = SearchParameter(name, layer.slot, layer.index, key, where=place)
+        if isinstance(over, ValueChoices):
+            return self._choices(base, value, over, where)
+        if value.kind in ("names", "text", "truth"):
+            message = f"{name} is no number: {value.text or 'a name'} cannot be in a range"
+            raise InputError.at(where, message, "write a list of choices")
+        _require_dimension(name, over.unit, value, where)
+        whole = over.whole and value.kind == "whole"
+        if value.kind == "whole" and not over.whole:
+            message = f"{name} is a whole number, {over.low:g} .. {over.high:g} is none"
+            raise InputError.at(where, message, "write whole numbers")
+        step = step_of(over.low, over.high, over.unit, log=over.log, whole=whole)
+        written = _in_unit(value, over.unit)
+        if written is not None and not over.low <= written <= over.high:
+            shown = replace(base, unit=over.unit).text(written)
+            message = f"{name} is {shown} as written, outside of what is searched"
+            hint = f"at {value.where}; the first run is the scenario as written all the same"
+            self._warn(where, message, hint)
+        return replace(
+            base, unit=over.unit, low=over.low, high=over.high, step=step, log=over.log,
+            written=written, whole=whole,
+        )  # fmt: skip
+
+    def _choices(
+        self, base: SearchParameter, value: WrittenValue, over: ValueChoices, where: Where
+    ) -> SearchParameter:
+        if value.kind == "truth" and not over.truth:
+            raise InputError.at(where, f"{base.name} is true or false", "write [true, false]")
+        written: PointValue | None = value.text or None
+        if value.kind in ("quantity", "whole"):
+            written = _choice_as_written(base.name, value, over, where)
+        if written is not None and written not in over.values:
+            message = f"{base.name} is {written} as written, which is not among the choices"
+            hint = f"at {value.where}; the first run is the scenario as written all the same"
+            self._warn(where, message, hint)
+        return replace(
+            base, choices=over.values, written=written, whole=over.whole, truth=over.truth
+        )
+
+    def _constraints(
+        self, parameters: Sequence[SearchParameter], layers: Sequence[SearchLayer]
+    ) -> tuple[str, ...]:
+        """Return the inequalities, one comparison each, fixed values in place of their names."""
+        found: list[str] = []
+        if len(parameters) < len(self.text.over):
+            return ()  # what they name may be what could not be read
+        units = {p.name: p.unit for p in parameters if not _has_words(p)}
+        for index, text in enumerate(self.text.such_that):
+            where = self._at("such that", index)
+            try:
+                for one in _comparisons(_with_fixed_values(text, parameters, layers)):
+                    inequality = read_inequality(one, units)
+                    if _least(inequality, parameters) > 0.0:
+                        message = f'"{text}" never holds within these ranges'
+                        self._error(where, message, "widen a range, or leave it out")
+                    found.append(one)
+            except ValueError as error:
+                message, _, hint = str(error).partition("; ")
+                self._error(where, message, hint)
+        return tuple(found)
+
+
+def _scales(oracles: Sequence[Oracle], robot: Robot) -> tuple[OracleScale, ...]:
+    from daemon.judging.oracles import oracle_scale
+
+    return tuple(oracle_scale(oracle, robot) for oracle in oracles)
+
+
+def _find_value(
+    name: str,
+    layers: Sequence[SearchLayer],
+    over: ValueRange | ValueChoices,
+    where: Where,
+    cell: CampaignCell,
+) -> tuple[SearchLayer, str, WrittenValue]:
+    """Return what a name in ``over`` means; raises :class:`InputError` saying what it may be."""
+    near = [(layer, key) for layer in layers if (key := layer.key_of(name))]
+    found = [
+        (layer, written, layer.values[written])
+        for layer, key in near
+        if (written := layer.written_key(key))
+    ]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        places = " and ".join(f"{layer.title} ({value.where})" for layer, _, value in found)
+        message = f"{name} may be that of {places}"
+        raise InputError.at(where, message, f"write {found[0][0].slot}.{near[0][1]}")
+    if near:
+        layer, key = near[0]
+        message = f'{layer.title} has no parameter "{key}"'
+        known = [known for layer, _ in near for known in layer.values]
+        hint = literal_hint(layer, key, over, named=bool(closest(key, known)))
+        hint = hint or did_you_mean(key, known)
+        raise InputError.at(where, message, hint)
+    head = name.partition(".")[0]
+    oracles = {oracle.name for oracle in cell.oracles}
+    if head in oracles or head == "oracles":
+        message = f"{name}: limits of oracles are not searched, they say what is good"
+        raise InputError.at(where, message, "vary the scenario")
+    if "." not in name:
+        known = [f"{layer.label}.{key}" for layer in layers for key in layer.values if key == name]
+        hint = f"write {known[0]}" if known else _layers_hint(layers)
+        raise InputError.at(where, f'"{name}" names no layer', hint)
+    labels = dict.fromkeys(label for layer in layers for label in layer.labels)
+    hint = did_you_mean(head, labels)
+    raise InputError.at(where, f'{cell.name} has no layer "{head}"', hint)
+
+
+def _layers_hint(layers: Sequence[SearchLayer]) -> str:
+    return f"write LAYER.PARAMETER; its layers: {', '.join(dict.fromkeys(x.label for x in layers))}"
+
+
+def _require_dimension(name: str, unit: str, value: WrittenValue, where: Where) -> None:
+    given = read_quantity(f"1 {unit}").dimension if unit else "ratio"
+    if given == value.dimension or (not unit and value.plain):
+        return
+    wanted = "a plain number" if value.dimension == "ratio" else f"in {unit_of(value.dimension)}"
+    has = f"is in {unit}" if unit else "has no unit"
+    message = f"{name} is {wanted}, its range {has}"
+    raise InputError.at(where, message, f"it is written at {value.where}: {value.text}")
+
+
+def _in_unit(value: WrittenValue, unit: str) -> float | None:
+    """Return the written number in the unit of a range."""
+    if value.number is None:
+        return None
+    given = re.fullmatch(r"\s*([-+0-9.eE]+)\s*(.*?)\s*", value.text)
+    if given is not None and " ".join(given[2].split()) == unit:
+        return float(given[1])  # exactly as written, without a detour by SI units
+    factor = read_quantity(f"1 {unit}").value if unit else 1.0
+    return float(f"{value.number / factor:.12g}")
+
+
+def _choice_as_written(
+    name: str, value: WrittenValue, over: ValueChoices, where: Where
+) -> PointValue | None:
+    """Return the choice that is the number as written, else that number in its own words."""
+    same = None
+    for choice in over.values:
+        if isinstance(choice, str):
+            try:
+                quantity = read_quantity(choice)
+            except ValueError as error:
+                raise InputError.at(where, f"{name}: {error}") from error
+            if quantity.dimension != value.dimension:
+                raise InputError.at(
+                    where,
+                    f'{name}: "{choice}" is in {quantity.unit}',
+                    f"it is written at {value.where}: {value.text}",
+                )
+        elif not value.plain and value.dimension != "ratio":
+            hint = f"it is written at {value.where}: {value.text}"
+            raise InputError.at(where, f"{name}: {choice:g} has no unit", hint)
+        number = read_quantity(choice).value if isinstance(choice, str) else choice
+        if value.number is not None and abs(number - value.number) <= 1e-9 * abs(number):
+            same = choice
+    words = isinstance(over.values[0], str)
+    return same if same is not None else value.text if words else value.number
+
+
+def _has_words(parameter: SearchParameter) -> bool:
+    return any(isinstance(choice, str) for choice in parameter.choices)
+
+
+_NAME: Final = re.compile(r"(?<![\w.])[A-Za-z_][\w-]*(?:[./][\w-]+)*\.[\w./-]*\w")
+_COMPARED: Final = re.compile(r"(<=|>=|<|>)")
+
+
+def _with_fixed_values(
+    text: str, parameters: Sequence[SearchParameter], layers: Sequence[SearchLayer]
+) -> str:
+    """Return an inequality with what is written in place of names that are not searched."""
+    searched = {parameter.name for parameter in parameters}
+
+    def value_of(found: re.Match[str]) -> str:
+        name = found[0]
+        if name in searched:
+            return name
+        for layer in layers:
+            key = layer.written_key(layer.key_of(name))
+            if key and layer.values[key].number is not None:
+                return layer.values[key].text
+        return name
+
+    return _NAME.sub(value_of, text)
+
+
+def _comparisons(text: str) -> Iterator[str]:
+    """Yield the comparisons of a chain: ``a < b < c`` is ``a < b`` and ``b < c``."""
+    parts = _COMPARED.split(text)
+    if len(parts) < 5:
+        yield text
+        return
+    for at in range(0, len(parts) - 2, 2):
+        yield f"{parts[at].strip()} {parts[at + 1]} {parts[at + 2].strip()}"
+
+
+def _least(inequality: Inequality, parameters: Sequence[SearchParameter]) -> float:
+    """Return the smallest sum that any point of the ranges has; what is above 0 never holds."""
+    named = {parameter.name: parameter for parameter in parameters}
+    least = inequality.constant
+    for name, factor in inequality.factors:
+        parameter = named[name]
+        values = parameter.choices or (parameter.low, parameter.high)
+        least += min(factor * float(value) for value in values)
+    slack = 1e-9 * max(1.0, abs(inequality.constant))
+    return least + slack if inequality.strict and least >= -slack else least - slack

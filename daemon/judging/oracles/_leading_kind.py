@@ -1,0 +1,202 @@
+"""What is known of a leading margin before anything runs: its unit, its scale, whether it leads.
+
+A *leading margin* is a signed margin that goes down towards the failure also where the verdict's
+margin is flat (:mod:`daemon.judging.oracles._leading`). Signals that are true or false lead where
+there is a length behind them; those that plug in do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from daemon.model.search import OracleScale
+from grammars.model.robot import Robot
+from grammars.oracle import (
+    Amount,
+    Comparison,
+    CustomCall,
+    Expression,
+    Function,
+    Judgement,
+    Logic,
+    Not,
+    Number,
+    Oracle,
+    Reached,
+    Signal,
+    Statistic,
+    Temporal,
+    Until,
+    custom_oracle,
+    kind_of,
+    render,
+)
+
+LEADING_FLAGS: Final = frozenset({"contact", "in", "loc.inside_2sigma"})
+"""True-or-false signals that are led by a length [m]: the clearance, the way to the border of the
+place, what is left of two standard deviations."""
+SHARE: Final = "1"
+"""Unit of margins in unlike units that are joined: each is a share of its scale."""
+
+_CLEAR: Final = "always(clearance >= 0 m)"
+_ARRIVES: Final = "reached(mission, 0.25 m)"
+
+
+@dataclass(frozen=True, slots=True)
+class LeadingKind:
+    """Whether an oracle's leading margin leads anywhere, and its ``unit``.
+
+    What is not ``led`` has a ``reason`` and a ``better`` oracle to search with.
+    """
+
+    led: bool
+    unit: str
+    reason: str = ""
+    better: str = ""
+
+
+def leading_kind(oracle: Oracle) -> LeadingKind:
+    """Return whether a search can follow ``oracle``, which has been checked.
+
+    Raises ``ValueError`` when it names a plug-in that cannot be used any more.
+    """
+    judgement, unit = oracle.judgement, leading_unit(oracle)
+    if oracle.is_measure:
+        return LeadingKind(
+            False, unit, "it has no limit: it measures and never fails", _limited(judgement)
+        )
+    match judgement:
+        case Temporal(operator=operator, predicate=predicate) if not unit:
+            better = _ARRIVES if operator == "eventually" else _CLEAR
+            return LeadingKind(False, "", _bare(render(predicate)), better)
+        case Until(predicate=predicate) if not unit:
+            return LeadingKind(False, "", _bare(render(predicate)), _CLEAR)
+        case CustomCall(name=name) if not unit:
+            return LeadingKind(False, "", _bare(name), f"{_CLEAR} or {_ARRIVES}")
+    return LeadingKind(True, unit)
+
+
+def leading_unit(oracle: Oracle) -> str:
+    """Return the unit of a checked oracle's leading margin; empty for a bare yes or no.
+
+    Raises ``ValueError`` when it names a plug-in that cannot be used any more.
+    """
+    match oracle.judgement:
+        case Temporal(predicate=predicate) | Until(predicate=predicate):
+            return predicate_unit(predicate)
+        case Amount(operator=operator):
+            return "s" if operator in ("time", "longest") else "1"
+        case Statistic(signal=signal):
+            kind = kind_of(signal)
+            return kind.unit if kind is not None else ""
+        case Reached():
+            return "m"
+        case CustomCall(name=name):
+            declared = custom_oracle(name)
+            return "" if declared is None or declared.unit == "bool" else declared.unit
+
+
+def oracle_scale(oracle: Oracle, robot: Robot) -> OracleScale:
+    """Return by what the margin of ``oracle`` is divided to be compared with those of others.
+
+    The magnitude of its limit where that is not 0; of ``reached`` the tolerance; of contacts the
+    inscribed radius of the robot; 1 where there is nothing of the kind.
+    """
+    match oracle.judgement:
+        case Temporal(predicate=predicate) | Until(predicate=predicate):
+            scale = predicate_scale(predicate, robot)
+        case Amount(limit=limit) | Statistic(limit=limit) if limit is not None:
+            scale = abs(limit.number.value) or 1.0
+        case Reached(tolerance=tolerance):
+            scale = tolerance.value
+        case _:
+            scale = 1.0
+    return OracleScale(oracle.name, scale, leading_unit(oracle))
+
+
+def clauses_of(predicate: Expression) -> Iterator[Expression]:
+    """Yield the comparisons and the true-or-false signals of a predicate, in the order written."""
+    match predicate:
+        case Not(operand=operand):
+            yield from clauses_of(operand)
+        case Logic(operands=operands):
+            for operand in operands:
+                yield from clauses_of(operand)
+        case _:
+            yield predicate
+
+
+def predicate_unit(predicate: Expression) -> str:
+    """Return the unit of a predicate's leading margin, :data:`SHARE` where unlike ones meet.
+
+    Empty when all there is to it is true or false.
+    """
+    units = {_clause_unit(clause) for clause in clauses_of(predicate)}
+    return units.pop() if len(units) == 1 else SHARE
+
+
+def has_unlike_units(predicate: Expression) -> bool:
+    """Whether the clauses of a predicate are measured in different units."""
+    return len({_clause_unit(clause) for clause in clauses_of(predicate)}) > 1
+
+
+def predicate_scale(predicate: Expression, robot: Robot) -> float:
+    """Return the scale of a predicate's leading margin: that of its first clause that has one."""
+    if has_unlike_units(predicate):
+        return 1.0
+    scales = (_own_scale(clause, robot) for clause in clauses_of(predicate))
+    return next((scale for scale in scales if scale), 1.0)
+
+
+def clause_scale(clause: Expression, robot: Robot) -> float:
+    """Return the magnitude of a clause's limit, 1 if there is none or it is 0."""
+    return _own_scale(clause, robot) or 1.0
+
+
+def _own_scale(clause: Expression, robot: Robot) -> float:
+    match clause:
+        case Comparison(left=left, right=right):
+            return abs(_constant(right) or _constant(left))
+        case Signal(name="contact"):
+            # With shapely, which a check of the other oracles does without.
+            from grammars.model.free_space import inscribed_radius
+
+            return inscribed_radius(robot.footprint)
+    return 0.0
+
+
+def _constant(expression: Expression) -> float:
+    """Return the value of a number, 0 of anything else."""
+    match expression:
+        case Number(value=value):
+            return value
+        case Function(operand=operand):
+            return _constant(operand)
+    return 0.0
+
+
+def _clause_unit(clause: Expression) -> str:
+    if isinstance(clause, Comparison):
+        kind = kind_of(clause.left)
+        return kind.unit if kind is not None else ""
+    return "m" if isinstance(clause, Signal) and clause.name in LEADING_FLAGS else ""
+
+
+def _bare(what: str) -> str:
+    return f"{what} is true or false: no run is nearer to failing than another"
+
+
+def _limited(judgement: Judgement) -> str:
+    """Return a measure with a limit."""
+    match judgement:
+        case Statistic(operator=operator, signal=signal):
+            kind = kind_of(signal)
+            unit = f" {kind.unit}" if kind is not None and kind.unit != "1" else ""
+            sign = ">=" if operator == "min" else "<="
+            return f"{operator}({render(signal)}) {sign} 1{unit}"
+        case Amount(operator=operator, predicate=predicate):
+            limits = {"fraction": "10 %", "count": "1"}
+            return f"{operator}({render(predicate)}) <= {limits.get(operator, '1 s')}"
+    return _CLEAR

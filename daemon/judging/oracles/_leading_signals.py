@@ -1,0 +1,163 @@
+"""Signals that lead where those of the oracle language are flat.
+
+``contact`` is true or false; what leads to it is the clearance while the robot is clear, and the
+depth once it is not. ``in`` is led by the way to the border of the place, ``loc.inside_2sigma`` by
+what is left of two standard deviations; ``contact.depth`` and ``distance`` go on below their 0.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+from daemon.judging.oracles._clearance import (
+    IndexArray,
+    ObstaclePolygons,
+    footprint_box,
+    obstacles_named,
+)
+from daemon.judging.oracles._distance import place_outline, placed_polygons
+from daemon.judging.oracles._sampler import SignalSampler
+from daemon.judging.oracles._series import SignalSeries
+from grammars.model.geometry import Floats, Ring
+from grammars.oracle import Expression, Function, Signal, obstacle_names
+
+_NEAR: Final = 0.5
+"""Up to here [m] the outline of the robot counts, and not the box around it."""
+
+
+def leading_flag(signal: Signal, sampler: SignalSampler) -> SignalSeries | None:
+    """Return what leads to a true-or-false signal: larger the truer [m]; ``None``: nothing does."""
+    match signal.name:
+        case "contact":
+            return _contact(_thing(signal), sampler)
+        case "loc.inside_2sigma":
+            return sampler.localisation.inside_margin()
+        case "in":
+            return _inside(signal, sampler)
+    return None
+
+
+def leading_quantity(expression: Expression, sampler: SignalSampler) -> SignalSeries | None:
+    """Return a signal that goes on below 0, ``None`` for all that are not flat there.
+
+    Only what stands alone: in a product or a magnitude going on would change what is meant.
+    """
+    match expression:
+        case Function(name="-", operand=operand):
+            found = leading_quantity(operand, sampler)
+            if found is not None:
+                return SignalSeries(-found.values, found.objects, found.names, found.note)
+        case Signal(name="contact.depth"):
+            return _contact(_thing(expression), sampler)
+        case Signal(name="distance"):
+            return _distance(expression, sampler)
+    return None
+
+
+def has_leading_quantity(expression: Expression) -> bool:
+    """Whether :func:`leading_quantity` may return something else than ``None``."""
+    match expression:
+        case Function(name="-", operand=operand):
+            return has_leading_quantity(operand)
+        case Signal(name="contact.depth" | "distance"):
+            return True
+    return False
+
+
+def _thing(signal: Signal) -> str:
+    return signal.object.name if signal.object is not None else ""
+
+
+def _contact(thing: str, sampler: SignalSampler) -> SignalSeries:
+    """Return the depth [m] in contact, and elsewhere minus the clearance; -inf: nothing to hit."""
+    named = (Signal(thing),) if thing else ()
+    touched = sampler.sample(Signal("contact.depth", named))
+    objects = touched.objects
+    if objects is None:
+        raise TypeError("contacts are always with something")
+    touching = objects >= 0
+    near = sampler.sample(Signal("clearance", named))
+    clear = _refine(near, thing, sampler)
+    # What is recorded decides: a contact between two samples may be over at the next one, and the
+    # physics lets things overlap a little before it calls that a contact.
+    values = np.where(touching, touched.values, -np.maximum(clear.values, 0.0))
+    values = np.where(np.isnan(values), -np.inf, values)
+    if clear.objects is None:
+        return SignalSeries(values, objects, touched.names)
+    nearest = np.where(clear.objects >= 0, clear.objects + len(touched.names), -1)
+    both = np.where(touching, objects, nearest).astype(np.int32)
+    return SignalSeries(values, both, (*touched.names, *clear.names))
+
+
+def _distance(signal: Signal, sampler: SignalSampler) -> SignalSeries:
+    """Return the distance [m], and minus the depth of contact where that is 0."""
+    sampled, thing = sampler.sample(signal), _thing(signal)
+    if thing not in obstacle_names(sampler.trace.scene):
+        return sampled
+    depth = sampler.sample(Signal("contact.depth", (Signal(thing),))).values
+    values = np.where(sampled.values > 0.0, sampled.values, -depth + 0.0 * sampled.values)
+    return SignalSeries(values, sampled.objects, sampled.names, sampled.note)
+
+
+def _inside(signal: Signal, sampler: SignalSampler) -> SignalSeries:
+    """Return how deep [m] the robot's base is in a place, minus how far outside."""
+    sampled = sampler.sample(signal)
+    border = Polygon(place_outline(sampler.trace.scene, _thing(signal))).exterior
+    away = shapely.distance(shapely.points(sampler.poses[:, :2]), border)
+    return SignalSeries(np.where(sampled.values > 0.0, away, -away), sampled.objects, sampled.names)
+
+
+def _refine(near: SignalSeries, thing: str, sampler: SignalSampler) -> SignalSeries:
+    """Return the clearance of the robot's outline instead of that of the box around it.
+
+    The same where they are one; elsewhere for what is near, where the difference counts. It grows
+    with both, so that a robot that is nearer never has the larger one.
+    """
+    footprint = sampler.trace.spec.robot.footprint
+    close = np.flatnonzero(near.values < _NEAR)
+    if _is_box(footprint) or not len(close):
+        return near
+    obstacles = obstacles_named(sampler.obstacles, thing) if thing else sampler.obstacles
+    values, objects = near.values.copy(), np.array(near.objects)
+    # The outline is nowhere nearer than the box around it: where that is _NEAR, so is this.
+    away, owner = _outline_distance(obstacles, sampler.poses[close], footprint, close)
+    values[close], found = np.minimum(away, _NEAR), owner >= 0
+    objects[close[found]] = owner[found]
+    return SignalSeries(values, objects, near.names, near.note)
+
+
+def _is_box(footprint: Ring) -> bool:
+    """Whether a footprint is the box around it."""
+    _, (hx, hy) = footprint_box(footprint)
+    return abs(Polygon(footprint).area - 4.0 * hx * hy) < 1e-9
+
+
+def _outline_distance(
+    obstacles: ObstaclePolygons, poses: Floats, footprint: Ring, samples: IndexArray
+) -> tuple[Floats, IndexArray]:
+    """Return the distance (k,) [m] to the nearest polygon within reach, and which it is (k,).
+
+    ``samples`` (k,) say of which samples of the tracks the ``poses`` (k, 3) are. Infinite and -1
+    where nothing is within reach.
+    """
+    robot = placed_polygons(np.array(footprint, dtype=np.float64), poses)
+    nearest, owner = np.full(len(poses), np.inf), np.full(len(poses), -1, dtype=np.int64)
+    still = np.flatnonzero(obstacles.frame < 0)
+    if len(still):
+        parts = [obstacles.corners[slice(*obstacles.offsets[p : p + 2])] for p in still]
+        tree = shapely.STRtree([Polygon(part) for part in parts])
+        (which, found), away = tree.query_nearest(
+            robot, max_distance=_NEAR, return_distance=True, all_matches=False
+        )
+        nearest[which], owner[which] = away, still[found]
+    for polygon in np.flatnonzero(obstacles.frame >= 0):
+        track = obstacles.tracks[samples, obstacles.frame[polygon]]
+        corners = obstacles.corners[slice(*obstacles.offsets[polygon : polygon + 2])]
+        away = shapely.distance(robot, placed_polygons(corners, track))
+        closer = away < nearest
+        nearest[closer], owner[closer] = away[closer], polygon
+    return nearest, owner

@@ -1,0 +1,93 @@
+"""What a search has found, so far or in the end, as one value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from daemon.judging.statistics import at_most
+from daemon.model.search import (
+    Confirmation,
+    NearestFailure,
+    PointResult,
+    SearchAnswer,
+    SearchTask,
+    ShrunkScenario,
+)
+from daemon.model.verdicts import Outcome
+from daemon.search.findings import distinct_failures, drawn_points, parameter_influence
+from daemon.search.results import ExploredPoint, first_failure, smallest_margin
+from daemon.search.sentences import answer_sentences
+
+
+@dataclass(frozen=True, slots=True)
+class LaterResults:
+    """What is found out about failures after the exploration."""
+
+    confirmed: Confirmation | None = None
+    nearest: NearestFailure | None = None
+    shrunk: ShrunkScenario | None = None
+
+
+def make_answer(
+    task: SearchTask,
+    explored: Sequence[ExploredPoint],
+    *,
+    ended: str = "",
+    executed: int = 0,
+    reused: int = 0,
+    later: LaterResults | None = None,
+) -> SearchAnswer:
+    """Return the answer of a search that has learnt these points, sentences included.
+
+    The text of the found scenario is not in it: :func:`with_found` adds it in the end.
+    """
+    later = later or LaterResults()
+    results = [one.result for one in explored if one.result is not None]
+    drawn = [one.result for one in drawn_points(explored) if one.result is not None]
+    judged = [r for r in drawn if r.outcome in (Outcome.PASS, Outcome.FAIL)]
+    failed = sum(result.fails for result in judged)
+    answer = SearchAnswer(
+        ended=ended,
+        explored=len(explored),
+        executed=executed,
+        reused=reused,
+        failed=sum(result.fails for result in results),
+        errors=sum(result.outcome is Outcome.ERROR for result in results),
+        inconclusive=sum(result.outcome is Outcome.INCONCLUSIVE for result in results),
+        space_filling=len(judged),
+        space_filling_failed=failed,
+        failing_share=failing_share(failed, len(judged)),
+        written=next((one.result for one in explored if one.method == "written"), None),
+        first=first_failure(results),
+        best=smallest_margin(results),
+        confirmed=later.confirmed,
+        nearest=later.nearest,
+        shrunk=later.shrunk,
+        findings=distinct_failures(results),
+        influence=parameter_influence(task, explored),
+        refused=len(explored) - len(results),
+    )
+    return replace(answer, sentences=answer_sentences(task, answer))
+
+
+def failing_share(failed: int, runs: int) -> float | None:
+    """Return the share of the space that fails at most, with 95 % certainty, one-sided.
+
+    Without a failure it is 1 - 0.05^(1/n). ``None`` without runs.
+    """
+    return at_most(failed, runs) if runs else None
+
+
+def told_failure(answer: SearchAnswer) -> PointResult | None:
+    """Return the failure that is handed on: the nearest one, else the worst, else the first."""
+    if answer.nearest is not None:
+        return answer.nearest.result
+    if answer.best is not None and answer.best.fails:
+        return answer.best
+    return answer.first
+
+
+def with_found(answer: SearchAnswer, failure: PointResult, text: str) -> SearchAnswer:
+    """Return the answer with the campaign file of a failure."""
+    return replace(answer, found=text, found_label=failure.label, found_digest=failure.digest)

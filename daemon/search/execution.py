@@ -1,0 +1,132 @@
+"""Having points run: numbers and positions, repeats where runs differ, each point only once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+from daemon.analysis.blame import Candidate
+from daemon.model.search import Phase, Point, PointResult, Proposal, ProposalRow
+from daemon.search.results import median_result, point_result
+from daemon.search.runs import Case, Runs
+from grammars.text.diagnostics import InputError
+
+MEDIAN_OF: Final = 3
+"""Runs of a point where the system under test is not repeatable: its margin is their median."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunPurpose:
+    """What a run is for, by which method its point was chosen, and what it tries."""
+
+    phase: Phase
+    method: str
+    guided: bool = True
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BegunPoint:
+    """A point whose runs have been issued, at these positions."""
+
+    number: int
+    point: Point
+    positions: tuple[int, ...]
+
+
+@dataclass(slots=True)
+class PointRunner:
+    """Issues the runs of points and remembers what came of them.
+
+    ``position`` and ``number`` are the next ones; ``reused`` of the runs had a result before,
+    ``executed`` had not.
+    """
+
+    case: Case
+    runs: Runs
+    allowed: Callable[[Point], bool] = lambda _: True
+    position: int = 0
+    number: int = 0
+    executed: int = 0
+    reused: int = 0
+    _known: dict[Point, PointResult | None] = field(default_factory=dict)
+
+    @property
+    def repeats(self) -> int:
+        """How many runs a point takes."""
+        return 1 if self.case.task.repeatable else MEDIAN_OF
+
+    def begin(self, point: Point, purpose: RunPurpose) -> BegunPoint | None:
+        """Issue the runs of a point under the next number; ``None`` where it makes no run."""
+        number = self.number
+        self.number += 1
+        try:
+            candidates = [self.case.candidate(point, number, r) for r in range(self.repeats)]
+        except InputError:
+            self._known.setdefault(point, None)
+            return None
+        positions = tuple(
+            self.issue(candidate, number, repeat, point, purpose)
+            for repeat, candidate in enumerate(candidates)
+        )
+        return BegunPoint(number, point, positions)
+
+    def finish(self, begun: BegunPoint) -> PointResult:
+        """Wait for the runs of a point and return what they say."""
+        task = self.case.task
+        found = median_result([point_result(task, self.wait(p)) for p in begun.positions])
+        self._known.setdefault(begun.point, found)
+        return found
+
+    def is_known(self, point: Point) -> bool:
+        """Return whether nothing is run to find out about a point."""
+        return point in self._known or not self.allowed(point)
+
+    def results(self, tried: Iterable[tuple[Point, RunPurpose]]) -> list[PointResult | None]:
+        """Return what points say, run at the same time; ``None`` for what makes no run.
+
+        What breaks a constraint of the search makes none.
+        """
+        wanted = list(tried)
+        new = {point: purpose for point, purpose in wanted if not self.is_known(point)}
+        for begun in [self.begin(point, purpose) for point, purpose in new.items()]:
+            if begun is not None:
+                self.finish(begun)
+        return [self._known.get(point) for point, _ in wanted]
+
+    def repeat(self, result: PointResult, times: int) -> list[PointResult]:
+        """Run a point as often again, with other noise."""
+        point, number = result.values, result.number
+        purpose = RunPurpose("confirm", "repeat")
+        positions = [
+            self.issue(self.case.candidate(point, number, r), number, r, point, purpose)
+            for r in range(self.repeats, self.repeats + times)
+        ]
+        return [point_result(self.case.task, self.wait(position)) for position in positions]
+
+    def issue(
+        self, candidate: Candidate, number: int, repeat: int, point: Point, purpose: RunPurpose
+    ) -> int:
+        """Issue one run and return its position."""
+        position = self.position
+        proposal = Proposal(
+            position=position,
+            number=number,
+            repeat=repeat,
+            phase=purpose.phase,
+            method=purpose.method,
+            guided=purpose.guided,
+            values=point,
+            note=purpose.note,
+        )
+        self.runs.issue(proposal, candidate)
+        self.position += 1
+        return position
+
+    def wait(self, position: int) -> ProposalRow:
+        """Wait for a run and return it, counted."""
+        row = self.runs.result(position)
+        self.executed += not row.cached
+        self.reused += row.cached
+        return row

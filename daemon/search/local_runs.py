@@ -1,0 +1,105 @@
+"""The runs of a search executed here, in forked processes, without a daemon and its ledger."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeAlias
+
+from daemon.analysis.blame import SLOTS, Candidate, run_forked
+from daemon.model.search import Phase, Proposal, ProposalRow, SearchAnswer
+from daemon.model.spec import RunResult
+from daemon.model.status import RunState
+from daemon.run import execute
+
+BatchExecutor: TypeAlias = Callable[[Sequence[Candidate]], list[RunResult | None]]
+"""Executes runs at the same time; ``None`` for one that left no result."""
+ReportCallback: TypeAlias = Callable[[Phase, str, SearchAnswer], None]
+
+
+def execute_with_leads(candidates: Sequence[Candidate]) -> list[RunResult | None]:
+    """Execute runs at the same time, each in a forked process, with leading margins."""
+    return run_forked(candidates, partial(execute, leads=True))
+
+
+@dataclass(slots=True)
+class LocalRuns:
+    """Executes runs in the order of their positions, ``slots`` at a time.
+
+    ``results`` are kept by digest and may be shared with another search, which then reuses them.
+    What a search asks for does not depend on ``slots``.
+    """
+
+    slots: int = SLOTS
+    results: dict[str, RunResult] = field(default_factory=dict)
+    on_report: ReportCallback | None = None
+    executor: BatchExecutor = execute_with_leads
+    proposals: list[Proposal] = field(default_factory=list)
+    digests: list[str] = field(default_factory=list)
+    started: float = field(default_factory=time.monotonic)
+    _waiting: list[tuple[int, Candidate]] = field(default_factory=list)
+    _rows: dict[int, ProposalRow] = field(default_factory=dict)
+
+    def issue(self, proposal: Proposal, candidate: Candidate) -> None:
+        """Take a run into the queue, or the result that is there."""
+        if proposal.position != len(self.proposals):
+            raise ValueError(f"run {len(self.proposals)} comes before {proposal.position}")
+        digest = candidate.spec.digest
+        self.proposals.append(proposal)
+        self.digests.append(digest)
+        if digest in self.results:
+            self._settle(proposal.position, candidate, self.results[digest], cached=True)
+        else:
+            self._waiting.append((proposal.position, candidate))
+
+    def issued(self, position: int) -> Proposal | None:
+        """Return nothing: there was no life before this one."""
+        return None
+
+    def result(self, position: int) -> ProposalRow:
+        """Execute what is before a run, and the run, and return it."""
+        while position not in self._rows:
+            batch, self._waiting = self._waiting[: self.slots], self._waiting[self.slots :]
+            done = self.executor([candidate for _, candidate in batch])
+            for (at, candidate), result in zip(batch, done, strict=True):
+                if result is not None:
+                    self.results[candidate.spec.digest] = result
+                self._settle(at, candidate, result, cached=False)
+        return self._rows[position]
+
+    def report(self, phase: Phase, note: str, answer: SearchAnswer) -> None:
+        """Hand it on to whoever wants to know."""
+        if self.on_report is not None:
+            self.on_report(phase, note, answer)
+
+    def elapsed(self) -> float:
+        """Return the wall clock since the beginning [s]."""
+        return time.monotonic() - self.started
+
+    def _settle(
+        self, position: int, candidate: Candidate, result: RunResult | None, *, cached: bool
+    ) -> None:
+        spec, proposal = candidate.spec, self.proposals[position]
+        row = ProposalRow(
+            proposal, f"{position:06d}", spec.label, self.digests[position], RunState.LOST
+        )
+        if result is not None:
+            row = ProposalRow(
+                proposal,
+                row.run,
+                row.label,
+                row.digest,
+                RunState.DONE,
+                outcome=result.outcome,
+                verdicts=result.verdicts,
+                leads=result.leads,
+                ended=result.ended,
+                note=result.note,
+                cached=cached,
+                simulated=result.timing.simulated,
+                wall=result.timing.wall,
+                cpu=result.timing.cpu,
+            )
+        self._rows[position] = row

@@ -1,0 +1,118 @@
+"""Methods by name: those that ship, and those of others; and why one cannot be used here."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from typing import Final
+
+from daemon.model.search import SPACE_FILLING, SearchParameter, SearchTask
+from daemon.search.methods._boundary import MOST_PARAMETERS, BoundaryStage
+from daemon.search.methods._cma import CmaStage
+from daemon.search.methods._history import SearchHistory
+from daemon.search.methods._plugins import PluginMethod, plugin_factory, plugin_methods
+from daemon.search.methods._protocol import SearchMethod
+from daemon.search.methods._stages import HaltonStage, RandomStage, Stage, StagedMethod
+from daemon.search.methods._tpe import TpeStage
+from daemon.search.space import SearchSpace
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+
+METHODS: Final = ("auto", "halton", "random", "tpe", "cma", "boundary")
+"""The methods that ship."""
+COVARIANCE_FROM: Final = 150
+"""Proposals after which ``auto`` goes on with the method cma, where all parameters are ranges."""
+
+
+def make_method(task: SearchTask, space: SearchSpace) -> SearchMethod:
+    """Return the method of a search at its beginning.
+
+    Raises :class:`InputError` where :func:`method_problem` has something to say.
+    """
+    problem = method_problem(task)
+    if problem:
+        raise InputError(Diagnostic(Where(f'search "{task.name}"'), problem))
+    if task.method not in METHODS:
+        return PluginMethod(task, space)
+    return StagedMethod(SearchHistory(space, task.seed, task.window), _stages(task))
+
+
+def method_names() -> tuple[str, ...]:
+    """Return the names of all methods, those that ship first."""
+    return (*METHODS, *(name for name in plugin_methods() if name not in METHODS))
+
+
+def method_problem(task: SearchTask) -> str:
+    """Return why the method of a search cannot be used, and what can; empty when it can."""
+    return method_misfit(task) or missing_library(task)
+
+
+def method_misfit(task: SearchTask) -> str:
+    """Return why a method does not fit a search, on any machine; empty when it does."""
+    if task.method not in METHODS:
+        return _plugin_problem(task.method)
+    lists = [parameter.name for parameter in task.parameters if parameter.choices]
+    if task.method == "boundary":
+        return _boundary_problem(task.parameters, lists)
+    if task.method == "cma" and lists:
+        return f"the method cma takes ranges alone, {lists[0]} is a list; write method: tpe"
+    if task.method == "cma" and len(task.parameters) < 2:
+        return "the method cma takes two parameters or more; write method: tpe"
+    return ""
+
+
+def missing_library(task: SearchTask) -> str:
+    """Return which library the method of a search lacks here; empty when it lacks none."""
+    missing = [name for name in _libraries(task) if importlib.util.find_spec(name) is None]
+    if missing:
+        install = 'install it with: pip install "scenario-tui[search]"'
+        return (
+            f"the method {task.method} takes the library {missing[0]}, which is not installed; "
+            f"{install}, or write method: halton, which works without"
+        )
+    return ""
+
+
+def _plugin_problem(name: str) -> str:
+    try:
+        factory = plugin_factory(name)
+    except ValueError as error:
+        return str(error)
+    if factory is None:
+        return f'there is no method "{name}"; {did_you_mean(name, method_names())}'
+    return ""
+
+
+def _boundary_problem(parameters: Sequence[SearchParameter], lists: Sequence[str]) -> str:
+    instead = "write method: auto, or vary less"
+    if len(parameters) > MOST_PARAMETERS:
+        return f"the method boundary takes one or two parameters, not {len(parameters)}; {instead}"
+    return f"the method boundary takes ranges, {lists[0]} is a list; {instead}" if lists else ""
+
+
+def _libraries(task: SearchTask) -> Sequence[str]:
+    """Return the libraries that a search will import."""
+    stages = _stages(task) if task.method in METHODS else []
+    used = [stage for first, stage in stages if first < task.runs]
+    of_tpe = ["optuna"] if any(isinstance(stage, TpeStage) for stage in used) else []
+    return [*of_tpe, *(["cmaes"] if any(isinstance(stage, CmaStage) for stage in used) else [])]
+
+
+def _stages(task: SearchTask) -> Sequence[tuple[int, Stage]]:
+    """Return the stages of a method, each with the number of its first proposal."""
+    match task.method:
+        case "halton":
+            return [(0, HaltonStage())]
+        case "random":
+            return [(0, RandomStage())]
+        case "boundary":
+            return [(0, BoundaryStage(task.runs, len(task.parameters)))]
+        case "cma":
+            return [(0, CmaStage())]
+        case "tpe":
+            return [(0, HaltonStage()), (SPACE_FILLING, TpeStage())]
+        case _:
+            ranges = all(not parameter.choices for parameter in task.parameters)
+            adapts = ranges and len(task.parameters) > 1
+            # What is proposed does not depend on the budget: more runs go on where fewer ended.
+            later: list[tuple[int, Stage]] = [(COVARIANCE_FROM, CmaStage())] if adapts else []
+            return [(0, HaltonStage()), (SPACE_FILLING, TpeStage()), *later]

@@ -1,0 +1,250 @@
+"""The nearest failure: the smallest change from the scenario as written with which it still fails.
+
+From a failure that was found, parameters are taken back to their written values, those of least
+influence first and in halves, as long as it still fails; what is left is halved towards the
+written values until neighbouring steps, one of which passes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+from daemon.model.search import (
+    NearestFailure,
+    ParameterChange,
+    Point,
+    PointResult,
+    PointValue,
+    SearchTask,
+)
+from daemon.model.verdicts import Outcome
+from daemon.search.points import (
+    change_size,
+    changed_parameters,
+    distance_from_written,
+    taken_back,
+    value_between,
+    with_value,
+)
+from daemon.search.results import first_failure, smallest_margin
+from daemon.search.wording import nearest_sentence
+
+NEAREST_RUNS: Final = 30
+"""Points that are run at most to find the nearest failure."""
+
+
+class PointProber(Protocol):
+    """Runs points to find out whether they fail."""
+
+    def is_known(self, point: Point) -> bool:
+        """Return whether nothing is run to find out about a point."""
+
+    def results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
+        """Return what points say, run at the same time; ``None`` for what makes no run.
+
+        Each comes with a few words on what is tried.
+        """
+
+
+class _SpentError(Exception):
+    """Another run was needed and none is left."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearestQuestion:
+    """What the nearest failure is looked for with.
+
+    ``influence`` is of each parameter, its sign does not matter. Numbers of ``doubtful`` failures
+    are of those that other noise does not confirm: where there are others, these come first.
+    """
+
+    task: SearchTask
+    failures: Sequence[PointResult]
+    influence: Mapping[str, float]
+    doubtful: frozenset[int] = frozenset()
+
+
+def find_nearest(question: NearestQuestion, prober: PointProber) -> NearestFailure | None:
+    """Return the nearest failure; ``None`` when nothing has failed."""
+    task, failures = question.task, question.failures
+    as_written = [f for f in failures if not changed_parameters(task, f.values)]
+    if as_written:
+        return _nearest(task, _Descent(task, (), prober, _Spending(), as_written[0]), complete=True)
+    order = sorted(
+        range(len(task.parameters)),
+        key=lambda i: (abs(question.influence.get(task.parameters[i].name, 0.0)), i),
+    )
+    spending = _Spending()
+    best: tuple[tuple[int, float], _Descent, bool] | None = None
+    for start in _starts(question):
+        descent = _Descent(task, tuple(order), prober, spending, start)
+        complete = descent.go_down()
+        found = descent.failing.values
+        size = len(changed_parameters(task, found)), distance_from_written(task, found)
+        if best is None or size < best[0]:
+            best = size, descent, complete
+        if not complete or not size[0]:
+            break
+    return None if best is None else _nearest(task, best[1], complete=best[2])
+
+
+def _starts(question: NearestQuestion) -> list[PointResult]:
+    """Return failures to begin with: that with the smallest change, the best, the first."""
+    task = question.task
+    sure = [f for f in question.failures if f.number not in question.doubtful]
+    among = sure or list(question.failures)
+    if not among:
+        return []
+    least = min(among, key=lambda f: (distance_from_written(task, f.values), f.number))
+    picked = [least, smallest_margin(among), first_failure(among)]
+    return list({one.values: one for one in picked if one is not None}.values())
+
+
+@dataclass(slots=True)
+class _Spending:
+    """Runs that were spent, by all descents together."""
+
+    runs: int = 0
+
+
+@dataclass(slots=True)
+class _Descent:
+    """A failure on its way to the scenario as written; ``order`` has the least influence first.
+
+    ``passing`` has the nearest value that passes of each parameter, ``passes`` the last point that
+    did.
+    """
+
+    task: SearchTask
+    order: tuple[int, ...]
+    prober: PointProber
+    spending: _Spending
+    failing: PointResult
+    passing: dict[int, PointValue] = field(default_factory=dict)
+    passes: PointResult | None = None
+
+    def go_down(self) -> bool:
+        """Bring the failure nearer, and return whether nothing else could be done."""
+        complete = True
+        try:
+            self._take_back()
+            for index in self._changed():
+                self._halve(index)
+        except _SpentError:
+            complete = False
+        self._compare()
+        return complete
+
+    def _compare(self) -> None:
+        """Take as passing the known point that differs in one parameter alone, if there is one."""
+        for index in self._changed():
+            written = self.task.parameters[index].written
+            for value in (self.passing.get(index), written):
+                if value is None:
+                    continue
+                point = with_value(self.failing.values, index, value)
+                known = self.prober.is_known(point)
+                result = self.prober.results([(point, "")])[0] if known else None
+                if result is not None and result.outcome is Outcome.PASS:
+                    self._remember_passing(result, (index,))
+                    break
+
+    def _changed(self) -> tuple[int, ...]:
+        changed = changed_parameters(self.task, self.failing.values)
+        return tuple(index for index in self.order if index in changed)
+
+    def _take_back(self) -> None:
+        changed = self._changed()
+        if self._first_failing([changed]) is not None:
+            return
+        self._take_back_some(changed)
+        # One by one at the end: what was needed beside another one may not be any more. Pairs run
+        # at the same time.
+        while len(changed := self._changed()) > 1:
+            pairs = [changed[i : i + 2] for i in range(0, len(changed), 2)]
+            if all(self._first_failing([(one,) for one in pair]) is None for pair in pairs):
+                return
+
+    def _take_back_some(self, group: tuple[int, ...]) -> None:
+        """Take back what can go of a group that cannot go as a whole."""
+        if len(group) < 2:
+            return
+        halves = group[: len(group) // 2], group[len(group) // 2 :]
+        gone = self._first_failing(halves)
+        for number, half in enumerate(halves):
+            if number != gone:
+                self._take_back_some(half)
+
+    def _first_failing(self, groups: Sequence[tuple[int, ...]]) -> int | None:
+        """Take back the first of these groups without which it still fails; return which."""
+        values = self.failing.values
+        found = self._results(
+            [(taken_back(self.task, values, group), self._note(group)) for group in groups]
+        )
+        for number, (group, result) in enumerate(zip(groups, found, strict=True)):
+            if result is not None and result.fails:
+                self.failing = result
+                return number
+            self._remember_passing(result, group)
+        return None
+
+    def _note(self, group: Sequence[int]) -> str:
+        name = (
+            self.task.parameters[group[0]].name if len(group) == 1 else f"{len(group)} parameters"
+        )
+        return f"{name} as written"
+
+    def _remember_passing(self, result: PointResult | None, group: Sequence[int]) -> None:
+        if result is None or result.outcome is not Outcome.PASS:
+            return
+        self.passes = result
+        if len(group) == 1:
+            self.passing[group[0]] = result.values[group[0]]
+
+    def _halve(self, index: int) -> None:
+        """Bring one parameter to the step at which it begins to fail."""
+        parameter = self.task.parameters[index]
+        passing = parameter.written
+        while passing is not None:
+            value = value_between(parameter, self.failing.values[index], passing)
+            if value is None:
+                return
+            point = with_value(self.failing.values, index, value)
+            note = f"{parameter.name} at {parameter.text(value)}"
+            (result,) = self._results([(point, note)])
+            if result is not None and result.fails:
+                self.failing = result
+            else:
+                passing = value
+                self._remember_passing(result, (index,))
+
+    def _results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
+        new = {point for point, _ in tried if not self.prober.is_known(point)}
+        # A whole batch or none: half of one would make the answer depend on the budget.
+        if self.spending.runs + len(new) > NEAREST_RUNS:
+            raise _SpentError
+        self.spending.runs += len(new)
+        return self.prober.results(tried)
+
+
+def _nearest(task: SearchTask, descent: _Descent, *, complete: bool) -> NearestFailure:
+    result, passes = descent.failing, descent.passes
+    changed = changed_parameters(task, result.values)
+    changes = tuple(
+        ParameterChange(
+            parameter=task.parameters[i].name,
+            unit=task.parameters[i].unit,
+            written=task.parameters[i].written,
+            value=result.values[i],
+            passing=descent.passing.get(i),
+        )
+        for i in sorted(changed, key=_by_size(task, result.values), reverse=True)
+    )
+    sentence = nearest_sentence(task, result, changes, passes)
+    return NearestFailure(result, changes, passes, descent.spending.runs, complete, sentence)
+
+
+def _by_size(task: SearchTask, point: Point) -> Callable[[int], tuple[float, int]]:
+    return lambda i: (change_size(task.parameters[i], point[i]), -i)

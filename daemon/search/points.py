@@ -1,0 +1,80 @@
+"""How far a point is from the scenario as written, and the points in between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import Final
+
+from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
+
+_STEPS: Final = 1000
+"""A range without a step is divided into so many."""
+_SAME: Final = 1e-9
+"""Values that differ by less than this share of themselves are one: 0.1 + 0.2 is 0.3."""
+
+
+def is_as_written(parameter: SearchParameter, value: PointValue) -> bool:
+    """Return whether a value is what the scenario says; so is any where it says nothing."""
+    written = parameter.written
+    if written is None or isinstance(written, str) or isinstance(value, str):
+        return written is None or written == value
+    return math.isclose(value, written, rel_tol=_SAME, abs_tol=1e-12)
+
+
+def changed_parameters(task: SearchTask, point: Point) -> tuple[int, ...]:
+    """Return the indices of the parameters that are not as written.
+
+    One without a written value is none of them: there is nothing that it could be brought back to.
+    """
+    pairs = zip(task.parameters, point, strict=True)
+    return tuple(i for i, (p, value) in enumerate(pairs) if not is_as_written(p, value))
+
+
+def change_size(parameter: SearchParameter, value: PointValue) -> float:
+    """Return how far a value is from the written one, as a share of the range; 1 for a choice."""
+    written = parameter.written
+    if is_as_written(parameter, value):
+        return 0.0
+    if isinstance(value, str) or not isinstance(written, float | int) or parameter.choices:
+        return 1.0
+    low, high = parameter.low, parameter.high
+    if parameter.log and min(low, value, written) > 0.0 and high > low:
+        return abs(math.log(value / written)) / math.log(high / low)
+    return abs(value - written) / (high - low) if high > low else 1.0
+
+
+def distance_from_written(task: SearchTask, point: Point) -> float:
+    """Return the sum of all changes, each as a share of its range."""
+    return math.fsum(map(change_size, task.parameters, point))
+
+
+def taken_back(task: SearchTask, point: Point, indices: Collection[int]) -> Point:
+    """Return a point with these parameters as written."""
+    return tuple(
+        value if i not in indices or p.written is None else p.written
+        for i, (p, value) in enumerate(zip(task.parameters, point, strict=True))
+    )
+
+
+def with_value(point: Point, index: int, value: PointValue) -> Point:
+    """Return a point with another value of one parameter."""
+    return (*point[:index], value, *point[index + 1 :])
+
+
+def value_between(
+    parameter: SearchParameter, one: PointValue, other: PointValue
+) -> PointValue | None:
+    """Return a value in the middle, a multiple of the step; ``None`` between neighbours."""
+    if parameter.choices or isinstance(one, str) or isinstance(other, str):
+        return None
+    step = parameter.step or (parameter.high - parameter.low) / _STEPS
+    if step <= 0.0:
+        return None
+    middle = 0.5 * (one + other)
+    if parameter.log and min(one, other) > 0.0:
+        middle = math.sqrt(one * other)
+    found = float(f"{round(middle / step) * step:.10g}")
+    inside = min(one, other) < found < max(one, other)
+    apart = min(abs(found - one), abs(found - other)) > _SAME * abs(found)
+    return found if inside and apart else None

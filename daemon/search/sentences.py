@@ -1,0 +1,162 @@
+"""The answer of a search in sentences, in the order in which people ask."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from daemon.judging.statistics import cut_percentage, proportion_interval
+from daemon.model.search import Finding, SearchAnswer, SearchTask
+from daemon.search.wording import (
+    confirmation_words,
+    enumerate_words,
+    failure_words,
+    margin_words,
+    percentage,
+    plural,
+    point_words,
+    quantity,
+    rounded,
+)
+
+_MOST_TOLD: Final = 3
+"""Findings and parameters that are named in a sentence."""
+_WEAK: Final = 0.3
+"""Correlations below this are not told in a sentence: fifteen runs show as much by chance."""
+
+
+def answer_sentences(task: SearchTask, answer: SearchAnswer) -> tuple[str, ...]:
+    """Return what was found, or was not, sentence by sentence."""
+    return tuple(_sentences(task, answer))
+
+
+def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
+    yield from _first(task, answer)
+    yield from _best(task, answer)
+    if answer.confirmed is not None and answer.first is not None:
+        yield f"run {answer.first.number} {confirmation_words(answer.confirmed)}"
+    yield from _nearest(answer)
+    if answer.shrunk is not None:
+        runs = plural(answer.shrunk.runs, "run")
+        yield f"shrunk in {runs}: {'; '.join(line.strip() for line in answer.shrunk.story)}"
+    yield from _distinct(answer)
+    yield from _frequency(answer)
+    yield from _influence(answer)
+    yield from _ending(task, answer)
+
+
+def _first(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
+    if answer.first is None:
+        return
+    where = point_words(task, answer.first)
+    runs = plural(answer.explored, "run")
+    failed = f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}"
+    yield f"{failed}, the first is run {answer.first.number}: {failure_words(answer.first)}"
+    yield f"run {answer.first.number} has {where}"
+
+
+def _best(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
+    best = answer.best
+    if best is None or best.value is None:
+        return
+    value = best.value
+    near = f" near {value.object}" if value.object else ""
+    yield (
+        f"the smallest margin is {margin_words(best)} ({value.oracle}{near}), "
+        f"in run {best.number}: {point_words(task, best)}"
+    )
+
+
+def _nearest(answer: SearchAnswer) -> Iterator[str]:
+    nearest = answer.nearest
+    if nearest is None:
+        return
+    yield f"nearest failure: {nearest.sentence}"
+    if nearest.confirmed is not None:
+        yield f"the nearest failure {confirmation_words(nearest.confirmed)}"
+    if not nearest.complete:
+        runs = plural(nearest.runs, "run")
+        yield f"there may be a nearer one: {runs} were spent before nothing could be taken back"
+
+
+def _distinct(answer: SearchAnswer) -> Iterator[str]:
+    if not answer.findings:
+        return
+    told = enumerate_words([finding_words(one) for one in answer.findings[:_MOST_TOLD]])
+    more = len(answer.findings) - _MOST_TOLD
+    rest = f" and {more} more" if more > 0 else ""
+    yield f"{plural(len(answer.findings), 'distinct failure')}: {told}{rest}"
+
+
+def finding_words(finding: Finding) -> str:
+    """Return ``keeps-clear near kitchen_door on the way to w3 (4 runs)``."""
+    near = f" near {finding.object}" if finding.object else ""
+    way = f" on the way to {finding.waypoint}" if finding.waypoint else ""
+    return f"{finding.oracle}{near}{way} ({plural(finding.count, 'run')})"
+
+
+def _frequency(answer: SearchAnswer) -> Iterator[str]:
+    """Say how much of the space fails: runs that were guided prove nothing about that."""
+    drawn, failed = answer.space_filling, answer.space_filling_failed
+    if answer.failed == 0 and answer.explored:
+        yield f"{plural(answer.explored, 'run')}, {_nothing_below(answer)}"
+    if drawn == 0:
+        if answer.explored:
+            yield "no run was drawn without looking at results: how much fails is not known"
+    elif failed == 0 and answer.failing_share is not None:
+        yield (
+            f"{drawn} of the runs {'is' if drawn == 1 else 'are'} space-filling: with 95 % "
+            f"certainty less than {percentage(answer.failing_share)} of the space fails"
+        )
+    else:
+        low, high = proportion_interval(failed, drawn)
+        yield (
+            f"{failed} of {drawn} space-filling runs {'fails' if failed == 1 else 'fail'}: with "
+            f"95 % certainty {cut_percentage(low)} to {percentage(high)} of the space"
+        )
+
+
+def _nothing_below(answer: SearchAnswer) -> str:
+    best = answer.best
+    if best is None or best.value is None:
+        return "none with a margin"
+    return f"nothing below {quantity(best.value.margin, best.value.unit)}"
+
+
+def _influence(answer: SearchAnswer) -> Iterator[str]:
+    strong = sorted(
+        (one for one in answer.influence if abs(one.correlation) >= _WEAK),
+        key=lambda one: -abs(one.correlation),
+    )
+    if strong:
+        told = [f"{one.parameter} ({rounded(one.correlation)})" for one in strong[:_MOST_TOLD]]
+        runs = plural(strong[0].runs, "space-filling run")
+        yield f"what decides most, by rank correlation in {runs}: {enumerate_words(told)}"
+
+
+def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
+    if answer.refused:
+        what = "point" if answer.refused == 1 else "points"
+        yield f"{answer.refused} {what} could not be composed: no run was made of them"
+    if answer.errors:
+        verb = "is an error" if answer.errors == 1 else "are errors"
+        yield f"{plural(answer.errors, 'run')} {verb} and without a margin"
+    if answer.inconclusive:
+        verb = "is" if answer.inconclusive == 1 else "are"
+        yield f"{plural(answer.inconclusive, 'run')} {verb} inconclusive"
+    if words := ending_words(task, answer.ended):
+        yield words
+
+
+def ending_words(task: SearchTask, ended: str) -> str:
+    """Return why a search ended."""
+    failures = plural(task.failures, "failure")
+    return {
+        "budget": f"the budget of {plural(task.runs, 'run')} is spent",
+        "time": f"the time of {rounded(task.seconds)} s is over",
+        "failures": f"it ends after {failures}, as asked",
+        "settled": "it ends because nothing better and nothing new was found for a while",
+        "errors": "it ends because of errors in a row",
+        "exhausted": "it ends because every point of the space was run",
+        "cancelled": "it was cancelled",
+    }.get(ended, "")

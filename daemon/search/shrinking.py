@@ -1,0 +1,141 @@
+"""The least of a failure that still fails, by the search for what is to blame."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import tempfile
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from daemon.analysis.blame import (
+    BlameResult,
+    BudgetSpentError,
+    Candidate,
+    CandidateResult,
+    CandidateRunner,
+    NoFailureError,
+    RunCase,
+    explain_failure,
+    judge_verdict,
+    save_campaign,
+    story_lines,
+    unresolved_candidate,
+)
+from daemon.model.search import BundledFile, PointResult, ShrunkScenario
+from daemon.model.status import RunState
+from daemon.search.execution import PointRunner, RunPurpose
+from daemon.search.wording import plural
+from grammars.text.diagnostics import InputError
+
+SHRINK_RUNS: Final = 100
+"""Runs that are spent at most to shrink a failure."""
+_NAMED: Final = 2
+"""So many things that were left out are named, more of them are counted."""
+
+
+def shrink_failure(points: PointRunner, failure: PointResult) -> ShrunkScenario:
+    """Return the least of a failure that still fails; its candidates are runs of the search."""
+    oracle = "" if failure.verdict is None else failure.verdict.oracle
+    case = points.case.run_case(failure.values, failure.number)
+    executor = _SearchExecutor(points, failure, case)
+    runner = CandidateRunner(SHRINK_RUNS, executor=executor)
+    try:
+        found = explain_failure(case, runner, oracle)
+    except (NoFailureError, BudgetSpentError) as error:
+        # A system that is not repeatable, say, which passes this time.
+        return ShrunkScenario((f"nothing to shrink: {error}",), minimal=False, runs=executor.issued)
+    story = story_lines(found.story, case.settings.like, several=len(case.added) > 1)
+    files: tuple[BundledFile, ...] = ()
+    try:
+        files = _saved_files(case, found, runner)
+    except (InputError, ValueError, OSError) as error:
+        story = (*story, f"it cannot be written as a campaign: {error}")
+    return ShrunkScenario(story, found.story.minimal, executor.issued, files)
+
+
+def _saved_files(
+    case: RunCase, found: BlameResult, runner: CandidateRunner
+) -> tuple[BundledFile, ...]:
+    with tempfile.TemporaryDirectory(prefix="scenario-shrink-") as parent:
+        folder = Path(parent) / "minimal"
+        save_campaign(case, found, folder, runner)
+        return tuple(
+            BundledFile(
+                path.relative_to(folder).as_posix(), base64.b64encode(path.read_bytes()).decode()
+            )
+            for path in sorted(folder.rglob("*"))
+            if path.is_file()
+        )
+
+
+@dataclass(slots=True)
+class _SearchExecutor:
+    """Executes candidates as runs of the search; ``issued`` counts them."""
+
+    points: PointRunner
+    failure: PointResult
+    case: RunCase
+    issued: int = 0
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[tuple[CandidateResult, ...]]:
+        positions = [self._position(candidate) for candidate in candidates]
+        return [
+            self._endings(candidate, position)
+            for candidate, position in zip(candidates, positions, strict=True)
+        ]
+
+    def _position(self, candidate: Candidate) -> int:
+        if candidate.spec.digest == self.failure.digest:
+            return self.failure.position
+        points = self.points
+        number = points.number
+        points.number += 1
+        self.issued += 1
+        # Its own name, so that tables and traces of the search tell it from the others.
+        spec = dataclasses.replace(
+            candidate.spec, scenario=points.case.task.scenario_of(number), repeat=0
+        )
+        note = left_out(Candidate(self.case.spec, self.case.scene), candidate)
+        return points.issue(
+            Candidate(spec, candidate.scene),
+            number,
+            0,
+            self.failure.values,
+            RunPurpose("shrink", "shrink", note=note),
+        )
+
+    def _endings(self, candidate: Candidate, position: int) -> tuple[CandidateResult, ...]:
+        row = self.points.wait(position)
+        if row.state is not RunState.DONE or len(row.verdicts) != len(candidate.spec.oracles):
+            return unresolved_candidate(candidate, row.note or "it left no result")
+        return tuple(judge_verdict(verdict, row.ended) for verdict in row.verdicts)
+
+
+def left_out(whole: Candidate, part: Candidate) -> str:
+    """Return what a candidate lacks, in a few words: ``without bedroom_door, 2 waypoints``."""
+    told = [
+        *_missing([o.name for o in whole.scene.objects], [o.name for o in part.scene.objects], ""),
+        *_missing(
+            [w.id for w in whole.spec.mission.waypoints],
+            [w.id for w in part.spec.mission.waypoints],
+            "waypoint",
+        ),
+        *_missing(
+            [b.joint for b in whole.spec.behaviours],
+            [b.joint for b in part.spec.behaviours],
+            "behaviour",
+        ),
+    ]
+    if whole.spec.sut != part.spec.sut:
+        told.append("some parameters of the system under test")
+    return f"without {', '.join(told)}" if told else "with all of it"
+
+
+def _missing(whole: Sequence[str], part: Collection[str], kind: str) -> list[str]:
+    missing = list(dict.fromkeys(name for name in whole if name not in part))
+    if len(missing) > _NAMED:
+        return [plural(len(missing), kind or "object")]
+    return [f"{kind} {name}".strip() for name in missing]

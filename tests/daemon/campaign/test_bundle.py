@@ -1,0 +1,158 @@
+"""A campaign handed on as files: all that it reads, nothing else, and nothing that leads away."""
+
+from __future__ import annotations
+
+import base64
+import shutil
+from pathlib import Path
+
+import pytest
+
+from daemon.campaign import bundle_campaign, expand, load_campaign, unpack_bundle
+from daemon.model.search import BundledFile
+from grammars.text.diagnostics import InputError
+from grammars.text.sources import reading_only_in
+
+
+@pytest.fixture
+def folder(tmp_path: Path, campaigns: Path) -> Path:
+    """The files of a campaign far from everything that ships."""
+    return Path(shutil.copytree(campaigns / "demo", tmp_path / "project" / "mine"))
+
+
+def digests(path: Path) -> list[str]:
+    return [spec.digest for spec in expand(load_campaign(path)).runs]
+
+
+def coded(data: bytes) -> str:
+    return base64.b64encode(data).decode()
+
+
+@pytest.mark.parametrize("name", ["demo", "two_lasers"])
+def test_an_unpacked_campaign_means_the_same_runs(
+    name: str, campaigns: Path, tmp_path: Path
+) -> None:
+    file = campaigns / name / "campaign.yaml"
+    place, files = bundle_campaign(file)
+    assert place == f"{name}/campaign.yaml"
+    unpack_bundle(files, tmp_path / "there")
+    with reading_only_in(tmp_path / "there"):
+        unpacked = digests(tmp_path / "there" / place)
+    assert unpacked == digests(file)
+
+
+def test_what_ships_travels_and_neighbours_do_not(folder: Path) -> None:
+    (folder / "other.yaml").write_text("campaign: other\noracles: navigation\n")
+    place, files = bundle_campaign(folder / "campaign.yaml")
+    paths = [file.path for file in files]
+    assert place == "campaign.yaml"
+    assert "robots/courier.yaml" in paths  # one that ships, where the campaign finds it first
+    assert "people.scenery" not in paths
+    assert "other.yaml" not in paths
+    assert paths == sorted(paths)
+
+
+def test_files_beside_the_folder_keep_their_places(folder: Path) -> None:
+    shutil.move(folder / "courier.mission.yaml", folder.parent / "courier.mission.yaml")
+    text = (folder / "campaign.yaml").read_text()
+    text = text.replace("mission: courier\n", "mission: ../courier.mission.yaml\n")
+    (folder / "campaign.yaml").write_text(text)
+    place, files = bundle_campaign(folder / "campaign.yaml")
+    assert place == "mine/campaign.yaml"
+    assert "courier.mission.yaml" in [file.path for file in files]
+
+
+def test_a_file_named_by_its_whole_path_is_refused(folder: Path) -> None:
+    mission = shutil.move(folder / "courier.mission.yaml", folder.parent / "far.mission.yaml")
+    text = (folder / "campaign.yaml").read_text().replace("mission: courier", f"mission: {mission}")
+    (folder / "campaign.yaml").write_text(text)
+    with pytest.raises(InputError, match="cannot be handed on: elsewhere no file"):
+        bundle_campaign(folder / "campaign.yaml")
+
+
+def test_a_file_that_lies_too_far_is_refused(folder: Path, tmp_path: Path) -> None:
+    deep = tmp_path / "a" / "b" / "c" / "d"
+    shutil.copytree(folder, deep)
+    shutil.move(deep / "courier.mission.yaml", tmp_path / "far.mission.yaml")
+    text = (deep / "campaign.yaml").read_text()
+    text = text.replace("mission: courier", "mission: ../../../../far.mission.yaml")
+    (deep / "campaign.yaml").write_text(text)
+    with pytest.raises(InputError, match="lies too far from it"):
+        bundle_campaign(deep / "campaign.yaml")
+
+
+def test_a_folder_behind_a_link_is_handed_on(folder: Path, tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to(folder)
+    place, _ = bundle_campaign(link / "campaign.yaml")
+    assert place == "campaign.yaml"
+
+
+def test_too_much_is_refused_with_the_largest_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("daemon.campaign._bundle.LARGEST_BUNDLE", 4_000)
+    with pytest.raises(InputError, match=r"the largest is \S+"):
+        bundle_campaign(folder / "campaign.yaml")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "../a",
+        "/a",
+        "a/../../b",
+        "",
+        "a//b",
+        "./a",
+        "a\\b",
+        "a\nb",
+        "a\0b",
+        "x" * 201,
+        "a/" * 50 + "b",
+    ],
+)
+def test_paths_that_lead_elsewhere_are_refused(path: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no path"):
+        unpack_bundle((BundledFile(path, coded(b"x")),), tmp_path / "there")
+    assert not (tmp_path / "there").exists()
+
+
+def test_what_no_bundle_is_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    there = tmp_path / "there"
+    good = BundledFile("a", coded(b"x"))
+    for files, said in (
+        ((), "1 to"),
+        ((good, good), "twice"),
+        ((good, BundledFile("a/b", coded(b"x"))), "a file and a folder"),
+        ((good, BundledFile("b", "not base64!")), "no base64"),
+        ((good, BundledFile("b", "A" * (48 * 2**20))), "MiB"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            unpack_bundle(files, there)
+        assert not there.exists()
+
+
+def test_what_is_unpacked_is_its_owners_alone(tmp_path: Path) -> None:
+    unpack_bundle((BundledFile("a/b.yaml", coded(b"x: 1\n")),), tmp_path / "there")
+    file = tmp_path / "there" / "a" / "b.yaml"
+    assert file.read_bytes() == b"x: 1\n"
+    assert file.stat().st_mode & 0o077 == 0
+    assert file.parent.stat().st_mode & 0o077 == 0
+    with pytest.raises(FileExistsError):
+        unpack_bundle((BundledFile("c", coded(b"x")),), tmp_path / "there")
+
+
+def test_an_unpacked_campaign_reads_nothing_from_around_it(folder: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.mission.yaml"
+    secret.write_text("mission: hidden\nwaypoints: [{x: 1.0, y: 0.0}]\n")
+    for way in (str(secret), "../../secret.mission.yaml", "link.mission.yaml"):
+        (folder / "link.mission.yaml").unlink(missing_ok=True)
+        (folder / "link.mission.yaml").symlink_to(secret)
+        text = (folder / "campaign.yaml").read_text()
+        (folder / "tried.yaml").write_text(text.replace("mission: courier", f"mission: {way}"))
+        assert load_campaign(folder / "tried.yaml").cells[0].mission.name == "hidden"
+        with reading_only_in(folder), pytest.raises(InputError) as caught:
+            load_campaign(folder / "tried.yaml")
+        assert "hidden" not in str(caught.value)
+        assert any("mission" in d.message for d in caught.value.diagnostics)

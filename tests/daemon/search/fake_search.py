@@ -1,0 +1,154 @@
+"""A stand-in for the program of a search, and for its runs: they cost nothing.
+
+Every value depends on what was learnt before, so that nothing that is learnt otherwise goes
+unnoticed. The campaign file says what else happens: ``raise`` and ``refuse`` with words, ``die``,
+``count`` (proposes other values in each life), ``answer`` (bytes of its files).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from daemon.analysis.blame import Candidate
+from daemon.model.search import (
+    BundledFile,
+    Phase,
+    Proposal,
+    ProposalRow,
+    SearchAnswer,
+    SearchTask,
+    ShrunkScenario,
+)
+from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot, TraceInfo
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from daemon.search.runs import Runs
+from grammars.model.scene import Scene
+from grammars.text.diagnostics import InputError, Where
+from tests.daemon.batch.samples import SCENE, make_result, make_spec
+
+CONFIRMED = 2
+
+
+def search(file: Path, task: SearchTask, runs: Runs) -> SearchAnswer:
+    """Propose ``task.runs`` points in the window and repeat the first one."""
+    asked = json.loads(file.read_text())
+    if "raise" in asked:
+        raise RuntimeError(asked["raise"])
+    if "refuse" in asked:
+        raise InputError.at(Where(str(file), 3), asked["refuse"])
+    lives = file.with_name("lives")
+    lives.write_text(f"{int(lives.read_text()) + 1}" if lives.exists() else "0")
+    learnt = lives.read_text() if "count" in asked else ""
+    for number in range(task.runs):
+        if number >= task.window:
+            learnt = learn(learnt, runs.result(number - task.window))
+            runs.report("explore", f"{number} proposed", answer_of(task, number))
+        if number == asked.get("die"):
+            os.kill(os.getpid(), signal.SIGKILL)
+        issue(task, runs, number, number, 0, learnt, asked)
+    for number in range(max(0, task.runs - task.window), task.runs):
+        learnt = learn(learnt, runs.result(number))
+    for repeat in range(1, CONFIRMED + 1):
+        issue(task, runs, task.runs + repeat - 1, 0, repeat, "", asked, "confirm")
+    for repeat in range(CONFIRMED):
+        runs.result(task.runs + repeat)
+    files = (BundledFile("campaign.yaml", "x" * asked.get("answer", 0)),)
+    shrunk = ShrunkScenario(("a line",), True, 0, files)
+    return replace(answer_of(task, task.runs), ended="budget", shrunk=shrunk)
+
+
+def idle(file: Path, task: SearchTask, runs: Runs) -> SearchAnswer:
+    """Propose nothing, for as long as the process lasts."""
+    threading.Event().wait()
+    raise AssertionError
+
+
+def answer_of(task: SearchTask, explored: int) -> SearchAnswer:
+    return SearchAnswer("", explored, explored, 0, 0, 0, 0, 0, 0, None, sentences=("so far",))
+
+
+def learn(learnt: str, row: ProposalRow) -> str:
+    margin = row.leads[0].margin if row.leads else None
+    return hashlib.sha256(f"{learnt} {margin}".encode()).hexdigest()
+
+
+def issue(
+    task: SearchTask,
+    runs: Runs,
+    position: int,
+    number: int,
+    repeat: int,
+    learnt: str,
+    asked: dict[str, object],
+    phase: Phase = "explore",
+) -> None:
+    drawn = hashlib.sha256(f"{number} {learnt}".encode()).digest()
+    value = round(40.0 + 40.0 * drawn[0] / 255.0, 1)
+    parameters = asked.get("parameters", {})
+    assert isinstance(parameters, dict)
+    spec = make_spec(repeat, scenario=task.scenario_of(number), value=value, **parameters)
+    proposal = Proposal(position, number, repeat, phase, "hash", bool(learnt), (value,))
+    runs.issue(proposal, Candidate(spec, SCENE))
+
+
+class LocalRuns:
+    """Executes runs at once, in this process: what every other way must agree with."""
+
+    def __init__(self) -> None:
+        self.digests: list[tuple[int, str]] = []
+        self._rows: list[ProposalRow] = []
+
+    def issue(self, proposal: Proposal, candidate: Candidate) -> None:
+        spec = candidate.spec
+        self.digests.append((proposal.position, spec.digest))
+        result = result_of(spec, leads=True)
+        row = ProposalRow(proposal, "", "", spec.digest, RunState.DONE, result.outcome)
+        self._rows.append(replace(row, leads=result.leads))
+
+    def issued(self, position: int) -> Proposal | None:
+        return None
+
+    def result(self, position: int) -> ProposalRow:
+        return self._rows[position]
+
+    def report(self, phase: Phase, note: str, answer: SearchAnswer) -> None:
+        """Nobody listens."""
+
+    def elapsed(self) -> float:
+        return 0.0
+
+
+def result_of(spec: RunSpec, *, leads: bool) -> RunResult:
+    margin = (spec.sut.parameters["value"] - 50.0) / 10.0 + spec.repeat
+    outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
+    result = make_result(spec, outcome=outcome, margin=margin)
+    lead = LeadingMargin("arrives", margin, "s")
+    return replace(result, leads=(lead,) if leads else ())
+
+
+def execute(
+    spec: RunSpec,
+    scene: Scene,
+    *,
+    trace_path: Path,
+    on_progress: Callable[[Snapshot], None] | None = None,
+    interest: Callable[[], str] | None = None,
+    leads: bool = False,
+) -> RunResult:
+    """Execute a run: ``until`` there is this file, if its parameters name one."""
+    gate = spec.sut.parameters.get("until", "")
+    while gate and not Path(gate).exists():
+        time.sleep(0.01)
+    data = spec.digest.encode()
+    trace_path.write_bytes(data)
+    trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
+    return replace(result_of(spec, leads=leads), trace=trace)

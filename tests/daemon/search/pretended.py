@@ -1,0 +1,99 @@
+"""A search whose runs are a function of their points: composed and executed by nobody."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from daemon.analysis.blame import Candidate, RunCase
+from daemon.model.search import (
+    ObjectiveValue,
+    OracleScale,
+    Point,
+    PointResult,
+    PointValue,
+    SearchParameter,
+    SearchTask,
+)
+from daemon.model.spec import LeadingMargin, OracleText, RunResult, Timing, TraceInfo
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.search.local_runs import LocalRuns
+from grammars.text.diagnostics import InputError, Where
+from tests.daemon.batch.samples import SCENE, make_spec
+
+ORACLE: Final = "keeps-clear"
+MarginFunction = Callable[[Point, int], float | None]
+"""The margin [m] of a point in a repeat: ``None`` for a run whose system crashes."""
+
+
+def seconds(
+    name: str, written: PointValue | None = 5.0, low: float = 0.0, high: float = 10.0
+) -> SearchParameter:
+    key = name.partition(".")[2]
+    return SearchParameter(name, "behaviours", 0, key, "s", low, high, 0.01, False, written=written)
+
+
+def make_task(*parameters: SearchParameter, **more: Any) -> SearchTask:
+    scales = (OracleScale(ORACLE, 1.0, "m"),)
+    options: dict[str, Any] = {"method": "halton", "runs": 20} | more
+    return SearchTask("s", "busy", "pilot", ORACLE, scales, parameters, **options)
+
+
+@dataclass
+class PretendedCase:
+    """Composes runs that carry their point; ``refuses`` says of which points there is none."""
+
+    task: SearchTask
+    margin: MarginFunction
+    refuses: Callable[[Point], bool] = lambda _: False
+    near: Callable[[Point], str] = lambda _: "door"
+    executed: list[str] = field(default_factory=list)
+
+    def candidate(self, point: Point, number: int, repeat: int = 0) -> Candidate:
+        if self.refuses(point):
+            raise InputError.at(Where("flat.fpm"), "a wall is in the way")
+        spec = make_spec(repeat, scenario=self.task.scenario_of(number), point=json.dumps(point))
+        return Candidate(replace(spec, oracles=(OracleText(ORACLE, "always(...)"),)), SCENE)
+
+    def run_case(self, point: Point, number: int) -> RunCase:
+        raise NotImplementedError("a pretended run has no layers to take away")
+
+    def found_text(self, point: Point, number: int, *, comment: str, repeats: int) -> str:
+        return f"# {comment}\nscenarios: {self.task.scenario_of(number)} {list(point)} {repeats}\n"
+
+    def execute(self, candidates: Sequence[Candidate]) -> list[RunResult | None]:
+        return [self._result(candidate) for candidate in candidates]
+
+    def _result(self, candidate: Candidate) -> RunResult:
+        spec = candidate.spec
+        self.executed.append(spec.digest)
+        point = tuple(json.loads(spec.sut.parameters["point"]))
+        margin = self.margin(point, spec.repeat)
+        common = (TraceInfo("0" * 64, 0, 0), Timing(0.01, 0.01, 5.0))
+        if margin is None:
+            return RunResult(spec.digest, Outcome.ERROR, (), "crashed", *common)
+        outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
+        about = self.near(point)
+        verdict = Verdict(
+            ORACLE, "always(...)", outcome, margin, margin, "m", Evidence(object=about)
+        )
+        lead = LeadingMargin(ORACLE, margin, "m", about)
+        return RunResult(spec.digest, outcome, (verdict,), "finished", *common, leads=(lead,))
+
+    def runs(self, slots: int = 2, **more: Any) -> LocalRuns:
+        return LocalRuns(slots=slots, executor=self.execute, **more)
+
+
+def made_result(
+    values: Point, margin: float | None, number: int = 0, near: str = "door"
+) -> PointResult:
+    """What a run of a point says; without a margin it is an error."""
+    if margin is None:
+        return PointResult(number, number, values, Outcome.ERROR, None, None, "", "", "")
+    outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
+    verdict = Verdict(ORACLE, "", outcome, margin, margin, "m", Evidence(object=near))
+    value = ObjectiveValue(margin, margin, "m", ORACLE, near)
+    label = f"s.{number}/pilot/0"
+    return PointResult(number, number, values, outcome, value, verdict, f"{number}", label, "d")

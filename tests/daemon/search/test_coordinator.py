@@ -1,0 +1,205 @@
+"""Searches in a daemon: the same runs whoever is killed, and an end that people are told of."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from daemon.batch.client import Client
+from daemon.batch.paths import StatePaths
+from daemon.model.search import SearchRow, SearchSubmission
+from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.samples import TASK, make_search, make_submission
+from tests.daemon.search.fake_search import CONFIRMED, LocalRuns, search
+
+FAKE = "tests.daemon.search.fake_search"
+RUNS = 30
+
+
+def searching(state: Path, slots: int = 1) -> AbstractContextManager[DaemonPart]:
+    return daemon_at(state, slots, executor=f"{FAKE}:execute", searcher=f"{FAKE}:search")
+
+
+def sought(campaign: str, runs: int = RUNS, **asked: Any) -> SearchSubmission:
+    return make_search(campaign, {"campaign.yaml": json.dumps(asked)}, runs=runs)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[int, str]]:
+    """Positions and digests of the runs of a search, without any daemon."""
+    file = tmp_path_factory.mktemp("undisturbed") / "campaign.yaml"
+    file.write_text("{}")
+    runs = LocalRuns()
+    search(file, make_search("s", runs=RUNS).task, runs)
+    assert len(runs.digests) == RUNS + CONFIRMED
+    assert TASK.window == 8
+    return runs.digests
+
+
+def digests(client: Client, campaign: str = "s") -> list[tuple[int, str]]:
+    return [(row.proposal.position, row.digest) for row in client.proposals(campaign)]
+
+
+def ended(client: Client, campaign: str = "s") -> SearchRow:
+    def look() -> SearchRow | None:
+        row = client.search_row(campaign)
+        assert row is not None
+        return None if row.state == "running" else row
+
+    found: SearchRow = eventually(look)
+    return found
+
+
+def coordinators(daemon: DaemonPart) -> list[int]:
+    return [line["pid"] for line in daemon.noted("search coordinator started")]
+
+
+def settled(client: Client, campaign: str = "s") -> int:
+    row = client.campaign(campaign)
+    assert row is not None
+    return row.done
+
+
+def test_the_runs_of_a_search_do_not_depend_on_how_many_workers_there_are(
+    tmp_path: Path, undisturbed: list[tuple[int, str]]
+) -> None:
+    with searching(tmp_path / "state", slots=4) as daemon, daemon.client() as client:
+        client.submit(make_submission("plain", 1, value=50.0))
+        eventually(lambda: settled(client, "plain"))
+        assert coordinators(daemon) == []
+        client.submit_search(sought("s", answer=20 * 2**20))
+        row = ended(client)
+        assert (row.state, row.proposed, row.finished) == ("finished", RUNS + 2, RUNS + 2)
+        assert digests(client) == undisturbed
+        assert row.answer is not None
+        assert (row.answer.ended, row.answer.explored) == ("budget", RUNS)
+        # Too large for the daemon: the answer is worth more than its files.
+        assert row.answer.shrunk is not None
+        assert row.answer.shrunk.files == ()
+        assert "too large" in row.note
+        assert all(found.leads and found.trace for found in client.proposals("s"))
+        campaign = client.campaign("s")
+        assert campaign is not None
+        assert campaign.finished_at is not None
+        # Nothing of it is left when no search runs.
+        (pid,) = coordinators(daemon)
+        eventually(lambda: not psutil.pid_exists(pid))
+        assert [line["code"] for line in daemon.noted("search coordinator ended")] == [0]
+        assert client.overview().troubles == ()
+
+
+def test_a_search_goes_on_with_the_same_runs_whatever_is_killed(
+    tmp_path: Path, undisturbed: list[tuple[int, str]]
+) -> None:
+    with searching(tmp_path / "state") as daemon:
+        with daemon.client() as client:
+            client.submit_search(sought("s"))
+            for count in (10, 20):
+                eventually(lambda count=count: settled(client) >= count)
+                os.kill(coordinators(daemon)[-1], signal.SIGKILL)
+                known = len(coordinators(daemon))
+                eventually(lambda known=known: len(coordinators(daemon)) > known)
+            eventually(lambda: settled(client) >= 25)
+            last = coordinators(daemon)[-1]
+            daemon.kill()
+        eventually(lambda: not psutil.pid_exists(last))
+        daemon.restart()
+        with daemon.client() as client:
+            assert ended(client).state == "finished"
+            assert digests(client) == undisturbed
+            rows = client.proposals("s")
+            assert {row.state for row in rows} == {"done"}
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    with searching(tmp_path_factory.mktemp("searching") / "state") as part:
+        yield part
+
+
+def test_a_search_that_is_cancelled_goes_on_where_it_was(
+    daemon: DaemonPart, tmp_path: Path
+) -> None:
+    gate = tmp_path / "gate"
+    with daemon.client() as client:
+        client.submit_search(sought("halted", 12, parameters={"until": str(gate)}))
+        eventually(lambda: len(client.proposals("halted")) == TASK.window)
+        client.pause("halted")
+        assert client.cancel("halted") == TASK.window
+        assert client.runs(campaign="halted", state="queued").total == 0
+        client.resume("halted")
+        eventually(lambda: not psutil.pid_exists(coordinators(daemon)[-1]))
+        gate.touch()
+        assert client.retry("halted") == TASK.window
+        row = ended(client, "halted")
+        assert (row.state, row.proposed, row.finished) == ("finished", 14, 14)
+        client.submit_search(sought("again", 12, parameters={"until": str(gate)}))
+        assert ended(client, "again").state == "finished"
+        assert digests(client, "again") == digests(client, "halted")
+        assert {row.cached for row in client.proposals("again")} == {True}
+        client.delete(("halted", "again"))
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"raise": "no such thing"}, "the search broke: RuntimeError: no such thing (search.log"),
+        ({"refuse": "too narrow"}, "campaign.yaml:3: too narrow"),
+    ],
+)
+def test_what_ends_a_search_is_told(daemon: DaemonPart, asked: Any, words: str) -> None:
+    with daemon.client() as client:
+        client.submit_search(sought("broken", **asked))
+        row = ended(client, "broken")
+        assert row.state == "failed"
+        assert words in row.note
+        client.delete(("broken",))
+    assert "Traceback" in StatePaths(daemon.state).search_log.read_text() or "refuse" in asked
+
+
+def test_a_search_that_proposes_otherwise_than_before_fails(
+    daemon: DaemonPart, tmp_path: Path
+) -> None:
+    gate = tmp_path / "gate"
+    with daemon.client() as client:
+        client.submit_search(sought("changed", count=True, parameters={"until": str(gate)}))
+        eventually(lambda: len(client.proposals("changed")) == TASK.window)
+        os.kill(coordinators(daemon)[-1], signal.SIGKILL)
+        row = ended(client, "changed")
+        assert row.state == "failed"
+        assert "run 0 of the search is another one than it was before" in row.note
+        gate.touch()
+        eventually(lambda: settled(client, "changed") == TASK.window)
+        client.delete(("changed",))
+
+
+def test_a_search_is_given_up_that_ends_its_process_again_and_again(daemon: DaemonPart) -> None:
+    with daemon.client() as client:
+        client.submit_search(sought("deadly", die=9))
+        row = ended(client, "deadly")
+        assert row.state == "failed"
+        assert "what makes its proposals died 3 times in a row" in row.note
+        assert row.proposed == 9
+        campaign = client.campaign("deadly")
+        assert campaign is not None
+        assert campaign.finished
+
+
+def test_the_coordinator_leaves_with_its_daemon(tmp_path: Path) -> None:
+    gate = tmp_path / "gate"
+    with searching(tmp_path / "state", slots=0) as daemon, daemon.client() as client:
+        client.submit_search(sought("s", parameters={"until": str(gate)}))
+        eventually(lambda: len(client.proposals("s")) == TASK.window)
+        (pid,) = coordinators(daemon)
+        assert os.getpriority(os.PRIO_PROCESS, pid) == os.nice(0) + 5
+        client.shutdown()
+        assert daemon.wait() == 0
+        assert not psutil.pid_exists(pid)

@@ -1,0 +1,77 @@
+"""Failures that are one, and parameters that decide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from daemon.model.search import Point, PointResult, SearchParameter
+from daemon.search.findings import (
+    correlation_ratio,
+    distinct_failures,
+    parameter_influence,
+    rank_correlation,
+)
+from daemon.search.results import ExploredPoint
+from tests.daemon.search.pretended import made_result, make_task, seconds
+
+
+def on_the_way_to(waypoint: str, result: PointResult) -> PointResult:
+    assert result.value is not None
+    return replace(result, value=replace(result.value, waypoint=waypoint))
+
+
+def test_failures_at_the_same_door_on_the_same_way_are_one() -> None:
+    results = [
+        made_result((1.0,), -0.01, 1, "kitchen_door"),
+        made_result((2.0,), 0.3, 2, "kitchen_door"),
+        made_result((3.0,), -0.05, 3, "kitchen_door"),
+        made_result((4.0,), -0.9, 4, "bedroom_door"),
+        on_the_way_to("w2", made_result((5.0,), -0.02, 5, "kitchen_door")),
+        made_result((6.0,), None, 6),
+    ]
+    found = distinct_failures(results)
+    told = [(f.oracle, f.object, f.waypoint, f.count, f.example.number) for f in found]
+    assert told == [
+        ("keeps-clear", "kitchen_door", "", 2, 3),
+        ("keeps-clear", "bedroom_door", "", 1, 4),
+        ("keeps-clear", "kitchen_door", "w2", 1, 5),
+    ]
+
+
+def test_rank_correlation_is_spearmans_with_ties() -> None:
+    rng = np.random.default_rng(4)
+    values = rng.integers(0, 8, 40).astype(float)
+    margins = np.minimum(0.1, values + rng.normal(size=40))
+    expected = stats.spearmanr(values, margins).statistic
+    assert rank_correlation(values, margins) == pytest.approx(expected)
+    assert rank_correlation(values, np.full(40, 0.1)) == 0.0
+
+
+def test_the_correlation_ratio_is_one_where_the_choice_decides() -> None:
+    margins = np.array([0.1, 0.1, -0.2, -0.2])
+    assert correlation_ratio(["a", "a", "b", "b"], margins) == pytest.approx(1.0)
+    assert correlation_ratio(["a", "b", "a", "b"], margins) == pytest.approx(0.0)
+    assert correlation_ratio(["a", "b", "a", "b"], np.zeros(4)) == 0.0
+
+
+def test_influence_is_of_the_points_that_were_drawn() -> None:
+    choice = SearchParameter("doors.who", "behaviours", 0, "who", choices=("a", "b"), written="a")
+    task = make_task(seconds("doors.t"), choice)
+
+    def explored(n: int, values: Point, margin: float, guided: bool, method: str) -> ExploredPoint:
+        return ExploredPoint(n, values, method, guided, made_result(values, margin, n))
+
+    drawn = [explored(n, (float(n), "ab"[n % 2]), 0.1 * n, False, "halton") for n in range(1, 7)]
+    misleading = [
+        explored(0, (5.0, "a"), -9.0, False, "written"),
+        explored(9, (9.0, "a"), -5.0, True, "tpe"),
+    ]
+    influence = parameter_influence(task, [*misleading, *drawn])
+    assert [(one.parameter, one.runs) for one in influence] == [("doors.t", 6), ("doors.who", 6)]
+    assert influence[0].correlation == pytest.approx(1.0)
+    assert 0.0 < influence[1].correlation < 0.5
+    assert parameter_influence(task, drawn[:4]) == ()

@@ -1,0 +1,216 @@
+"""The nearest failure, found by functions instead of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from daemon.model.search import NearestFailure, Point, PointResult, SearchTask
+from daemon.search.nearest import NEAREST_RUNS, NearestQuestion, find_nearest
+from tests.daemon.search.pretended import made_result, make_task, seconds
+
+TWELVE = make_task(*(seconds(f"doors.time{i}") for i in range(12)))
+Margin = Callable[[Point], float | None]
+
+
+@dataclass
+class Prober:
+    """Answers by a function and counts what it was asked; ``allowed`` are points with a run."""
+
+    margin: Margin
+    known: dict[Point, PointResult] = field(default_factory=dict)
+    allowed: Callable[[Point], bool] = lambda _: True
+    batches: list[list[str]] = field(default_factory=list)
+
+    def is_known(self, point: Point) -> bool:
+        return point in self.known or not self.allowed(point)
+
+    def results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
+        new = [(point, note) for point, note in tried if not self.is_known(point)]
+        if new:
+            self.batches.append([note for _, note in new])
+        for point, _ in new:
+            self.known[point] = made_result(point, self.margin(point), 100 + len(self.known))
+        return [self.known.get(point) for point, _ in tried]
+
+    @property
+    def runs(self) -> int:
+        return sum(map(len, self.batches))
+
+
+def nearest(
+    task: SearchTask, margin: Margin, *failures: Point, **more: object
+) -> tuple[NearestFailure, Prober]:
+    written = tuple(p.written for p in task.parameters if p.written is not None)
+    prober = Prober(margin, **more)  # type: ignore[arg-type]
+    if len(written) == len(task.parameters):
+        prober.known[written] = made_result(written, margin(written))
+    results = [made_result(point, margin(point), n) for n, point in enumerate(failures, 1)]
+    prober.known |= {result.values: result for result in results}
+    found = find_nearest(NearestQuestion(task, results, {}), prober)
+    assert found is not None
+    return found, prober
+
+
+def test_twelve_changes_come_down_to_the_one_that_matters() -> None:
+    def margin(point: Point) -> float:
+        return 0.1 if float(point[7]) < 5.37 else -0.02
+
+    found, prober = nearest(TWELVE, margin, (6.5,) * 12)
+    assert [(c.parameter, c.value, c.passing) for c in found.changes] == [
+        ("doors.time7", 5.37, 5.36)
+    ]
+    assert found.complete
+    assert found.passes is not None
+    assert found.passes.values == (*(5.0,) * 7, 5.36, *(5.0,) * 4)
+    assert found.runs == prober.runs <= 20
+    assert max(map(len, prober.batches)) == 2
+    assert found.sentence == (
+        "time7 0.37 s later (5.37 s instead of 5 s) and keeps-clear fails by 0.02 m near door; "
+        "at 5.36 s it passes with 0.1 m"
+    )
+
+
+def test_changes_that_are_only_enough_together_stay_together() -> None:
+    def margin(point: Point) -> float:
+        return 0.1 if min(float(point[2]), float(point[9])) < 6.0 else -0.02
+
+    found, _ = nearest(TWELVE, margin, tuple(6.5 + 0.01 * n for n in range(12)))
+    assert {(c.parameter, c.value) for c in found.changes} == {
+        ("doors.time2", 6.0),
+        ("doors.time9", 6.0),
+    }
+    assert found.complete
+
+
+def test_of_changes_each_of_which_is_enough_one_stays() -> None:
+    def margin(point: Point) -> float:
+        return 0.1 if max(float(point[2]), float(point[9])) < 6.0 else -0.02
+
+    found, _ = nearest(TWELVE, margin, (6.5,) * 12)
+    assert len(found.changes) == 1
+
+
+def test_the_least_influence_is_taken_back_first() -> None:
+    def margin(point: Point) -> float:
+        return 0.1 if max(map(float, point)) < 6.0 else -0.02
+
+    task = make_task(*(seconds(f"doors.time{i}") for i in range(3)))
+    failure = made_result((6.5, 6.5, 6.5), -0.02, 1)
+    prober = Prober(margin)
+    influence = {"doors.time0": -0.9, "doors.time1": 0.2, "doors.time2": 0.1}
+    found = find_nearest(NearestQuestion(task, [failure], influence), prober)
+    assert found is not None
+    assert [change.parameter for change in found.changes] == ["doors.time0"]
+
+
+def test_it_begins_with_the_smallest_change_and_tries_the_worst_failure_as_well() -> None:
+    def margin(point: Point) -> float:
+        if float(point[1]) >= 5.5:
+            return -0.5
+        return 0.1 if float(point[0]) < 6.0 else -0.02
+
+    task = make_task(seconds("doors.a"), seconds("doors.b"))
+    found, _ = nearest(task, margin, (6.2, 5.1), (5.1, 9.0))
+    assert [(c.parameter, c.value) for c in found.changes] == [("doors.b", 5.5)]
+
+
+def test_a_failure_that_noise_does_not_confirm_is_not_begun_with() -> None:
+    def margin(point: Point) -> float:
+        return -0.1 if float(point[0]) >= 6.0 or point[1] == 5.1 else 0.1
+
+    task = make_task(seconds("doors.a"), seconds("doors.b"))
+    failures = [made_result((5.0, 5.1), -0.1, 1), made_result((7.0, 5.0), -0.1, 2)]
+    prober = Prober(margin)
+    question = NearestQuestion(task, failures, {}, doubtful=frozenset({1}))
+    found = find_nearest(question, prober)
+    assert found is not None
+    assert [(c.parameter, c.value) for c in found.changes] == [("doors.a", 6.0)]
+    alone = find_nearest(replace(question, failures=failures[:1]), prober)
+    assert alone is not None, "better a doubtful one than none"
+
+
+def test_it_ends_when_its_runs_are_spent() -> None:
+    def margin(point: Point) -> float:
+        return 0.1 if sum(float(value) > 5.004 for value in point) < 7 else -0.02
+
+    found, prober = nearest(TWELVE, margin, (6.5,) * 12)
+    assert not found.complete
+    assert found.runs == prober.runs <= NEAREST_RUNS
+    assert found.result.fails
+
+
+def test_what_breaks_a_constraint_or_makes_no_run_is_not_tried() -> None:
+    def margin(point: Point) -> float:
+        return 0.1 if float(point[0]) < 6.0 else -0.02
+
+    def ordered(point: Point) -> bool:
+        return float(point[0]) < float(point[1])
+
+    task = make_task(seconds("doors.a"), seconds("doors.b", 5.5))
+    found, prober = nearest(task, margin, (7.0, 7.5), allowed=ordered)
+    assert all(ordered(point) for point in prober.known)
+    assert {(c.parameter, c.value) for c in found.changes} == {("doors.a", 6.0), ("doors.b", 6.01)}
+
+
+def test_what_is_written_nowhere_is_left_as_it_is() -> None:
+    def margin(point: Point) -> float:
+        return 0.1 if float(point[1]) < 6.0 else -0.02
+
+    task = make_task(seconds("doors.a", None), seconds("doors.b"))
+    found, _ = nearest(task, margin, (9.0, 8.0))
+    assert found.result.values == (9.0, 6.0)
+    assert [change.parameter for change in found.changes] == ["doors.b"]
+
+
+def test_a_written_value_outside_of_the_range_is_still_what_it_is_brought_back_to() -> None:
+    def margin(point: Point) -> float:
+        return 0.1 if float(point[0]) < 6.0 else -0.02
+
+    task = make_task(seconds("doors.a", 1.0, 4.0, 9.0), seconds("doors.b", 20.0))
+    found, _ = nearest(task, margin, (8.0, 3.0))
+    assert found.result.values == (6.0, 20.0)
+
+
+def test_what_neither_passes_nor_fails_is_no_step_on_the_way() -> None:
+    def margin(point: Point) -> float | None:
+        if 5.0 < float(point[0]) < 6.0:
+            return None
+        return 0.1 if float(point[0]) < 6.0 else -0.02
+
+    found, _ = nearest(make_task(seconds("doors.a")), margin, (8.0,))
+    assert found.result.values == (6.0,)
+    assert found.passes is not None
+    assert found.passes.values == (5.0,)
+    assert found.sentence.endswith("; as written it passes with 0.1 m")
+
+
+def test_a_choice_goes_back_or_stays() -> None:
+    choice = replace(seconds("doors.leading"), choices=("bedroom", "kitchen"), unit="")
+    task = make_task(replace(choice, written="bedroom"), seconds("doors.b"))
+
+    def margin(point: Point) -> float:
+        return -0.02 if point[0] == "kitchen" else 0.1
+
+    found, _ = nearest(task, margin, ("kitchen", 8.0))
+    assert found.sentence == (
+        "leading kitchen instead of bedroom and keeps-clear fails by 0.02 m near door; "
+        "as written it passes with 0.1 m"
+    )
+
+
+def test_without_a_failure_there_is_no_nearest_one() -> None:
+    prober = Prober(lambda point: 0.1)
+    assert find_nearest(NearestQuestion(TWELVE, [], {}), prober) is None
+
+
+@pytest.mark.parametrize("edge", [5.01, 5.5, 6.49, 6.5])
+def test_neighbouring_steps_lie_on_either_side(edge: float) -> None:
+    found, _ = nearest(
+        make_task(seconds("doors.a")), lambda p: 0.1 if float(p[0]) < edge else -0.1, (6.5,)
+    )
+    assert found.result.values == (edge,)
+    (change,) = found.changes
+    assert change.passing == pytest.approx(edge - 0.01)

@@ -1,0 +1,105 @@
+"""The space of a search: values as written, equal shares, constraints."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from daemon.search.space import SearchSpace
+from tests.daemon.search.spaces import chosen, ranged, search_task
+
+
+def test_values_are_multiples_of_the_step_in_the_range() -> None:
+    space = SearchSpace(search_task(ranged(low=0.05, high=0.32, step=0.1)))
+    assert [space.at([u])[0] for u in (0.0, 0.33, 0.34, 0.66, 0.67, 1.0)] == [
+        0.1, 0.1, 0.2, 0.2, 0.3, 0.3,
+    ]  # fmt: skip
+
+
+def test_every_value_is_as_likely_as_any_other() -> None:
+    space = SearchSpace(search_task(ranged(low=1, high=3, step=1), chosen("c", "x", "y")))
+    shares = (np.arange(600) + 0.5) / 600
+    drawn = [space.at([u, u]) for u in shares]
+    assert [sum(p[0] == k for p in drawn) for k in (1, 2, 3)] == [200, 200, 200]
+    assert sum(p[1] == "x" for p in drawn) == 300
+
+
+def test_a_point_and_its_place_belong_together() -> None:
+    space = SearchSpace(
+        search_task(
+            ranged("a", -1.0, 1.0, 0.001),
+            ranged("b", 0.01, 10.0, 0.001, log=True),
+            ranged("c", -0.5, 0.5, 0.0),
+            ranged("d", 1, 5, 1),
+            chosen("e", "x", 2.0, "z"),
+        )
+    )
+    for u in np.random.default_rng(1).random((200, 5)):
+        point = space.at(u)
+        assert space.contains(point)
+        assert space.at(space.unit(point)) == point
+    assert space.size == 0
+
+
+def test_the_logarithm_runs_evenly() -> None:
+    space = SearchSpace(search_task(ranged(low=0.01, high=1.0, step=0.001, log=True)))
+    assert space.at([0.5]) == (0.1,)
+    assert space.unit((0.1,))[0] == pytest.approx(0.5)
+
+
+def test_values_have_no_digits_that_are_not_written() -> None:
+    space = SearchSpace(search_task(ranged(low=-0.3, high=0.3, step=0.1)))
+    values = [point[0] for point in space.points()]
+    assert [str(value) for value in values] == ["-0.3", "-0.2", "-0.1", "0.0", "0.1", "0.2", "0.3"]
+    (value,) = SearchSpace(search_task(ranged(low=0, high=1, step=0))).at([1 / 3])
+    assert value == 0.3333333333
+
+
+def test_what_is_written_is_kept_though_it_lies_outside() -> None:
+    task = search_task(ranged(low=6.0, high=8.0, written=5.0), chosen("b", "x", "y"))
+    space = SearchSpace(task)
+    assert space.written == (5.0, "x")
+    assert not space.contains((5.0, "x"))
+    assert space.unit((5.0, "x")).tolist() == [0.0, 0.25]
+
+
+def test_a_search_of_what_is_written_nowhere_has_no_written_point() -> None:
+    assert SearchSpace(search_task(ranged(written=None), ranged("b"))).written is None
+
+
+def test_constraints_compare_what_is_in_different_units() -> None:
+    space = SearchSpace(
+        search_task(
+            ranged("doors.closes", unit="s"),
+            ranged("doors.opens", unit="min"),
+            constraints=("doors.closes + 60 s < doors.opens",),
+        )
+    )
+    assert space.allowed((59.9, 2.0))
+    assert not space.allowed((60.0, 2.0))
+
+
+def test_points_of_a_small_space_are_all_there() -> None:
+    space = SearchSpace(search_task(ranged(low=1, high=2, step=1), chosen("b", "x", "y")))
+    assert list(space.points()) == [(1.0, "x"), (1.0, "y"), (2.0, "x"), (2.0, "y")]
+    assert space.size == 4
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        (ranged(low=2.0, high=1.0), "is no range"),
+        (ranged(high=math.inf), "is no range"),
+        (ranged(low=0.0, log=True), "begins above 0"),
+    ],
+)
+def test_a_range_that_makes_no_sense_is_told(parameter: object, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        SearchSpace(search_task(parameter))  # type: ignore[arg-type]
+
+
+def test_words_are_not_compared() -> None:
+    with pytest.raises(ValueError, match='"b" is not varied here'):
+        SearchSpace(search_task(ranged(), chosen("b", "x", "y"), constraints=("a < b",)))

@@ -1,0 +1,117 @@
+"""Changes and failures in words."""
+
+from __future__ import annotations
+
+import pytest
+
+from daemon.model.search import (
+    Confirmation,
+    ParameterChange,
+    PointValue,
+    SearchParameter,
+)
+from daemon.search.wording import (
+    change_words,
+    confirmation_words,
+    nearest_sentence,
+    percentage,
+    point_words,
+    rounded,
+    short_name,
+)
+from tests.daemon.search.pretended import made_result, make_task, seconds
+
+
+def parameter(name: str, unit: str, written: PointValue | None) -> SearchParameter:
+    key = name.partition(".")[2]
+    return SearchParameter(name, "behaviours", 0, key, unit, 0.0, 100.0, 0.01, written=written)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "written", "value", "words"),
+    [
+        ("doors.kitchen_opens", "s", 8.0, 8.54, "kitchen_opens 0.54 s later"),
+        ("doors.kitchen_closes_again", "s", 8.0, 7.9, "kitchen_closes_again 0.1 s earlier"),
+        ("doors.pause", "min", 2.0, 3.0, "pause 1 min longer"),
+        ("doors.pause", "s", 2.0, 0.5, "pause 1.5 s shorter"),
+        ("doors.swing", "deg/s", 60.0, 72.0, "swing 12 deg/s faster"),
+        ("pilot.max_speed", "m/s", 0.5, 0.45, "max_speed 0.05 m/s slower"),
+        ("robot.drive.acceleration", "m/s^2", 1.0, 1.5, "drive.acceleration 0.5 m/s^2 larger"),
+        ("robot.speed_noise", "m/s", 0.1, 0.2, "speed_noise 0.1 m/s larger"),
+        ("mission.start.y", "m", 0.0, -0.12, "start.y 0.12 m smaller"),
+        ("pilot.particles", "", 500.0, 120.0, "particles 380 smaller"),
+    ],
+)
+def test_a_change_is_told_as_a_person_would(
+    name: str, unit: str, written: float, value: float, words: str
+) -> None:
+    varied = parameter(name, unit, written)
+    told = change_words(make_task(varied), ParameterChange(name, unit, written, value))
+    assert told == f"{words} ({varied.text(value)} instead of {varied.text(written)})"
+
+
+def test_a_choice_and_what_is_written_nowhere_have_no_size() -> None:
+    choice, free = parameter("doors.leading", "", "one"), parameter("doors.trigger", "m", None)
+    task = make_task(choice, free)
+    change = ParameterChange("doors.leading", "", "one", "two")
+    assert change_words(task, change) == "leading two instead of one"
+    assert change_words(task, ParameterChange("doors.trigger", "m", None, 1.5)) == "trigger 1.5 m"
+
+
+def test_a_name_keeps_its_layer_where_two_layers_have_it() -> None:
+    task = make_task(seconds("doors.pause"), seconds("people.pause"), seconds("people.opens"))
+    assert [short_name(task, p) for p in task.parameters] == [
+        "doors.pause",
+        "people.pause",
+        "opens",
+    ]
+
+
+def test_the_sentence_of_one_change() -> None:
+    task = make_task(seconds("doors_moving.kitchen_opens", 8.0), seconds("doors_moving.swing", 6.0))
+    change = ParameterChange("doors_moving.kitchen_opens", "s", 8.0, 8.54, 8.32)
+    failing = made_result((8.54, 6.0), -0.0183, near="kitchen_door")
+    passing = made_result((8.32, 6.0), 0.105, near="kitchen_door")
+    assert nearest_sentence(task, failing, [change], passing) == (
+        "kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.0183 m "
+        "near kitchen_door; at 8.32 s it passes with 0.105 m"
+    )
+
+
+def test_the_sentence_of_several_changes() -> None:
+    task = make_task(seconds("doors.kitchen_opens", 8.0), seconds("doors.bedroom_opens", 6.0))
+    changes = [
+        ParameterChange("doors.kitchen_opens", "s", 8.0, 8.5, 8.49),
+        ParameterChange("doors.bedroom_opens", "s", 6.0, 5.5, 5.51),
+    ]
+    failing = made_result((8.5, 5.5), -0.018, near="")
+    passing = made_result((8.5, 5.51), 0.002, near="")
+    assert nearest_sentence(task, failing, changes, passing) == (
+        "kitchen_opens 0.5 s later (8.5 s instead of 8 s) and bedroom_opens 0.5 s earlier "
+        "(5.5 s instead of 6 s), and keeps-clear fails by 0.018 m; "
+        "with bedroom_opens 5.51 s it passes with 0.002 m"
+    )
+
+
+def test_of_many_values_some_are_told() -> None:
+    task = make_task(*(seconds(f"doors.t{i}", float(i)) for i in range(6)))
+    assert point_words(task, made_result((0.0, 1.5, 2.0, 3.0, 4.0, 5.0), 0.1)) == "t1 1.5 s"
+    assert point_words(task, made_result((9.0,) * 6, 0.1), most=2) == "t0 9 s, t1 9 s and 4 more"
+    assert point_words(task, made_result((0.0, 1.0, 2.0, 3.0, 4.0, 5.0), 0.1)) == "as written"
+
+
+def test_numbers_have_three_digits_and_bounds_are_no_narrower_than_shown() -> None:
+    numbers = (0.01834, 0.5, 12.0, 123.4, 12345.0, 0.0, -0.00102, 1e-9)
+    assert [rounded(number) for number in numbers] == [
+        "0.0183",
+        "0.5",
+        "12",
+        "123",
+        "12345",
+        "0",
+        "-0.00102",
+        "1e-09",
+    ]
+    assert percentage(0.18104) == "18.2 %"
+    words = confirmation_words(Confirmation(5, 5, 0.4782, 1.0))
+    assert words == "fails in 5 of 5 repeats with other noise (47.8 % to 100 % with 95 % certainty)"
