@@ -6,10 +6,11 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Final, TypeAlias
 
+from daemon.model.search import ProposalRow
 from daemon.model.status import RunRow
 from daemon.model.verbs import Closeable, DaemonClient
 
-__all__ = ["ClientOpener", "Closeable", "DaemonClient", "all_runs"]
+__all__ = ["ClientOpener", "Closeable", "DaemonClient", "all_runs", "newer_proposals"]
 
 _RUNS_PER_QUERY: Final = 500
 """Runs asked for at once when all of them are wanted."""
@@ -34,3 +35,11 @@ def all_runs(
         rows.extend(page.rows)
         if not page.rows or len(rows) >= page.total:
             return tuple(rows)
+
+
+def newer_proposals(
+    daemon: DaemonClient, campaign: str, known: tuple[ProposalRow, ...] = ()
+) -> tuple[ProposalRow, ...]:
+    """Return every run of a search in order; only those that may have changed are asked for."""
+    settled = next((i for i, row in enumerate(known) if not row.settled), len(known))
+    return (*known[:settled], *daemon.proposals(campaign, settled))

@@ -24,10 +24,17 @@ _SUBMIT: Final = "--submit"
 _FRESH: Final = "--fresh"
 
 
-def prepare_submission(
-    path: Path, *, fresh: bool = False
-) -> tuple[Submission, tuple[Diagnostic, ...]]:
-    """Load, check and expand a campaign; returns the warnings too.
+@dataclass(frozen=True, slots=True)
+class PreparedSubmission:
+    """A campaign to hand over, with its warnings; its ``searches`` are no part of that."""
+
+    submission: Submission
+    warnings: tuple[Diagnostic, ...]
+    searches: tuple[str, ...]
+
+
+def prepare_submission(path: Path, *, fresh: bool = False) -> PreparedSubmission:
+    """Load, check and expand a campaign.
 
     Raises :class:`InputError` with everything found when there is an error.
     """
@@ -36,7 +43,17 @@ def prepare_submission(
     campaign, found = examine(path)
     if any(d.severity is Severity.ERROR for d in found):
         raise InputError(found)
-    return expand(campaign, fresh=fresh), found
+    names = tuple(task.name for task in campaign.searches)
+    return PreparedSubmission(expand(campaign, fresh=fresh), found, names)
+
+
+def searches_text(path: Path, names: tuple[str, ...]) -> str:
+    """Say which searches a campaign has besides, and what starts them; nothing without any."""
+    if not names:
+        return ""
+    if len(names) == 1:
+        return f"{names[0]} is a search: start it with `scenario search {path}`"
+    return f"{', '.join(names)} are searches: start one with `scenario search {path} NAME`"
 
 
 def receipt_text(receipt: SubmissionReceipt) -> str:
@@ -72,10 +89,10 @@ def check_file(path: Path, *, submit: bool = False, fresh: bool = False) -> Chec
     if not submit:
         return CheckedFile(*file_check.check_file(path))
     try:
-        submission, warnings = prepare_submission(path, fresh=fresh)
+        prepared = prepare_submission(path, fresh=fresh)
     except InputError as error:
         return CheckedFile("", error.diagnostics)
-    return CheckedFile("", warnings, submission)
+    return CheckedFile("", prepared.warnings, prepared.submission)
 
 
 def check_file_in_child(path: Path, *, submit: bool = False, fresh: bool = False) -> CheckedFile:

@@ -54,6 +54,11 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
             "Hand a campaign to the daemon, watch it if you like.",
         ),
         CommandEntry(
+            "search",
+            "search",
+            "Search for values that make a scenario fail, and for the failure nearest to it.",
+        ),
+        CommandEntry(
             "wait",
             "run_campaigns",
             "Wait until a campaign is over, and leave with its exit code.",

@@ -104,6 +104,14 @@ def names_in(campaign: str, what: str) -> Offer:
     return [(str(name), "system under test") for name in dict.fromkeys(found)]
 
 
+def searches_in(campaign: str) -> Offer:
+    """Offer the searches of a campaign file."""
+    from ruamel.yaml import YAML
+
+    body = YAML(typ="safe").load(Path(campaign))
+    return [(str(name), str(text.get("about", ""))) for name, text in body["search"].items()]
+
+
 def _find_fitting(incomplete: str, fits: Fits, *, descend: bool = True) -> Offer:
     """Offer folders to go into and files that fit; into a folder that is alone we go at once."""
     found = list(islice(_iterate_candidates(incomplete, fits), _MAX_OFFERED))
@@ -220,6 +228,18 @@ def blame_arguments(ctx: typer.Context, incomplete: str) -> Offer:
     if not said[0].endswith((".yaml", ".yml")) or len(said) > 2:
         return []
     return _starting_with(names_in(said[0], ("scenarios", "sut")[len(said) - 1]), incomplete)
+
+
+@offer_nothing_on_error
+def campaign_files_or_campaigns(ctx: typer.Context, incomplete: str) -> Offer:
+    """Offer campaign files, and what the daemon has."""
+    return _with_files(campaigns(ctx, incomplete), campaign_files(incomplete))
+
+
+@offer_nothing_on_error
+def searches_in_file(ctx: typer.Context, incomplete: str) -> Offer:
+    """Offer the searches of the campaign file that was named."""
+    return _starting_with(searches_in(_argument_before(ctx, "campaign")), incomplete)
 
 
 @offer_nothing_on_error

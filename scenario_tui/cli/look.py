@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from daemon.model.search import Proposal, ProposalRow, SearchRow, SearchTask
     from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunRow, WorkerRow
+    from daemon.model.verbs import DaemonClient
 
 
 _MAX_CAMPAIGNS: Final = 15
@@ -28,12 +30,13 @@ _WIDE: Final = 120
 
 
 class StatusOutput(Output, schema="status"):
-    """How everything stands."""
+    """How everything stands; ``searches`` are those that run."""
 
     endpoint: str
     overview: DaemonOverview
     campaigns: tuple[CampaignRow, ...]
     workers: tuple[WorkerRow, ...]
+    searches: tuple[SearchRow, ...] = ()
 
     def print(self) -> None:
         """Print the daemon on two lines, and the newest campaigns."""
@@ -47,6 +50,14 @@ class StatusOutput(Output, schema="status"):
         console.print(_campaign_table(self.campaigns[:_MAX_CAMPAIGNS], now, console.width))
         if len(self.campaigns) > _MAX_CAMPAIGNS:
             console.print(f"and {len(self.campaigns) - _MAX_CAMPAIGNS} older ones")
+        self._print_searches()
+
+    def _print_searches(self) -> None:
+        from scenario_tui.text.search_text import search_line
+
+        for row in self.searches:
+            words = f"search {search_line(row)}"
+            stdout_console().print(words, markup=False, highlight=False, soft_wrap=True)
 
     def _print_overview(self) -> None:
         from daemon.batch.paths import endpoint_text
@@ -92,10 +103,13 @@ def status(connect: Connect = "", state: State = None, as_json: AsJson = False) 
     with target.open() as daemon:
         overview, workers = daemon.overview(), daemon.workers()
         campaigns: tuple[CampaignRow, ...] = ()
+        searches: tuple[SearchRow, ...] = ()
         # A daemon whose disk is full has no more to say than that.
         with suppress(Unavailable):
             campaigns = daemon.campaigns()
-    StatusOutput(endpoint, overview, campaigns, workers).show(as_json)
+            if any(row.search == "running" for row in campaigns):
+                searches = daemon.searches(running=True)
+    StatusOutput(endpoint, overview, campaigns, workers, searches).show(as_json)
 
 
 def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:
@@ -114,7 +128,8 @@ def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) 
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
         counts = wrap_parts(_tally_parts(row), max(24, room))
-        marks = [f"priority {row.priority}"] if row.priority else []
+        marks = ["search"] if row.search else []
+        marks += [f"priority {row.priority}"] if row.priority else []
         marks += ["paused"] if row.paused else []
         name = f"{row.id} ({', '.join(marks)})" if marks else row.id
         table.add_row(name, progress, counts, age_text(row.submitted_at, now))
@@ -163,6 +178,7 @@ def results(
     """Show what came out of a campaign: every cell, what is not as expected and why."""
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.results import emit_results, print_summary
+    from scenario_tui.cli.search import ask_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign, pointing_to_traces
     from scenario_tui.client import all_runs
     from scenario_tui.text.results import gather_results
@@ -170,15 +186,22 @@ def results(
     target = DaemonTarget(connect, state)
     with pointing_to_traces("results", campaign, "CAMPAIGN"), target.open() as daemon:
         row = find_campaign(daemon, campaign)
+        listed = outcome or text
+        if row.search and not listed:
+            _refuse_baseline(baseline)
+            answer = ask_search(daemon, row.id)
+            rows = all_runs(daemon, row.id) if runs else ()
+            _show_search(answer, rows, exit_status=exit_status, as_json=as_json)
+            return
         found = gather_results(daemon, row)
         # Filters choose what is listed; the verdict is always about all runs.
         rows = found.rows
-        if outcome or text:
+        if listed:
             rows = all_runs(daemon, row.id, outcome=outcome, text=text)
     between = compare_with_baseline(found, baseline, worse_by, target.open)
     if as_json:
         emit_results(replace(found, rows=rows), comparison=between)
-    elif outcome or text:
+    elif listed:
         _print_runs(rows)
     else:
         print_summary(found, took=_elapsed(row))
@@ -189,6 +212,29 @@ def results(
         _print_trace_folder(row, rows, listed=runs)
     if exit_status or baseline:
         raise typer.Exit(final_code(found, between))
+
+
+def _show_search(
+    answer: tuple[SearchRow, tuple[ProposalRow, ...]],
+    runs: tuple[RunRow, ...],
+    *,
+    exit_status: bool,
+    as_json: bool,
+) -> None:
+    """Show a search in place of a matrix of verdicts, which it has not."""
+    from scenario_tui.cli.search import search_code, search_output
+
+    search_output(*answer).show(as_json)
+    if runs and not as_json:
+        _print_runs(runs)
+    if exit_status:
+        raise typer.Exit(search_code(answer[0]))
+
+
+def _refuse_baseline(baseline: str) -> None:
+    if baseline:
+        message = "a search has no verdicts to hold against others"
+        raise typer.BadParameter(message, param_hint="--baseline")
 
 
 def _elapsed(row: CampaignRow) -> float | None:
@@ -247,18 +293,24 @@ RunName: TypeAlias = Annotated[
 
 
 class RunOutput(Output, schema="run"):
-    """Everything about one run."""
+    """Everything about one run; of a search also the ``proposal`` that it is."""
 
     run: RunDetail
+    proposal: Proposal | None = None
+    task: SearchTask | None = None
 
     def print(self) -> None:
         """Print what it was and what each oracle says, then what to type next."""
         from scenario_tui.cli.results import print_commands
         from scenario_tui.text.formatting import TERMINAL_STYLES
         from scenario_tui.text.run_text import run_text
+        from scenario_tui.text.search_text import proposal_lines
 
         stdout_console().print(run_text(self.run, None, TERMINAL_STYLES), soft_wrap=True)
-        print_commands(*_next_commands(self.run))
+        if self.proposal is not None and self.task is not None:
+            for line in proposal_lines(self.task, self.proposal, TERMINAL_STYLES):
+                stdout_console().print(line, soft_wrap=True)
+        print_commands(*_next_commands(self.run, self.task))
 
 
 def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
@@ -268,10 +320,25 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
     target = DaemonTarget(connect, state)
     with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
         detail = find_run(daemon, run)
-    RunOutput(detail).show(as_json)
+        campaign = daemon.campaign(detail.row.campaign)
+        found = RunOutput(detail)
+        if campaign is not None and campaign.search:
+            found = _with_proposal(daemon, detail)
+    found.show(as_json)
 
 
-def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
+def _with_proposal(daemon: DaemonClient, detail: RunDetail) -> RunOutput:
+    """Return a run of a search with the point that it is."""
+    from daemon.model.search import ProposalQuery
+    from daemon.model.verbs import PROPOSALS
+
+    row = daemon.search_row(detail.row.campaign)
+    # A run of a search has its position for its number.
+    page = daemon.ask(PROPOSALS, ProposalQuery(detail.row.campaign, detail.row.index, 1))
+    return RunOutput(detail, page[0].proposal if page else None, row.task if row else None)
+
+
+def _next_commands(detail: RunDetail, task: SearchTask | None = None) -> Iterable[tuple[str, str]]:
     from daemon.model.status import RunState
 
     row = detail.row
@@ -281,7 +348,9 @@ def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
     yield f"scenario logs {row.id}", "what happened, in order"
     if not row.repeatable and row.trace:
         yield f"scenario verify {row.id}", "how far its outcomes spread"
-    if row.outcome == "fail":
+    if task is not None:
+        yield f"scenario search {row.campaign}", "the search it belongs to"
+    elif row.outcome == "fail":
         yield f"scenario blame {row.id}", "what makes it fail"
     if row.state in (RunState.LOST, RunState.CANCELLED):
         yield f"scenario retry {row.campaign}", "queue what is lost or cancelled again"

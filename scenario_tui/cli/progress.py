@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final, Protocol, TypeVar
 
 from rich.console import Group, RenderableType
@@ -34,6 +35,7 @@ from scenario_tui.text.formatting import (
 )
 
 T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
 
 INTERVAL: Final = 0.25
 """Seconds between two looks at a campaign that changes."""
@@ -45,7 +47,7 @@ _LOOK: Final = 2.0
 """Seconds between two questions whether the daemon is in trouble."""
 _SHOWN_RUNS: Final = 8
 _BAR: Final = 16
-_WAITING: Final = "waiting for a worker; the first runs on a machine compile for a while"
+WAITING: Final = "waiting for a worker; the first runs on a machine compile for a while"
 
 
 @dataclass(slots=True)
@@ -54,7 +56,7 @@ class CampaignProgress:
 
     row: CampaignRow
     running: tuple[RunRow, ...] = ()
-    live: dict[str, LiveSnapshot] = field(default_factory=dict)
+    live: Mapping[str, LiveSnapshot] = field(default_factory=dict)
     per_minute: float = 0.0
     seconds_left: float | None = None
     preparing: str = ""
@@ -74,11 +76,10 @@ class ProgressDisplay:
         """Whether anything is drawn at all."""
         return self._screen is not None
 
-    def show(self, progress: CampaignProgress) -> None:
-        """Draw the campaign as it stands."""
+    def show(self, draw: Callable[[int], RenderableType]) -> None:
+        """Draw what stands for a terminal as wide as this one."""
         if self._screen is not None:
-            width = self._screen.console.width
-            self._screen.update(progress_lines(progress, width), refresh=True)
+            self._screen.update(draw(self._screen.console.width), refresh=True)
 
     def note(self, message: str) -> None:
         """Say something that must not be overwritten: on a terminal it stands above the bar."""
@@ -115,13 +116,22 @@ def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     finished = row.total - row.queued - row.running
     bar = ProgressBar(total=max(1, row.total), completed=finished, width=_BAR)
     line.add_row(head, bar, tail)
-    runs = [_run_line(run, progress.live.get(run.id)) for run in progress.running[:_SHOWN_RUNS]]
-    hidden = len(progress.running) - len(runs)
-    if progress.preparing or not (finished or progress.running):
-        runs.append(Text(f"  {progress.preparing or _WAITING}", style="dim"))
+    idle = not (finished or progress.running)
+    waiting = progress.preparing or (WAITING if idle else "")
+    return Group(line, *run_lines(progress.running, progress.live, waiting))
+
+
+def run_lines(
+    running: Sequence[RunRow], live: Mapping[str, LiveSnapshot], waiting: str
+) -> list[Text]:
+    """Return a line for each running run that is shown, and one for what is waited for."""
+    lines = [_run_line(run, live.get(run.id)) for run in running[:_SHOWN_RUNS]]
+    hidden = len(running) - len(lines)
+    if waiting:
+        lines.append(Text(f"  {waiting}", style="dim"))
     if hidden > 0:
-        runs.append(Text(f"  and {hidden} more", style="dim"))
-    return Group(line, *runs)
+        lines.append(Text(f"  and {hidden} more", style="dim"))
+    return lines
 
 
 def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tuple[Text, Text]:
@@ -205,6 +215,47 @@ class _TroubleReporter:
             raise DaemonError(words)
 
 
+class WatchedWork(Protocol[T_co]):
+    """Something of a campaign that is asked for again and again, and drawn, until it is over."""
+
+    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> T_co:
+        """Ask how it stands; returns what is known then."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing more comes."""
+
+    def draw(self, live: Mapping[str, LiveSnapshot], preparing: str, width: int) -> RenderableType:
+        """Return how it stands; ``preparing`` is what keeps runs from starting."""
+
+
+@dataclass(slots=True)
+class _WatchedRuns:
+    """The runs of a campaign, as far as they are shown."""
+
+    campaign: str
+    row: CampaignRow | None = None
+    running: tuple[RunRow, ...] = ()
+    pace: _RunRate | None = None
+
+    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> CampaignRow:
+        row = self.row = ask_campaign(daemon, self.campaign)
+        self.running = ask_running(daemon, row) if shown.on_screen else ()
+        self.pace = self.pace or _RunRate(time.monotonic(), row.total - row.queued - row.running)
+        return row
+
+    @property
+    def finished(self) -> bool:
+        return self.row is not None and self.row.finished
+
+    def draw(self, live: Mapping[str, LiveSnapshot], preparing: str, width: int) -> RenderableType:
+        if self.row is None or self.pace is None:
+            return Text(preparing)
+        per_minute, left = self.pace.look(self.row, time.monotonic())
+        found = CampaignProgress(self.row, self.running, live, per_minute, left, preparing)
+        return progress_lines(found, width)
+
+
 def watch(
     open_daemon: ClientOpener,
     campaign: str,
@@ -215,6 +266,25 @@ def watch(
 ) -> CampaignRow:
     """Show progress until no run of ``campaign`` waits or runs; return how it ended.
 
+    It is watched as :func:`watch_work` says.
+    """
+    work = _WatchedRuns(campaign)
+    return watch_work(
+        open_daemon, campaign, work, patience=patience, endurance=endurance, limit=limit
+    )
+
+
+def watch_work(
+    open_daemon: ClientOpener,
+    campaign: str,
+    work: WatchedWork[T],
+    *,
+    patience: float = PATIENCE,
+    endurance: float = math.inf,
+    limit: float = math.inf,
+) -> T:
+    """Show how ``work`` of a ``campaign`` stands until it is finished; return how it ended.
+
     After ``limit`` seconds it is returned as it stands then. A daemon that goes away is waited for
     and found again. Raises :class:`Unreachable` when it stays away for ``patience`` seconds, or at
     the limit, and :class:`DaemonError` when it cannot execute runs for ``endurance`` seconds.
@@ -222,7 +292,6 @@ def watch(
     begun = time.monotonic()
     live: dict[str, LiveSnapshot] = {}
     gone: float | None = None
-    pace: _RunRate | None = None
     with open_display() as shown:
         trouble = _TroubleReporter(shown, endurance)
         while True:
@@ -233,23 +302,16 @@ def watch(
                         now = time.monotonic()
                         if changed.is_set() or now >= look_at:
                             changed.clear()
-                            row = _ask_campaign(daemon, campaign)
-                            running = _ask_running(daemon, row) if shown.on_screen else ()
+                            found = work.look(daemon, shown)
                             now = time.monotonic()
                             look_at = now + _POLL
                         if gone is not None:
                             shown.note("the daemon is back, watching again")
                             gone = None
-                        if row.finished or now - begun >= limit:
-                            return row
-                        pace = pace or _RunRate(now, row.total - row.queued - row.running)
+                        if work.finished or now - begun >= limit:
+                            return found
                         trouble.look(daemon, now)
-                        per_minute, left = pace.look(row, now)
-                        shown.show(
-                            CampaignProgress(
-                                row, running, live, per_minute, left, trouble.preparing
-                            )
-                        )
+                        shown.show(partial(work.draw, live, trouble.preparing))
                         time.sleep(INTERVAL)
             except Unreachable:
                 now = time.monotonic()
@@ -317,13 +379,15 @@ def _listen(
         subscription.close()
 
 
-def _ask_campaign(daemon: DaemonClient, campaign: str) -> CampaignRow:
+def ask_campaign(daemon: DaemonClient, campaign: str) -> CampaignRow:
+    """Return how a campaign stands; raises :class:`Refused` when the daemon has it no more."""
     row = daemon.campaign(campaign)
     if row is None:
         raise Refused(f"the daemon does not know the campaign {campaign} (any more)")
     return row
 
 
-def _ask_running(daemon: DaemonClient, row: CampaignRow) -> tuple[RunRow, ...]:
+def ask_running(daemon: DaemonClient, row: CampaignRow) -> tuple[RunRow, ...]:
+    """Return those of its runs that run, as many as are shown."""
     # One more than is shown tells whether there are more.
     return daemon.runs(row.id, state="running", limit=_SHOWN_RUNS + 1).rows

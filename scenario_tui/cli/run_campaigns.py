@@ -54,7 +54,10 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
     # The campaigns are part of the package, which may lie in an archive.
     with as_file(files("campaigns")) as folder:
         found = run_here(
-            _prepare_submission(folder / "demo" / "campaign.yaml"), out, slots, as_json
+            _prepare_submission(folder / "demo" / "campaign.yaml", hint=False),
+            out,
+            slots,
+            as_json,
         )
     if as_json:
         emit_results(found)
@@ -226,13 +229,18 @@ def check(
         raise typer.Exit(ExitCode.BAD_INPUT)
 
 
-def _prepare_submission(path: Path, *, fresh: bool = False) -> Submission:
-    """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``."""
-    from scenario_tui.submission import prepare_submission
+def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -> Submission:
+    """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``.
 
-    submission, warnings = prepare_submission(path, fresh=fresh)
-    report_diagnostics(warnings)
-    return submission
+    With ``hint`` it is said which searches it has.
+    """
+    from scenario_tui.submission import prepare_submission, searches_text
+
+    prepared = prepare_submission(path, fresh=fresh)
+    report_diagnostics(prepared.warnings)
+    if hint and (words := searches_text(path, prepared.searches)):
+        say(words)
+    return prepared.submission
 
 
 def wait(
@@ -254,6 +262,7 @@ def wait(
 
     from scenario_tui.cli.progress import PATIENCE, ask_patiently, watch
     from scenario_tui.cli.results import emit_results
+    from scenario_tui.cli.search import wait_for_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign
     from scenario_tui.text.formatting import pluralise
     from scenario_tui.text.results import conclude, gather_results
@@ -264,8 +273,11 @@ def wait(
     target = DaemonTarget(connect, state)
     name = campaign
     try:
-        name = ask_patiently(target, lambda daemon: find_campaign(daemon, campaign), patience).id
-        left = max(0.0, deadline - time.monotonic())
+        meant = ask_patiently(target, lambda daemon: find_campaign(daemon, campaign), patience)
+        name, left = meant.id, max(0.0, deadline - time.monotonic())
+        if meant.search:
+            code = wait_for_search(target, name, as_json, patience=patience, limit=left)
+            raise typer.Exit(code)
         row = watch(target.open, name, patience=patience, limit=left)
         results = ask_patiently(target, lambda daemon: gather_results(daemon, row), PATIENCE)
     except KeyboardInterrupt:

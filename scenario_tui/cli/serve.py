@@ -168,7 +168,8 @@ def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Sc
     from daemon.model.spec import SutReference
     from scenario_tui.submission import prepare_submission
 
-    submission, warnings = prepare_submission(path)
+    prepared = prepare_submission(path)
+    submission, warnings = prepared.submission, prepared.warnings
     report_diagnostics(warnings)
     runs = (*submission.runs, *submission.reserve)
     found = _matching(runs, scenario, sut, repeat)

@@ -181,7 +181,8 @@ def _first_moment(campaign: Path | None, settings: Ros2Settings) -> tuple[Briefi
     else:
         from scenario_tui.submission import prepare_submission
 
-        submission, warnings = prepare_submission(campaign)
+        prepared = prepare_submission(campaign)
+        submission, warnings = prepared.submission, prepared.warnings
         report_diagnostics(warnings)
         spec = submission.runs[0]
         scene = next(one for one in submission.scenes if one.digest == spec.scene)

@@ -207,7 +207,8 @@ def _campaign_jobs(file: Path, target: DaemonTarget, every: bool) -> list[_Job]:
     from daemon.analysis.verification import verify_spec
     from scenario_tui.submission import prepare_submission
 
-    submission, warnings = prepare_submission(file)
+    prepared = prepare_submission(file)
+    submission, warnings = prepared.submission, prepared.warnings
     report_diagnostics(warnings)
     scenes = {scene.digest: scene for scene in submission.scenes}
 

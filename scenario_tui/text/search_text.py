@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         ObjectiveValue,
         Phase,
         PointValue,
+        Proposal,
         ProposalRow,
         SearchAnswer,
         SearchParameter,
@@ -54,6 +55,7 @@ _ENDINGS: Final = {
     "time": "the time is up",
     "failures": "enough failures were found",
     "settled": "nothing got better for a while",
+    "exhausted": "every point of its space was run",
     "errors": "five runs in a row could not be judged",
     "cancelled": "it was cancelled",
 }
@@ -173,6 +175,25 @@ def range_text(parameter: SearchParameter) -> str:
     return f"{low} .. {parameter.text(parameter.high)}{', log' if parameter.log else ''}"
 
 
+def proposal_lines(
+    task: SearchTask, proposal: Proposal, styles: Styles = DASHBOARD_STYLES
+) -> list[Text]:
+    """Return what a run of a search was for, and its values, those not as written first."""
+    purpose = f"{_PHASES[proposal.phase]}, {proposal.method}"
+    if proposal.note:
+        purpose += f": {proposal.note}"
+    about = f"point {proposal.number} of the search {task.name}, {purpose}"
+    lines = [Text(about, style=quiet_style(styles))]
+    rows = sorted(parameter_table(task, proposal.values), key=lambda row: not row[3])
+    width = max((len(row[0]) for row in rows), default=0)
+    for name, written, value, differs in rows:
+        line = Text(f"  {name:<{width}}  {value}", style="" if differs else quiet_style(styles))
+        if differs:
+            line.append(f"  instead of {written}", style=quiet_style(styles))
+        lines.append(line)
+    return lines
+
+
 def search_word(row: SearchRow) -> str:
     """Return the one word for how a search stands: ``fail`` when there is a failure."""
     if row.state == "failed":
@@ -268,12 +289,13 @@ def answer_lines(
         return lines
     lines.append(Text(_runs_text(row, found), style=quiet_style(styles)))
     lines.append(Text())
-    lines.extend(Text(sentence) for sentence in found.sentences)
+    lines.extend(Text(f"- {sentence}") for sentence in found.sentences)
+    changes = nearest_lines(row.task, found, styles)
     for title, block in (
-        ("the nearest failure", nearest_lines(row.task, found, styles)),
+        # One change is told in a sentence.
+        ("the nearest failure", changes if len(changes) > 1 else []),
         ("findings", finding_lines(found.findings, styles)),
         (_influence_title(found), influence_lines(found, styles)),
-        ("the least that still fails", shrunk_lines(found)),
     ):
         if block:
             lines.extend((Text(), Text(f"{title}:", style="bold"), *block))
@@ -281,17 +303,10 @@ def answer_lines(
 
 
 def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
-    parts = [pluralise(answer.explored, "point")]
-    if answer.executed or answer.reused:
-        parts.append(f"{pluralise(answer.executed, 'run')} executed")
+    words = pluralise(row.finished, "run")
     if answer.reused:
-        parts.append(f"{answer.reused:,} reused")
-    parts.append(failures_text(answer.failed))
-    if answer.errors:
-        parts.append(f"{answer.errors:,} broke or could not be composed")
-    if answer.inconclusive:
-        parts.append(f"{answer.inconclusive:,} inconclusive")
-    return f"{', '.join(parts)}; {phase_text(row)}"
+        words += f", {answer.reused:,} of them were there already"
+    return f"{words}; {phase_text(row)}"
 
 
 def nearest_lines(
@@ -320,9 +335,6 @@ def nearest_lines(
         if passing:
             line.append(f"  passes at {passing}", style=quiet_style(styles))
         lines.append(line)
-    if not answer.nearest.complete:
-        said = "  runs were spent before nothing else could be taken back"
-        lines.append(Text(said, style=quiet_style(styles)))
     return lines
 
 
@@ -384,11 +396,6 @@ def influence_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> 
 
 def _weight(correlation: float) -> float:
     return abs(correlation) if math.isfinite(correlation) else 0.0
-
-
-def shrunk_lines(answer: SearchAnswer) -> list[Text]:
-    """Return the least that still fails, as told by whoever took the rest away."""
-    return [Text(f"  {line}") for line in answer.shrunk.story] if answer.shrunk else []
 
 
 def search_commands(row: SearchRow) -> tuple[tuple[str, str], ...]:

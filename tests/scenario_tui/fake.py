@@ -309,9 +309,15 @@ class FakeDaemon(DaemonClient):
         if self.empty:
             return ()
         return (
+            *(self._row_of(search) for search in self.found),
             campaign_row("first", CAMPAIGN, self.rows, NOW - 240.0),
             campaign_row("nightly", OLD, NIGHTLY, NOW - 90_000.0),
         )
+
+    def _row_of(self, search: SearchRow) -> CampaignRow:
+        runs = tuple(row for row in self.rows if row.campaign == search.campaign)
+        row = campaign_row(search.name, search.campaign, runs, search.submitted_at)
+        return replace(row, search=search.state)
 
     def _campaigns(self, query: CampaignQuery) -> tuple[CampaignRow, ...]:
         found = [

@@ -36,7 +36,9 @@ POISON: Final = (
 )
 NAME: Final = POISON.replace("\r", "")
 """For places that end at the end of a line."""
-_MEANT: Final = frozenset({"digest", "engine", "kind", "map", "robot", "scene", "state", "trace"})
+_MEANT: Final = frozenset(
+    {"digest", "engine", "kind", "map", "phase", "robot", "scene", "slot", "state", "trace"}
+)
 """Fields with a meaning to the program: other texts there are refused before they are shown."""
 
 # What we send: styles, the cursor moved, hidden and shown, lines erased, modes of the keyboard and

@@ -20,6 +20,7 @@ from grammars.model.map_files import write_map
 from scenario_tui.cli import command_line, invoke, target
 from scenario_tui.cli.plain_flags import PlainFlagsCommand
 from tests.grammars.maps.imported import house
+from tests.scenario_tui.fake_search import SEARCH, make_proposals, make_search
 from tests.scenario_tui.poison import (
     NAME,
     POISON,
@@ -49,11 +50,20 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
         # Named, so that none is started.
         ("demo/campaign.yaml", "--connect", "tcp/127.0.0.1:7"),
     ),
-    "wait": (("first", "--timeout", "0s"), ("none{NAME}",)),
+    "search": (
+        (SEARCH, "-o", "out/search", "--no-gazebo"),
+        (SEARCH, "--json", "--detach"),
+        ("--list",),
+        ("none{NAME}",),
+        ("broken/campaign.yaml", "{NAME}"),
+        (SEARCH, "--budget", "{NAME}"),
+        ("demo/campaign.yaml", "--stop", "{NAME}"),
+    ),
+    "wait": (("first", "--timeout", "0s"), ("none{NAME}",), (SEARCH,)),
     "serve": (("broken/campaign.yaml",), ("demo/campaign.yaml", "{NAME}")),
     "tui": ((), ("--keys", "{NAME}")),
     "status": ((), ("--json",)),
-    "results": (("first",), ("first", "--runs"), ("first", "--json"), ("none{NAME}",)),
+    "results": (("first",), (SEARCH,), ("first", "--runs"), ("first", "--json"), ("none{NAME}",)),
     "show": ((RUN,), (RUN, "--json"), ("{TRACE}",), ("none{NAME}.1",)),
     "logs": (
         ("{TRACE}",),
@@ -135,7 +145,10 @@ def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Iterator
     _write_files(folder)
     trace = record_poisoned(folder / "traces" / f"run{NAME}.mcap")
     foreign = write_foreign_trace(folder / f"foreign{NAME}.mcap")
-    fake = PoisonedDaemon(trouble="the disk is full")
+    search, running = make_search(note="a note"), make_search("running", campaign="house-9")
+    fake = PoisonedDaemon(
+        trouble="the disk is full", found=(search, running), proposed=make_proposals()
+    )
 
     def typed(*words: str) -> tuple[int, bytes]:
         chosen = {"{NAME}": NAME, "{TRACE}": str(trace), "{FOREIGN}": str(foreign)}

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.search import Confirmation, ObjectiveValue
+from daemon.model.search import Confirmation, ObjectiveValue, ParameterChange
 from daemon.model.status import RunState
 from scenario_tui.text.search_text import (
     answer_lines,
@@ -134,14 +134,11 @@ def test_the_answer_begins_with_its_sentences() -> None:
     assert text == (
         "doors-in-time  ✗ it can fail  Doors a little early or late\n"
         "keeps-clear over 3 parameters of busy-house (pilot), method auto, seed 7\n"
-        "8 points, 25 runs executed, 3 reused, 2 failures; the budget is spent\n"
+        "8 runs, 3 of them were there already; the budget is spent\n"
         "\n"
-        "Run 4 is the first that fails: keeps-clear by 0.012 m near kitchen_door.\n"
-        "kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m near "
-        "kitchen_door; at 8.32 s it passes with 0.105 m\n"
-        "\n"
-        "the nearest failure:\n"
-        "  doors_moving.kitchen_opens  8 s -> 8.54 s  passes at 8.32 s\n"
+        "- Run 4 is the first that fails: keeps-clear by 0.012 m near kitchen_door.\n"
+        "- kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m "
+        "near kitchen_door; at 8.32 s it passes with 0.105 m\n"
         "\n"
         "findings:\n"
         "  2x  keeps-clear  kitchen_door on the way to kitchen at 31.5 s  −0.031 m  "
@@ -150,11 +147,22 @@ def test_the_answer_begins_with_its_sentences() -> None:
         "influence on the margin, rank correlation in 6 unguided runs:\n"
         "  doors_moving.kitchen_opens  ▐███████│          −0.93\n"
         "  doors_moving.leading                │██        +0.20\n"
-        "  robot.laser.noise                   │█         +0.08\n"
-        "\n"
-        "the least that still fails:\n"
-        "  minimal: kitchen_door (of 3 objects)"
+        "  robot.laser.noise                   │█         +0.08"
     )
+
+
+def test_several_changes_of_the_nearest_failure_are_a_table() -> None:
+    answer = make_answer()
+    assert answer.nearest is not None
+    change = ParameterChange("robot.laser.noise", "m", 0.01, 0.024)
+    several = replace(answer.nearest, changes=(*answer.nearest.changes, change))
+    row = make_search(answer=replace(answer, nearest=several))
+    text = "\n".join(line.plain.rstrip() for line in answer_lines(row))
+    assert (
+        "the nearest failure:\n"
+        "  doors_moving.kitchen_opens     8 s -> 8.54 s   passes at 8.32 s\n"
+        "  robot.laser.noise           0.01 m -> 0.024 m\n"
+    ) in text
 
 
 def test_a_search_without_an_answer_says_how_it_stands() -> None:

@@ -1,0 +1,361 @@
+"""The command that searches a scenario for failures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.exit_codes import ExitCode, exit_code, wrong_usage
+from scenario_tui.cli.options import AsJson, Connect, Slots, State
+from scenario_tui.cli.output import Output, plain_table, report_diagnostics, say, stdout_console
+
+if TYPE_CHECKING:
+    from daemon.model.search import ProposalRow, SearchRow, SearchSubmission, SearchTask
+    from daemon.model.verbs import DaemonClient
+    from scenario_tui.cli.target import DaemonTarget
+
+_SUBMIT_PATIENCE: Final = 10.0
+"""Seconds a daemon that is away is waited for with a search."""
+_LEAST_CONFIRMED: Final = 3
+"""Repeats of what a system that is not repeatable fails."""
+
+
+class SearchOutput(Output, schema="search"):
+    """A search with its answer and its runs, and the files ``written`` about it by their kind.
+
+    The files of the least that fails are among those, not in the answer.
+    """
+
+    search: SearchRow
+    proposals: tuple[ProposalRow, ...]
+    written: dict[str, str]
+
+    def print(self) -> None:
+        """Print the answer, what was written, and what to type next."""
+        from scenario_tui.cli.results import print_commands
+        from scenario_tui.cli.search_files import file_commands
+        from scenario_tui.text.formatting import TERMINAL_STYLES
+        from scenario_tui.text.search_text import answer_lines, search_commands
+
+        console = stdout_console()
+        for line in answer_lines(self.search, styles=TERMINAL_STYLES):
+            console.print(line, soft_wrap=True)
+        console.print()
+        print_commands(*file_commands(self.written), *search_commands(self.search))
+
+
+class SearchesOutput(Output, schema="searches"):
+    """The searches a daemon has, the newest first; answers without their files."""
+
+    searches: tuple[SearchRow, ...]
+
+    def print(self) -> None:
+        """Print a line for each."""
+        from rich.text import Text
+
+        from scenario_tui.cli.results import print_commands
+        from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
+        from scenario_tui.text.search_text import search_line, search_word
+
+        console = stdout_console()
+        if not self.searches:
+            console.print("No searches yet. Type: scenario search CAMPAIGN.yaml")
+            return
+        table = plain_table("search", "", "how it stands")
+        for row in self.searches:
+            word = search_word(row)
+            shown = Text(glyph_word(word), style=TERMINAL_STYLES[word])
+            table.add_row(Text(row.campaign), shown, Text(search_line(row)))
+        console.print(table)
+        print_commands((f"scenario search {self.searches[0].campaign}", "its answer"))
+
+
+def search(
+    campaign: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN.yaml | SEARCH",
+            help="A campaign file; or id or name of a search that the daemon has. "
+            "Default: list those.",
+            autocompletion=completion.campaign_files_or_campaigns,
+        ),
+    ] = "",
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="Which search of the file. Default: the only one.",
+            autocompletion=completion.searches_in_file,
+        ),
+    ] = "",
+    budget: Annotated[
+        str,
+        typer.Option(
+            "--budget", "-n", metavar="AMOUNT", help='200 (runs), "200 runs", "10 min", or both.'
+        ),
+    ] = "",
+    stop: Annotated[
+        str,
+        typer.Option(
+            "--stop", metavar="RULE", help='"first failure", "5 failures", "when settled", budget.'
+        ),
+    ] = "",
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            metavar="NAME",
+            help="auto, halton, random, tpe, cma, boundary, or one that plugs in.",
+            autocompletion=completion.one_of("auto", "halton", "random", "tpe", "cma", "boundary"),
+        ),
+    ] = "",
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, metavar="N", help="Seed of the proposals.")
+    ] = None,
+    confirm: Annotated[
+        int | None,
+        typer.Option(
+            "--confirm", min=0, max=100, metavar="N", help="Repeats of a failure that is told."
+        ),
+    ] = None,
+    fresh: Annotated[
+        bool,
+        typer.Option(
+            "--fresh", help="Search anew. Otherwise the same search goes on where it stands."
+        ),
+    ] = False,
+    detach: Annotated[
+        bool, typer.Option("--detach", "-d", help="Hand it over and do not stay.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Where the found scenario, its world for Gazebo and the page go. "
+            "Default: scenario-results/search/SEARCH/.",
+        ),
+    ] = None,
+    gazebo: Annotated[
+        bool, typer.Option("--gazebo/--no-gazebo", help="Export the found world for Gazebo.")
+    ] = True,
+    listed: Annotated[bool, typer.Option("--list", help="List the searches there are.")] = False,
+    slots: Slots = None,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Search for values that make a scenario fail, and for the failure nearest to it.
+
+    The daemon searches and keeps what it finds; one is started on this machine if none answers.
+    Ctrl-C ends the watching only.
+    """
+    from scenario_tui.cli.target import DaemonTarget
+
+    target = DaemonTarget(connect, state)
+    if listed or not campaign:
+        if campaign:
+            raise typer.BadParameter("lists all of them: name none", param_hint="--list")
+        with target.open() as daemon:
+            SearchesOutput(daemon.searches()).show(as_json)
+        return
+    changes = {"--budget": budget, "--stop": stop, "--method": method, "--seed": seed,
+               "--confirm": confirm, "--fresh": fresh or None, "NAME": name}  # fmt: skip
+    if _is_file(campaign):
+        change = _read_changes(budget, stop, method, seed, confirm)
+        found = _hand_over(Path(campaign), name, change, target, slots, fresh=fresh)
+    else:
+        given = [option for option, value in changes.items() if value not in ("", None)]
+        if given:
+            message = "is for campaign files: a search that is there is shown as it was asked for"
+            raise typer.BadParameter(message, param_hint=given[0])
+        found = _find_search(target, campaign)
+    if detach:
+        with target.open() as daemon:
+            search_output(*ask_search(daemon, found)).show(as_json)
+        return
+    raise typer.Exit(watch_search(target, found, as_json, out=out, gazebo=gazebo))
+
+
+def watch_search(
+    target: DaemonTarget,
+    campaign: str,
+    as_json: bool,
+    *,
+    out: Path | None = None,
+    gazebo: bool = True,
+) -> int:
+    """Watch a search to its end, write its files, print its answer, return its exit code.
+
+    Ctrl-C ends the watching only.
+    """
+    from scenario_tui.cli.progress import watch_work
+    from scenario_tui.cli.search_files import write_search_files
+    from scenario_tui.cli.search_progress import SearchWatch
+
+    watched = SearchWatch(campaign)
+    try:
+        row = watch_work(target.open, campaign, watched)
+    except KeyboardInterrupt:
+        again, end = f"scenario search {campaign}", f"scenario cancel {campaign}"
+        say(f"\n{campaign} goes on; come back with `{again}`, end it with `{end}`")
+        return ExitCode.INTERRUPTED
+    with target.open() as daemon:
+        folder = out or Path("scenario-results") / "search" / campaign
+        written = write_search_files(daemon, row, watched.rows, folder, gazebo=gazebo)
+    files = {kind: str(path) for kind, path in written.items()}
+    search_output(row, watched.rows, files).show(as_json)
+    return search_code(row)
+
+
+def wait_for_search(
+    target: DaemonTarget, campaign: str, as_json: bool, *, patience: float, limit: float
+) -> int:
+    """Watch a search to its end or for ``limit`` seconds, say how it stands; nothing is written."""
+    from scenario_tui.cli.progress import watch_work
+    from scenario_tui.cli.search_progress import SearchWatch
+    from scenario_tui.text.search_text import search_line
+
+    watched = SearchWatch(campaign)
+    row = watch_work(target.open, campaign, watched, patience=patience, limit=limit)
+    if as_json:
+        search_output(row, watched.rows).emit()
+    say(f"{row.campaign}: {search_line(row)}")
+    return ExitCode.INCONCLUSIVE if row.state == "running" else search_code(row)
+
+
+def search_code(row: SearchRow) -> ExitCode:
+    """Return the exit code of a search: 1 when something fails, 3 when it could not go on.
+
+    One that was cancelled, or whose runs all were inconclusive, is not decided.
+    """
+    from scenario_tui.text.search_text import search_word
+
+    return exit_code([search_word(row)])
+
+
+def _is_file(word: str) -> bool:
+    return word.endswith((".yaml", ".yml")) or Path(word).is_file()
+
+
+def _read_changes(
+    budget: str, stop: str, method: str, seed: int | None, confirm: int | None
+) -> Callable[[SearchTask], SearchTask]:
+    """Return what options change of a search; raises :class:`typer.BadParameter`."""
+    from daemon.campaign import read_budget, read_stop
+
+    changes: dict[str, object] = {}
+    if budget:
+        with wrong_usage("--budget"):
+            text = f"{budget.strip()} runs" if budget.strip().isdecimal() else budget
+            changes["runs"], changes["seconds"] = read_budget(text)
+    if stop:
+        with wrong_usage("--stop"):
+            changes["stop"], changes["failures"] = read_stop(stop)
+    if method:
+        changes["method"] = method
+    if seed is not None:
+        changes["seed"] = seed
+
+    def change(task: SearchTask) -> SearchTask:
+        repeats = {} if confirm is None else {"confirm": confirm}
+        if confirm is not None and not task.repeatable:
+            repeats = {"confirm": max(confirm, _LEAST_CONFIRMED)}
+        return replace(task, **changes, **repeats)  # type: ignore[arg-type]
+
+    return change
+
+
+def _hand_over(
+    path: Path,
+    name: str,
+    change: Callable[[SearchTask], SearchTask],
+    target: DaemonTarget,
+    slots: int | None,
+    *,
+    fresh: bool,
+) -> str:
+    """Hand a search to the daemon, or let it go on; returns its id."""
+    from daemon.search.submission import prepare_search
+    from scenario_tui.cli.execute import start_daemon_if_needed
+    from scenario_tui.cli.progress import ask_patiently
+
+    submission, warnings = prepare_search(path, name, change=change, fresh=fresh)
+    report_diagnostics(warnings)
+    start_daemon_if_needed(target, slots)
+    # Asked before: afterwards one that was cancelled runs again.
+    before = ask_patiently(
+        target, lambda daemon: daemon.search_row(submission.campaign), _SUBMIT_PATIENCE
+    )
+    ask_patiently(target, lambda daemon: daemon.submit_search(submission), _SUBMIT_PATIENCE)
+    say(_receipt_text(submission, before))
+    return submission.campaign
+
+
+def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str:
+    """Say what became of a search that was handed over."""
+    from scenario_tui.text.formatting import pluralise
+
+    task, id_ = submission.task, submission.campaign
+    if before is None:
+        about = f"{pluralise(len(task.parameters), 'parameter')} of {task.scenario}"
+        return f"submitted {id_}: {about}, {_budget_text(task)}"
+    anew = "(--fresh searches anew)"
+    runs = pluralise(before.finished, "run")
+    if before.state == "finished":
+        return f"{id_} is known already, its answer is kept {anew}"
+    return f"{id_} is known already and goes on after {runs} {anew}"
+
+
+def _budget_text(task: SearchTask) -> str:
+    from scenario_tui.text.formatting import duration, pluralise
+
+    runs = f"at most {pluralise(task.runs, 'run')}"
+    return f"{runs} or {duration(task.seconds)}" if task.seconds else runs
+
+
+def _find_search(target: DaemonTarget, wanted: str) -> str:
+    """Return the id of the search meant; raises :class:`Refused` when there is none."""
+    from daemon.batch.errors import Refused
+    from scenario_tui.cli.target import find_campaign
+
+    with target.open() as daemon:
+        try:
+            found = find_campaign(daemon, wanted)
+        except Refused:
+            # People know a search by the name it has in its campaign file.
+            called = [row for row in daemon.searches() if row.task.name == wanted]
+            if not called:
+                raise
+            return called[0].campaign
+        if not found.search:
+            hint = f"its results are shown by `scenario results {found.id}`"
+            raise Refused(f"{found.id} is no search: {hint}")
+        return found.id
+
+
+def ask_search(daemon: DaemonClient, campaign: str) -> tuple[SearchRow, tuple[ProposalRow, ...]]:
+    """Return a search and its runs; raises :class:`Refused` when there is none."""
+    from daemon.batch.errors import Refused
+
+    row = daemon.search_row(campaign)
+    if row is None:
+        raise Refused(f"there is no search {campaign}")
+    return row, daemon.proposals(campaign)
+
+
+def search_output(
+    row: SearchRow, rows: tuple[ProposalRow, ...], written: Mapping[str, str] | None = None
+) -> SearchOutput:
+    """Return what to say of a search, without the contents of files."""
+    answer = row.answer
+    if answer is not None and answer.shrunk is not None:
+        shrunk = replace(answer.shrunk, files=())
+        row = replace(row, answer=replace(answer, shrunk=shrunk))
+    return SearchOutput(row, rows, dict(written or {}))

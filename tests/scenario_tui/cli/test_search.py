@@ -1,0 +1,340 @@
+"""Searching from the command line: what is handed over, watched, told and written."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import typer
+from rich.console import Console
+
+from daemon.model.messages import IdRequest
+from daemon.model.search import (
+    BundledFile,
+    SearchRow,
+    SearchSubmission,
+    SearchTask,
+)
+from daemon.model.status import RunState
+from scenario_tui.cli import progress
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.progress import ProgressDisplay
+from scenario_tui.cli.search import _read_changes, search_code
+from scenario_tui.cli.search_progress import SearchWatch
+from scenario_tui.client import newer_proposals
+from tests.scenario_tui.cli.outputs import declared
+from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_row
+from tests.scenario_tui.fake_search import (
+    MARGINS,
+    SEARCH,
+    TASK,
+    make_answer,
+    make_proposal_row,
+    make_proposals,
+    make_search,
+)
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(progress, "INTERVAL", 0.001)
+    monkeypatch.setattr(progress, "_POLL", 0.0)
+    monkeypatch.chdir(tmp_path)
+
+
+def _have(fake: FakeDaemon, row: SearchRow) -> None:
+    """Have the daemon know a search with its runs."""
+    fake.found, fake.proposed = (row,), make_proposals()
+    runs = tuple(
+        make_row(i, id=f"{SEARCH}.{i}", campaign=SEARCH, scenario=f"doors-in-time.{i}")
+        for i in range(len(MARGINS))
+    )
+    fake.rows = (*fake.rows, *runs)
+
+
+def _bundled(monkeypatch: pytest.MonkeyPatch, *paths: str) -> None:
+    files = tuple(BundledFile(path, base64.b64encode(path.encode()).decode()) for path in paths)
+
+    def bundle(self: FakeDaemon, request: IdRequest) -> SearchSubmission:
+        return SearchSubmission(request.id, "house", "", "", TASK, paths[0], files)
+
+    monkeypatch.setattr(FakeDaemon, "_bundle", bundle)
+
+
+def test_a_search_that_is_over_is_told_with_its_files_and_commands(
+    scenario, fake, monkeypatch, tmp_path
+) -> None:
+    _have(fake, make_search())
+    _bundled(monkeypatch, "house/campaign.yaml", "robots/courier.yaml")
+    said = scenario("search", SEARCH, "--no-gazebo")
+    assert said.code == ExitCode.UNEXPECTED
+    assert said.out.startswith("doors-in-time  ✗ it can fail")
+    folder = Path("scenario-results") / "search" / SEARCH
+    found = folder / "house" / "doors-in-time.found.yaml"
+    assert found.read_text() == "campaign: house\n"
+    assert (folder / "robots" / "courier.yaml").read_text() == "robots/courier.yaml"
+    assert (folder / "smallest" / "campaign.yaml").read_text() == "campaign: shrunk\n"
+    assert f"scenario run {found}" in said.out
+    assert f"scenario replay {SEARCH}.4 --from keeps-clear" in said.out
+
+
+def test_a_daemon_cannot_have_files_written_elsewhere(scenario, fake, monkeypatch, tmp_path):
+    _have(fake, make_search())
+    _bundled(monkeypatch, "house/campaign.yaml", "../../robots/courier.yaml")
+    assert scenario("search", SEARCH, "--out", "deep/deeper").code != 0
+    assert not list(tmp_path.rglob("courier.yaml"))
+
+
+def test_as_json_a_search_has_its_runs_and_the_names_of_its_files(
+    scenario, fake, monkeypatch
+) -> None:
+    _have(fake, make_search())
+    _bundled(monkeypatch, "campaign.yaml")
+    body = declared(scenario("search", SEARCH, "-o", "out", "--no-gazebo", "--json").out)
+    assert body["search"]["campaign"] == SEARCH
+    assert len(body["proposals"]) == len(MARGINS)
+    assert body["written"]["found"] == "out/doors-in-time.found.yaml"
+    assert body["search"]["answer"]["shrunk"]["files"] == []
+
+
+def test_a_search_is_named_by_its_id_its_name_or_as_in_its_file(scenario, fake) -> None:
+    _have(fake, make_search("running"))
+    for name in (SEARCH, "house", "doors-in-time"):
+        said = scenario("search", name, "--detach")
+        assert (said.code, said.err) == (0, "")
+        assert f"scenario cancel {SEARCH}" in said.out
+    assert scenario("search", "nothing").code == ExitCode.BAD_INPUT
+
+
+def test_a_campaign_is_no_search(scenario, fake) -> None:
+    said = scenario("search", CAMPAIGN)
+    assert said.code == ExitCode.BAD_INPUT
+    assert f"scenario results {CAMPAIGN}" in said.err
+
+
+def test_options_are_for_campaign_files(scenario, fake) -> None:
+    _have(fake, make_search())
+    said = scenario("search", SEARCH, "--budget", "200")
+    assert said.code == ExitCode.BAD_INPUT
+    assert "--budget" in said.err
+
+
+def test_searches_are_listed(scenario, fake) -> None:
+    assert "No searches yet" in scenario("search").out
+    _have(fake, make_search())
+    for words in ((), ("--list",)):
+        said = scenario("search", *words)
+        assert said.code == 0
+        assert SEARCH in said.out
+        assert "2 failures" in said.out
+    body = declared(scenario("search", "--list", "--json").out)
+    assert [row["campaign"] for row in body["searches"]] == [SEARCH]
+    assert scenario("search", SEARCH, "--list").code == ExitCode.BAD_INPUT
+
+
+@pytest.mark.parametrize(
+    ("row", "code"),
+    [
+        (make_search(), ExitCode.UNEXPECTED),
+        (make_search(answer=replace(make_answer(), first=None, failed=0)), ExitCode.EXPECTED),
+        (
+            make_search(answer=replace(make_answer(), first=None, failed=0, ended="errors")),
+            ExitCode.INFRASTRUCTURE,
+        ),
+        (
+            make_search(answer=replace(make_answer(), first=None, failed=0, best=None)),
+            ExitCode.INCONCLUSIVE,
+        ),
+        (make_search("failed"), ExitCode.INFRASTRUCTURE),
+        (make_search("cancelled"), ExitCode.INCONCLUSIVE),
+        (make_search("cancelled", answer=make_answer()), ExitCode.UNEXPECTED),
+    ],
+)
+def test_the_code_of_a_search(row: SearchRow, code: ExitCode) -> None:
+    assert search_code(row) is code
+
+
+def test_options_change_what_is_asked() -> None:
+    change = _read_changes("200", "5 failures", "halton", 3, 1)
+    task = change(TASK)
+    assert (task.runs, task.seconds, task.stop, task.failures) == (200, 0.0, "failures", 5)
+    assert (task.method, task.seed, task.confirm) == ("halton", 3, 1)
+    assert change(replace(TASK, repeatable=False)).confirm == 3
+    assert _read_changes("10 min", "", "", None, None)(TASK).seconds == 600.0
+    assert _read_changes("", "", "", None, None)(TASK) == TASK
+    with pytest.raises(typer.BadParameter):
+        _read_changes("many", "", "", None, None)
+    with pytest.raises(typer.BadParameter):
+        _read_changes("", "never", "", None, None)
+
+
+def _handing_over(
+    monkeypatch: pytest.MonkeyPatch, fake: FakeDaemon
+) -> tuple[list[SearchTask], Path]:
+    """Have a campaign file be the search of the tests; returns what is prepared."""
+    prepared: list[SearchTask] = []
+
+    def prepare(
+        path: Path,
+        name: str = "",
+        *,
+        change: Callable[[SearchTask], SearchTask],
+        fresh: bool = False,
+    ) -> tuple[SearchSubmission, tuple[()]]:
+        prepared.append(change(TASK))
+        found = SearchSubmission(SEARCH, "house", "", "", prepared[-1], "campaign.yaml", ())
+        return found, ()
+
+    monkeypatch.setattr("daemon.search.submission.prepare_search", prepare)
+    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
+    return prepared, Path("campaign.yaml")
+
+
+def test_a_search_is_handed_over_and_left_alone(scenario, fake, monkeypatch) -> None:
+    prepared, file = _handing_over(monkeypatch, fake)
+
+    def search(self: FakeDaemon, submission: SearchSubmission) -> object:
+        from daemon.model.status import SubmissionReceipt
+
+        self.found = (make_search("running", task=submission.task, finished=0),)
+        return SubmissionReceipt(submission.campaign, 0, known=False)
+
+    monkeypatch.setattr(FakeDaemon, "_search", search)
+    said = scenario("search", str(file), "--budget", "200 runs", "--detach")
+    assert said.code == 0
+    assert said.err == f"submitted {SEARCH}: 3 parameters of busy-house, at most 200 runs\n"
+    assert prepared[0].runs == 200
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        ("finished", "is known already, its answer is kept"),
+        ("running", "is known already and goes on after 8 runs"),
+        ("cancelled", "is known already and goes on after 8 runs"),
+    ],
+)
+def test_the_same_search_goes_on(scenario, fake, monkeypatch, state: str, words: str) -> None:
+    _, file = _handing_over(monkeypatch, fake)
+    _have(fake, make_search(state))
+    said = scenario("search", str(file), "--detach")
+    assert said.err == f"{SEARCH} {words} (--fresh searches anew)\n"
+
+
+def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fake) -> None:
+    _have(fake, make_search("running"))
+    looks = 0
+
+    def later(daemon: FakeDaemon) -> None:
+        nonlocal looks
+        looks += 1
+        if looks == 10:
+            daemon.found = (replace(daemon.found[0], phase="nearest"),)
+        if looks == 20:
+            daemon.found = (make_search(answer=replace(make_answer(), found="", shrunk=None)),)
+
+    fake.before = later
+    said = scenario("search", SEARCH)
+    assert said.code == ExitCode.UNEXPECTED
+    assert said.err.splitlines() == [
+        f"run 4 fails: keeps-clear by −0.012 m ({SEARCH}.4)",
+        "looking for the nearest failure",
+    ]
+
+
+def test_leaving_ends_the_watching_only(scenario, fake) -> None:
+    _have(fake, make_search("running"))
+    looks = 0
+
+    def later(daemon: FakeDaemon) -> None:
+        nonlocal looks
+        looks += 1
+        if looks == 12:
+            raise KeyboardInterrupt
+
+    fake.before = later
+    said = scenario("search", SEARCH)
+    assert said.code == ExitCode.INTERRUPTED
+    assert f"end it with `scenario cancel {SEARCH}`" in said.err
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_progress_fits_its_terminal(fake, width: int) -> None:
+    _have(fake, make_search("running"))
+    watched = SearchWatch(SEARCH)
+    watched.look(fake, ProgressDisplay(None))
+    console = Console(width=width, record=True)
+    console.print(watched.draw({}, "", width))
+    line = console.export_text().splitlines()[0]
+    assert line.startswith("doors-in-time")
+    assert "8/60 runs" in line
+    assert ("▆" in line) == (width > 60)
+
+
+def test_a_search_before_its_first_run_says_what_it_waits_for(fake) -> None:
+    fake.found = (make_search("running"),)
+    watched = SearchWatch(SEARCH)
+    watched.look(fake, ProgressDisplay(None))
+    console = Console(width=100, record=True)
+    console.print(watched.draw({}, "", 100))
+    console.print(watched.draw({}, "compiling machine code", 100))
+    text = console.export_text()
+    assert "waiting for a worker" in text
+    assert "compiling machine code" in text
+
+
+def test_only_runs_that_may_have_changed_are_asked_for_again(fake) -> None:
+    open_row = make_proposal_row(len(MARGINS), state=RunState.RUNNING)
+    fake.found, fake.proposed = (make_search("running"),), (*make_proposals(), open_row)
+    known = newer_proposals(fake, SEARCH)
+    fake.calls.clear()
+    fake.proposed = (*make_proposals(), make_proposal_row(len(MARGINS)), open_row)
+    assert newer_proposals(fake, SEARCH, known) == fake.proposed
+    assert [call[2] for call in fake.calls] == [len(MARGINS), len(MARGINS) + 2]
+
+
+def test_results_of_a_search_are_its_answer(scenario, fake) -> None:
+    _have(fake, make_search())
+    said = scenario("results", SEARCH)
+    assert (said.code, said.err) == (0, "")
+    assert said.out.startswith("doors-in-time  ✗ it can fail")
+    assert scenario("results", SEARCH, "--exit-status").code == ExitCode.UNEXPECTED
+    assert "doors-in-time.4/pilot" in scenario("results", SEARCH, "--runs").out
+    assert declared(scenario("results", SEARCH, "--json").out)["schema"] == "scenario/search/1"
+    assert scenario("results", SEARCH, "--baseline", "last-green").code == ExitCode.BAD_INPUT
+
+
+def test_waiting_for_a_search_leaves_with_its_code(scenario, fake) -> None:
+    _have(fake, make_search())
+    said = scenario("wait", SEARCH)
+    assert said.code == ExitCode.UNEXPECTED
+    assert "the budget is spent" in said.err
+    fake.found = (make_search("running"),)
+    said = scenario("wait", SEARCH, "--timeout", "0s")
+    assert said.code == ExitCode.INCONCLUSIVE
+    assert "looking for failures, 8 of 60 runs" in said.err
+
+
+def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake) -> None:
+    _have(fake, make_search("running"))
+    said = scenario("status")
+    assert f"{SEARCH} (search)" in said.out
+    assert "search doors-in-time: looking for failures, 8 of 60 runs" in said.out
+    body = declared(scenario("status", "--json").out)
+    assert [row["campaign"] for row in body["searches"]] == [SEARCH]
+    fake.found = (make_search(),)
+    assert declared(scenario("status", "--json").out)["searches"] == []
+
+
+def test_a_run_of_a_search_says_which_point_it_is(scenario, fake) -> None:
+    _have(fake, make_search())
+    said = scenario("show", f"{SEARCH}.4")
+    assert "point 4 of the search doors-in-time, looking for failures, halton" in said.out
+    assert "doors_moving.kitchen_opens  8.4 s  instead of 8 s" in said.out
+    assert f"scenario search {SEARCH}" in said.out
+    body = declared(scenario("show", f"{SEARCH}.4", "--json").out)
+    assert body["proposal"]["number"] == 4
+    assert declared(scenario("show", f"{CAMPAIGN}.4", "--json").out)["proposal"] is None
