@@ -13,8 +13,8 @@ from daemon.batch.errors import DaemonError, Unreachable
 from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot
 from daemon.model.verbs import DaemonClient
 from scenario_tui.client import ClientOpener
+from scenario_tui.dashboard.known_searches import KnownSearches
 from scenario_tui.dashboard.run_watch import RunWatch
-from scenario_tui.dashboard.search_watch import SearchWatch
 from scenario_tui.dashboard.state import (
     CAMPAIGNS_SHOWN,
     CampaignAssessor,
@@ -67,7 +67,7 @@ class Feed:
         self._notices: deque[Notice] = deque(maxlen=16)
         self._wake = threading.Event()
         self._asked = threading.Event()
-        self._search_watch = SearchWatch()
+        self._searches = KnownSearches()
         self._run_watch = RunWatch(open_daemon, self._lives, self._note_problem, self._wake.set)
         self._closing = False
         self.on_answer: Callable[[], object] = _nobody_waits
@@ -188,7 +188,7 @@ class Feed:
         # request beside a slow callback ran into its time-out. So nothing is asked from here.
         if event.campaign:
             self._assessor.touch(event.campaign)
-        self._search_watch.touch(event)
+        self._searches.touch(event)
         self._wake.set()
 
     def answer(self, daemon: DaemonClient) -> bool:
@@ -214,7 +214,7 @@ class Feed:
         turned = self.answer(daemon)
         query = self._query
         campaigns = _campaigns(daemon, query)
-        self._search_watch.update_rows(daemon, campaigns)
+        self._searches.update_rows(daemon, campaigns)
         state = replace(
             self._state,
             connected=True,
@@ -222,7 +222,7 @@ class Feed:
             refused=False,
             overview=daemon.overview(),
             campaigns=campaigns,
-            searches=self._search_watch.rows,
+            searches=self._searches.rows,
             conclusions=self._assessor.conclusions,
             results=self._assessor.results,
             at=self._clock(),
@@ -241,7 +241,7 @@ class Feed:
     def _add_search(
         self, daemon: DaemonClient, state: DashboardState, campaign: str
     ) -> DashboardState:
-        found = self._search_watch.runs(daemon, campaign)
+        found = self._searches.runs(daemon, campaign)
         return state if found is None else replace(state, search=found)
 
     def _forget(self) -> None:

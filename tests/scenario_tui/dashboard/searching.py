@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from daemon.model.messages import IdRequest
 from daemon.model.search import (
     Finding,
     Influence,
@@ -229,12 +230,9 @@ class SearchingDaemon(FakeDaemon):
         counts = {"proposed": len(self.proposed), "finished": settled}
         self.found = (replace(before, **counts),)  # type: ignore[arg-type]
 
-    def _campaign_rows(self) -> tuple[CampaignRow, ...]:
-        return (*(self._search_row(row) for row in self.found), *super()._campaign_rows())
-
-    def _search_row(self, row: SearchRow) -> CampaignRow:
-        found = campaign_row("house", row.campaign, self._searched(), row.submitted_at)
-        return replace(found, search=row.state)
+    def _row_of(self, search: SearchRow) -> CampaignRow:
+        found = campaign_row("house", search.campaign, self._searched(), search.submitted_at)
+        return replace(found, search=search.state)
 
     def _searched(self) -> tuple[RunRow, ...]:
         return tuple(self._run_row(row) for row in self.proposed)
@@ -248,13 +246,13 @@ class SearchingDaemon(FakeDaemon):
             oracle=lead.oracle, margin=lead.margin, unit=lead.unit, trace=trace,
         )  # fmt: skip
 
-    def run(self, run: str) -> RunDetail:
+    def _run(self, request: IdRequest) -> RunDetail:
+        run = request.id
         for row in self._searched():
             if row.id == run:
-                self._answer("run", run)
                 spec = make_spec(row, WORLD.digest)
                 kept = next((result for name, result, _ in self.results if name == run), None)
                 if kept is not None:
                     return RunDetail(row, replace(make_run(), scenario=row.scenario), kept)
                 return RunDetail(row, spec, make_result(row))
-        return super().run(run)
+        return super()._run(request)

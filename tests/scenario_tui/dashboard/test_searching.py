@@ -14,13 +14,13 @@ from textual.widgets import Static
 from daemon.model.search import OracleScale
 from daemon.model.status import ChangeEvent, RunState
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.dashboard.known_searches import KnownSearches
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.search import SearchScreen
 from scenario_tui.dashboard.search_runs import SearchRuns, decisive_moment, searched_run
-from scenario_tui.dashboard.search_watch import SearchWatch
 from scenario_tui.dashboard.widgets.search_curve import (
     SearchCurve,
     draw_search_curve,
@@ -243,7 +243,7 @@ def asked(fake: SearchingDaemon, verb: str) -> list[tuple[object, ...]]:
 
 
 def test_only_new_runs_and_those_that_were_not_over_are_asked_for() -> None:
-    fake, watch = SearchingDaemon.running(20), SearchWatch()
+    fake, watch = SearchingDaemon.running(20), KnownSearches()
 
     def look() -> SearchRuns | None:
         watch.update_rows(fake, fake.campaign_page(limit=10))
@@ -275,7 +275,7 @@ def test_thousands_of_runs_come_in_pages() -> None:
     rows = make_proposals(1200)
     fake, watch = (
         SearchingDaemon(found=(make_search(rows, "running"),), proposed=rows),
-        SearchWatch(),
+        KnownSearches(),
     )
     watch.update_rows(fake, fake.campaign_page(limit=10))
     found = watch.runs(fake, SEARCH)
@@ -285,7 +285,7 @@ def test_thousands_of_runs_come_in_pages() -> None:
 
 
 def test_a_search_that_is_gone_is_forgotten() -> None:
-    fake, watch = SearchingDaemon.finished(), SearchWatch()
+    fake, watch = SearchingDaemon.finished(), KnownSearches()
     watch.update_rows(fake, fake.campaign_page(limit=10))
     assert SEARCH in watch.rows
     fake.found = ()

@@ -15,7 +15,7 @@ _PAGE: Final = 500
 """Runs of a search asked for at a time."""
 
 
-class SearchWatch:
+class KnownSearches:
     """Remembers how searches stand, and the runs of one; asks for what changed and no more.
 
     ``rows`` and what :meth:`runs` returns are replaced and never changed, so that other threads
