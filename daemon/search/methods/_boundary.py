@@ -82,7 +82,7 @@ class BoundaryStage:
     def _finest(self, history: SearchHistory) -> float:
         """Return the side of the smallest cells that are halved: half of a value's share."""
         levels = max(axis.levels or math.inf for axis in history.space.axes)
-        return max((self._side - 1) * _CELL / (2 * levels), 2.0)
+        return max(float(self._side - 1) * _CELL / (2.0 * levels), 2.0)
 
     def _sort(self, values: _Values, history: SearchHistory) -> None:
         """Sort cells in by how much they need to be halved, once their corners are known."""
