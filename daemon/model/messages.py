@@ -204,8 +204,8 @@ class LeaseRequest:
 class Lease:
     """One leased run: ``token`` fences it, ``trace`` names its trace in the ``store``.
 
-    ``store`` is a URL, empty for the daemon's state directory. ``leads``: the result is to have
-    leading margins, which a search asks for.
+    ``store`` is a URL, empty for the daemon's state directory. With ``leads`` its result is to have
+    leading margins: a search learns of them.
     """
 
     run: str

@@ -162,13 +162,14 @@ class LeadingMargin:
 
     In ``unit``, as the verdict's margin, but it leads to the failure also where that is flat
     (``never(contact)`` by the clearance). ``None`` when the run says nothing about it. ``object``
-    is what it is about.
+    is what it is about, ``waypoint`` the one that the robot was on its way to at that moment.
     """
 
     oracle: str
     margin: float | None
     unit: str
     object: str = ""
+    waypoint: str = ""
 
 
 @dataclass(frozen=True, slots=True)

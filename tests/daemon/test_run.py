@@ -161,6 +161,22 @@ def test_odometry_of_an_exact_period_keeps_its_stamps(
     np.testing.assert_allclose(odometry.x, expected, atol=1e-6)
 
 
+def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    spec = replace(demo.runs[5], limit=20.0)
+    plain = execute(spec, scene, trace_path=tmp_path / "plain.mcap")
+    led = execute(spec, scene, trace_path=tmp_path / "led.mcap", leads=True)
+    assert plain.leads == ()
+    assert (led.verdicts, led.digest) == (plain.verdicts, plain.digest)
+    assert (tmp_path / "led.mcap").read_bytes() == (tmp_path / "plain.mcap").read_bytes()
+    limited = {v.oracle: v for v in led.verdicts if v.outcome is not Outcome.MEASURE}
+    assert [lead.oracle for lead in led.leads] == list(limited)
+    for lead in led.leads:
+        fails = limited[lead.oracle].outcome is Outcome.FAIL
+        assert fails == (lead.margin is not None and lead.margin < 0.0)
+
+
 def test_another_seed_gives_another_trace(demo: Submission, scene: Scene, tmp_path: Path) -> None:
     spec = idle(demo, seconds=2.0)
     one = execute(spec, scene, trace_path=tmp_path / "one.mcap")
@@ -273,7 +289,7 @@ spec = codec.from_json(RunSpec, (folder / "spec.json").read_bytes())
 scene = codec.from_json(Scene, (folder / "scene.json").read_bytes())
 warm_up()
 before = set(sys.modules)
-execute(spec, scene, trace_path=folder / "trace.mcap")
+execute(spec, scene, trace_path=folder / "trace.mcap", leads=True)
 print(*sorted(name for name in set(sys.modules) - before))
 """
 

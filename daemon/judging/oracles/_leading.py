@@ -19,7 +19,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,10 +49,16 @@ from grammars.text.diagnostics import InputError
 
 @dataclass(frozen=True, slots=True)
 class _Lead:
-    """A margin before it is given the verdict's sign, and what it is about."""
+    """A margin before it is given the verdict's sign, what it is about, and when that was.
+
+    ``index`` is the decisive sample, ``None`` where the verdict's evidence says when. ``waypoint``
+    is the one it is about, where it is about one.
+    """
 
     margin: float
     object: str = ""
+    index: int | None = None
+    waypoint: str = ""
 
 
 def judge_leading(
@@ -112,8 +118,22 @@ def _lead_one(written: OracleText, verdict: Verdict, sampler: SignalSampler) -> 
     except (InputError, PluginError, ValueError):
         # The verdict is there, so it is a plug-in that answers differently when asked again.
         unit, lead = verdict.unit, _own(verdict)
-    margin, about = _signed(verdict, lead.margin), lead.object or verdict.evidence.object
-    return LeadingMargin(written.name, margin, unit, about)
+    about = lead.object or verdict.evidence.object
+    waypoint = lead.waypoint or _waypoint_ahead(verdict, lead, sampler)
+    return LeadingMargin(written.name, _signed(verdict, lead.margin), unit, about, waypoint)
+
+
+def _waypoint_ahead(verdict: Verdict, lead: _Lead, sampler: SignalSampler) -> str:
+    """Return the waypoint being approached at the decisive moment, as reported; or nothing."""
+    index = lead.index
+    if index is None:
+        moment, time = verdict.evidence.time, sampler.time_base.time
+        if moment is None or not len(time):
+            return ""
+        index = max(int(np.searchsorted(time, moment + 1e-9, side="right")) - 1, 0)
+    current, waypoints = sampler.current[index], sampler.trace.spec.mission.waypoints
+    ahead = not math.isnan(current) and 0 <= current < len(waypoints)
+    return waypoints[int(current)].id if ahead else ""
 
 
 def _own(verdict: Verdict) -> _Lead:
@@ -186,7 +206,7 @@ def _lead_until(
         robot = sampler.trace.spec.robot
         factor = predicate_scale(judgement.predicate, robot)
         factor /= predicate_scale(judgement.release, robot)
-    return _Lead(nearest.margin * factor, nearest.object)
+    return replace(nearest, margin=nearest.margin * factor)
 
 
 def _lead_amount(
@@ -207,7 +227,7 @@ def _lead_amount(
     nearest = _extreme(found, allowed, largest=never)
     more = limit.operator in (">=", ">")
     margin = own.margin + (nearest.margin if more else -nearest.margin)
-    return _Lead(margin, nearest.object)
+    return replace(nearest, margin=margin)
 
 
 def _lead_statistic(
@@ -230,7 +250,7 @@ def _lead_statistic(
         return own
     value, index = statistic_of(operator, sampler.time_base, allowed, led.values)
     margin = margin_of(limit.operator, np.array([value]), np.array([limit.number.value]))
-    return _Lead(float(margin[0]), "" if index is None else led.object_at(index))
+    return _Lead(float(margin[0]), "" if index is None else led.object_at(index), index)
 
 
 def _lead_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) -> _Lead:
@@ -250,7 +270,7 @@ def _lead_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) ->
             everywhere = np.full(len(usable), True)
             closest = float(waypoint_distance(sampler, everywhere, waypoint)[start:].min())
         missing = max(closest - judgement.tolerance.value, 0.0)
-        return _Lead(-missing - _route(waypoints[index:]), waypoint.id)
+        return _Lead(-missing - _route(waypoints[index:]), waypoint.id, waypoint=waypoint.id)
     return _Lead(-LEAST)
 
 
@@ -266,4 +286,4 @@ def _extreme(found: PredicateSeries, allowed: SampleMask, *, largest: bool) -> _
     margin = np.where(allowed, found.margin, -math.inf if largest else math.inf)
     index = int(margin.argmax() if largest else margin.argmin())
     about = found.clauses[found.decided[index]].value.object_at(index)
-    return _Lead(float(margin[index]), about)
+    return _Lead(float(margin[index]), about, index)

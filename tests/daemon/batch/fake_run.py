@@ -28,7 +28,7 @@ from pathlib import Path
 import psutil
 
 from daemon.model.attachments import SutMissing, resolve_paths
-from daemon.model.spec import RunResult, RunSpec, Snapshot, TraceInfo
+from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot, TraceInfo
 from daemon.model.verdicts import Evidence, Outcome
 from grammars.model.geometry import Pose2
 from grammars.model.scene import Scene
@@ -42,6 +42,7 @@ def execute(
     trace_path: Path,
     on_progress: Callable[[Snapshot], None] | None = None,
     interest: Callable[[], str] | None = None,
+    leads: bool = False,
 ) -> RunResult:
     asked = spec.sut.parameters
     if spec.sut.kind == "absent":
@@ -81,7 +82,12 @@ def execute(
     result = make_result(spec, outcome=Outcome(asked.get("outcome", "pass")), trace=trace)
     evidence = Evidence(note="x" * asked.get("evidence", 0))
     verdict = replace(result.verdicts[0], evidence=evidence)
-    return replace(result, verdicts=(verdict,) * asked.get("verdicts", 1))
+    margin = LeadingMargin("arrives", verdict.margin, "s")
+    return replace(
+        result,
+        verdicts=(verdict,) * asked.get("verdicts", 1),
+        leads=(margin,) if leads else (),
+    )
 
 
 def leave_process(file: Path) -> None:

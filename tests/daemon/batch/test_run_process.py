@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import select
+import subprocess
+import sys
 from dataclasses import replace
 from multiprocessing import Pipe
 from pathlib import Path
@@ -61,3 +63,44 @@ def test_what_is_waited_for_is_told_of_a_building_full_of_doors(tmp_path: Path) 
     assert found[1].waiting
     assert found[1].joints == ()
     assert sent(replace(FULL, joints=many), tmp_path) is None
+
+
+ASKED = """
+import sys
+from multiprocessing.connection import wait
+from pathlib import Path
+from daemon.batch.worker._attempts import Attempt
+from daemon.batch.worker._forkserver import ForkServerPool, prepare_environment
+from daemon.model.execution import RunLimits
+from daemon.model.messages import Lease
+from grammars.text import codec
+from tests.daemon.batch.samples import SCENE, make_spec
+
+if __name__ == "__main__":
+    prepare_environment(sys.argv[2])
+    folder = Path(sys.argv[1])
+    (folder / "scene.json").write_bytes(codec.to_json(SCENE))
+    pool = ForkServerPool(1)
+    for leads in (False, True):
+        lease = Lease("c.0", "c", 1, 7, "c/0.mcap", make_spec(), leads=leads)
+        attempt = Attempt.prepare(folder / f"{leads}" / "attempt-1", lease)
+        execution = pool.start(attempt, folder / "scene.json", RunLimits())
+        while execution.end is None:
+            wait(execution.waitables)
+            execution.listen()
+        why = execution.end.why
+        execution.close()
+        if why:
+            sys.exit(why)
+        print([lead.margin for lead in attempt.result().leads])
+"""
+
+
+def test_a_run_leaves_leading_margins_where_its_lease_asks_for_them(tmp_path: Path) -> None:
+    # In a process of its own: one has only one fork server.
+    done = subprocess.run(
+        [sys.executable, "-c", ASKED, str(tmp_path), "tests.daemon.batch.fake_run:execute"],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.stdout.split("\n")[:2], done.stderr) == (["[]", "[0.5]"], "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from daemon.model.spec import LARGEST_RESULT, bound_result
+from daemon.model.spec import LARGEST_RESULT, LeadingMargin, RunResult, bound_result
 from daemon.model.verdicts import Evidence, Outcome
 from grammars.text import codec
 from tests.daemon.batch.samples import make_result, make_spec
@@ -34,3 +34,33 @@ def test_too_many_verdicts_are_left_out_and_counted() -> None:
     assert len(codec.to_json(bound)) <= LARGEST_RESULT
     assert (bound.outcome, bound.verdicts) == (Outcome.FAIL, ())
     assert "5000 verdicts were left out" in bound.note
+
+
+def test_leading_margins_survive_what_is_cut() -> None:
+    leads = (
+        LeadingMargin("clear", -0.01, "m", "door " * 1000, "w3"),
+        LeadingMargin("calm", None, ""),
+    )
+    led = replace(RESULT, leads=leads)
+    assert bound_result(led) is led
+    for much in (
+        replace(led, note="y" * LARGEST_RESULT),
+        replace(led, verdicts=RESULT.verdicts * 5000),
+    ):
+        bound = bound_result(much)
+        assert len(codec.to_json(bound)) <= LARGEST_RESULT
+        assert [(lead.oracle, lead.margin) for lead in bound.leads] == [
+            ("clear", -0.01),
+            ("calm", None),
+        ]
+        assert codec.from_json(RunResult, codec.to_json(bound)) == bound
+    many = replace(led, verdicts=RESULT.verdicts * 5000, leads=leads * 5000)
+    assert len(codec.to_json(bound_result(many))) <= LARGEST_RESULT
+
+
+def test_what_was_stored_before_there_were_leading_margins_still_reads() -> None:
+    old = codec.to_json(RESULT).replace(b',"leads":[]', b"")
+    assert b"leads" not in old
+    assert codec.from_json(RunResult, old) == RESULT
+    led = replace(RESULT, leads=(LeadingMargin("clear", -0.01, "m"),))
+    assert led.digest == RESULT.digest
