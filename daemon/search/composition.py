@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
-from daemon.analysis.blame import Candidate, RunCase, case_of
 from daemon.campaign import (
     Campaign,
     CampaignCell,
@@ -34,6 +33,9 @@ from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.sources import reading_only_in
+
+if TYPE_CHECKING:
+    from daemon.analysis.blame import Candidate, RunCase
 
 _MOST_SCENES: Final = 64
 """So many scenes are kept: those of repeats, and of points nearby."""
@@ -64,6 +66,9 @@ class SearchCase:
         Noise and chance are those that a scenario of the campaign has in that repeat. Raises
         :class:`InputError` for values that a layer refuses, or the geometry.
         """
+        # With all that runs and judges, which checking a search does without.
+        from daemon.analysis.blame import Candidate
+
         cell = self.cell_at(point, number, repeat)
         return Candidate(self._spec(cell, repeat), cell.scene)
 
@@ -72,6 +77,8 @@ class SearchCase:
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """
+        from daemon.analysis.blame import case_of
+
         cell = self.cell_at(point, number, 0)
         with reading_only_in(self._only_in):
             return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
