@@ -76,7 +76,7 @@ class Coordinator:
                 self._steered.clear()
                 rows = {row.campaign: row for row in self._client.running_searches()}
                 with self._lock:
-                    ended = [name for name, one in self._searches.items() if not one.is_alive()]
+                    ended = [name for name, one in self._searches.items() if one.over]
                     for name in ended:
                         del self._searches[name]
                     for name in rows.keys() - self._searches.keys():
@@ -118,6 +118,7 @@ class _ProgramThread(threading.Thread):
         self._searcher = searcher
         self._ended = ended
         self.runs = DaemonRuns(client, row)
+        self.over = False
 
     def run(self) -> None:
         """Run the program; how it ended is in the ledger afterwards."""
@@ -127,6 +128,7 @@ class _ProgramThread(threading.Thread):
             # It was ended, or deleted, in that very moment.
             print(f"{self._row.campaign}: {error}", file=sys.stderr)
         finally:
+            self.over = True
             self._ended()
 
     def _search(self) -> tuple[SearchState, str, SearchAnswer | None]:
