@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
-from daemon.analysis.blame import Candidate, RunCase, case_of
 from daemon.campaign import (
     Campaign,
     CampaignCell,
@@ -34,6 +33,9 @@ from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.sources import reading_only_in
+
+if TYPE_CHECKING:
+    from daemon.analysis.blame import Candidate, RunCase
 
 _MOST_SCENES: Final = 64
 """So many scenes are kept: those of repeats, and of points nearby."""
@@ -65,6 +67,9 @@ class SearchCase:
         :class:`InputError` for values that a layer refuses, or the geometry.
         """
         cell = self.cell_at(point, number, repeat)
+        # What executes runs is loaded for that: who only checks a search composes its points.
+        from daemon.analysis.blame import Candidate
+
         return Candidate(self._spec(cell, repeat), cell.scene)
 
     def run_case(self, point: Point, number: int) -> RunCase:
@@ -72,6 +77,8 @@ class SearchCase:
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """
+        from daemon.analysis.blame import case_of
+
         cell = self.cell_at(point, number, 0)
         with reading_only_in(self._only_in):
             return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)

@@ -313,6 +313,7 @@ def test_waiting_for_a_search_leaves_with_its_code(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("wait", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
+    assert len(said.err.splitlines()) == 1
     assert "the budget is spent" in said.err
     fake.found = (make_search("running"),)
     said = scenario("wait", SEARCH, "--timeout", "0s")
@@ -334,7 +335,7 @@ def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake)
 def test_a_run_of_a_search_says_which_point_it_is(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("show", f"{SEARCH}.4")
-    assert "point 4 of the search doors-in-time, looking for failures, halton" in said.out
+    assert "point 4 of the search doors-in-time, looking for failures (halton)" in said.out
     assert "doors_moving.kitchen_opens  8.4 s  instead of 8 s" in said.out
     assert f"scenario search {SEARCH}" in said.out
     body = declared(scenario("show", f"{SEARCH}.4", "--json").out)
