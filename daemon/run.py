@@ -13,7 +13,7 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
-from daemon.judging import oracles
+from daemon.judging.oracles import judge, judge_leading, overall_outcome
 from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, package_versions
 from daemon.model.sut import TICK_RATE
@@ -79,10 +79,10 @@ def execute(
     recorded = read_trace(trace_path)
     margins: tuple[LeadingMargin, ...] = ()
     if leads:
-        verdicts, margins = oracles.judge_leading(recorded, spec.oracles)
+        verdicts, margins = judge_leading(recorded, spec.oracles)
     else:
-        verdicts = oracles.judge(recorded, spec.oracles)
-    outcome = oracles.overall_outcome(recorded, verdicts)
+        verdicts = judge(recorded, spec.oracles)
+    outcome = overall_outcome(recorded, verdicts)
     timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated)
     return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note, margins)
 

@@ -227,7 +227,7 @@ class SlotsText(StrictModel):
     parameters of a layer."""
     mission: LayerName | None = Field(default=None, examples=["courier"])
     """A mission: NAME.mission.yaml here or in missions/. NAME: {key: value} gives keys of the
-    file other values, such as courier: {start.y: 0.1}."""
+    file other values, such as courier: {start.y: 0.1 m}."""
     robot: LayerName | None = Field(default=None, examples=["courier"])
     """Another robot than the campaign's. NAME: {key: value} gives keys of the file other values,
     such as courier: {laser.noise: 2 cm}."""

@@ -330,7 +330,8 @@ class LayerLibrary:
     def _change_sut(self, reference: LayerReference, path: Path) -> LoadedSut:
         self.sut_file(path)  # what is wrong without the overrides is told of the file
         sut = complete_sut(self.sut_text(path), reference.values)
-        self.warnings.extend(sut.warnings)
+        # A search changes a system thousands of times: most of what is said is said already.
+        self.warnings.extend(warning for warning in sut.warnings if warning not in self.warnings)
         return sut
 
     def sut_text(self, path: Path) -> SutText:

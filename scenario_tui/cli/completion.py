@@ -99,9 +99,11 @@ def names_in(campaign: str, what: str) -> Offer:
         body.get("matrix") or {},
         *filter(lambda text: isinstance(text, dict), scenarios.values()),
     ]
-    suts = [section.get("sut") or () for section in sections]
-    found = (name for sut in suts for name in ([sut] if isinstance(sut, str) else sut))
-    return [(str(name), "system under test") for name in dict.fromkeys(found)]
+    suts = [section.get("sut") or [] for section in sections]
+    found = (name for sut in suts for name in (sut if isinstance(sut, list) else [sut]))
+    # With values beside it a name is the only key.
+    names = (next(iter(name)) if isinstance(name, dict) else str(name) for name in found)
+    return [(str(name), "system under test") for name in dict.fromkeys(names)]
 
 
 def searches_in(campaign: str) -> Offer:

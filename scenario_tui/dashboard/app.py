@@ -37,7 +37,7 @@ class Dashboard(BaseDashboard):
     """Campaigns, their runs, one run, the workers; fed by a :class:`Feed`."""
 
     TITLE = "scenario"
-    CSS_PATH = ["dashboard.tcss", "playing.tcss"]  # noqa: RUF012
+    CSS_PATH = ["dashboard.tcss", "playing.tcss", "search.tcss"]  # noqa: RUF012
     # Narrow screens show one thing, Enter and Escape lead in and out; wide ones a table and beside
     # it what the cursor is on, which takes 110 columns.
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
@@ -86,6 +86,7 @@ class Dashboard(BaseDashboard):
         """Load the screens behind the first one, whose libraries take longer than it does."""
         import_module("scenario_tui.dashboard.screens.matrix")
         import_module("scenario_tui.dashboard.screens.runs")
+        import_module("scenario_tui.dashboard.screens.search")
 
     def on_unmount(self) -> None:
         """Stop asking."""
@@ -132,6 +133,12 @@ class Dashboard(BaseDashboard):
         from scenario_tui.dashboard.screens.runs import RunsScreen
 
         self.push_screen(RunsScreen(campaign, scenario, sut))
+
+    def open_search(self, campaign: str) -> None:
+        """Show a search."""
+        from scenario_tui.dashboard.screens.search import SearchScreen
+
+        self.push_screen(SearchScreen(campaign))
 
     def open_run(self, run: str) -> None:
         """Show one run."""

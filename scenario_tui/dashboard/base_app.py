@@ -61,6 +61,18 @@ class BaseDashboard(LimitedTerminalApp):
         """Show the runs of a campaign, or of one of its cells."""
         raise NotImplementedError
 
+    def open_search(self, campaign: str) -> None:
+        """Show a search."""
+        raise NotImplementedError
+
+    def open_campaign(self, campaign: str) -> None:
+        """Show what a campaign is about: a search, or runs."""
+        row = self.daemon_state.campaign(campaign)
+        if row is not None and row.search:
+            self.open_search(campaign)
+        else:
+            self.open_runs(campaign)
+
     def open_run(self, run: str) -> None:
         """Show one run."""
         raise NotImplementedError

@@ -11,6 +11,7 @@ from typing import Final, Literal
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.model.messages import RunQuery
+from daemon.model.search import SearchRow
 from daemon.model.spec import Snapshot
 from daemon.model.status import (
     CampaignRow,
@@ -24,6 +25,7 @@ from daemon.model.status import (
 from daemon.model.verbs import DaemonClient
 from grammars.model.geometry import Point2, Pose2
 from grammars.model.scene import Scene
+from scenario_tui.dashboard.search_runs import SearchRuns
 from scenario_tui.text.results import (
     CampaignResults,
     Conclusion,
@@ -171,6 +173,7 @@ class Query:
     run: str = ""
     workers: bool = False
     results: str = ""
+    search: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +198,8 @@ class DashboardState:
     recording: TraceSummary | UnavailableTrace | None = None
     conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
     results: CampaignResults | None = None
+    searches: Mapping[str, SearchRow] = field(default_factory=dict)
+    search: SearchRuns | None = None
 
     def campaign(self, campaign: str) -> CampaignRow | None:
         """Return the campaign with this id."""
@@ -207,6 +212,10 @@ class DashboardState:
     def detail_of(self, run: str) -> RunDetail | None:
         """Return the details of a run, if that is the one that was asked for last."""
         return self.detail if self.detail is not None and self.detail.row.id == run else None
+
+    def search_of(self, campaign: str) -> SearchRuns | None:
+        """Return a search with its runs, if that is the one that was asked for last."""
+        return self.search if self.search and self.search.campaign == campaign else None
 
     def recording_of(self, run: str) -> TraceSummary | UnavailableTrace | None:
         """Return what is known of the trace of a run."""

@@ -1,4 +1,4 @@
-"""Judging: all oracles of one run of 700 s, and thousands of old traces again.
+"""Judging: all oracles of one run of 700 s, also with leading margins, and many old traces again.
 
 Building C (scenario S2 of the paper: doors that swing at random) with the pilot driving; the long
 run repeats its mission until 700 s have passed. Judged by every oracle of the paper's layer. The
@@ -71,6 +71,8 @@ def _one_long_run(
     what = f"{len(written)} oracles, {size:.1f} MB"
     yield Measurement(f"one run of {simulated:.0f} s judged", 1e3 * judge, "ms", reading, (), what)
     together = Reference("all of them", 1e3 * judge)
+    leading = _cpu(lambda: oracles.judge_leading(trace, written))
+    yield Measurement("  with leading margins", 1e3 * leading, "ms", together)
     for one in written:
         cost = _cpu(lambda one=one: oracles.judge(trace, (one,)))
         yield Measurement(f"  {one.text}", 1e3 * cost, "ms", together)

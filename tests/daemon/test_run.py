@@ -289,7 +289,7 @@ spec = codec.from_json(RunSpec, (folder / "spec.json").read_bytes())
 scene = codec.from_json(Scene, (folder / "scene.json").read_bytes())
 warm_up()
 before = set(sys.modules)
-execute(spec, scene, trace_path=folder / "trace.mcap")
+execute(spec, scene, trace_path=folder / "trace.mcap", leads=True)
 print(*sorted(name for name in set(sys.modules) - before))
 """
 

@@ -33,6 +33,7 @@ from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
 from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
+from tests.scenario_tui.dashboard.searching import SEARCH, SearchingDaemon
 from tests.scenario_tui.fake import FakeDaemon, make_live, make_result, make_rows
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
@@ -121,6 +122,20 @@ def _judged(_: Path) -> App[Any]:
     return make_dashboard(judged_campaign())
 
 
+def _searching(folder: Path) -> App[Any]:
+    return make_dashboard(SearchingDaemon.running())
+
+
+def _search_over(folder: Path) -> App[Any]:
+    fake = SearchingDaemon.finished()
+    fake.record(Path("state"), f"{SEARCH}.37")
+    return make_dashboard(fake)
+
+
+async def _map_read(pilot: Pilot[Any]) -> None:
+    await until(pilot, lambda: pilot.app.screen._playback)  # type: ignore[attr-defined]
+
+
 async def _gone(pilot: Pilot[Any]) -> None:
     fake = pilot.app.feed.fake  # type: ignore[attr-defined]
     fake.reachable = False
@@ -147,6 +162,9 @@ SHOTS: Final[Mapping[str, Shot]] = {
     "live": Shot(("enter", *"jjjjjjj", "enter")),
     "replay": Shot(open=_replay),
     "comparison": Shot(("n",), (112, 27), open=_compared),
+    "searches": Shot(open=_searching),
+    "search": Shot(("enter",), WIDE, open=_search_over, before=_map_read),
+    "parameters": Shot(("enter", "n", "n", "tab"), open=_search_over),
     "submit": Shot(("s",), open=_submitting, before=_checked),
     "workers": Shot(("3",)),
     "help": Shot(("enter", "question_mark")),

@@ -10,9 +10,11 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Static
 
+from daemon.model.search import SearchRow
 from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.search_runs import best_margin
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
@@ -23,14 +25,16 @@ from scenario_tui.text.formatting import (
     UNSURE,
     age_text,
     duration,
+    margin,
     pluralise,
     run_counts,
 )
 from scenario_tui.text.results import Conclusion
+from scenario_tui.text.search_text import search_line, search_word
 
 _COLUMNS: Final = (
     Column("campaign", 0),
-    Column("judged", 15),
+    Column("judged", 17),
     Column("done", 8, right=True),
     Column("✗ fail", 6, right=True),
     Column("‼ err", 5, from_width=100, right=True),
@@ -39,6 +43,8 @@ _COLUMNS: Final = (
     Column("✓ pass", 6, from_width=90, right=True),
     Column("submitted", 10, right=True),
 )
+_SEARCHED: Final = {"fail": "found", "pass": "none", "cancelled": "ended"}
+"""What became of a search that is over, shortly."""
 _COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
 _NOTHING: Final = (
     "No campaigns yet. Press s to choose one, or type in another terminal\n\n"
@@ -94,9 +100,9 @@ class CampaignsScreen(SteeringScreen):
         message = "" if state.campaigns else _nothing(state)
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
-        said = state.conclusions
+        said, found = state.conclusions, state.searches
         rows = state.campaigns[:CAMPAIGNS_SHOWN]
-        table.fill([campaign_cells(row, said.get(row.id), now) for row in rows])
+        table.fill([campaign_cells(row, said.get(row.id), now, found.get(row.id)) for row in rows])
         # A table that was hidden, because there was no campaign, could not take the keys.
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
@@ -109,13 +115,14 @@ class CampaignsScreen(SteeringScreen):
     def _describe(self) -> None:
         row = self.campaign()
         if row is not None:
-            said = self.dashboard.daemon_state.conclusions.get(row.id)
-            text = campaign_text(row, said, self.dashboard.clock())
+            state = self.dashboard.daemon_state
+            said, found = state.conclusions.get(row.id), state.searches.get(row.id)
+            text = campaign_text(row, said, self.dashboard.clock(), found)
             self.query_one("#about", Static).update(text)
 
     def on_data_table_row_selected(self) -> None:
-        """Open the campaign's runs."""
-        self.dashboard.open_runs(self.query_one(KeyedTable).key)
+        """Open the campaign's runs, or the search that it is."""
+        self.dashboard.open_campaign(self.query_one(KeyedTable).key)
 
 
 def _nothing(state: DashboardState) -> str:
@@ -126,14 +133,22 @@ def _nothing(state: DashboardState) -> str:
     return _NOTHING
 
 
-def campaign_cells(row: CampaignRow, said: Conclusion | None, now: float) -> Row:
-    """Return a campaign as a row of the table; ``said`` is ``None`` when it was not judged."""
+def campaign_cells(
+    row: CampaignRow, said: Conclusion | None, now: float, search: SearchRow | None = None
+) -> Row:
+    """Return a campaign as a row of the table; ``said`` is ``None`` when it was not judged.
+
+    Of a ``search`` it says what that does, or that it found a failure, and the smallest margin.
+    """
     done = row.total - row.queued - row.running
+    total = row.total if search is None else max(row.total, search.task.runs)
     counts = run_counts(row)
+    marks = ["  search"] if row.search else []
+    marks += [f"  prio {row.priority}"] if row.priority else []
     return row.id, (
-        Text(f"{row.id}  prio {row.priority}" if row.priority else row.id),
-        _judged(row, said),
-        Text(f"{done}/{row.total}"),
+        Text("".join([row.id, *marks])),
+        _judged(row, said) if search is None else _searched(row, search),
+        Text(f"{done}/{total}"),
         *(_count(counts.get(word, 0), word) for word in _COUNTED),
         Text(age_text(row.submitted_at, now), style=QUIET),
     )
@@ -150,15 +165,32 @@ def _judged(row: CampaignRow, said: Conclusion | None) -> Text:
     )
 
 
+def _searched(row: CampaignRow, search: SearchRow) -> Text:
+    if row.paused and search.state == "running":
+        return Text("‖ paused", style=UNSURE)
+    word = search_word(search)
+    if search.state == "running":
+        said: str = search.phase
+    else:
+        said = f"{GLYPHS[word]} {_SEARCHED.get(word, word)}"
+    best = best_margin(search)
+    least = f" {margin(best.margin, best.unit)}" if best is not None else ""
+    return Text(f"{said}{least}", style=DASHBOARD_STYLES[word])
+
+
 def _count(number: int, word: str) -> Text:
     return (
         Text(f"{number:,}", style=DASHBOARD_STYLES[word]) if number else Text(NOTHING, style=QUIET)
     )
 
 
-def campaign_text(row: CampaignRow, said: Conclusion | None, now: float) -> Text:
+def campaign_text(
+    row: CampaignRow, said: Conclusion | None, now: float, search: SearchRow | None = None
+) -> Text:
     """Return a campaign in words, and what to type about it."""
     text = Text.assemble((row.name, "bold"), "\n")
+    if search is not None:
+        text.append(f"search: {search_line(search)}\n", style=DASHBOARD_STYLES[search_word(search)])
     if said:
         text.append(f"{said.glyph_text}\n", style=DASHBOARD_STYLES[said.word])
     for mark in schedule_marks(row):
@@ -171,5 +203,8 @@ def campaign_text(row: CampaignRow, said: Conclusion | None, now: float) -> Text
     text.append("\n\n")
     for word, count in run_counts(row).items():
         text.append(f"{GLYPHS[word]} {word:<13}{count:>7,}\n", style=DASHBOARD_STYLES[word])
-    text.append(f"\nscenario results {row.id}\n", style=QUIET)
+    if search is not None and search.answer is not None:
+        text.append("".join(f"\n{sentence}" for sentence in search.answer.sentences))
+        text.append("\n")
+    text.append(f"\nscenario {'search' if row.search else 'results'} {row.id}\n", style=QUIET)
     return text

@@ -126,7 +126,9 @@ class SteeringScreen(BaseScreen):
     def action_matrix(self) -> None:
         """Show the campaign's matrix."""
         row = self._about(steering=False)
-        if row is not None:
+        if row is not None and row.search:
+            self.notify(f"{row.id} is a search: nothing was expected of its runs")
+        elif row is not None:
             self.dashboard.open_matrix(row.id)
 
     def action_pause(self) -> None:

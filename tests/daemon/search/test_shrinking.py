@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,9 @@ from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.composition import SearchCase, load_search_case
 from daemon.search.execution import PointRunner, RunPurpose
 from daemon.search.local_runs import LocalRuns
+from daemon.search.program import run_search
 from daemon.search.shrinking import left_out, shrink_failure
+from grammars.model.behaviour import Trigger
 
 CAMPAIGN = """\
 campaign: tiny
@@ -127,3 +130,24 @@ def test_what_was_left_out_is_told(case: SearchCase) -> None:
     )
     plain = [e for e in everything if e.kind != "override"]
     assert left_out(full, whole.candidate(plain, oracle)) == "with fewer values of layers"
+
+
+def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case: SearchCase) -> None:
+    def fails(spec: RunSpec) -> bool:
+        near = {b.distance for b in spec.behaviours if isinstance(b, Trigger)}
+        return any(distance > 1.2 for distance in near)
+
+    task = replace(case.task, runs=6, method="halton", confirm=2, then=("nearest", "shrink"))
+    searched = replace(case, task=task)
+    runs = LocalRuns(executor=judged_by(fails))
+    answer = run_search(searched, runs)
+    assert answer.nearest is not None
+    assert answer.shrunk is not None
+    assert answer.shrunk.files
+    file = case.folder / "near.found.yaml"
+    file.write_text(answer.found)
+    (run,) = expand(load_campaign(file)).runs
+    assert run.digest == answer.found_digest == runs.digests[answer.nearest.result.position]
+    assert run.label == answer.found_label
+    phases = list(dict.fromkeys(p.phase for p in runs.proposals))
+    assert phases == ["explore", "confirm", "nearest", "shrink"]

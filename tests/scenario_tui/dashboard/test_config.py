@@ -22,6 +22,7 @@ from scenario_tui.terminal.filters import darken
 from scenario_tui.text import formatting
 from tests.scenario_tui.dashboard.driven import SteeredDaemon
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.dashboard.searching import SearchingDaemon
 
 GOOD = """
 [dashboard]
@@ -136,6 +137,16 @@ async def test_footers_fit_and_help_tells_the_rest() -> None:
             told = {words.partition(":")[0] for _, words in here[1] + everywhere[1]}
             assert footer
             assert footer <= told
+
+
+async def test_the_footer_of_a_search_fits_and_help_tells_the_rest() -> None:
+    async with make_dashboard(SearchingDaemon.finished()).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        screen = pilot.app.screen
+        assert screen.query_one("Footer").virtual_size.width <= 80
+        told = {words.partition(":")[0] for _, words in key_groups(screen)[0][1]}
+        assert {"Next", "Play", "Rerun", "All runs", "View"} <= told
 
 
 NAMES = ("GOOD", "BAD", "UNSURE", "BROKEN", "BUSY", "FACT", "QUIET")

@@ -25,11 +25,18 @@ from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.dashboard.screens.search import SearchScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.submission import check_file
 from scenario_tui.terminal.filters import PrintableText
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
+from tests.scenario_tui.dashboard.searching import (
+    NEAREST,
+    SearchingDaemon,
+    make_proposals,
+    make_search,
+)
 from tests.scenario_tui.dashboard.test_live import Shown
 from tests.scenario_tui.fake import CAMPAIGN, make_live, make_rows
 from tests.scenario_tui.poison import (
@@ -112,6 +119,24 @@ async def walk_through_the_dashboard(trace: Path, folder: Path) -> None:
         look(pilot)
 
 
+async def walk_through_a_search(trace: Path) -> None:
+    class Poisoned(PoisonedDaemon, SearchingDaemon):
+        """A search all of whose texts are poisoned."""
+
+    rows = (*make_proposals(), NEAREST)
+    for search in (make_search(rows), make_search(rows, "failed", note="no such layer")):
+        dashboard = make_dashboard(Poisoned(found=(search,), proposed=rows))
+        async with dashboard.run_test(size=WIDE) as pilot:
+            await settle(pilot)
+            look(pilot)
+            await press(pilot, "enter")
+            assert WORD in look(pilot, SearchScreen)
+            await press(pilot, "x")
+            assert_harmless(dashboard.clipboard.encode())
+            await press(pilot, "y", "p")
+            look(pilot)
+
+
 async def walk_through_dialogs(trace: Path) -> None:
     dashboard = make_dashboard(daemon(trace))
     dialogs = (
@@ -152,6 +177,7 @@ async def test_no_screen_lets_it_through(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     await walk_through_the_dashboard(trace, tmp_path)
+    await walk_through_a_search(trace)
     await walk_through_dialogs(trace)
     await walk_through_what_moves(trace, campaigns)
     for module in pkgutil.iter_modules(screens.__path__):

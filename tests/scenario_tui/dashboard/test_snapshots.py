@@ -6,6 +6,7 @@ import pytest
 
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
+from tests.scenario_tui.dashboard.searching import SearchingDaemon
 from tests.scenario_tui.dashboard.test_states import STATES
 from tests.scenario_tui.fake import WAITING, FakeDaemon, make_live
 
@@ -55,6 +56,20 @@ def test_the_matrix(snap_compare, size: tuple[int, int]) -> None:
         await press(pilot, "m", "n")
 
     dashboard = make_dashboard(judged_campaign())
+    assert snap_compare(dashboard, terminal_size=size, run_before=before)
+
+
+@pytest.mark.parametrize(
+    ("size", "keys"),
+    [(NARROW, ()), (NARROW, ("tab",)), (WIDE, ("n", "n"))],
+    ids=["80x24", "values-80x24", "120x40"],
+)
+def test_a_search(snap_compare, size: tuple[int, int], keys: tuple[str, ...]) -> None:
+    async def before(pilot) -> None:
+        await settle(pilot)
+        await press(pilot, "enter", *keys)
+
+    dashboard = make_dashboard(SearchingDaemon.finished())
     assert snap_compare(dashboard, terminal_size=size, run_before=before)
 
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import pytest
 
 from daemon.judging.oracles import leading_kind, leading_margins, oracle_scale
+from daemon.judging.oracles._leading_kind import LEADING_FLAGS
 from daemon.model.spec import OracleText
 from grammars.oracle import CustomOracle, CustomSignal, Oracle, parse_oracle
 from grammars.text import plugins
 from grammars.text.diagnostics import Where
 from tests.daemon.judging.oracles.traces import ROBOT, along, make_trace, times
+
+ROOT = Path(__file__).parents[4]
+PAGE = ROOT / "docs" / "oracles.md"
 
 busy = CustomSignal(lambda trace, time: time > 5.0, "bool")
 tidy = CustomOracle(lambda trace: (1.0, 1.0), "bool")
@@ -120,3 +126,17 @@ def test_a_check_loads_nothing_that_judges() -> None:
     code = "import sys; from daemon.judging.oracles import leading_kind, oracle_scale; " \
            "sys.exit('numba' in sys.modules or 'shapely' in sys.modules)"  # fmt: skip
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_table_of_the_documentation_has_every_operator() -> None:
+    section = PAGE.read_text("utf-8").partition("## Margins that lead")[2].partition("\n## ")[0]
+    rows = " ".join(row for row in section.split("\n") if row.startswith("| "))
+    grammar = (ROOT / "grammars" / "oracle" / "oracle.tx").read_text("utf-8")
+    rules = re.findall(r"(?:Temporal|Amount|Statistic)Operator:\s*(.*?);", grammar, re.DOTALL)
+    words = {word for rule in rules for word in re.findall(r"[\"'](\w+)[\"']", rule)}
+    assert {"always", "count", "p95"} < words
+    told = {*words, "reached"}
+    assert [word for word in sorted(told) if not re.search(rf"`{word}\b", rows)] == []
+    assert "until" in rows
+    assert "within" in rows
+    assert [flag for flag in sorted(LEADING_FLAGS) if f"`{flag}" not in rows] == []

@@ -1,0 +1,133 @@
+"""The run that somebody looks at: its telemetry, its details, its trace when it is over."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from daemon.batch.errors import DaemonError, Refused
+from daemon.model.status import LiveSnapshot, RunDetail, RunState
+from daemon.model.verbs import Closeable, DaemonClient
+from grammars.model.scene import Scene
+from scenario_tui.client import ClientOpener
+from scenario_tui.dashboard.state import (
+    DashboardState,
+    TraceSummary,
+    UnavailableTrace,
+    can_fetch_trace,
+    read_trace_summary,
+)
+
+_SCENES_KEPT: Final = 8
+"""Who goes through the runs of a campaign comes back to the same few scenes."""
+
+
+class RunWatch:
+    """Asks about one run at a time; telemetry goes to ``lives``, problems to ``on_problem``.
+
+    ``on_fetched`` is called, by another thread, when the trace of a run has been brought here.
+    """
+
+    def __init__(
+        self,
+        open_daemon: ClientOpener,
+        lives: deque[LiveSnapshot],
+        on_problem: Callable[[str], object],
+        on_fetched: Callable[[], object],
+    ) -> None:
+        self._open = open_daemon
+        self._lives = lives
+        self._on_problem = on_problem
+        self._on_fetched = on_fetched
+        self._scenes: dict[str, Scene] = {}
+        self._recording: tuple[tuple[str, str], TraceSummary | UnavailableTrace] | None = None
+        self._subscription: Closeable | None = None
+        self._followed = self._detailed = ""
+
+    def add_run(self, daemon: DaemonClient, state: DashboardState, run: str) -> DashboardState:
+        """Return a state with all there is to know about a run."""
+        detail = self._detail(daemon, run)
+        scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
+        recording = self._recorded(daemon, detail)
+        return replace(state, detail=detail, scene=scene, recording=recording)
+
+    def follow(self, daemon: DaemonClient, detail: RunDetail | None) -> None:
+        """Have details of the run that is shown sent while it runs, and of no other."""
+        running = detail is not None and detail.row.state is RunState.RUNNING
+        run = detail.row.id if detail is not None and running else ""
+        if run == self._followed:
+            return
+        self.close()
+        if run:
+            self._subscription, self._followed = daemon.watch(run, self._hear_detail), run
+
+    def close(self) -> None:
+        """Follow no run."""
+        if self._subscription is not None:
+            self._subscription.close()
+        self._subscription, self._followed, self._detailed = None, "", ""
+
+    def hear(self, live: LiveSnapshot) -> None:
+        """Take in a snapshot sent to everybody."""
+        # Those of the run that is followed come earlier, and finer, by its own subscription. Two
+        # streams of one run would make its clock jump back, which means that it began anew.
+        if live.run != self._detailed:
+            self._lives.append(live)
+
+    def _hear_detail(self, live: LiveSnapshot) -> None:
+        self._detailed = live.run
+        self._lives.append(live)
+
+    def _detail(self, daemon: DaemonClient, run: str) -> RunDetail | None:
+        try:
+            return daemon.run(run)
+        except Refused as error:
+            self._on_problem(str(error))
+            return None
+
+    def _scene(self, daemon: DaemonClient, digest: str) -> Scene | None:
+        if digest not in self._scenes:
+            try:
+                scene = daemon.scene(digest)
+            except Refused:
+                return None  # without the scene there is no map; everything else is shown
+            while len(self._scenes) >= _SCENES_KEPT:
+                self._scenes.pop(next(iter(self._scenes)))
+            self._scenes[digest] = scene
+        return self._scenes[digest]
+
+    def _recorded(
+        self, daemon: DaemonClient, detail: RunDetail | None
+    ) -> TraceSummary | UnavailableTrace | None:
+        """Return what the trace of a run says that is over, or why it says nothing."""
+        if detail is None or detail.row.state in (RunState.QUEUED, RunState.RUNNING):
+            return None
+        # With the trace: a run that is queued again gets another one.
+        key = (detail.row.id, detail.row.trace)
+        if self._recording is None or self._recording[0] != key:
+            if can_fetch_trace(detail, daemon):
+                size = 0.0 if detail.result is None else detail.result.trace.size / 1e6
+                seen = UnavailableTrace(detail.row.id, f"Bringing its trace here, {size:.1f} MB …")
+                self._recording = (key, seen)
+                # A thread for each: a large trace over a slow line must not keep the next one, of
+                # the run the cursor has moved on to, waiting.
+                threading.Thread(target=self._fetch, args=(key, detail), daemon=True).start()
+            else:
+                self._recording = (key, read_trace_summary(detail))
+        return self._recording[1]
+
+    def _fetch(self, key: tuple[str, str], detail: RunDetail) -> None:
+        """Bring a trace here beside everything else that is asked."""
+        seen: TraceSummary | UnavailableTrace
+        try:
+            with self._open() as daemon:
+                seen = read_trace_summary(detail, daemon)
+        except DaemonError as error:
+            seen = UnavailableTrace(detail.row.id, f"Its trace cannot be brought here: {error}")
+        # Another run may be shown by now; the trace lies in the cache for when this one is again.
+        if self._recording is not None and self._recording[0] == key:
+            self._recording = (key, seen)
+            self._on_fetched()

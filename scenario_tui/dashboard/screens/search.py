@@ -1,0 +1,365 @@
+"""A search while it runs and afterwards: margins over runs, what it found, where, with what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from rich.text import Text
+from textual import work
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.widgets import Static
+
+from daemon.model.status import CampaignRow, RunDetail
+from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
+from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.search_runs import (
+    NotableRun,
+    SearchRuns,
+    decisive_moment,
+    notable_runs,
+)
+from scenario_tui.dashboard.state import DashboardState, Query, TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.widgets.search_curve import LEGEND as CURVE_LEGEND
+from scenario_tui.dashboard.widgets.search_curve import SearchCurveView, search_curve
+from scenario_tui.dashboard.widgets.search_parameters import parameters_text
+from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
+from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    GLYPHS,
+    NOTHING,
+    QUIET,
+    margin,
+    pluralise,
+)
+from scenario_tui.text.search_text import answer_lines, phase_text, search_word
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.playback import Playback
+
+_COLUMNS: Final = (
+    Column("what to look at", 15),
+    Column("margin", 10, right=True),
+    Column("decided by", 0),
+    Column("alike", 5, right=True),
+    Column("run", 6, right=True),
+)
+_TABS: Final = 66
+"""Columns from which on all parts of the screen are named."""
+_LEAD: Final = 3.0
+"""Seconds before the decisive moment at which a replay begins."""
+
+
+class SearchScreen(SteeringScreen):
+    """A search by its id; one of its runs is in front: its parameters, its map, its replay."""
+
+    VIEWS: ClassVar = ("found", "values", "answer", "map", "curve")
+    """Parts of the screen; the class of the one shown where there is no room for all."""
+    IN_FOOTER = (
+        "open", "back", "view", "next-found", "play", "rerun", "all-runs", "help", "quit",
+    )  # fmt: skip
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "open", "Open", id="open", tooltip="The run in front"),
+        Binding("tab,v", "view(1)", "View", key_display="tab", id="view",
+                tooltip="The next part of the screen, where there is no room for all"),
+        Binding("shift+tab,V", "view(-1)", "View before", show=False, id="view-before",
+                tooltip="The part before"),
+        Binding("n", "found(1)", "Next", id="next-found",
+                tooltip="The next of best, first, nearest, findings, as written"),
+        Binding("N", "found(-1)", "Before", show=False, id="previous-found",
+                tooltip="The one before"),
+        Binding("p", "play", "Play", id="play",
+                tooltip="Watch the run in front, from just before its decisive moment"),
+        Binding("x", "rerun", "Rerun", id="rerun",
+                tooltip="Copy what to type to execute the run in front again"),
+        Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the search"),
+        Binding("z", "zoom", "Zoom", show=False, id="zoom",
+                tooltip="Nearer to the robot, then all of it"),
+    ]  # fmt: skip
+
+    def __init__(self, campaign: str) -> None:
+        super().__init__()
+        self._campaign = campaign
+        self._part = 0
+        self._shown: SearchRuns | None = None
+        self._notable: tuple[NotableRun, ...] = ()
+        self._opened: Path | None = None
+        self._playback: tuple[str, Playback] | None = None
+        self._moment = 0.0
+        self._damage = ("", "")
+        self._to_play = ""
+
+    def body(self) -> ComposeResult:
+        """Curve and table on the left; parameters and map on the right, or below."""
+        yield Static(id="now")
+        yield Static(id="empty")
+        with Horizontal(id="searched"):
+            with Vertical(id="course"):
+                yield SearchCurveView(id="curve")
+                yield Static(CURVE_LEGEND, id="curve-legend")
+                yield KeyedTable(_COLUMNS, id="notable")
+                with VerticalScroll(id="answer"):
+                    yield Static(id="answer-text")
+            with Vertical(id="point"):
+                with VerticalScroll(id="parameters"):
+                    yield Static(id="parameters-text")
+                yield RunMap(REPLAY_LEGEND)
+
+    def on_mount(self) -> None:
+        """Begin with what was found."""
+        self._show_part()
+        super().on_mount()
+
+    def on_resize(self) -> None:
+        """Draw everything for the new size."""
+        self._shown = None
+        self.call_after_refresh(self.query_changed)
+
+    def state_query(self) -> Query:
+        """The search; the run in front where its map is seen, or is to be played."""
+        seen = self.has_class("-wide") or self.VIEWS[self._part] == "map"
+        front = self._front()
+        run = self._to_play or (front.run if front is not None and seen else "")
+        return Query(search=self._campaign, run=run)
+
+    def campaign(self) -> CampaignRow | None:
+        """Return the campaign that the search is."""
+        return self.dashboard.daemon_state.campaign(self._campaign)
+
+    def command(self) -> str:
+        """Return what to type to be told the same."""
+        return self._line("search", self._campaign)
+
+    def trail(self) -> str:
+        """Where we are, and what is going on."""
+        parts = [f"campaigns › {self._campaign} › search"]
+        row, campaign = self.dashboard.daemon_state.searches.get(self._campaign), self.campaign()
+        if row is not None:
+            parts.append(f"{row.task.minimise} of {row.task.scenario}  {phase_text(row)}")
+        return "  ".join(parts + (schedule_marks(campaign) if campaign is not None else []))
+
+    def show(self, state: DashboardState) -> None:
+        """Show the search once its runs are known, again only what is another one."""
+        search = state.search_of(self._campaign)
+        message = "" if search is not None else self._nothing(state)
+        show_message_or(self.query_one("#empty"), self.query_one("#searched"), message)
+        if search is None:
+            return
+        if search is not self._shown:
+            self._shown = search
+            self._notable = notable_runs(search)
+            table = self.query_one(KeyedTable)
+            table.fill([_cells(one) for one in self._notable])
+            if table.display and self.focused is None:
+                table.focus()
+            self.query_one(SearchCurveView).show(search_curve(search))
+            answer = Text("\n").join(answer_lines(search.row))
+            self.query_one("#answer-text", Static).update(answer)
+            self._show_point()
+            self.dashboard.feed.set_query(self.state_query())
+        self._say(search)
+        self._show_map(state, search)
+
+    def _nothing(self, state: DashboardState) -> str:
+        if not state.connected:
+            return ""
+        row = self.campaign()
+        return "This is no search, or not any more." if row is None else "… reading its runs"
+
+    def _front(self) -> NotableRun | None:
+        """Return the run in front."""
+        key = self.query_one(KeyedTable).key
+        return next((one for one in self._notable if one.key == key), None)
+
+    def _say(self, search: SearchRuns) -> None:
+        """Say how it stands, and which part of the screen this is."""
+        row, runs = search.row, [run for run in search.runs if run.explores]
+        word, failed = search_word(row), sum(run.fails for run in runs)
+        settled = sum(run.settled for run in runs)
+        said = Text(GLYPHS[word], style=DASHBOARD_STYLES[word])
+        said.append(f" {settled}/{row.task.runs} {row.phase}")
+        said.append(f"  {failed} fail", style=DASHBOARD_STYLES["fail"] if failed else QUIET)
+        best = next((one for one in self._notable if one.key == "best"), None)
+        if best is not None and best.value is not None:
+            said.append(f"  best {margin(best.value.margin, best.value.unit)}")
+        after = len(search.runs) - len(runs)
+        said.append(f"  and {pluralise(after, 'run')} after" if after else "", style=QUIET)
+        tabs = "" if self.has_class("-wide") else self._tabs()
+        said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
+        self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
+
+    def _tabs(self) -> str:
+        if self.size.width < _TABS:
+            return f"[{self.VIEWS[self._part]}]"
+        names = (f"[{n}]" if i == self._part else f" {n} " for i, n in enumerate(self.VIEWS))
+        return "".join(names)
+
+    def _show_point(self) -> None:
+        """Show the parameters of the run in front."""
+        front, search = self._front(), self._shown
+        if front is None or search is None:
+            return
+        answer = search.row.answer
+        influence = {one.parameter: one.correlation for one in answer.influence} if answer else {}
+        width = (self.query_one("#parameters").size.width or self.size.width) - 2
+        text = Text.assemble((front.what, "bold"), f"  {front.label}\n", overflow="ellipsis")
+        text.append(parameters_text(search.row.task, front.values, width, influence))
+        self.query_one("#parameters-text", Static).update(text)
+
+    def _show_map(self, state: DashboardState, search: SearchRuns) -> None:
+        """Show the run in front at its decisive moment, as soon as its trace is read."""
+        front, above = self._front(), self.query_one(RunMap)
+        wanted = self.state_query().run
+        detail = state.detail_of(wanted) if wanted else None
+        if front is None or detail is None:
+            above.show(None)
+            above.explain("" if front is not None else "No run has a result yet.")
+            return
+        seen = state.recording_of(wanted)
+        if isinstance(seen, TraceSummary) and seen.path != self._opened:
+            self._opened = seen.path
+            self._open(seen.path, detail)
+        if isinstance(seen, UnavailableTrace) and self._to_play:
+            self._to_play = ""
+            self.dashboard.problem(seen.why)
+        if self._playback is not None and self._playback[0] == front.run:
+            above.explain("")
+            above.show(self._playback[1].view(self._moment))
+        elif wanted == front.run:
+            view, why = top_view_of(state, detail, None)
+            damage = self._damage[1] if self._damage[0] == front.run else ""
+            above.explain(damage or why)
+            above.show(view)
+
+    @work(thread=True, exclusive=True)
+    def _open(self, path: Path, detail: RunDetail) -> None:
+        """Read a whole trace outside the thread that draws, then show it."""
+        from daemon.trace import TraceError
+        from scenario_tui.dashboard.playback import open_playback
+
+        verdicts = detail.result.verdicts if detail.result is not None else ()
+        try:
+            playback = open_playback(path, verdicts)
+        except TraceError as error:
+            why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
+            self.app.call_from_thread(self._broken, detail.row.id, f"{why}: {path}")
+            return
+        self.app.call_from_thread(self._ready, detail.row.id, playback)
+
+    def _broken(self, run: str, why: str) -> None:
+        self._damage = (run, why)
+        if self._to_play == run:
+            self._to_play = ""
+            self.dashboard.problem(why)
+        self.update_from_state()
+
+    def _ready(self, run: str, playback: Playback) -> None:
+        """Show the run at its decisive moment; play it if that is what was asked for."""
+        if self._shown is None:
+            return
+        found = decisive_moment(self._shown.row.task, playback.verdicts)
+        self._playback, self._moment = (
+            (run, playback),
+            playback.within(playback.end if found is None else found),
+        )
+        self.update_from_state()
+        if self._to_play == run:
+            self._to_play = ""
+            self._play(playback)
+
+    def _play(self, playback: Playback) -> None:
+        from scenario_tui.dashboard.screens.replay import ReplayScreen
+
+        self.app.push_screen(ReplayScreen(playback, playback.within(self._moment - _LEAD)))
+
+    def on_data_table_row_highlighted(self) -> None:
+        """Show the run the cursor came to."""
+        self._show_point()
+        self.query_changed()
+
+    def on_data_table_row_selected(self) -> None:
+        """Open the run under the cursor."""
+        self.action_open()
+
+    def _looked_at(self) -> NotableRun | None:
+        """Return the run in front; say so when there is none."""
+        front = self._front()
+        if front is None:
+            self.notify("no run of this search has a result yet")
+        return front
+
+    def action_open(self) -> None:
+        """Open the run in front."""
+        front = self._looked_at()
+        if front is not None:
+            self.dashboard.open_run(front.run)
+
+    def action_play(self) -> None:
+        """Play the run in front from just before its decisive moment."""
+        front = self._looked_at()
+        if front is None:
+            return
+        if self._playback is not None and self._playback[0] == front.run:
+            self._play(self._playback[1])
+            return
+        self._to_play = front.run
+        self.notify(f"reading {front.run}", markup=False, timeout=2)
+        self.query_changed()
+
+    def action_rerun(self) -> None:
+        """Copy the command that executes the run in front again."""
+        front = self._looked_at()
+        if front is not None:
+            self.dashboard.copy(self._line("verify", front.run))
+
+    def action_runs(self) -> None:
+        """Open all runs of the search."""
+        self.dashboard.open_runs(self._campaign)
+
+    def action_found(self, step: int) -> None:
+        """Bring the next run of the table to the front, or the one before."""
+        table = self.query_one(KeyedTable)
+        if self._notable:
+            row = (table.cursor_row + step) % len(self._notable)
+            table.move_cursor(row=row, animate=False)
+
+    def action_zoom(self) -> None:
+        """Come nearer to the robot on the map."""
+        self.query_one(TopView).zoom()
+
+    def action_view(self, step: int) -> None:
+        """Show the next part of the screen, or the one before."""
+        self._part = (self._part + step) % len(self.VIEWS)
+        self._show_part()
+        self.call_after_refresh(self.on_resize)
+
+    def _show_part(self) -> None:
+        others = {f"-{name}" for name in self.VIEWS}
+        self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
+
+    def _lines(self, row: CampaignRow) -> list[tuple[str, str]]:
+        front, lines = self._front(), super()._lines(row)
+        if front is None:
+            return lines
+        return [
+            ("watch the run in front", self._line("replay", front.run)),
+            ("execute it again", self._line("verify", front.run)),
+            *lines,
+        ]
+
+
+def _cells(one: NotableRun) -> Row:
+    """Return a run to look at as a row of the table."""
+    word = "fail" if one.fails else "pass"
+    said = NOTHING if one.value is None else margin(one.value.margin, one.value.unit)
+    return one.key, (
+        Text(one.what),
+        Text(said, style=DASHBOARD_STYLES[word] if one.value is not None else QUIET),
+        Text(one.about),
+        Text(f"{one.count:,}" if one.count else "", style=QUIET),
+        Text(f"{one.number:,}", style=QUIET),
+    )

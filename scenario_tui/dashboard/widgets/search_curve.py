@@ -1,0 +1,264 @@
+"""The margins of a search over its runs: what fails, the best so far, the space-filling part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+import numpy as np
+import numpy.typing as npt
+from rich.style import Style
+
+from daemon.model.search import SearchTask
+from daemon.model.verdicts import Outcome
+from grammars.model.geometry import Floats
+from scenario_tui.dashboard.search_runs import SearchedRun, SearchRuns
+from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes
+from scenario_tui.text.formatting import BAD, BROKEN, BUSY, GLYPHS, QUIET, UNSURE, quantity
+
+_LIMIT, _RUN, _BASELINE, _BEST, _FAIL, _WORDS, _LOST = range(7)
+_STYLES: Final = (
+    Style(color=UNSURE),
+    Style(color=QUIET),
+    Style(color=UNSURE, bold=True),
+    Style(color=BUSY, bold=True),
+    Style(color=BAD, bold=True),
+    Style(color=QUIET),
+    Style(color=BROKEN, bold=True),
+)
+LEGEND: Final = "• run  ✗ fails  ━ best so far  ╌ best of the space-filling runs  ┈ limit"
+_GUTTER: Final = 11
+"""Columns for the margins beside the graph."""
+_FIRST_RUNS: Final = 60
+"""Runs the graph has room for at first; it doubles when they are there, up to the budget."""
+_DASH, _DOTS = 8, 4
+"""Dots of a dash with its gap, and from one dot of the limit to the next."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchCurve:
+    """What is drawn of a search: ``at`` (n,) are positions of runs that have a margin.
+
+    ``value`` (n,) is what is compared: the margin in ``unit``, or its multiple of the scale of its
+    oracle where that is empty. ``fails`` and ``guided`` (n,) say so of each run. ``best`` and
+    ``baseline`` (m,) are the smallest value so far at each of the ``m`` runs known, of all
+    proposals and of those chosen without looking at results; NaN before the first. ``phases`` are
+    the positions at which phases begin. ``room`` is how many runs the graph is wide.
+    """
+
+    unit: str
+    room: int
+    at: npt.NDArray[np.int64]
+    value: Floats
+    fails: npt.NDArray[np.bool_]
+    best: Floats
+    baseline: Floats
+    unknown: tuple[tuple[int, str], ...] = ()
+    phases: tuple[tuple[int, str], ...] = ()
+
+
+def search_curve(search: SearchRuns) -> SearchCurve:
+    """Return what is drawn of a search."""
+    runs, task = search.runs, search.row.task
+    value = np.array([_value(run) for run in runs], dtype=np.float64)
+    explores = np.array([run.explores for run in runs], dtype=np.bool_)
+    guided = np.array([run.guided for run in runs], dtype=np.bool_)
+    known = np.isfinite(value)
+    phases: dict[str, int] = {}
+    for run in runs:
+        phases.setdefault(run.phase, run.position)
+    return SearchCurve(
+        task.scales[0].unit if len(task.scales) == 1 else "",
+        _room(task, len(runs), search.row.state == "running"),
+        np.flatnonzero(known),
+        value[known],
+        np.array([run.fails for run in runs], dtype=np.bool_)[known],
+        _smallest(value, known & explores),
+        _smallest(value, known & explores & ~guided),
+        tuple(
+            (run.position, _sign(run)) for run in runs if run.settled and not known[run.position]
+        ),
+        tuple((position, phase) for phase, position in phases.items() if position),
+    )
+
+
+def _value(run: SearchedRun) -> float:
+    return math.nan if run.value is None else run.value.value
+
+
+def _smallest(value: Floats, counts: npt.NDArray[np.bool_]) -> Floats:
+    """Return the smallest value up to each run of those that count, NaN before the first."""
+    least = np.minimum.accumulate(np.where(counts, value, np.inf))
+    found: Floats = np.where(np.isfinite(least), least, np.nan)
+    return found
+
+
+def _sign(run: SearchedRun) -> str:
+    return GLYPHS["inconclusive" if run.outcome is Outcome.INCONCLUSIVE else "error"]
+
+
+def _room(task: SearchTask, known: int, running: bool) -> int:
+    # In steps: a graph that grows with every run would be drawn anew, all of it, every time.
+    room = _FIRST_RUNS
+    while room < known:
+        room *= 2
+    return max(known, min(room, task.runs) if running else 0, 2)
+
+
+def value_limits(curve: SearchCurve) -> tuple[float, float]:
+    """Return the least and greatest value the graph shows: 0, the limit, is always in view.
+
+    A few runs far above the others are left out, or all others would be one line.
+    """
+    if not len(curve.value):
+        return -1.0, 1.0
+    low, high = min(float(curve.value.min()), 0.0), max(float(curve.value.max()), 0.0)
+    usual = max(float(np.quantile(curve.value, 0.9)), 0.0)
+    if high - low > 2.0 * (usual - low) > 0.0:
+        high = usual
+    room = 0.06 * (high - low) or 0.5
+    return low - room, high + room
+
+
+def thinned(column: npt.NDArray[np.int64], value: Floats) -> npt.NDArray[np.int64]:
+    """Return the indices of the least and the middle value in each column, of (n,) values.
+
+    Of thousands of runs a graph would otherwise be a cloud that hides its lines.
+    """
+    order = np.lexsort((value, column))
+    starts = np.flatnonzero(np.diff(column[order], prepend=-1))
+    middles = (starts + np.append(starts[1:], len(order))) // 2
+    kept: npt.NDArray[np.int64] = np.unique(order[np.concatenate([starts, middles])])
+    return kept
+
+
+class _Graph:
+    """The cells of a graph with its margins at the left and its runs below."""
+
+    def __init__(self, curve: SearchCurve, columns: int, rows: int) -> None:
+        self.codes: Codes = np.full((rows, columns), ord(" "), dtype=np.int32)
+        self.owners: Codes = np.full((rows, columns), -1, dtype=np.int32)
+        self._curve = curve
+        self._gutter = min(_GUTTER, columns // 3)
+        self._canvas = Canvas(columns - self._gutter, rows - 1, 5)
+        self._low, self._high = value_limits(curve)
+        self._draw()
+
+    def _across(self, positions: npt.ArrayLike) -> Floats:
+        last = self._canvas.width - 1
+        dots: Floats = np.asarray(positions, dtype=np.float64) * last / (self._curve.room - 1)
+        return np.minimum(dots, last)
+
+    def _down(self, values: npt.ArrayLike) -> Floats:
+        share = (self._high - np.asarray(values, dtype=np.float64)) / (self._high - self._low)
+        dots: Floats = np.clip(share, 0.0, 1.0) * (self._canvas.height - 1)
+        return dots
+
+    def _draw(self) -> None:
+        curve, canvas = self._curve, self._canvas
+        x = np.arange(0.0, canvas.width, _DOTS)
+        canvas.points(np.column_stack([x, np.full(len(x), self._down(0.0))]), _LIMIT)
+        self._steps(curve.baseline, _BASELINE, np.arange(canvas.width) % _DASH < _DASH // 2)
+        self._steps(curve.best, _BEST, np.ones(canvas.width, dtype=np.bool_))
+        self._runs()
+        codes, owners = canvas.cells()
+        self.codes[:-1, self._gutter :], self.owners[:-1, self._gutter :] = codes, owners
+        self._margins()
+        self._axis()
+
+    def _steps(self, values: Floats, layer: int, shown: npt.NDArray[np.bool_]) -> None:
+        """Draw values that hold until the next run, a column of dots after the other."""
+        width = self._canvas.width
+        if not len(values):
+            return
+        # The last run that falls into a column: of many the smallest so far.
+        edges = (np.arange(width) + 0.5) * (self._curve.room - 1) / max(width - 1, 1)
+        at = np.minimum(np.floor(edges).astype(np.int64), len(values) - 1)
+        y = self._down(values[at])
+        reached = np.arange(width) <= self._across(len(values) - 1) + 1
+        x = np.flatnonzero(np.isfinite(y) & reached & shown)
+        before = np.where(np.isfinite(y[np.maximum(x - 1, 0)]), y[np.maximum(x - 1, 0)], y[x])
+        self._canvas.lines(np.column_stack([x, before, x, y[x]]), layer)
+
+    def _runs(self) -> None:
+        """Draw every run as a dot, larger while there is room; of failures the worst by sign."""
+        curve, canvas = self._curve, self._canvas
+        x, y = self._across(curve.at), self._down(curve.value)
+        dots = np.column_stack([x, y])
+        for layer, those in ((_RUN, ~curve.fails), (_FAIL, curve.fails)):
+            kept = np.flatnonzero(those)
+            if curve.room > canvas.width:
+                kept = kept[thinned(np.floor(x[kept]).astype(np.int64), curve.value[kept])]
+            canvas.points(dots[kept], layer)
+        if curve.room <= canvas.width:
+            for at in np.flatnonzero(~curve.fails).tolist():
+                canvas.glyph(x[at], y[at], "•", _RUN)
+        worst: dict[int, int] = {}
+        for at in np.flatnonzero(curve.fails).tolist():
+            column = int(x[at] // 2)
+            if column not in worst or curve.value[at] < curve.value[worst[column]]:
+                worst[column] = at
+        for at in worst.values():
+            canvas.glyph(x[at], y[at], GLYPHS["fail"], _FAIL)
+
+    def _margins(self) -> None:
+        """Write the margins of the edges and of the limit beside the graph."""
+        rows = self._canvas.rows
+        limit = int(self._down(0.0) // 4)
+        self._write(limit, 0, "0".rjust(self._gutter - 2) + " ┈", _LIMIT)
+        for row, value in ((0, self._high), (rows - 1, self._low)):
+            if row != limit:
+                said = quantity(value, self._curve.unit)
+                self._write(row, 0, said[: self._gutter - 1].rjust(self._gutter - 2), _WORDS)
+
+    def _axis(self) -> None:
+        """Write below the graph which run is where, where phases begin, what has no margin."""
+        row, at, curve = self._canvas.rows, self._gutter, self._curve
+        width = self._canvas.columns
+        last = str(curve.room - 1)
+        self._write(row, 0, "run".rjust(at - 2), _WORDS)
+        self._write(row, at, "0", _WORDS)
+        self._write(row, at + width - len(last), last, _WORDS)
+        free = at + 2
+        for position, phase in curve.phases:
+            column = max(at + int(self._across(position) // 2), free)
+            said = f"│{phase}"
+            if column + len(said) <= at + width - len(last) - 1:
+                self._write(row, column, said, _WORDS)
+                free = column + len(said) + 1
+        for position, sign in curve.unknown:
+            self._write(row, at + int(self._across(position) // 2), sign, _LOST)
+
+    def _write(self, row: int, column: int, text: str, owner: int) -> None:
+        room = text[: max(self.codes.shape[1] - column, 0)]
+        self.codes[row, column : column + len(room)] = [ord(sign) for sign in room]
+        self.owners[row, column : column + len(room)] = owner
+
+
+def draw_search_curve(curve: SearchCurve, columns: int, rows: int) -> tuple[Codes, Codes] | None:
+    """Return the graph as code points and styles (rows, columns), nothing where it has no room."""
+    if columns < 20 or rows < 3:
+        return None
+    graph = _Graph(curve, columns, rows)
+    return graph.codes, graph.owners
+
+
+class SearchCurveView(CellView):
+    """Draws a :class:`SearchCurve`."""
+
+    STYLES: ClassVar[Sequence[Style]] = _STYLES
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self._curve: SearchCurve | None = None
+
+    def show(self, curve: SearchCurve | None) -> None:
+        """Show another curve, or nothing."""
+        self._curve = curve
+        self.redraw()
+
+    def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
+        """Return the graph as cells."""
+        return None if self._curve is None else draw_search_curve(self._curve, columns, rows)

@@ -1,0 +1,87 @@
+"""The parameters of a run of a search: as written, as they are in it, and where in their range."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from rich.text import Text
+
+from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
+from scenario_tui.text.formatting import NOTHING, QUIET, UNSURE
+from scenario_tui.text.search_text import share_in_range, value_text
+
+_BAR, _LEAST_NAME = 11, 12
+"""Cells of the range, and of a name at least."""
+_INFLUENCE: Final = 7
+LEGEND: Final = "│ as written  ● in this run  ≠ not as written"
+
+
+def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _BAR) -> str:
+    """Return the range as a line, with ``│`` where the written value lies and ``●`` at ``value``.
+
+    A value outside of the range is ``<`` or ``>`` at that end; one that has no place is left out.
+    """
+    line = ["─"] * cells
+    for seen, sign in ((parameter.written, "│"), (value, "●")):
+        share = share_in_range(parameter, seen)
+        if share is not None:
+            line[round(share * (cells - 1))] = _outside(parameter, seen) or sign
+    return "".join(line)
+
+
+def _outside(parameter: SearchParameter, value: PointValue | None) -> str:
+    if parameter.choices or not isinstance(value, float | int):
+        return ""
+    return "<" if value < parameter.low else ">" if value > parameter.high else ""
+
+
+def parameters_text(
+    task: SearchTask, values: Point, width: int, influence: Mapping[str, float] | None = None
+) -> Text:
+    """Return a line for each parameter, at most ``width`` cells; those not as written stand out.
+
+    ``influence`` are correlations with the margin, shown where there is room for them.
+    """
+    pairs = list(zip(task.parameters, values, strict=False))
+    said = [(_written(one, value), one.text(value)) for one, value in pairs]
+    sizes = [max((len(texts[i]) for texts in said), default=0) for i in (0, 1)]
+    longest = max((len(one.name) for one, _ in pairs), default=0)
+    most = max((width - _BAR - 7 - _LEAST_NAME) // 2, 4)
+    sizes = [min(size, most) for size in sizes]
+    rest = width - sum(sizes) - _BAR - 7
+    correlations = influence if influence and rest - longest >= _INFLUENCE else {}
+    name_cells = max(min(longest, rest), _LEAST_NAME)
+    text = Text(no_wrap=True, overflow="ellipsis")
+    for (one, value), (written, now) in zip(pairs, said, strict=True):
+        changed = value != one.written
+        text.append("≠ " if changed else "  ", style=UNSURE)
+        text.append(_end(one.name, name_cells), style="bold" if changed else QUIET)
+        text.append(f" {_cut(written, sizes[0]):>{sizes[0]}} ", style=QUIET)
+        text.append("→ " if changed else "  ", style=QUIET)
+        text.append(
+            f"{_cut(now, sizes[1]):<{sizes[1]}} ", style=f"bold {UNSURE}" if changed else ""
+        )
+        text.append(range_bar(one, value), style="" if changed else QUIET)
+        if one.name in correlations:
+            text.append(f"  {correlations[one.name]:+.2f}".replace("-", "−"), style=QUIET)
+        text.append("\n")
+    text.append(LEGEND if width >= len(LEGEND) else "│ written  ● here", style=QUIET)
+    return text
+
+
+def _written(parameter: SearchParameter, value: PointValue) -> str:
+    """Return the written value, without its unit where that of the other one follows."""
+    if parameter.written is None:
+        return NOTHING
+    words = value_text(parameter, parameter.written)
+    numbers = isinstance(value, float | int) and isinstance(parameter.written, float | int)
+    return words.removesuffix(f" {parameter.unit}") if numbers and parameter.unit else words
+
+
+def _end(name: str, cells: int) -> str:
+    return f"{name:<{cells}}" if len(name) <= cells else f"…{name[len(name) - cells + 1 :]}"
+
+
+def _cut(text: str, cells: int) -> str:
+    return text if len(text) <= cells else f"{text[: cells - 1]}…"

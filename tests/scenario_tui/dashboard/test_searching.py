@@ -1,0 +1,408 @@
+"""A search in the dashboard: seen while it runs, what it found, what is asked of the daemon."""
+
+from __future__ import annotations
+
+from contextlib import AbstractAsyncContextManager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from textual.widgets import Static
+
+from daemon.model.search import OracleScale
+from daemon.model.status import ChangeEvent, RunState
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.dashboard.known_searches import KnownSearches
+from scenario_tui.dashboard.screens.matrix import MatrixScreen
+from scenario_tui.dashboard.screens.replay import ReplayScreen
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.dashboard.screens.search import SearchScreen
+from scenario_tui.dashboard.search_runs import SearchRuns, decisive_moment, searched_run
+from scenario_tui.dashboard.widgets.search_curve import (
+    SearchCurve,
+    draw_search_curve,
+    search_curve,
+    thinned,
+    value_limits,
+)
+from scenario_tui.dashboard.widgets.search_parameters import parameters_text, range_bar
+from tests.scenario_tui.dashboard.driven import notices, until
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.dashboard.searching import (
+    NEAREST,
+    SEARCH,
+    TASK,
+    WRITTEN,
+    SearchingDaemon,
+    make_proposals,
+    make_search,
+    proposal_row,
+)
+from tests.scenario_tui.fake import CAMPAIGN
+from tests.scenario_tui.recorded import HIT
+
+BEST = 37
+"""The run with the smallest margin."""
+
+
+def opened(
+    fake: SearchingDaemon, size: tuple[int, int] = (120, 40)
+) -> AbstractAsyncContextManager[Any]:
+    return make_dashboard(fake).run_test(size=size)
+
+
+def shown(pilot: Any) -> str:
+    return "\n".join(screen_text(pilot))
+
+
+def search_runs(rows: Any, state: str = "running", **changes: Any) -> SearchRuns:
+    row = make_search(rows, state, **changes)
+    return SearchRuns(row, tuple(searched_run(row.task, one) for one in rows))
+
+
+async def test_the_list_says_what_a_search_does_and_what_it_found() -> None:
+    fake = SearchingDaemon.running()
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        assert "explore " in shown(pilot)
+        assert " 38/60 " in shown(pilot)
+        assert "looking for" in shown(pilot)
+        fake.found = SearchingDaemon.finished().found
+        fake.proposed = SearchingDaemon.finished().proposed
+        await settle(pilot)
+        text = shown(pilot)
+        assert "✗ found −0.0468 m" in text
+        assert "kitchen_opens 0.54 s later" in text
+        assert "scenario search" in text
+
+
+async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix() -> None:
+    fake = SearchingDaemon.finished()
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        assert SEARCH not in pilot.app.daemon_state.conclusions
+        assert CAMPAIGN in pilot.app.daemon_state.conclusions
+        await press(pilot, "m")
+        assert not isinstance(pilot.app.screen, MatrixScreen)
+        assert "nothing was expected of its runs" in notices(pilot)
+
+
+async def test_enter_opens_the_search_with_all_of_it() -> None:
+    async with opened(SearchingDaemon.finished()) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert isinstance(pilot.app.screen, SearchScreen)
+        text = shown(pilot)
+    for words in (
+        "✗ 60/60 explore  6 fail  best −0.0468 m  and 1 run after",
+        "best of the space-filling runs",
+        "best              −0.0468 m  no-contact › door-1",
+        "nearest failure    −0.018 m",
+        "as written         +0.105 m",
+        "Run 34 is the first that fails",
+        "kitchen_opens 0.54 s later",
+        "→ 8.32 s",
+        "no-contact of busy-house  the budget is spent",
+    ):
+        assert words in text, words
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50), (40, 10), (110, 12)])
+async def test_every_part_is_seen_in_every_size(size: tuple[int, int]) -> None:
+    fake = SearchingDaemon.finished()
+    async with opened(fake, size) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        seen = ""
+        for _ in SearchScreen.VIEWS:
+            seen += shown(pilot) + "\n"
+            await press(pilot, "tab")
+        for words in ("best", "≠ ", "doors-in-time", "No trace", "0 ┈"):
+            assert words in seen, words
+        assert all(len(line) <= size[0] for line in seen.split("\n"))
+
+
+async def test_the_run_in_front_is_the_one_of_parameters_and_keys() -> None:
+    async with opened(SearchingDaemon.finished()) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "n", "n")
+        text = shown(pilot)
+        assert "nearest failure  doors-in-time.60/pilot/0" in text
+        assert text.count("≠ …") == 1
+        assert "8 → 8.54 s" in text
+        await press(pilot, "x")
+        assert f"scenario verify {NEAREST.run}" in pilot.app.clipboard
+        await press(pilot, "y")
+        assert pilot.app.clipboard == f"scenario search {SEARCH}"
+        await press(pilot, "N", "enter")
+        assert isinstance(pilot.app.screen, RunScreen)
+        assert f"{SEARCH} › doors-in-time.34/pilot/0" in shown(pilot)
+
+
+async def test_a_key_lists_the_runs_of_the_search() -> None:
+    fake = SearchingDaemon.finished()
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "a")
+        assert isinstance(pilot.app.screen, RunsScreen)
+        assert f"campaigns › {SEARCH}" in shown(pilot)
+
+
+async def test_the_map_stands_at_the_decisive_moment_and_plays_from_before_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ReplayScreen, "tick", lambda screen: None)
+    fake = SearchingDaemon.finished()
+    fake.record(tmp_path, f"{SEARCH}.{BEST}")
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
+        await press(pilot, "p")
+        assert isinstance(pilot.app.screen, ReplayScreen)
+        assert pilot.app.screen.transport.time == pytest.approx(HIT - 3.0)
+
+
+async def test_a_run_whose_map_is_not_seen_is_read_when_it_is_to_be_played(tmp_path: Path) -> None:
+    fake = SearchingDaemon.finished()
+    fake.record(tmp_path, f"{SEARCH}.{BEST}")
+    async with opened(fake, (80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert not any(call[0] == "run" for call in fake.calls)
+        await press(pilot, "p")
+        await until(pilot, lambda: isinstance(pilot.app.screen, ReplayScreen))
+
+
+async def test_why_a_run_cannot_be_played_is_said() -> None:
+    async with opened(SearchingDaemon.finished(), (80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "p")
+        assert "No trace of this run was kept." in notices(pilot)
+        assert isinstance(pilot.app.screen, SearchScreen)
+
+
+async def test_it_is_live() -> None:
+    fake = SearchingDaemon.running(20)
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert "▶ 20/60 explore  0 fail" in shown(pilot)
+        assert "first failure" not in shown(pilot)
+        fake.go_on(38)
+        await settle(pilot)
+        assert "▶ 38/60 explore  3 fail  best −0.0468 m" in shown(pilot)
+        assert "first failure" in shown(pilot)
+        fake.found = (replace(fake.found[0], phase="nearest"),)
+        fake.go_on(60)
+        await settle(pilot)
+        assert "nearest" in shown(pilot)
+
+
+async def test_a_search_before_its_first_result_and_one_that_could_not_go_on() -> None:
+    fake = SearchingDaemon(found=(make_search((), "running"),))
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert "▶ 0/60 explore  0 fail" in shown(pilot)
+        await press(pilot, "p", "x", "n")
+        assert "no run of this search has a result yet" in notices(pilot)
+        why = "campaign.yaml:3: there is no layer doors_moving"
+        fake.found = (make_search((), "failed", note=why),)
+        await settle(pilot)
+        assert why in shown(pilot)
+        assert "it could not go on" in shown(pilot)
+
+
+async def test_the_palette_goes_to_a_search() -> None:
+    async with opened(SearchingDaemon.finished()) as pilot:
+        await settle(pilot)
+        pilot.app.open_campaign(SEARCH)
+        await settle(pilot)
+        assert isinstance(pilot.app.screen, SearchScreen)
+
+
+async def test_without_colours_what_fails_and_differs_has_a_sign() -> None:
+    dashboard = make_dashboard(SearchingDaemon.finished())
+    dashboard.ansi_color = True
+    async with dashboard.run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "tab")
+        text = shown(pilot)
+        assert "✗" in text
+        assert "≠ doors_moving.swing" in text
+        legend = str(pilot.app.screen.query_one("#curve-legend", Static).render())
+        assert "✗ fails" in legend
+
+
+def asked(fake: SearchingDaemon, verb: str) -> list[tuple[object, ...]]:
+    return [call[1:] for call in fake.calls if call[0] == verb]
+
+
+def test_only_new_runs_and_those_that_were_not_over_are_asked_for() -> None:
+    fake, watch = SearchingDaemon.running(20), KnownSearches()
+
+    def look() -> SearchRuns | None:
+        watch.update_rows(fake, fake.campaign_page(limit=10))
+        return watch.runs(fake, SEARCH)
+
+    first = look()
+    assert first is not None
+    assert len(first.runs) == 24
+    assert look() is first
+    assert asked(fake, "proposals") == [(SEARCH, 0, 500)]
+    assert len(asked(fake, "searches")) == 1
+    fake.go_on(30)
+    assert len((look() or first).runs) == 34
+    assert asked(fake, "proposals")[1:] == [(SEARCH, 20, 500)]
+    # One that was over is queued again: its event says so, what is counted would not.
+    watch.touch(ChangeEvent(1, "run", f"{SEARCH}.7", SEARCH))
+    look()
+    assert asked(fake, "proposals")[2:] == [(SEARCH, 7, 500)]
+    watch.touch(ChangeEvent(2, "run", f"{CAMPAIGN}.3", CAMPAIGN))
+    look()
+    assert len(asked(fake, "proposals")) == 3
+    # In the end all of it, once: an event may have been lost.
+    fake.found = (replace(fake.found[0], state="finished"),)
+    look()
+    assert asked(fake, "proposals")[3:] == [(SEARCH, 0, 500)]
+
+
+def test_thousands_of_runs_come_in_pages() -> None:
+    rows = make_proposals(1200)
+    fake, watch = (
+        SearchingDaemon(found=(make_search(rows, "running"),), proposed=rows),
+        KnownSearches(),
+    )
+    watch.update_rows(fake, fake.campaign_page(limit=10))
+    found = watch.runs(fake, SEARCH)
+    assert found is not None
+    assert len(found.runs) == 1200
+    assert [call[1] for call in asked(fake, "proposals")] == [0, 500, 1000]
+
+
+def test_a_search_that_is_gone_is_forgotten() -> None:
+    fake, watch = SearchingDaemon.finished(), KnownSearches()
+    watch.update_rows(fake, fake.campaign_page(limit=10))
+    assert SEARCH in watch.rows
+    fake.found = ()
+    watch.update_rows(fake, fake.campaign_page(limit=10))
+    assert not watch.rows
+    assert watch.runs(fake, SEARCH) is None
+
+
+def test_the_baseline_is_the_best_of_what_was_chosen_without_looking() -> None:
+    curve = search_curve(search_runs(make_proposals(), "finished"))
+    assert len(curve.at) == 59  # one is inconclusive
+    assert curve.unknown == ((23, "?"),)
+    assert np.all(np.diff(curve.best) <= 0.0)
+    assert curve.best[-1] == curve.value.min()
+    assert curve.baseline[-1] == curve.value[curve.at < 16].min() > curve.best[-1]
+    low, high = value_limits(curve)
+    assert low < 0.0 < high
+
+
+def test_repeats_and_what_is_done_with_a_failure_are_no_part_of_the_best() -> None:
+    rows = (*make_proposals(20), proposal_row(20, WRITTEN, -1.0, phase="confirm"))
+    curve = search_curve(search_runs(rows))
+    assert curve.value.min() == -1.0
+    assert np.nanmin(curve.best) > -1.0
+    assert curve.phases == ((20, "confirm"),)
+
+
+def test_limits_leave_out_a_few_runs_far_away_but_never_nought() -> None:
+    rows = [proposal_row(i, WRITTEN, 0.1 + i / 1000) for i in range(30)]
+    rows.append(proposal_row(30, WRITTEN, 900.0))
+    low, high = value_limits(search_curve(search_runs(rows)))
+    assert low < 0.0
+    assert high < 1.0
+
+
+def drawn(curve: SearchCurve, columns: int = 78, rows: int = 10) -> list[str]:
+    cells = draw_search_curve(curve, columns, rows)
+    assert cells is not None
+    return ["".join(map(chr, row)).rstrip() for row in cells[0]]
+
+
+def test_a_graph_of_thousands_has_two_dots_a_column_and_the_worst_failures() -> None:
+    rows = make_proposals(2000)
+    curve = search_curve(search_runs(rows, "finished"))
+    lines = drawn(curve)
+    assert lines[-1].endswith("1999")
+    assert sum(line.count("✗") for line in lines) <= 67  # one a column
+    column = np.repeat(np.arange(10), 100)
+    value = np.random.default_rng(1).random(1000)
+    kept = thinned(column, value)
+    assert len(kept) == 20
+    assert all(value[column == c].min() in value[kept] for c in range(10))
+
+
+def test_a_graph_without_a_run_or_without_room_is_none_or_empty() -> None:
+    curve = search_curve(search_runs(()))
+    assert "0 ┈" in "\n".join(drawn(curve))
+    assert draw_search_curve(curve, 12, 2) is None
+
+
+def test_the_budget_makes_room_step_by_step() -> None:
+    def room(known: int, budget: int) -> int:
+        rows = make_proposals(known)
+        task = replace(TASK, runs=budget)
+        return search_curve(search_runs(rows, task=task)).room
+
+    assert room(5, 60) == 60
+    assert room(70, 200) == 120
+    assert room(130, 200) == 200
+    assert room(5, 20) == 20
+
+
+def test_of_several_oracles_what_is_compared_has_no_unit() -> None:
+    scales = (*TASK.scales, OracleScale("reached", 0.3, "m"))
+    task = replace(TASK, minimise="any", scales=scales)
+    curve = search_curve(search_runs(make_proposals(10), task=task))
+    assert curve.unit == ""
+    assert curve.value[0] == pytest.approx(0.105 / 0.25)
+
+
+def test_a_parameter_has_its_place_in_its_range() -> None:
+    opens, noise, leading = TASK.parameters[2], TASK.parameters[6], TASK.parameters[7]
+    assert range_bar(opens, 8.9) == "─────│────●"
+    assert range_bar(opens, 8.0) == "─────●─────"
+    assert range_bar(noise, 0.05) == "│─────────●"
+    assert range_bar(leading, "kitchen_door") == "│─────────●"
+    assert range_bar(replace(opens, written=99.0), 7.1) == "●─────────>"
+    assert range_bar(replace(opens, written=None), 7.1) == "●──────────"
+
+
+def test_parameters_fit_and_say_what_is_not_as_written() -> None:
+    values = (3.0, 6.0, 8.54, 12.0, 60.0, 0.0, 0.01, "kitchen_door")
+    for width in (48, 76):
+        lines = parameters_text(TASK, values, width).plain.splitlines()
+        assert all(len(line) <= width for line in lines)
+        assert [line[0] for line in lines[:-1]] == list("  ≠    ≠")
+    wide = parameters_text(TASK, values, 100, {"doors_moving.kitchen_opens": -0.81}).plain
+    assert "8 → 8.54 s" in wide
+    assert "−0.81" in wide
+
+
+def test_the_decisive_moment_is_that_of_the_oracle_searched_for() -> None:
+    def verdict(oracle: str, margin: float, time: float | None) -> Verdict:
+        outcome = Outcome.FAIL if margin < 0 else Outcome.PASS
+        return Verdict(oracle, "", outcome, margin, margin, "m", Evidence(time))
+
+    other, ours = verdict("slow", -1.0, 2.0), verdict("no-contact", 0.1, 6.0)
+    assert decisive_moment(TASK, (other, ours)) == 6.0
+    assert decisive_moment(TASK, (other,)) is None
+    assert decisive_moment(TASK, (verdict("no-contact", 0.1, None),)) is None
+    both = replace(TASK, scales=(*TASK.scales, OracleScale("slow", 1.0, "m/s")))
+    assert decisive_moment(both, (other, ours)) == 2.0
+
+
+def test_a_run_that_is_not_over_has_no_value() -> None:
+    (row,) = make_proposals(1, settled=0)
+    found = searched_run(TASK, row)
+    assert found.value is None
+    assert not found.settled
+    assert found.state is RunState.RUNNING
