@@ -166,8 +166,8 @@ class _SearchReader:
 
     def _sut(self, cell: CampaignCell) -> SutReference | None:
         named, wanted = cell.scenario.suts, self.text.sut
-        if len(named) != len(cell.suts):
-            return None  # one of them cannot be loaded
+        if not cell.suts or len(named) != len(cell.suts):
+            return None  # one of them cannot be loaded, or there is none: that has been said
         names = [sut.name for sut in cell.suts]
         if not wanted and len(names) == 1:
             return cell.suts[0]
@@ -179,7 +179,8 @@ class _SearchReader:
             self._error(self._at("sut"), message, did_you_mean(wanted, names))
         else:
             message = f"{cell.name} is run with {len(names)} systems under test, search one"
-            self._error(self._at(), message, f"write sut: {names[0]}, or one of {names[1:]}")
+            others = ", ".join(names[1:])
+            self._error(self._at(), message, f"write sut: {names[0]}, or one of {others}")
         return None
 
     def _confirm(self, sut: SutReference) -> int:

@@ -8,6 +8,7 @@ decide how many points are explored; what was issued by then is gone on with.
 
 from __future__ import annotations
 
+import textwrap
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -44,6 +45,8 @@ __all__ = ["ERRORS_IN_A_ROW", "Case", "Runs", "SearchStoppedError", "run_search"
 
 ERRORS_IN_A_ROW: Final = 5
 """So many errors one after another end a search: the next one would be another."""
+_WIDTH: Final = 98
+"""Of a line of a comment."""
 _SETTLED_RUNS: Final = 20
 _SETTLED_WINDOWS: Final = 3
 """Nothing better and nothing new for so many results, or windows of them if that is more."""
@@ -204,11 +207,11 @@ class _SearchProgram:
         )
         # Not after every run: an answer so far is large, and most change nothing.
         if rules.learn(result) or number % self.task.window == 0:
-            self._report("explore", self._progress_note())
+            answer = self.answer()
+            self.runs.report("explore", self._progress_note(answer), answer)
 
-    def _progress_note(self) -> str:
-        answer = self.answer()
-        told = f"{len(self.explored)} of {plural(self.task.runs, 'run')}"
+    def _progress_note(self, answer: SearchAnswer) -> str:
+        told = f"{answer.explored} of {plural(self.task.runs, 'run')}"
         if answer.failed:
             told += f", {plural(answer.failed, 'failure')}"
         value = None if answer.best is None else answer.best.value
@@ -259,7 +262,8 @@ class _SearchProgram:
             return answer
         # The nearest failure's own words, where it was looked for.
         about = answer.nearest.sentence if answer.nearest is not None else failure_words(failure)
-        comment = f"Found by the search {self.task.name}: {about}."
+        words = f"Found by the search {self.task.name}: {about}."
+        comment = "\n".join(textwrap.wrap(words, _WIDTH, break_long_words=False))
         text = self.case.found_text(failure.values, failure.number, comment=comment, repeats=1)
         return replace(answer, found=text, found_label=failure.label, found_digest=failure.digest)
 

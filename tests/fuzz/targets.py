@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from daemon.campaign import examine, expand
+from daemon.search.checks import check_search
+from daemon.search.composition import search_case
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import (
     load_floorplan_jsonld,
@@ -111,6 +113,8 @@ def _checked(*names: str) -> Callable[[Path], None]:
                 campaign, found = examine(folder / name)
                 _told(found)
                 codec.to_json(expand(campaign))
+                for task in campaign.searches:
+                    _told(check_search(search_case(campaign, task)))
             else:
                 _told(check_file(folder / name)[1])
 

@@ -8,6 +8,7 @@ boundary.
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -47,17 +48,24 @@ class BoundaryStage:
         places = [k * _CELL for k in range(self._side)]
         self._first: Final = list(itertools.product(places, repeat=dimensions))
         self._points: Final[dict[_Corner, Point]] = {}
+        self._ready: Final[list[tuple[tuple[float, ...], _Cell]]] = []
+        last = places[-1]
+        self._waiting: list[_Cell] = [(low, _CELL) for low in self._first if max(low) < last]
 
     def choose(self, number: int, history: SearchHistory) -> Choice | None:
         """Return the next point of the mesh; an even one where no cell can be halved now."""
         point = self._new(self._first, history)
         if point is not None:
             return point, False
-        values = history.outcomes(number)
-        for cell in self._by_need(values, history):
+        self._sort(history.outcomes(number), history)
+        while self._ready:
+            cell = self._ready[0][1]
             point = self._new(_halving(cell), history)
             if point is not None:
                 return point, True
+            del self._ready[0]
+            self._waiting += _halves(cell)
+            self._sort(history.outcomes(number), history)
         point = history.next_even()
         return None if point is None else (point, False)
 
@@ -71,25 +79,25 @@ class BoundaryStage:
             self._points[corner] = history.space.at([steps / across for steps in corner])
         return self._points[corner]
 
-    def _by_need(self, values: _Values, history: SearchHistory) -> list[_Cell]:
-        """Return the cells that are to be halved, the most important first."""
-        needs: list[tuple[tuple[float, ...], _Cell]] = []
-        waiting: list[_Cell] = [
-            (corner, _CELL) for corner in self._first if max(corner) < (self._side - 1) * _CELL
-        ]
-        while waiting:
-            cell = waiting.pop()
+    def _finest(self, history: SearchHistory) -> float:
+        """Return the side of the smallest cells that are halved: half of a value's share."""
+        levels = max(axis.levels or math.inf for axis in history.space.axes)
+        return max(float(self._side - 1) * _CELL / (2.0 * levels), 2.0)
+
+    def _sort(self, values: _Values, history: SearchHistory) -> None:
+        """Sort cells in by how much they need to be halved, once their corners are known."""
+        waiting, self._waiting = self._waiting, []
+        finest = self._finest(history)
+        for cell in waiting:
             corners = [self._point(corner, history) for corner in _corners(cell)]
             known = [values[point] for point in corners if point in values]
-            margins = [value for value in known if value is not None]
             # A corner that is not allowed never has a result: the others decide.
-            due = sum(history.space.allowed(point) for point in corners)
-            if not margins or len(known) < due or cell[1] < 2 or len(set(corners)) == 1:
+            if len(known) < sum(map(history.space.allowed, corners)):
+                self._waiting.append(cell)
                 continue
-            needs.append((_need(margins, cell[1]), cell))
-            if self._new(_halving(cell), history) is None:
-                waiting += _halves(cell)
-        return [cell for _, cell in sorted(needs)]
+            margins = [value for value in known if value is not None]
+            if margins and cell[1] >= finest:
+                bisect.insort(self._ready, (_need(margins, cell[1]), cell))
 
 
 def _need(margins: Sequence[float], side: int) -> tuple[float, ...]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import threading
-import warnings
 from collections.abc import Container, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -128,9 +127,8 @@ class _Sampler(TPESampler):
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep optuna from telling of a new study, and of options that it calls experimental."""
-    with _QUIETLY, warnings.catch_warnings():
-        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+    """Keep optuna from telling of a new study: one at a time, as its level is one for all."""
+    with _QUIETLY:
         before = optuna.logging.get_verbosity()
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         try:

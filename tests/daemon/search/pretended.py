@@ -61,7 +61,8 @@ class PretendedCase:
         raise NotImplementedError("a pretended run has no layers to take away")
 
     def found_text(self, point: Point, number: int, *, comment: str, repeats: int) -> str:
-        return f"# {comment}\nscenarios: {self.task.scenario_of(number)} {list(point)} {repeats}\n"
+        lines = "".join(f"# {line}\n" for line in comment.splitlines())
+        return f"{lines}scenarios: {self.task.scenario_of(number)} {list(point)} {repeats}\n"
 
     def execute(self, candidates: Sequence[Candidate]) -> list[RunResult | None]:
         return [self._result(candidate) for candidate in candidates]

@@ -1,0 +1,72 @@
+"""What a proposal of a search costs: goal 50 ms, whatever has been learnt before.
+
+A function stands for the runs, of twelve parameters, with a plateau and a narrow region that fails.
+The reference is a point of the even sequence, which looks at no result, in the same process.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Iterator
+
+from daemon.model.search import ANY, Point, SearchParameter, SearchTask
+from daemon.search.methods import make_method
+from daemon.search.space import SearchSpace
+from tests.benchmarks.measurement import Measurement, Reference, at_most
+
+SIZES = (60, 500, 2000)
+LAST = 20
+"""Proposals of which the median is told, the last ones."""
+GOAL = 50.0
+
+
+def task(method: str, runs: int) -> SearchTask:
+    """Return a search of twelve times of doors, or of two for the boundary."""
+    parameters = tuple(
+        SearchParameter(f"p{k}", "behaviours", 0, f"p{k}", "s", 5.0, 7.0, 0.01, written=6.0)
+        for k in range(2 if method == "boundary" else 12)
+    )
+    return SearchTask("s", "scenario", "", ANY, (), parameters, runs=runs, method=method)
+
+
+def margin(point: Point) -> float:
+    """Fail near one place of the space, and be the same far away from it."""
+    place = [float(value) for value in point[:4]]
+    return min(0.105, 0.12 * math.dist(place, (6.5,) * len(place)) - 0.045)
+
+
+def milliseconds(method: str, runs: int) -> tuple[float, float]:
+    """Return the time of one of the last proposals [ms], and of all together [s]."""
+    asked = task(method, runs)
+    made = make_method(asked, SearchSpace(asked))
+    points: list[Point] = []
+    took: list[float] = []
+    for n in range(runs):
+        if n >= asked.window:
+            learnt = n - asked.window
+            made.learn(learnt, points[learnt], margin(points[learnt]))
+        start = time.process_time()
+        proposal = made.propose(n)
+        took.append(time.process_time() - start)
+        assert proposal is not None, "the space is large"
+        points.append(proposal.values)
+    return 1e3 * statistics.median(took[-LAST:]), sum(took)
+
+
+def measure() -> Iterator[Measurement]:
+    """Yield the CPU time of a proposal after 60, 500 and 2 000 runs."""
+    milliseconds("tpe", 20)  # optuna is imported once a process
+    for runs in SIZES:
+        even, _ = milliseconds("halton", runs)
+        for method in ("tpe", "cma", "boundary"):
+            one, total = milliseconds(method, runs)
+            yield Measurement(
+                f"a proposal of {method} after {runs} runs",
+                one,
+                "CPU ms",
+                Reference("halton", even),
+                (at_most(GOAL),),
+                f"all {runs} together {total:.1f} s",
+            )
