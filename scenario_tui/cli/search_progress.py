@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.batch.errors import Refused
+from daemon.model.search import objective
 from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
 from scenario_tui.cli.progress import (
     WAITING,
@@ -87,7 +88,8 @@ class SearchWatch:
             line.add_column(no_wrap=True)
         line.add_row(head, ProgressBar(self.row.task.runs, self.tally.explored, width=_BAR), tail)
         idle = not (self.tally.explored or self.running)
-        waiting = preparing or (WAITING if idle else "")
+        note = self.row.note.strip().splitlines()[-1:]
+        waiting = preparing or "".join(note) or (WAITING if idle else "")
         if self.campaign_row is not None and self.campaign_row.paused:
             waiting = f"paused: `scenario resume {self.campaign}` lets it go on"
         return Group(line, *run_lines(self.running, live, waiting))
@@ -121,12 +123,14 @@ class SearchWatch:
         return left * since / explored if explored > 0 and since > 0 else None
 
     def _tell(self, row: SearchRow, shown: ProgressDisplay) -> None:
+        if self.row is None and row.state != "running":
+            self.told_first = True  # it was over when somebody came: its answer tells
         first = self.tally.first if self.tally else None
         if first is not None and not self.told_first:
             self.told_first = True
-            worst = next((one for one in first.verdicts if one.outcome == "fail"), None)
-            words = f"{worst.oracle} by {margin(worst.margin, worst.unit)}" if worst else ""
-            shown.note(f"run {first.proposal.number} fails: {words} ({first.run})")
+            worth = objective(row.task, first.leads)
+            words = f": {worth.oracle} by {margin(worth.margin, worth.unit)}" if worth else ""
+            shown.note(f"run {first.proposal.number} fails{words} ({first.run})")
         if row.phase != self.told_phase and row.state == "running":
             shown.note(phase_text(row))
         self.told_phase = row.phase

@@ -1,4 +1,4 @@
-"""The report of a campaign as one HTML file: its template and its style."""
+"""The reports of a campaign and of a search as HTML files: their templates and their style."""
 
 from __future__ import annotations
 
@@ -14,11 +14,22 @@ OURS: Final = Path(__file__).parent
 
 
 def render_report(filters: Mapping[str, Callable[..., Any]], **values: Any) -> str:
-    """Return the page filled with ``values``, whatever is put in escaped.
+    """Return the page of a campaign filled with ``values``, whatever is put in escaped.
 
     Only what is :class:`markupsafe.Markup` (figures drawn here) goes in as it is. Names missing in
     the template are errors; characters no document can hold are replaced.
     """
+    return _render("report.html.j2", filters, values)
+
+
+def render_search_report(filters: Mapping[str, Callable[..., Any]], **values: Any) -> str:
+    """Return the page of a search, as :func:`render_report` does that of a campaign."""
+    return _render("search.html.j2", filters, values)
+
+
+def _render(
+    template: str, filters: Mapping[str, Callable[..., Any]], values: Mapping[str, Any]
+) -> str:
     environment = strict_environment(jinja2.FileSystemLoader(OURS), autoescape=True)
     environment.filters.update(filters)
-    return environment.get_template("report.html.j2").render(values)
+    return environment.get_template(template).render(values)

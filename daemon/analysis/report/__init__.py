@@ -15,15 +15,19 @@ from daemon.analysis.report._input import (
 )
 
 if TYPE_CHECKING:
+    from daemon.analysis.report._axes import Axes, Sheet
     from daemon.analysis.report._data import ReportData, ReportRun, read_report_data
     from daemon.analysis.report._exports import COLUMNS, write_csv, write_parquet
     from daemon.analysis.report._formatting import (
+        count_noun,
+        duration_text,
         format_quantity,
         mean_and_deviation,
         verdict_details,
     )
     from daemon.analysis.report._junit import write_junit
     from daemon.analysis.report._page import SuggestedCommand, headline, write_page
+    from daemon.analysis.report._recorded_run import plot_recorded_moment, plot_recorded_way
     from daemon.analysis.report._run_picture import draw_run
     from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
     from daemon.analysis.report._tracks import MEASURES, thinned_indices
@@ -31,12 +35,16 @@ if TYPE_CHECKING:
 __all__ = [
     "COLUMNS",
     "MEASURES",
+    "Axes",
     "ReportData",
     "ReportInput",
     "ReportRun",
+    "Sheet",
     "SuggestedCommand",
     "campaign_input",
+    "count_noun",
     "draw_run",
+    "duration_text",
     "folder_input",
     "format_quantity",
     "headline",
@@ -44,6 +52,8 @@ __all__ = [
     "mean_and_deviation",
     "open_ledger",
     "oracle_limit",
+    "plot_recorded_moment",
+    "plot_recorded_way",
     "read_report_data",
     "safety_buffer",
     "thinned_indices",
@@ -56,11 +66,19 @@ __all__ = [
 ]
 
 _MODULES: Final = {
+    "_axes": ("Axes", "Sheet"),
     "_data": ("ReportData", "ReportRun", "read_report_data"),
     "_exports": ("COLUMNS", "write_csv", "write_parquet"),
-    "_formatting": ("format_quantity", "mean_and_deviation", "verdict_details"),
+    "_formatting": (
+        "count_noun",
+        "duration_text",
+        "format_quantity",
+        "mean_and_deviation",
+        "verdict_details",
+    ),
     "_junit": ("write_junit",),
     "_page": ("SuggestedCommand", "headline", "write_page"),
+    "_recorded_run": ("plot_recorded_moment", "plot_recorded_way"),
     "_run_picture": ("draw_run",),
     "_safety_buffer": ("oracle_limit", "safety_buffer"),
     "_tracks": ("MEASURES", "thinned_indices"),

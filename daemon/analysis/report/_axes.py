@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -48,11 +48,14 @@ Limits = tuple[float | None, float | None]
 """Lower and upper end of an axis; ``None`` is what the values need."""
 
 
+_SampleKind: TypeAlias = Literal["line", "area", "dot", "cross"]
+
+
 @dataclass(frozen=True, slots=True)
 class _LegendEntry:
     words: str
     colour: str
-    kind: Literal["line", "area", "dot"]
+    kind: _SampleKind
     dashes: str = ""
     alpha: float = 1.0
 
@@ -76,6 +79,8 @@ class Axes:
         self.x_names: Sequence[str] | None = None
         """Words in place of numbers at 0, 1, 2 … along x."""
         self.turned_names = False
+        self.y_names: Sequence[str] | None = None
+        """Words in place of numbers at 0, 1, 2 … along y."""
         self.x_numbers = True
         self.equal = False
         """Whether a metre is as long along x as along y."""
@@ -152,20 +157,17 @@ class Axes:
 
         self._drawings.append(draw)
 
-    def crosses(self, x: Any, y: Any, colour: str, size: float) -> None:
+    def crosses(self, x: Any, y: Any, colour: str, size: float, *, label: str = "") -> None:
         """Draw lying crosses, ``size`` wide."""
         self._extend(x, y)
         h = size / 2
 
         def draw(at: AxesTransform) -> str:
-            data = "".join(
-                f"M{number(u - h)} {number(v - h)} {number(u + h)} {number(v + h)}"
-                f"M{number(u - h)} {number(v + h)} {number(u + h)} {number(v - h)}"
-                for u, v in at.points(x, y).tolist()
-            )
+            data = "".join(_cross(u, v, h) for u, v in at.points(x, y).tolist())
             return _path(data, stroke(colour, 1.1))
 
         self._drawings.append(draw)
+        self._note(label, colour, "cross")
 
     def across(
         self, y: float, colour: str, width: float, *, dashes: str = "", label: str = ""
@@ -315,7 +317,7 @@ class Axes:
         self,
         words: str,
         colour: str,
-        kind: Literal["line", "area", "dot"],
+        kind: _SampleKind,
         dashes: str = "",
         alpha: float = 1.0,
     ) -> None:
@@ -371,7 +373,10 @@ class Axes:
         right, bottom = left + width, top + height
         grid: list[Floats] = []
         words: list[str] = []
-        for value, name in tick_names(*y_limits, height / _TICK_ROOM[1]):
+        named = tick_names(*y_limits, height / _TICK_ROOM[1])
+        if self.y_names is not None:
+            named = [(float(k), name) for k, name in enumerate(self.y_names)]
+        for value, name in named:
             y = at.y(value)
             grid.append(np.array([(left, y), (right, y)]))
             words.append(text_element(left - 3.5, y + 2.5, name, _SMALL, SOFT, anchor="end"))
@@ -417,10 +422,17 @@ class Axes:
         return "".join(parts)
 
 
+def _cross(u: float, v: float, half: float) -> str:
+    west, east, above, below = map(number, (u - half, u + half, v - half, v + half))
+    return f"M{west} {above} {east} {below}M{west} {below} {east} {above}"
+
+
 def _legend_sample(entry: _LegendEntry, right: float, y: float) -> str:
     if entry.kind == "dot":
         look = style(fill=colour_value(entry.colour))
         return f'<circle cx="{number(right - 4.2)}" cy="{number(y)}" r="2"{look}/>'
+    if entry.kind == "cross":
+        return _path(_cross(right - 4.2, y, 2.0), stroke(entry.colour, 1.1))
     if entry.kind == "area":
         look = style(fill=colour_value(entry.colour), fill_opacity=f"{entry.alpha:g}")
         return _path(rings_data([_rectangle(right - 8.4, y - 2.4, right, y + 2.4)]), look)

@@ -25,6 +25,7 @@ from scenario_tui.cli.progress import ProgressDisplay
 from scenario_tui.cli.search import _read_changes, search_code
 from scenario_tui.cli.search_progress import SearchWatch
 from scenario_tui.client import newer_proposals
+from scenario_tui.submission import searches_text
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_row
 from tests.scenario_tui.fake_search import (
@@ -298,6 +299,27 @@ def test_only_runs_that_may_have_changed_are_asked_for_again(fake) -> None:
     assert [call[2] for call in fake.calls] == [len(MARGINS), len(MARGINS) + 2]
 
 
+def test_what_keeps_a_search_is_said_where_it_is_watched(fake) -> None:
+    _have(fake, make_search("running", note="no worker is there"))
+    watched = SearchWatch(SEARCH)
+    watched.look(fake, ProgressDisplay(None))
+    console = Console(width=100, record=True)
+    console.print(watched.draw({}, "", 100))
+    assert "no worker is there" in console.export_text()
+
+
+def test_submitting_a_campaign_says_which_searches_it_has(
+    scenario, fake, campaigns, monkeypatch
+) -> None:
+    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
+    file = campaigns / "demo" / "campaign.yaml"
+    said = scenario("submit", str(file))
+    assert said.code == 0
+    assert f"doors-in-time is a search: start it with `scenario search {file}`" in said.err
+    assert searches_text(file, ("a", "b")).startswith("a, b are searches: start one with")
+    assert searches_text(file, ()) == ""
+
+
 def test_results_of_a_search_are_its_answer(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("results", SEARCH)
@@ -313,6 +335,7 @@ def test_waiting_for_a_search_leaves_with_its_code(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("wait", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
+    assert len(said.err.splitlines()) == 1
     assert "the budget is spent" in said.err
     fake.found = (make_search("running"),)
     said = scenario("wait", SEARCH, "--timeout", "0s")
@@ -334,7 +357,7 @@ def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake)
 def test_a_run_of_a_search_says_which_point_it_is(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("show", f"{SEARCH}.4")
-    assert "point 4 of the search doors-in-time, looking for failures, halton" in said.out
+    assert "point 4 of the search doors-in-time, looking for failures (halton)" in said.out
     assert "doors_moving.kitchen_opens  8.4 s  instead of 8 s" in said.out
     assert f"scenario search {SEARCH}" in said.out
     body = declared(scenario("show", f"{SEARCH}.4", "--json").out)

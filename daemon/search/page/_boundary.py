@@ -1,0 +1,184 @@
+"""Where it starts to fail: the margin over one parameter, or over two."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from daemon.analysis.report import Axes, Sheet
+from daemon.model.search import Point, SearchParameter, SearchTask
+from daemon.search.page._points import (
+    DrawnPoint,
+    axis_title,
+    coordinate,
+    margin_title,
+    position_in_range,
+)
+from daemon.search.page._spaces import draw_points, frame_axes, written_point
+from daemon.search.wording import short_name
+from grammars.model.geometry import Floats
+
+RAMP: Final = (
+    "#b2182b", "#d6604d", "#f4a582", "#fddbc7", "#d1e5f0", "#92c5de", "#4393c3", "#2166ac",
+)  # fmt: skip
+"""From failing to passing: ColorBrewer's RdBu, which colour-blind readers tell apart (Brewer and
+Harrower, 2003). Half of it is below zero."""
+_CELLS: Final = 48
+"""Cells along each axis between which margins are estimated."""
+_POWER: Final = 4.0
+_HALF: Final = len(RAMP) // 2
+
+
+def plot_boundary(
+    task: SearchTask, points: Sequence[DrawnPoint], nearest: Point | None
+) -> Sheet | None:
+    """Return the picture of a search over one or two parameters; ``None`` without a margin."""
+    known = [p for p in points if math.isfinite(p.value)]
+    if not known or len(task.parameters) > 2:
+        return None
+    if len(task.parameters) == 1:
+        return _over_one(task, known, nearest)
+    return _over_two(task, known, nearest)
+
+
+def _over_one(task: SearchTask, points: Sequence[DrawnPoint], nearest: Point | None) -> Sheet:
+    (parameter,) = task.parameters
+    sheet = Sheet(7.0, 3.0)
+    (axes,) = sheet.axes
+    ordered = sorted(points, key=lambda p: coordinate(parameter, p.result.values[0]))
+    xs = [coordinate(parameter, p.result.values[0]) for p in ordered]
+    if not parameter.choices:
+        axes.line(xs, [p.value for p in ordered], "soft", 0.8)
+    for fails in (False, True):
+        here = [(x, p.value) for x, p in zip(xs, ordered, strict=True) if p.result.fails is fails]
+        if here and fails:
+            axes.crosses(*zip(*here, strict=True), "bad", 4.6, label="fails")
+        elif here:
+            axes.dots(*zip(*here, strict=True), "line", 3.4, label="passes")
+    axes.across(0.0, "bad", 0.9)
+    for value, colour in ((parameter.written, "ink"), (nearest and nearest[0], "near")):
+        at = coordinate(parameter, value)
+        if math.isfinite(at):
+            axes.upright(at, colour, 1.1, dashes="5 3")
+    axes.x_names = [parameter.text(choice) for choice in parameter.choices] or None
+    axes.title, axes.x_label = (
+        margin_title(task),
+        axis_title(short_name(task, parameter), parameter),
+    )
+    return sheet
+
+
+def _over_two(task: SearchTask, points: Sequence[DrawnPoint], nearest: Point | None) -> Sheet:
+    x, y = task.parameters
+    sheet = Sheet(6.0, 4.6)
+    (axes,) = sheet.axes
+    frame_axes(axes, task, x, y)
+    # Between choices there is nothing.
+    if not x.choices and not y.choices and len(points) > 3:
+        _draw_margins(axes, points, x, y)
+    draw_points(axes, points, x, y, (0, 1), passing="ink")
+    for point, colour, about in (
+        (written_point(task), "ink", "as written"), (nearest, "near", "nearest failure"),
+    ):  # fmt: skip
+        if point is not None:
+            at = coordinate(x, point[0]), coordinate(y, point[1])
+            axes.diamonds([at[0]], [at[1]], colour, 8.0, about=about)
+    return sheet
+
+
+def _draw_margins(
+    axes: Axes, points: Sequence[DrawnPoint], x: SearchParameter, y: SearchParameter
+) -> None:
+    """Fill cells with the colour of their margin, and draw the line where it is zero."""
+    runs = np.array(
+        [
+            [position_in_range(p, v) for p, v in zip((x, y), point.result.values, strict=True)]
+            for point in points
+        ]
+    )
+    values = np.array([point.value for point in points])
+    ends = np.linspace(0.0, 1.0, _CELLS + 1)
+    middles = 0.5 * (ends[:-1] + ends[1:])
+    grid = np.stack(np.meshgrid(middles, middles, indexing="ij"), axis=-1).reshape(-1, 2)
+    margins = estimate(runs, values, grid).reshape(_CELLS, _CELLS)
+    across, up = (_values_at(p, ends) for p in (x, y))
+    levels = margin_levels(margins)
+    for level, colour in enumerate(RAMP):
+        rings = [
+            [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+            for x0, y0, x1, y1 in (
+                (across[i], up[j], across[i + 1], up[j + 1])
+                for i, j in np.argwhere(levels == level).tolist()
+            )
+        ]
+        if rings:
+            # Half a hair over its edge: else the page shines through between neighbours.
+            axes.shapes(rings, fill=colour, edge=colour, width=0.1)
+    corners = np.stack(np.meshgrid(ends, ends, indexing="ij"), axis=-1).reshape(-1, 2)
+    at_corners = estimate(runs, values, corners).reshape(_CELLS + 1, _CELLS + 1)
+    lines = zero_lines(at_corners)
+    if len(lines):
+        gaps = np.full((len(lines), 1, 2), math.nan)
+        places = np.concatenate((lines, gaps), axis=1).reshape(-1, 2) / _CELLS
+        axes.line(_values_at(x, places[:, 0]), _values_at(y, places[:, 1]), "#000000", 1.6)
+
+
+def _values_at(parameter: SearchParameter, places: Floats) -> Floats:
+    """Return the values at places (n,) in a range."""
+    low, high = parameter.low, parameter.high
+    if parameter.log:
+        found: Floats = low * (high / low) ** places
+        return found
+    linear: Floats = low + (high - low) * places
+    return linear
+
+
+def estimate(runs: Floats, values: Floats, places: Floats) -> Floats:
+    """Return margins at ``places`` (k, 2) from those of ``runs`` (n, 2): ``values`` (n,).
+
+    Means weighted by the inverse of distances to the fourth power (Shepard 1968): at a run it is
+    the run's own margin, beside it that of the nearest runs. No value is outside of those seen.
+    """
+    apart = ((places[:, None, :] - runs[None, :, :]) ** 2).sum(axis=-1)
+    weights = 1.0 / np.maximum(apart, 1e-12) ** (0.5 * _POWER)
+    found: Floats = (weights @ values) / weights.sum(axis=1)
+    return found
+
+
+def margin_levels(margins: Floats) -> Any:
+    """Return the place in the ramp of each margin: the lower half of it is below zero."""
+    deepest = max(-float(margins.min()), 0.0)
+    widest = max(float(margins.max()), 0.0)
+    below = np.floor(_HALF * (1.0 + margins / deepest)) if deepest else np.zeros_like(margins)
+    above = np.floor(_HALF * margins / widest) if widest else np.zeros_like(margins)
+    levels = np.where(
+        margins < 0.0, np.clip(below, 0, _HALF - 1), _HALF + np.clip(above, 0, _HALF - 1)
+    )
+    return levels.astype(int)
+
+
+def zero_lines(values: Floats) -> Floats:
+    """Return where values at the corners of cells (n, m) are zero: pieces (k, 2, 2) in cells.
+
+    Marching squares: each side of a cell whose ends differ in sign is crossed where a straight line
+    between its ends is zero. Where all four sides are, crossings next to each other are joined.
+    """
+    pieces: list[tuple[tuple[float, float], tuple[float, float]]] = []
+    below = values < 0.0
+    mixed = below[:-1, :-1] + 0 + below[1:, :-1] + below[:-1, 1:] + below[1:, 1:]
+    for i, j in np.argwhere((mixed > 0) & (mixed < 4)).tolist():
+        corners = ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
+        crossed = []
+        for k, start in enumerate(corners):
+            end = corners[(k + 1) % 4]
+            a, b = float(values[start]), float(values[end])
+            if (a < 0.0) != (b < 0.0):
+                share = a / (a - b)
+                crossed.append(
+                    (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+                )
+        pieces += list(zip(crossed[::2], crossed[1::2], strict=True))
+    return np.array(pieces, float).reshape(-1, 2, 2)

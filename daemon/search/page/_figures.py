@@ -1,0 +1,96 @@
+"""Which figures the page of a search has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from daemon.analysis.report import Sheet, plot_recorded_moment, plot_recorded_way
+from daemon.model.search import Point, PointResult, ProposalRow, SearchAnswer, SearchRow
+from daemon.search.answer import told_failure
+from daemon.search.page._boundary import plot_boundary
+from daemon.search.page._curves import plot_margins, space_filling_runs
+from daemon.search.page._influence import plot_influence
+from daemon.search.page._points import DrawnPoint, drawn_points
+from daemon.search.page._spaces import plot_pairs, plot_parallel
+
+MOST_PAIRED: Final = 4
+"""Parameters of which every two have a picture; of more, all are drawn side by side."""
+_NO_TRACES: Final[Mapping[str, Path]] = {}
+
+
+def search_figures(
+    row: SearchRow,
+    proposals: Sequence[ProposalRow],
+    *,
+    baseline: Sequence[ProposalRow] = (),
+    traces: Mapping[str, Path] = _NO_TRACES,
+) -> dict[str, str]:
+    """Return the figures of a search as SVG to stand inside of a page, by what they show.
+
+    ``margins`` has the margin over runs; ``boundary`` the margin over one or two parameters;
+    ``parallel`` or ``pair: ...`` the points over their parameters; ``influence`` bars; ``moment``
+    and ``way`` the failure that is told, where ``traces`` has the file of its run by the run's id.
+    ``baseline`` are the runs of another search of the same parameters that was not guided. Figures
+    that have nothing to show are left out.
+    """
+    drawn = _sheets(row, proposals, baseline, traces)
+    return {
+        name: sheet.svg(f"f{number}", label)
+        for number, (name, label, sheet) in enumerate(drawn)
+        if sheet is not None
+    }
+
+
+def told_point(answer: SearchAnswer | None) -> PointResult | None:
+    """Return the run that a page shows closely: the failure that is told, else the best."""
+    return None if answer is None else told_failure(answer) or answer.best
+
+
+def _sheets(
+    row: SearchRow,
+    proposals: Sequence[ProposalRow],
+    baseline: Sequence[ProposalRow],
+    traces: Mapping[str, Path],
+) -> Iterator[tuple[str, str, Sheet | None]]:
+    task, answer = row.task, row.answer
+    points = drawn_points(task, proposals)
+    nearest = answer.nearest.result.values if answer is not None and answer.nearest else None
+    if points:
+        filling = space_filling_runs(points, drawn_points(task, baseline))
+        label = "Margin of every run, the smallest so far, and failures over runs"
+        yield "margins", label, plot_margins(task, points, filling)
+        yield from _of_space(row, points, nearest)
+    if answer is not None:
+        yield "influence", "Influence of parameters as bars", plot_influence(task, answer)
+    yield from _of_failure(told_point(answer), traces)
+
+
+def _of_space(
+    row: SearchRow, points: Sequence[DrawnPoint], nearest: Point | None
+) -> Iterator[tuple[str, str, Sheet | None]]:
+    task = row.task
+    count = len(task.parameters)
+    if count <= 2:
+        label = "Margin over the parameters that are varied"
+        yield "boundary", label, plot_boundary(task, points, nearest)
+    elif count <= MOST_PAIRED:
+        for name, sheet in plot_pairs(task, points, nearest).items():
+            yield f"pair: {name}", f"Runs that pass and that fail, {name}", sheet
+    else:
+        label = "Every run as a line over the parameters that are varied"
+        yield "parallel", label, plot_parallel(task, points, nearest)
+
+
+def _of_failure(
+    shown: PointResult | None, traces: Mapping[str, Path]
+) -> Iterator[tuple[str, str, Sheet | None]]:
+    if shown is None or shown.run not in traces:
+        return
+    trace = traces[shown.run]
+    evidence = shown.verdict.evidence if shown.verdict is not None else None
+    if evidence is not None and evidence.time is not None:
+        sheet = plot_recorded_moment(trace, evidence.time, evidence.object)
+        yield "moment", f"The robot at {evidence.time:.1f} s of {shown.label}", sheet
+    yield "way", f"The way driven in {shown.label}", plot_recorded_way(trace)

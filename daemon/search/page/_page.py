@@ -1,0 +1,232 @@
+"""The page of a search: what it says, in what order, in which words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from markupsafe import Markup
+
+from daemon.analysis.report import count_noun, duration_text, format_quantity
+from daemon.model.search import (
+    Point,
+    PointValue,
+    ProposalRow,
+    SearchAnswer,
+    SearchParameter,
+    SearchRow,
+    SearchTask,
+)
+from daemon.model.spec import own_version
+from daemon.search.page._figures import search_figures, told_point
+from daemon.search.page._points import DrawnPoint, drawn_points
+from daemon.search.page._spaces import MOST_LINES
+from daemon.search.points import is_as_written
+from daemon.search.sentences import ending_words
+from daemon.search.wording import value_words
+from templates.report import render_search_report
+
+MOST_LISTED: Final = 60
+"""Points in the table at most: those with the smallest margins."""
+_NOTHING: Final = "–"
+_FIGURES: Final = ("margins", "boundary", "parallel", "influence", "moment", "way")
+_NO_TRACES: Final[Mapping[str, Path]] = {}
+_WORDS: Final = {"pass": "✓", "fail": "✗", "inconclusive": "?", "error": "‼"}
+
+
+@dataclass(frozen=True, slots=True)
+class SearchHeadline:
+    """Whether it can fail: one word for its colour, a short word, the sentence."""
+
+    tone: Literal["good", "bad", "open"]
+    word: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class _ParameterLine:
+    """A parameter in words: what it may be, what is written, what some runs have."""
+
+    name: str
+    range: str
+    written: str
+    values: tuple[tuple[str, bool], ...]
+    """Value of each run beside, and whether it is as written."""
+
+
+@dataclass(frozen=True, slots=True)
+class _PointLine:
+    """A point in words."""
+
+    number: int
+    outcome: str
+    glyph: str
+    margin: str
+    about: str
+    method: str
+    changed: str
+    run: str
+
+
+def search_page(
+    row: SearchRow,
+    proposals: Sequence[ProposalRow],
+    *,
+    baseline: Sequence[ProposalRow] = (),
+    traces: Mapping[str, Path] = _NO_TRACES,
+    commands: Sequence[tuple[str, str]] = (),
+) -> str:
+    """Return the page of a search as HTML that needs nothing else.
+
+    ``proposals`` are all of its runs. ``baseline`` and ``traces`` are as of
+    :func:`search_figures`; ``commands`` is what to type next, each with what it does.
+    """
+    task, answer = row.task, row.answer
+    figures = search_figures(row, proposals, baseline=baseline, traces=traces)
+    explored, steps = drawn_points(task, proposals), drawn_points(task, proposals, "nearest")
+    ordered = sorted(explored, key=lambda p: (math.isnan(p.value), p.value, p.number))
+    shown = told_point(answer)
+    passing = sum(not point.result.fails for point in explored)
+    return render_search_report(
+        {"quantity": format_quantity},
+        row=row,
+        task=task,
+        answer=answer,
+        headline=search_headline(row),
+        facts=_facts(row, proposals),
+        # Drawn here, from numbers and escaped names, never taken from a file.
+        figures={name: Markup(figures.get(name, "")) for name in _FIGURES},
+        pairs={n.removeprefix("pair: "): Markup(s) for n, s in figures.items() if "pair: " in n},
+        compared=_compared_points(answer),
+        parameters=_parameter_lines(task, answer),
+        points=[_point_line(task, point) for point in ordered[:MOST_LISTED]],
+        left_out=len(ordered) - MOST_LISTED,
+        thinned=passing > MOST_LINES,
+        steps=[_point_line(task, point) for point in steps],
+        other_baseline=bool(baseline),
+        shown=shown,
+        commands=commands,
+        nothing=_NOTHING,
+    )
+
+
+def search_headline(row: SearchRow) -> SearchHeadline:
+    """Return the one line that says whether it can fail, and what it takes."""
+    answer = row.answer
+    if row.state == "failed":
+        said = (row.note.strip().splitlines() or ["It could not go on."])[-1]
+        return SearchHeadline("open", "Not known", said)
+    if answer is not None and answer.nearest is not None:
+        sentence = f"Nearest failure: {answer.nearest.sentence}."
+        return SearchHeadline("bad", "It can fail", sentence)
+    if answer is not None and answer.first is not None:
+        runs = count_noun(answer.explored, "run")
+        return SearchHeadline("bad", "It can fail", f"{answer.failed} of {runs} do.")
+    if answer is None or answer.best is None or answer.best.value is None:
+        return SearchHeadline("open", "Not known", "No run has a margin.")
+    margin = format_quantity(answer.best.value.margin, answer.best.value.unit)
+    sentence = f"{count_noun(answer.explored, 'run')}, nothing below {margin}."
+    word = "Nothing fails so far" if row.state == "running" else "Nothing fails"
+    return SearchHeadline("good", word, sentence)
+
+
+def _facts(row: SearchRow, proposals: Sequence[ProposalRow]) -> tuple[tuple[str, str], ...]:
+    task, answer = row.task, row.answer
+    about = task.minimise
+    if len(task.scales) > 1:
+        about = f"{task.minimise} of {', '.join(scale.oracle for scale in task.scales)}"
+    budget = count_noun(task.runs, "run")
+    if task.seconds:
+        budget += f" or {duration_text(task.seconds)}"
+    stop = {"failures": f"after {count_noun(task.failures, 'failure')}", "settled": "when settled"}
+    if task.stop in stop:
+        budget += f", or {stop[task.stop]}"
+    runs = count_noun(len(proposals), "run")
+    reused = sum(proposal.cached for proposal in proposals)
+    if reused:
+        runs += f", {reused} of them there already"
+    simulated = sum(proposal.simulated for proposal in proposals)
+    cpu = sum(proposal.cpu for proposal in proposals if not proposal.cached)
+    state = row.state if answer is None or not answer.ended else ending_words(task, answer.ended)
+    facts = (
+        ("scenario", f"{task.scenario} with {task.sut}"),
+        ("minimises", about),
+        ("varies", count_noun(len(task.parameters), "parameter")),
+        ("budget", budget),
+        ("method", task.method),
+        ("seed", str(task.seed)),
+        ("confirms", count_noun(task.confirm, "repeat")),
+        ("constraints", "; ".join(task.constraints)),
+        ("runs", runs),
+        ("simulated", f"{duration_text(simulated)} in {duration_text(cpu)} of CPU"),
+        ("state", state),
+        ("search", row.campaign),
+        ("written by", f"scenario {own_version()}"),
+    )
+    return tuple((name, value) for name, value in facts if value)
+
+
+def _compared_points(answer: SearchAnswer | None) -> tuple[tuple[str, Point], ...]:
+    """Return the points whose values stand beside those written, by what they are."""
+    if answer is None:
+        return ()
+    nearest = answer.nearest.result if answer.nearest is not None else None
+    named = (
+        ("nearest failure", nearest),
+        ("smallest margin", answer.best),
+        ("first failure", answer.first),
+    )
+    return tuple((name, point.values) for name, point in named if point is not None)
+
+
+def _parameter_lines(task: SearchTask, answer: SearchAnswer | None) -> list[_ParameterLine]:
+    compared = [values for _, values in _compared_points(answer)]
+    return [
+        _ParameterLine(
+            parameter.name,
+            range_text(parameter),
+            _value_text(parameter, parameter.written),
+            tuple(
+                (_value_text(parameter, values[i]), is_as_written(parameter, values[i]))
+                for values in compared
+            ),
+        )
+        for i, parameter in enumerate(task.parameters)
+    ]
+
+
+def range_text(parameter: SearchParameter) -> str:
+    """Return what a parameter may be: ``48 .. 72 deg/s``, ``a, b``."""
+    if parameter.choices:
+        return ", ".join(parameter.text(choice) for choice in parameter.choices)
+    low = f"{parameter.low:.10g}"
+    return f"{low} .. {parameter.text(parameter.high)}{', log' if parameter.log else ''}"
+
+
+def _value_text(parameter: SearchParameter, value: PointValue | None) -> str:
+    return _NOTHING if value is None else parameter.text(value)
+
+
+def _point_line(task: SearchTask, point: DrawnPoint) -> _PointLine:
+    result = point.result
+    value, outcome = result.value, str(result.outcome or "error")
+    changed = [
+        value_words(task, parameter, given)
+        for parameter, given in zip(task.parameters, result.values, strict=True)
+        if parameter.written is None or not is_as_written(parameter, given)
+    ]
+    return _PointLine(
+        number=point.number,
+        outcome=outcome,
+        glyph=_WORDS.get(outcome, "?"),
+        margin=_NOTHING
+        if value is None
+        else format_quantity(value.margin, value.unit, signed=True),
+        about=" ".join(filter(None, (value.oracle, value.object))) if value else "",
+        method=point.method,
+        changed=", ".join(changed) or "as written",
+        run=result.run,
+    )
