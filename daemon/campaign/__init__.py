@@ -10,6 +10,7 @@ from daemon.campaign._campaign import (
     noise_seed,
     repeat_seed,
 )
+from daemon.campaign._campaign_text import campaign_text
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
@@ -27,6 +28,13 @@ from daemon.campaign._layers import (
     layer_names,
     layer_places,
 )
+from daemon.campaign._overrides import (
+    OverridableValue,
+    find_overridable,
+    layer_at,
+    overridable,
+    with_overrides,
+)
 from daemon.campaign._parameters import (
     ParameterValue,
     ParameterValues,
@@ -36,9 +44,9 @@ from daemon.campaign._parameters import (
 )
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
-from daemon.campaign._searchable import references_of
 from daemon.campaign._survey import read_campaign
-from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
+from daemon.campaign._sut_files import ROS2, SutFile
+from daemon.campaign._suts import LoadedSut, RefusedSutError, load_sut
 
 __all__ = [
     "FLOORPLAN",
@@ -57,30 +65,35 @@ __all__ = [
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",
+    "OverridableValue",
     "ParameterValue",
     "ParameterValues",
     "RefusedSutError",
     "ResolvedScenario",
     "SutFile",
     "bundle_campaign",
+    "campaign_text",
     "check",
     "checked_bundle",
     "examine",
     "expand",
     "find_layer",
+    "find_overridable",
     "flatten_parameters",
+    "layer_at",
     "layer_names",
     "layer_places",
     "load_campaign",
     "load_sut",
     "merge_parameters",
     "noise_seed",
+    "overridable",
     "parameter_tree",
     "read_budget",
     "read_campaign",
     "read_confirm",
     "read_stop",
-    "references_of",
     "repeat_seed",
     "unpack_bundle",
+    "with_overrides",
 ]

@@ -7,7 +7,7 @@ test: the doors and the sensor noise are paired across cells, so cells can be co
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import compress
@@ -236,6 +236,7 @@ def _load_cells(
     robot = attempt(partial(library.robot, scenario.robot)) if scenario.robot else None
     loaded = attempt(partial(library.mission, scenario.mission)) if scenario.mission else None
     suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
+    loader.findings += _same_names(scenario, suts)
     named = scenario.map_file
     given = attempt(partial(library.map, named)) if named else None
     picked = (
@@ -277,6 +278,18 @@ def _load_cells(
         unusable = not world.whole or (named is not None and given is None)
         (loader.partial if unusable else loader.cells).append(cell)
         loader.lost += [tuple(suts)] * unusable
+
+
+def _same_names(
+    scenario: ResolvedScenario, suts: Sequence[SutReference | None]
+) -> Iterator[Diagnostic]:
+    """Yield systems under test that are called alike and are not the same: overrides keep names."""
+    first: dict[str, SutReference] = {}
+    for reference, sut in zip(scenario.suts, suts, strict=True):
+        if sut is not None and first.setdefault(sut.name, sut) != sut:
+            message = f'two systems under test of "{scenario.name}" are called {sut.name}'
+            hint = f"give one a file of its own: suts/NAME.yaml with like: {reference.name}"
+            yield Diagnostic(reference.where, f"{message} and differ", hint)
 
 
 def _load_worlds(
@@ -351,7 +364,8 @@ def _plans(
 
 def _configured_layer(library: LayerLibrary, reference: LayerReference) -> SceneryLayer:
     """Return a scenery layer as the campaign wants it."""
-    return configure(library.scenery(reference), reference.overrides, reference.where)
+    plain = library.scenery(reference)
+    return configure(plain, reference.overrides, reference.where, reference.lines)
 
 
 def _scene(plan: FloorPlan, objects: tuple[SceneryLayer, ...], loader: _CampaignLoader) -> Scene:

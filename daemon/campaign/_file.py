@@ -197,8 +197,8 @@ class VaryText(StrictModel):
         }
     )
 
-    floorplan: OneName
-    """A variation layer: NAME.variation beside this file."""
+    floorplan: LayerName
+    """A variation layer: NAME.variation beside this file. NAME: {draw: value} fixes draws."""
     samples: int | None = Field(default=None, ge=1, le=10_000)
     """How many variants; grid and pairwise know it themselves."""
     cover: Literal["random", "grid", "halton", "lhs", "pairwise"] = "random"
@@ -219,17 +219,20 @@ class SlotsText(StrictModel):
     floorplan: LayerName | None = Field(default=None, examples=["flat"])
     """A floor plan: NAME.fpm, or a walls layer NAME.walls.yaml, beside this file or in floorplans/.
     NAME: {variable: value} gives variables of a plan other values."""
-    objects: Names | None = Field(default=None, examples=["doors"])
-    """Scenery layers with object models and their places: NAME.scenery here or in scenery/."""
+    objects: References | None = Field(default=None, examples=["doors"])
+    """Scenery layers with object models and their places: NAME.scenery here or in scenery/.
+    NAME: {parameter: value} sets parameters of a layer."""
     behaviours: References | None = Field(default=None, examples=["doors_open"])
     """Scenery layers that say what objects do; later ones win. NAME: {parameter: value} sets
     parameters of a layer."""
-    mission: OneName | None = Field(default=None, examples=["courier"])
-    """A mission: NAME.mission.yaml here or in missions/."""
-    robot: OneName | None = Field(default=None, examples=["courier"])
-    """Another robot than the campaign's."""
-    sut: Names | None = Field(default=None, examples=["pilot"])
-    """Other systems under test than the campaign's."""
+    mission: LayerName | None = Field(default=None, examples=["courier"])
+    """A mission: NAME.mission.yaml here or in missions/. NAME: {key: value} gives keys of the
+    file other values, such as courier: {start.y: 0.1}."""
+    robot: LayerName | None = Field(default=None, examples=["courier"])
+    """Another robot than the campaign's. NAME: {key: value} gives keys of the file other values,
+    such as courier: {laser.noise: 2 cm}."""
+    sut: References | None = Field(default=None, examples=["pilot"])
+    """Other systems under test than the campaign's. NAME: {parameter: value} sets parameters."""
     oracles: Names | None = Field(default=None, examples=[["reached", "no-contact"]])
     """Which oracles judge this scenario, by their names in the layers of the campaign."""
     map: MapText | None = Field(default=None, examples=[{"file": "office.yaml"}])
@@ -280,8 +283,9 @@ class _MatrixText(StrictModel):
         ("robot", "floorplan", "mission"), 'only "sut" has several values here: a scenario for each'
     )
 
-    sut: Names = Field(examples=[["pilot"]])
-    """Systems under test: NAME.yaml here or in suts/, the name of a kind, or one that ships."""
+    sut: References = Field(examples=[["pilot"]])
+    """Systems under test: NAME.yaml here or in suts/, the name of a kind, or one that ships.
+    NAME: {parameter: value} sets parameters."""
 
 
 class CampaignFile(StrictModel):
@@ -322,8 +326,9 @@ class CampaignFile(StrictModel):
     same noise in each of them. When left out 1, and 5 with a system that is not repeatable."""
     limit: Duration = Field(gt=0, le=86_400, examples=["3 min"])
     """Simulated time a run may take."""
-    robot: OneName | None = Field(default=None, examples=["courier"])
-    """A robot: NAME.yaml beside this file or in robots/, or one that ships."""
+    robot: LayerName | None = Field(default=None, examples=["courier"])
+    """A robot: NAME.yaml beside this file or in robots/, or one that ships. NAME: {key: value}
+    gives keys of the file other values."""
     matrix: _MatrixText | None = Field(default=None, examples=[{"sut": ["pilot"]}])
     oracles: Names | None = Field(default=None, examples=["navigation"])
     """Oracle layers, of which scenarios name lines: NAME.oracles.yaml beside this file or in

@@ -7,27 +7,31 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from daemon.campaign._names import Overrides
 from daemon.campaign._scenarios import LayerReference, PlanVariation
-from daemon.campaign._sut_files import LoadedSut, load_sut
+from daemon.campaign._sut_files import SutText, read_sut
+from daemon.campaign._suts import LoadedSut, complete_sut, default_sut
 from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
-from daemon.stacks.registry import check_parameters, sut_kinds
-from grammars.floorplan import WALLS_ENDING, FloorPlan, load_floorplan
+from daemon.stacks.registry import sut_kinds
+from grammars.floorplan import WALLS_ENDING, FloorPlan, ParsedFloorPlan, read_floorplan
 from grammars.jsonld import is_jsonld, load_floorplan_jsonld, load_scenery_jsonld
-from grammars.model.files import load_mission, load_robot
+from grammars.model.files import read_mission, read_robot
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, load_scenery
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
-from grammars.text.documents import YamlDocument
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.documents import YamlDocument, load_yaml
+from grammars.text.overrides import override_document, placed_at
 from grammars.text.shipped import shipped_folder
 from grammars.text.sources import is_file, is_folder, names_in, not_recording, read_text
+
+if TYPE_CHECKING:
+    from grammars.variation import Variation
 
 T = TypeVar("T")
 
@@ -163,6 +167,10 @@ def _load_map(path: Path) -> GivenMap:
     return GivenMap(MapSettings(resolution=grid.resolution, file=digest), grid)
 
 
+_MOST_OVERRIDDEN: Final = 64
+"""So many layers with overrides are kept; each is made again from what was read in no time."""
+
+
 @dataclass(slots=True)
 class LayerLibrary:
     """The layers of one campaign, each file read once, findings kept."""
@@ -170,31 +178,41 @@ class LayerLibrary:
     folder: Path
     warnings: list[Diagnostic] = field(default_factory=list)
     _loaded: dict[tuple[str, Path], Any] = field(default_factory=dict)
-
-    def branch(self) -> LayerLibrary:
-        """Return a library that knows what this one has read; what it reads ends with it."""
-        return LayerLibrary(self.folder, _loaded=dict(self._loaded))
+    _overridden: dict[tuple[str, Path], Any] = field(default_factory=dict)
 
     def floorplan(self, reference: LayerReference) -> FloorPlan:
         """Load a floor plan; its warnings are kept once."""
         path = find_layer(self.folder, reference, FLOORPLAN)
-        values = reference.overrides
-        if not values:
-            return self._once("floor plan", path, self._load_floorplan)
-        load = partial(self._load_floorplan, values=values, where=reference.where)
-        return self._once(f"floor plan {values}", path, load)
+        load = partial(self._load_floorplan, reference)
+        return self._with_overrides("floor plan", path, reference, load)
+
+    def plan_text(self, path: Path) -> ParsedFloorPlan:
+        """Return a plan in ``.fpm`` as it is parsed."""
+        return self._once("text of a plan", path, read_floorplan)
 
     def variants(self, vary: PlanVariation, radius: float) -> tuple[tuple[str, FloorPlan], ...]:
         """Draw the variants of a floor plan that a robot of ``radius`` [m] can drive through."""
-        from grammars.variation import floorplan_variants
+        from grammars.variation import fix_draws, variant_plans
 
-        path = find_layer(self.folder, vary.floorplan, VARIATION)
-        draw = partial(
-            floorplan_variants, n=vary.samples, seed=vary.seed, method=vary.cover, check=radius
-        )
-        return self._once(
-            f"variants {vary.samples} {vary.cover} {vary.seed} {radius!r}", path, draw
-        )
+        named = vary.floorplan
+        path = find_layer(self.folder, named, VARIATION)
+
+        def draw(path: Path) -> tuple[tuple[str, FloorPlan], ...]:
+            values = {override.key: override.value for override in named.values}
+            places = {override.key: override.where for override in named.values}
+            variation = fix_draws(self.variation(path), values, named.where, places)
+            return variant_plans(
+                variation, vary.samples, seed=vary.seed, method=vary.cover, check=radius
+            )
+
+        kind = f"variants {vary.samples} {vary.cover} {vary.seed} {radius!r}"
+        return self._with_overrides(kind, path, named, draw)
+
+    def variation(self, path: Path) -> Variation:
+        """Load a variation as its file has it."""
+        from grammars.variation import load_variation
+
+        return self._once("variation", path, load_variation)
 
     def scenery(self, reference: LayerReference) -> SceneryLayer:
         """Load a scenery layer: objects, places or behaviours."""
@@ -203,11 +221,19 @@ class LayerLibrary:
 
     def mission(self, reference: LayerReference) -> tuple[Mission, YamlDocument]:
         """Load a mission and the document it stands in."""
-        return self._once("mission", find_layer(self.folder, reference, MISSION), load_mission)
+        path = find_layer(self.folder, reference, MISSION)
+        load = partial(self._load_document, reference, read_mission)
+        return self._with_overrides("mission", path, reference, load)
 
     def robot(self, reference: LayerReference) -> Robot:
         """Load a robot description."""
-        return self._once("robot", find_layer(self.folder, reference, ROBOT), load_robot)
+        return self.robot_file(reference)[0]
+
+    def robot_file(self, reference: LayerReference) -> tuple[Robot, YamlDocument]:
+        """Load a robot description and the document it stands in."""
+        path = find_layer(self.folder, reference, ROBOT)
+        load = partial(self._load_document, reference, read_robot)
+        return self._with_overrides("robot", path, reference, load)
 
     def oracles(self, references: tuple[LayerReference, ...]) -> dict[str, Oracle]:
         """Load oracle layers; a name in two layers is taken from the later one."""
@@ -227,30 +253,60 @@ class LayerLibrary:
 
     def sut(self, reference: LayerReference) -> SutReference:
         """Load a SUT file, or take a kind by its name with default parameters."""
+        return self.loaded_sut(reference).reference
+
+    def loaded_sut(self, reference: LayerReference) -> LoadedSut:
+        """Load a system under test with all there is to say about it."""
+        # Which kinds are installed is asked once: it reads the metadata of every package.
+        named = Path(reference.name)
+        path = self._once("place of a sut", named, partial(self._sut_place, reference))
+        if path is None:
+            default = partial(self._default_sut, reference)
+            return self._with_overrides("sut", named, reference, default)
+        if not reference.overrides:
+            return self.sut_file(path)
+        change = partial(self._change_sut, reference)
+        return self._with_overrides("sut file", path, reference, change)
+
+    def _sut_place(self, reference: LayerReference, _: Path) -> Path | None:
+        """Return the file of a system under test, ``None`` for a kind by its name."""
         # A file of that name comes first: so a kind can be given parameters without renaming. Those
         # that ship come last: what plugs in never changes its meaning.
         try:
-            path = find_layer(self.folder, reference, SUT, shipped=False)
+            return find_layer(self.folder, reference, SUT, shipped=False)
         except InputError:
             if reference.name in sut_kinds():
-                default = partial(self._default_sut, reference)
-                return self._once("sut", Path(reference.name), default)
-            path = find_layer(self.folder, reference, SUT)
-        return self.sut_file(path).reference
+                return None
+            return find_layer(self.folder, reference, SUT)
 
     def sut_file(self, path: Path) -> LoadedSut:
         """Load a SUT file and all it stands on; its warnings are kept once."""
         return self._once("sut file", path, self._load_sut)
 
-    def _load_floorplan(
-        self, path: Path, values: Overrides | None = None, where: Where | None = None
-    ) -> FloorPlan:
+    def _load_document(
+        self, reference: LayerReference, read: Callable[[YamlDocument], T], path: Path
+    ) -> tuple[T, YamlDocument]:
+        """Return what a YAML layer means with the overrides of a reference."""
+
+        def plain(path: Path) -> tuple[T, YamlDocument]:
+            document = load_yaml(path)
+            return read(document), document
+
+        # As it is first: what is wrong then is wrong with the overrides, and told where they are.
+        value, document = self._once(read.__name__, path, plain)
+        if not reference.overrides:
+            return value, document
+        changed = override_document(document, reference.values)
+        return read(placed_at(changed, reference.where)), changed
+
+    def _load_floorplan(self, reference: LayerReference, path: Path) -> FloorPlan:
         is_walls = path.name.endswith(WALLS_ENDING)
         if not is_walls and not is_jsonld(path):
-            plan = load_floorplan(path, values, where)
-        elif values:
+            text = self.plan_text(path)
+            plan = text.compile(reference.overrides, reference.where, reference.lines)
+        elif reference.overrides:
             message = f"{path.name} has no variables, and so none to give another value"
-            raise InputError(Diagnostic(where or Where(str(path)), message, "use a plan in .fpm"))
+            raise InputError(Diagnostic(reference.where, message, "use a plan in .fpm"))
         else:
             plan = _load_walls(path) if is_walls else load_floorplan_jsonld(path)
         self.warnings.extend(plan.warnings)
@@ -261,21 +317,25 @@ class LayerLibrary:
             return load_scenery_jsonld(path, self.warnings)
         return load_scenery(path)
 
-    def _default_sut(self, reference: LayerReference, _: Path) -> SutReference:
-        try:
-            findings = check_parameters(reference.name, {})
-        except ValueError as error:
-            raise InputError(Diagnostic(reference.where, str(error))) from error
-        self.warnings.extend(
-            Diagnostic(reference.where, found.message, found.hint, Severity.WARNING)
-            for found in findings.problems
-        )
-        return SutReference(reference.name, reference.name, {})
-
-    def _load_sut(self, path: Path) -> LoadedSut:
-        sut = load_sut(path, self._find_sut)
+    def _default_sut(self, reference: LayerReference, _: Path) -> LoadedSut:
+        sut = default_sut(reference)
         self.warnings.extend(sut.warnings)
         return sut
+
+    def _load_sut(self, path: Path) -> LoadedSut:
+        sut = complete_sut(self.sut_text(path))
+        self.warnings.extend(sut.warnings)
+        return sut
+
+    def _change_sut(self, reference: LayerReference, path: Path) -> LoadedSut:
+        self.sut_file(path)  # what is wrong without the overrides is told of the file
+        sut = complete_sut(self.sut_text(path), reference.values)
+        self.warnings.extend(sut.warnings)
+        return sut
+
+    def sut_text(self, path: Path) -> SutText:
+        """Read a SUT file and all it stands on, before anything is checked."""
+        return self._once("sut text", path, partial(read_sut, find=self._find_sut))
 
     def _find_sut(self, folder: Path, reference: LayerReference) -> Path:
         """Return the SUT file that one in ``folder`` is like: near it, or near the campaign."""
@@ -283,6 +343,21 @@ class LayerLibrary:
             return find_layer(folder, reference, SUT, shipped=False)
         except InputError:
             return find_layer(self.folder, reference, SUT)
+
+    def _with_overrides(
+        self, kind: str, path: Path, reference: LayerReference, load: Callable[[Path], T]
+    ) -> T:
+        """Load a layer with the overrides of a reference once for all references that have them."""
+        if not reference.overrides:
+            return self._once(kind, path, load)
+        key = (f"{kind} {reference.overrides!r}", path)
+        if key not in self._overridden:
+            # A search names the same layer with other values thousands of times.
+            if len(self._overridden) >= _MOST_OVERRIDDEN:
+                del self._overridden[next(iter(self._overridden))]
+            self._overridden[key] = load(path)
+        loaded: T = self._overridden[key]
+        return loaded
 
     def _once(self, kind: str, path: Path, load: Callable[[Path], T]) -> T:
         """Load a file the first time it is named."""

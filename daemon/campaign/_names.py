@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, Field, PlainValidator
+from pydantic_core import PydanticCustomError
 
 from grammars.text.documents import wrong_form
 
@@ -23,9 +24,11 @@ def _layer(value: Any) -> Any:
         return value
     if isinstance(value, list):
         raise ValueError("takes one layer here, not a list: write its name without brackets")
+    if isinstance(value, bool | int | float):
+        # What has become a number or a flag was meant as a name: its reader says how to write it.
+        raise PydanticCustomError("string_type", "must be text")
     if not isinstance(value, dict) or not value:
-        kind = "nothing" if not value else "true or false" if value is True else "a number"
-        raise ValueError(f"must be NAME or NAME: {{parameter: value}}, not {kind}")
+        raise ValueError("must be NAME or NAME: {parameter: value}, not nothing")
     for name, overrides in value.items():
         if overrides is None:
             raise ValueError(f'"{name}:" has no values behind it: without any, write {name}')
@@ -61,6 +64,11 @@ def _no_mapping(value: Any) -> Any:
     if isinstance(value, dict):
         raise wrong_form("takes names, not keys: what is named has a file of its own")
     return value
+
+
+def layer_name(value: LayerName) -> str:
+    """Return the name of a layer, with or without overrides beside it."""
+    return value if isinstance(value, str) else next(iter(value))
 
 
 OneName: TypeAlias = Annotated[str, BeforeValidator(_name_alone, json_schema_input_type=str)]

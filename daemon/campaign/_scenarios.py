@@ -8,7 +8,7 @@ written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracl
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
@@ -23,16 +23,37 @@ from daemon.campaign._names import LayerName, Overrides
 from daemon.model.spec import MapSettings
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
-from grammars.text.documents import YamlDocument
+from grammars.text.documents import KeyPath, YamlDocument
+from grammars.text.overrides import Override, flatten_overrides
 
 
 @dataclass(frozen=True, slots=True)
 class LayerReference:
-    """A layer by name, with the overrides written beside it and where it stands."""
+    """A layer by name, with the overrides written beside it and where it stands.
+
+    ``places`` are those of the overrides, by the way to each; what is not among them stands where
+    the name does.
+    """
 
     name: str
     overrides: Overrides
     where: Where
+    places: Mapping[KeyPath, Where] = field(default_factory=dict, compare=False)
+
+    @property
+    def values(self) -> tuple[Override, ...]:
+        """The overrides by their dotted keys, each where it stands."""
+        return flatten_overrides(self.overrides, self.place)
+
+    @property
+    def lines(self) -> dict[str, Where]:
+        """Where each of the overrides stands."""
+        return {key: self.place((key,)) for key in self.overrides}
+
+    def place(self, path: KeyPath) -> Where:
+        """Return where the override at ``path`` stands, or what it is in."""
+        ends = range(len(path), 0, -1)
+        return next((self.places[path[:n]] for n in ends if path[:n] in self.places), self.where)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +143,7 @@ def limit_place(name: str, text: CampaignFile, document: YamlDocument) -> Where:
 def _from_the_top(
     name: str, where: Where, text: CampaignFile, document: YamlDocument
 ) -> ResolvedScenario:
-    robot = LayerReference(text.robot, {}, document.where(("robot",))) if text.robot else None
+    robot = _reference(text.robot, ("robot",), document) if text.robot else None
     suts = _references(text.matrix.sut if text.matrix else [], ("matrix", "sut"), document)
     return ResolvedScenario(
         name,
@@ -142,11 +163,9 @@ def _vary(
 ) -> PlanVariation | None:
     if written is None:
         return None
-    where = document.where((*path, "floorplan"))
+    reference = _reference(written.floorplan, (*path, "floorplan"), document)
     seed = text.seed % 2**32 if written.seed is None else written.seed
-    return PlanVariation(
-        LayerReference(written.floorplan, {}, where), written.samples, written.cover, seed
-    )
+    return PlanVariation(reference, written.samples, written.cover, seed)
 
 
 _LISTS: Final = {"sut": "suts"} | {key: key for key in ("objects", "behaviours", "oracles")}
@@ -158,13 +177,10 @@ def _overlay(
 ) -> ResolvedScenario:
     """Return ``base`` with the slots of ``scenario`` over it, but for the variants of its plan."""
     changes: dict[str, Any] = {}
-    if scenario.floorplan is not None:
-        where = document.where((*path, "floorplan"))
-        changes["floorplan"] = _reference(scenario.floorplan, where)
-    for slot in ("mission", "robot"):
+    for slot in ("floorplan", "mission", "robot"):
         value = getattr(scenario, slot)
         if value is not None:
-            changes[slot] = LayerReference(value, {}, document.where((*path, slot)))
+            changes[slot] = _reference(value, (*path, slot), document)
     # A list takes the place of the inherited one, the key with a plus adds to whichever holds:
     # merging lists in silence is what surprises people elsewhere.
     for key, slot in _LISTS.items():
@@ -193,19 +209,23 @@ def _map_file(
 def _references(
     values: list[str] | list[LayerName], path: tuple[str, ...], document: YamlDocument
 ) -> tuple[LayerReference, ...]:
-    return tuple(
-        _reference(value, document.where((*path, index))) for index, value in enumerate(values)
-    )
+    return tuple(_reference(value, (*path, index), document) for index, value in enumerate(values))
 
 
-def _reference(value: LayerName, where: Where) -> LayerReference:
+def _reference(value: LayerName, path: KeyPath, document: YamlDocument) -> LayerReference:
+    where = document.where(path)
     if isinstance(value, str):
         return LayerReference(value, {}, where)
     if len(value) != 1:
         hint = "write one list item per layer"
         raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
     ((name, overrides),) = value.items()
-    return LayerReference(name, overrides, where)
+    # A layer that is no list may stand where a list could: "behaviours: {doors: {…}}".
+    at = (*path, name) if (*path, name) in document.places else (*path[:-1], name)
+    inside = ((p[len(at) :], where) for p, where in document.places.items() if p[: len(at)] == at)
+    return LayerReference(
+        name, overrides, where, {below: where for below, where in inside if below}
+    )
 
 
 _REQUIRED: Final = {

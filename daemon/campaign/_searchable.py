@@ -4,37 +4,27 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._overrides import (
+    OverridableValue,
+    find_overridable,
+    layer_at,
+    overridable,
+)
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.campaign._search_file import ValueChoices, ValueRange
 from daemon.model.search import ParameterSlot
-from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.model import Measure, Sentence
-from grammars.text.diagnostics import Where
 from grammars.text.quantity import read_quantity
 
 SLOT_WORDS: Final = ("mission", "robot", "sut", "floorplan", "vary")
 """Slots with one layer, which may be named in the place of that layer."""
-
-
-@dataclass(frozen=True, slots=True)
-class WrittenValue:
-    """A value that has a name: as it is written, in SI units where it is a number, and where.
-
-    ``plain`` numbers are taken without a unit as well.
-    """
-
-    text: str
-    number: float | None
-    dimension: str
-    where: Where
-    kind: Literal["quantity", "whole", "names", "text", "truth"] = "quantity"
-    plain: bool = False
+_KINDS: Final = {"objects": "layer", "behaviours": "layer", "sut": "system under test"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +37,9 @@ class SearchLayer:
     slot: ParameterSlot
     index: int
     label: str
-    values: Mapping[str, WrittenValue]
+    values: Mapping[str, OverridableValue]
     sentences: tuple[Sentence, ...] = ()
     file: str = ""
-    names: tuple[str, ...] = field(default=())
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -60,54 +49,45 @@ class SearchLayer:
     @property
     def title(self) -> str:
         """What messages call it."""
-        kind = {"objects": "layer", "behaviours": "layer", "sut": "system under test"}
-        return f"{kind.get(self.slot, self.slot)} {self.label}"
+        return f"{_KINDS.get(self.slot, self.slot)} {self.label}"
 
     def key_of(self, name: str) -> str:
         """Return what stands behind the layer in ``LAYER.KEY``; empty for another layer's."""
         heads = (f"{label}." for label in self.labels)
         return next((name[len(head) :] for head in heads if name.startswith(head)), "")
 
-    def written_key(self, key: str) -> str:
-        """Return the key as the layer has it; empty where it does not."""
-        # As in overrides of scenery: in YAML people write names with dashes.
-        return next((one for one in (key, key.replace("-", "_")) if one in self.values), "")
+    def value_of(self, name: str) -> OverridableValue | None:
+        """Return the value that ``LAYER.KEY`` means here; ``None`` where there is none."""
+        key = self.key_of(name)
+        return find_overridable(self.values, key) if key else None
 
 
 def search_layers(
     library: LayerLibrary, scenario: ResolvedScenario, sut: int
 ) -> tuple[SearchLayer, ...]:
     """Return the layers of a loaded scenario with its ``sut``-th system under test."""
-    found = []
-    slots: tuple[tuple[ParameterSlot, tuple[LayerReference, ...]], ...] = (
-        ("objects", scenario.objects),
-        ("behaviours", scenario.behaviours),
-    )
-    for slot, references in slots:
-        for index, reference in enumerate(references):
-            plain = library.scenery(reference)
-            layer = configure(plain, reference.overrides, reference.where)
-            values = dict(_scenery_values(layer))
-            label = _label(reference)
-            found.append(SearchLayer(slot, index, label, values, layer.sentences, layer.file))
-    return tuple(found)
+    plan: ParameterSlot = "floorplan" if scenario.vary is None else "vary"
+    slots: list[tuple[ParameterSlot, int]] = [(plan, 0)]
+    slots += [("objects", index) for index in range(len(scenario.objects))]
+    slots += [("behaviours", index) for index in range(len(scenario.behaviours))]
+    slots += [("mission", 0), ("robot", 0), ("sut", sut)]
+    return tuple(_search_layer(library, scenario, slot, index) for slot, index in slots)
+
+
+def _search_layer(
+    library: LayerLibrary, scenario: ResolvedScenario, slot: ParameterSlot, index: int
+) -> SearchLayer:
+    reference = layer_at(scenario, slot, index)
+    values = overridable(library, scenario, slot, index)
+    if slot not in ("objects", "behaviours"):
+        return SearchLayer(slot, index, _label(reference), values)
+    layer = library.scenery(reference)
+    return SearchLayer(slot, index, _label(reference), values, layer.sentences, layer.file)
 
 
 def _label(reference: LayerReference) -> str:
     """Return what people call a layer: its name, of a path the name of the file."""
     return Path(reference.name).name.partition(".")[0]
-
-
-def _scenery_values(layer: SceneryLayer) -> Iterator[tuple[str, WrittenValue]]:
-    for parameter in layer.parameters:
-        value = parameter.value
-        yield (
-            parameter.name,
-            WrittenValue(value.text, value.value, value.dimension, parameter.where),
-        )
-    for group in layer.groups:
-        names = ", ".join(map(str, group.members.names))
-        yield group.name, WrittenValue(names, None, "", group.where, "names")
 
 
 def literal_hint(
@@ -150,21 +130,3 @@ def _measures(part: Any) -> Iterator[Measure]:
     elif dataclasses.is_dataclass(part):
         for one in dataclasses.fields(part):
             yield from _measures(getattr(part, one.name))
-
-
-def references_of(scenario: ResolvedScenario, slot: ParameterSlot) -> Sequence[LayerReference]:
-    """Return the references of a slot, in order."""
-    single = {
-        "floorplan": scenario.floorplan,
-        "vary": scenario.vary.floorplan if scenario.vary else None,
-        "mission": scenario.mission,
-        "robot": scenario.robot,
-    }
-    if slot in single:
-        one = single[slot]
-        return () if one is None else (one,)
-    return {
-        "objects": scenario.objects,
-        "behaviours": scenario.behaviours,
-        "sut": scenario.suts,
-    }[slot]

@@ -15,6 +15,7 @@ from typing import Final
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._overrides import OverridableValue
 from daemon.campaign._scenarios import ResolvedScenario
 from daemon.campaign._search_file import (
     SearchText,
@@ -24,7 +25,7 @@ from daemon.campaign._search_file import (
     read_confirm,
     read_stop,
 )
-from daemon.campaign._searchable import SearchLayer, WrittenValue, literal_hint, search_layers
+from daemon.campaign._searchable import SearchLayer, literal_hint, search_layers
 from daemon.campaign._steps import step_of
 from daemon.model.search import (
     ANY,
@@ -39,7 +40,7 @@ from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, closest, did_you_mean
 from grammars.text.documents import KeyPath, YamlDocument
 from grammars.text.inequalities import Inequality, read_inequality
-from grammars.text.quantity import read_quantity, unit_of
+from grammars.text.quantity import read_quantity
 
 _LONGEST_NAMES: Final = 88
 """Characters of the names of a campaign and its search together: both are part of an id."""
@@ -235,12 +236,12 @@ class _SearchReader:
         for name, over in self.text.over.items():
             where = self._at("over", name)
             try:
-                layer, key, value = _find_value(name, layers, over, where, cell)
-                place = (layer.slot, layer.index, key)
+                layer, value = _find_value(name, layers, over, where, cell)
+                place = (layer.slot, layer.index, value.key)
                 if place in taken:
                     raise InputError.at(where, f"{name} and {taken[place]} are the same value")
                 taken[place] = name
-                found.append(self._parameter(name, layer, key, value, over))
+                found.append(self._parameter(name, layer, value, over))
             except InputError as error:
                 self.findings += error.diagnostics
         return tuple(found)
@@ -249,43 +250,45 @@ class _SearchReader:
         self,
         name: str,
         layer: SearchLayer,
-        key: str,
-        value: WrittenValue,
+        value: OverridableValue,
         over: ValueRange | ValueChoices,
     ) -> SearchParameter:
         where = self._at("over", name)
         # Without the folder: what a search is does not depend on where its files lie.
         place = f"{Path(where.file).name}:{where.line}"
-        base = SearchParameter(name, layer.slot, layer.index, key, where=place)
+        base = SearchParameter(name, layer.slot, layer.index, value.key, where=place)
         if isinstance(over, ValueChoices):
             return self._choices(base, value, over, where)
-        if value.kind in ("names", "text", "truth"):
-            message = f"{name} is no number: {value.text or 'a name'} cannot be in a range"
-            raise InputError.at(where, message, "write a list of choices")
+        if not _is_number(value):
+            said = value.text or "a word"
+            message = f"{name} is no number: {said} cannot be in a range"
+            choices = ", ".join(value.choices)
+            raise InputError.at(where, message, f"write a list of choices: [{choices or '…'}]")
         _require_dimension(name, over.unit, value, where)
-        whole = over.whole and value.kind == "whole"
-        if value.kind == "whole" and not over.whole:
-            message = f"{name} is a whole number, {over.low:g} .. {over.high:g} is none"
-            raise InputError.at(where, message, "write whole numbers")
-        step = step_of(over.low, over.high, over.unit, log=over.log, whole=whole)
-        written = _in_unit(value, over.unit)
+        whole = over.whole and value.whole
+        # What may be written as a plain number is in SI units then.
+        unit = over.unit or value.unit
+        step = step_of(over.low, over.high, unit, log=over.log, whole=whole)
+        written = _in_unit(value, unit)
         if written is not None and not over.low <= written <= over.high:
-            shown = replace(base, unit=over.unit).text(written)
+            shown = replace(base, unit=unit).text(written)
             message = f"{name} is {shown} as written, outside of what is searched"
             hint = f"at {value.where}; the first run is the scenario as written all the same"
             self._warn(where, message, hint)
         return replace(
-            base, unit=over.unit, low=over.low, high=over.high, step=step, log=over.log,
+            base, unit=unit, low=over.low, high=over.high, step=step, log=over.log,
             written=written, whole=whole,
         )  # fmt: skip
 
     def _choices(
-        self, base: SearchParameter, value: WrittenValue, over: ValueChoices, where: Where
+        self, base: SearchParameter, value: OverridableValue, over: ValueChoices, where: Where
     ) -> SearchParameter:
-        if value.kind == "truth" and not over.truth:
-            raise InputError.at(where, f"{base.name} is true or false", "write [true, false]")
+        wrong = [choice for choice in over.values if value.choices and choice not in value.choices]
+        if wrong:
+            message = f"{base.name} cannot be {wrong[0]}"
+            raise InputError.at(where, message, f"it is one of {', '.join(value.choices)}")
         written: PointValue | None = value.text or None
-        if value.kind in ("quantity", "whole"):
+        if _is_number(value):
             written = _choice_as_written(base.name, value, over, where)
         if written is not None and written not in over.values:
             message = f"{base.name} is {written} as written, which is not among the choices"
@@ -330,23 +333,21 @@ def _find_value(
     over: ValueRange | ValueChoices,
     where: Where,
     cell: CampaignCell,
-) -> tuple[SearchLayer, str, WrittenValue]:
+) -> tuple[SearchLayer, OverridableValue]:
     """Return what a name in ``over`` means; raises :class:`InputError` saying what it may be."""
-    near = [(layer, key) for layer in layers if (key := layer.key_of(name))]
-    found = [
-        (layer, written, layer.values[written])
-        for layer, key in near
-        if (written := layer.written_key(key))
-    ]
+    found = [(layer, value) for layer in layers if (value := layer.value_of(name)) is not None]
     if len(found) == 1:
         return found[0]
     if found:
-        places = " and ".join(f"{layer.title} ({value.where})" for layer, _, value in found)
-        message = f"{name} may be that of {places}"
-        raise InputError.at(where, message, f"write {found[0][0].slot}.{near[0][1]}")
+        places = " and ".join(f"{layer.title} ({value.where})" for layer, value in found)
+        slots = [layer.slot for layer, _ in found if layer.slot in layer.labels]
+        hint = f"write {slots[0]}.{found[0][1].key}" if slots else "give one of them another name"
+        raise InputError.at(where, f"{name} may be that of {places}", hint)
+    near = [(layer, key) for layer in layers if (key := layer.key_of(name))]
     if near:
         layer, key = near[0]
-        message = f'{layer.title} has no parameter "{key}"'
+        titles = " nor ".join(layer.title for layer, _ in near)
+        message = f'{titles} has no parameter "{key}"'
         known = [known for layer, _ in near for known in layer.values]
         hint = literal_hint(layer, key, over, named=bool(closest(key, known)))
         hint = hint or did_you_mean(key, known)
@@ -369,59 +370,71 @@ def _layers_hint(layers: Sequence[SearchLayer]) -> str:
     return f"write LAYER.PARAMETER; its layers: {', '.join(dict.fromkeys(x.label for x in layers))}"
 
 
-def _require_dimension(name: str, unit: str, value: WrittenValue, where: Where) -> None:
+def _is_number(value: OverridableValue) -> bool:
+    """Return whether something may be a number: it is one, or nobody says what it is."""
+    return bool(value.dimension) or not (isinstance(value.value, str) or value.choices)
+
+
+def _require_dimension(name: str, unit: str, value: OverridableValue, where: Where) -> None:
     given = read_quantity(f"1 {unit}").dimension if unit else "ratio"
-    if given == value.dimension or (not unit and value.plain):
+    if given == (value.dimension or "ratio") or (not unit and value.plain):
         return
-    wanted = "a plain number" if value.dimension == "ratio" else f"in {unit_of(value.dimension)}"
+    wanted = f"in {value.unit}" if value.unit else "a plain number"
     has = f"is in {unit}" if unit else "has no unit"
     message = f"{name} is {wanted}, its range {has}"
     raise InputError.at(where, message, f"it is written at {value.where}: {value.text}")
 
 
-def _in_unit(value: WrittenValue, unit: str) -> float | None:
+def _in_unit(value: OverridableValue, unit: str) -> float | None:
     """Return the written number in the unit of a range."""
-    if value.number is None:
+    number = _number_of(value)
+    if number is None:
         return None
     given = re.fullmatch(r"\s*([-+0-9.eE]+)\s*(.*?)\s*", value.text)
     if given is not None and " ".join(given[2].split()) == unit:
         return float(given[1])  # exactly as written, without a detour by SI units
     factor = read_quantity(f"1 {unit}").value if unit else 1.0
-    return float(f"{value.number / factor:.12g}")
+    return float(f"{number / factor:.12g}")
+
+
+def _number_of(value: OverridableValue) -> float | None:
+    return None if isinstance(value.value, str) else value.value
 
 
 def _choice_as_written(
-    name: str, value: WrittenValue, over: ValueChoices, where: Where
+    name: str, value: OverridableValue, over: ValueChoices, where: Where
 ) -> PointValue | None:
     """Return the choice that is the number as written, else that number in its own words."""
-    same = None
+    same, written = None, _number_of(value)
     for choice in over.values:
         if isinstance(choice, str):
             try:
                 quantity = read_quantity(choice)
             except ValueError as error:
                 raise InputError.at(where, f"{name}: {error}") from error
-            if quantity.dimension != value.dimension:
+            if quantity.dimension != (value.dimension or "ratio"):
                 raise InputError.at(
                     where,
                     f'{name}: "{choice}" is in {quantity.unit}',
                     f"it is written at {value.where}: {value.text}",
                 )
-        elif not value.plain and value.dimension != "ratio":
+        elif not value.plain:
             hint = f"it is written at {value.where}: {value.text}"
             raise InputError.at(where, f"{name}: {choice:g} has no unit", hint)
         number = read_quantity(choice).value if isinstance(choice, str) else choice
-        if value.number is not None and abs(number - value.number) <= 1e-9 * abs(number):
+        if written is not None and abs(number - written) <= 1e-9 * abs(number):
             same = choice
     words = isinstance(over.values[0], str)
-    return same if same is not None else value.text if words else value.number
+    return same if same is not None else value.text if words else written
 
 
 def _has_words(parameter: SearchParameter) -> bool:
     return any(isinstance(choice, str) for choice in parameter.choices)
 
 
-_NAME: Final = re.compile(r"(?<![\w.])[A-Za-z_][\w-]*(?:[./][\w-]+)*\.[\w./-]*\w")
+_NAME: Final = re.compile(
+    r"(?:(?P<sign>[+-])\s*)?(?<![\w.])(?P<name>[A-Za-z_][\w-]*(?:[./][\w-]+)*\.[\w./-]*\w)"
+)
 _COMPARED: Final = re.compile(r"(<=|>=|<|>)")
 
 
@@ -431,17 +444,19 @@ def _with_fixed_values(
     """Return an inequality with what is written in place of names that are not searched."""
     searched = {parameter.name for parameter in parameters}
 
-    def value_of(found: re.Match[str]) -> str:
-        name = found[0]
-        if name in searched:
-            return name
-        for layer in layers:
-            key = layer.written_key(layer.key_of(name))
-            if key and layer.values[key].number is not None:
-                return layer.values[key].text
-        return name
+    def fixed(found: re.Match[str]) -> str:
+        sign, name = found["sign"] or "", found["name"]
+        meant = [value for layer in layers if (value := layer.value_of(name)) is not None]
+        if name in searched or len(meant) != 1 or _number_of(meant[0]) is None:
+            return found[0]
+        text = meant[0].text
+        if meant[0].unit and not re.search(r"[A-Za-z°]", text):
+            text = f"{_number_of(meant[0]):.12g} {meant[0].unit}"
+        if not text.startswith("-"):
+            return f"{sign} {text}".lstrip()
+        return f"{'+' if sign == '-' else '-'} {text[1:]}"
 
-    return _NAME.sub(value_of, text)
+    return _NAME.sub(fixed, text)
 
 
 def _comparisons(text: str) -> Iterator[str]:

@@ -8,16 +8,14 @@ a ROS 2 stack the tree are its keys at the top of the file, as they were written
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
-from daemon.campaign._foreign_files import refuse_unread
 from daemon.campaign._parameter_files import (
-    apply_common_costmap,
     load_package_folder,
     load_parameter_files,
     spread_common,
@@ -26,8 +24,6 @@ from daemon.campaign._parameters import (
     ParameterValues,
     flatten_parameters,
     merge_parameters,
-    parameter_place,
-    parameter_tree,
 )
 from daemon.campaign._ros_sources import (
     LaunchChange,
@@ -39,20 +35,15 @@ from daemon.campaign._ros_sources import (
     refuse_lone_changes,
 )
 from daemon.campaign._scenarios import LayerReference
-from daemon.model.attachments import FILES_PARAMETER, attach_files
-from daemon.model.spec import SutReference
-from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
-from daemon.stacks.registry import check_parameters, is_built_in
+from daemon.stacks.registry import is_built_in
 from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Keys
 from grammars.model.files import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import YamlDocument, load_yaml, read_model
 from grammars.text.sources import is_file
 
 ROS: Final = "ros"
 ROS2: Final = "ros2"
-_MOST_NAMED: Final = 6
-"""So many parameters without effect are named in a warning."""
 _Files: TypeAlias = Annotated[
     list[str],
     BeforeValidator(
@@ -100,33 +91,8 @@ class SutFile(Ros2Keys):
 
 
 @dataclass(frozen=True, slots=True)
-class LoadedSut:
-    """A loaded system under test: what runs, where each value was written, what to say about it.
-
-    ``files`` are the SUT files it is made of, the one that was asked for first. ``idle`` is the
-    last of the ``warnings`` when there are values without effect, else empty.
-    """
-
-    reference: SutReference
-    about: str
-    settings: ParameterValues
-    findings: ParameterFindings
-    files: tuple[str, ...]
-    warnings: tuple[Diagnostic, ...]
-    idle: tuple[Diagnostic, ...] = ()
-
-
-class RefusedSutError(InputError):
-    """A system under test that cannot run; ``settings`` are the values it would have."""
-
-    def __init__(self, diagnostics: list[Diagnostic], settings: ParameterValues) -> None:
-        super().__init__(diagnostics)
-        self.settings = settings
-
-
-@dataclass(frozen=True, slots=True)
-class _SutLayer:
-    """A file with everything below it."""
+class SutLayer:
+    """A SUT file with everything below it."""
 
     text: SutFile
     kind: str
@@ -140,51 +106,18 @@ class _SutLayer:
     """Whether there are launch files below."""
 
 
-def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
-    """Load a SUT file and all it stands on.
+@dataclass(frozen=True, slots=True)
+class SutText:
+    """What a SUT file says, with all it stands on, before anything is checked."""
 
-    Raises :class:`InputError` with everything wrong, each where it stands.
-    """
+    layer: SutLayer
+    document: YamlDocument
+
+
+def read_sut(path: Path, find: FindSutFile) -> SutText:
+    """Read a SUT file and all it stands on; raises :class:`InputError` for what cannot be read."""
     document = load_yaml(path)
-    layer = _load(path, document, find, ())
-    settings = apply_common_costmap(layer.settings) if layer.kind == ROS else layer.settings
-    _refuse_missing(settings)
-    tree = parameter_tree(settings)
-    if layer.attached:
-        tree = {**tree, FILES_PARAMETER: _attach(layer, document)}
-    if layer.kind == ROS2:
-        from daemon.stacks.ros2.settings import REPEATABLE
-
-        tree[REPEATABLE] = False
-    try:
-        findings = check_parameters(layer.kind, tree)
-    except ValueError as error:
-        if isinstance(error, ParameterError):
-            # Of a file that nobody reads the defaults come, which need not be wrong with it.
-            refuse_unread(settings, error.findings, layer.parameter_files)
-        raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
-    refuse_unread(settings, findings, layer.parameter_files)
-    idle = _idle_warning(findings, document, settings)
-    return LoadedSut(
-        reference=SutReference(layer.text.sut, layer.kind, tree),
-        about=layer.text.about,
-        settings=settings,
-        findings=findings,
-        files=layer.files,
-        warnings=(*layer.warnings, *_warnings(findings, document, settings), *idle),
-        idle=idle,
-    )
-
-
-def _refuse_missing(settings: ParameterValues) -> None:
-    """Refuse values that launch files could not fill in and nobody wrote anew."""
-    missing = [
-        replace(lack, message=f"{lack.message}; {'/'.join(path)} has no value without it")
-        for path, setting in settings.items()
-        for lack in setting.missing
-    ]
-    if missing:
-        raise InputError(missing)
+    return SutText(_load(path, document, find, ()), document)
 
 
 def _load(
@@ -193,7 +126,7 @@ def _load(
     find: FindSutFile,
     above: tuple[Path, ...],
     changes: tuple[LaunchChange, ...] = (),
-) -> _SutLayer:
+) -> SutLayer:
     """Return a file with all below it; ``changes`` to its launch files come from above it."""
     text = read_model(document, SutFile)
     if text.ros is not None:
@@ -223,7 +156,7 @@ def _load(
         launched = True
     elif base is None or (text.ros is not None and text.ros.folder):
         refuse_lone_changes(changes)
-    over = partial(_merge_over, launched=launched)
+    over = partial(merge_over, launched=launched)
     if text.ros is not None and text.ros.folder:
         where = document.where(("ros", "folder"))
         folder = path.parent / text.ros.folder
@@ -239,12 +172,10 @@ def _load(
         attached = attached | _attached(path, document, text)
     settings = over(settings, _written(document, text, kind))
     files = (str(path), *(() if base is None else base.files))
-    return _SutLayer(
-        text, kind, settings, files, tuple(warnings), attached, tuple(loaded), launched
-    )
+    return SutLayer(text, kind, settings, files, tuple(warnings), attached, tuple(loaded), launched)
 
 
-def _merge_over(
+def merge_over(
     settings: ParameterValues, found: ParameterValues, *, launched: bool
 ) -> ParameterValues:
     """Return settings, from launch files or not, changed by what was found above them."""
@@ -269,16 +200,6 @@ def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Pa
     return found
 
 
-def _attach(layer: _SutLayer, document: YamlDocument) -> dict[str, str]:
-    try:
-        return attach_files(layer.attached)
-    except ValueError as error:
-        raise InputError(Diagnostic(document.where(("files",)), str(error))) from error
-    except OSError as error:
-        message = f"files: {error.filename} cannot be read: {error.strerror}"
-        raise InputError(Diagnostic(document.where(("files",)), message)) from error
-
-
 def _base(
     path: Path,
     document: YamlDocument,
@@ -286,7 +207,7 @@ def _base(
     find: FindSutFile,
     above: tuple[Path, ...],
     changes: tuple[LaunchChange, ...],
-) -> _SutLayer | None:
+) -> SutLayer | None:
     """Return the layer this one is ``like``."""
     if text.like is None:
         return None
@@ -299,7 +220,7 @@ def _base(
     return _load(other, load_yaml(other), find, chain, changes)
 
 
-def _kind(document: YamlDocument, text: SutFile, base: _SutLayer | None) -> str:
+def _kind(document: YamlDocument, text: SutFile, base: SutLayer | None) -> str:
     if base is None:
         if text.kind is None:
             hint = 'write "kind", or "like" with the name of another system under test'
@@ -340,74 +261,3 @@ def _written(document: YamlDocument, text: SutFile, kind: str) -> ParameterValue
         keys = {key: document.data[key] for key in ROS2_KEYS if key in document.data}
         return flatten_parameters(keys, document.where)
     return flatten_parameters(text.parameters, lambda p: document.where(("parameters", *p)))
-
-
-def _diagnostics(
-    error: ValueError, document: YamlDocument, settings: ParameterValues
-) -> list[Diagnostic]:
-    """Put complaints where the values they are about stand."""
-    if isinstance(error, ParameterError):
-        found = [_placed(problem, document, settings) for problem in error.problems]
-        return list(dict.fromkeys(found))
-    # Only a kind that plugs in raises a plain ValueError, in words of its own: the best guess is
-    # the first parameter they name. What ships here raises ParameterError, with paths.
-    message = str(error)
-    for path, setting in settings.items():
-        if f'"{path[0]}"' in message or message.startswith(f"{path[0]}:"):
-            return [Diagnostic(setting.where, message)]
-    key = next((key for key in ("parameters", "kind", "like") if key in document.data), "sut")
-    return [Diagnostic(document.where((key,)), message)]
-
-
-def _warnings(
-    findings: ParameterFindings, document: YamlDocument, settings: ParameterValues
-) -> list[Diagnostic]:
-    found = [
-        _placed(problem, document, settings, Severity.WARNING) for problem in findings.problems
-    ]
-    return list(dict.fromkeys(found))
-
-
-def _idle_warning(
-    findings: ParameterFindings, document: YamlDocument, settings: ParameterValues
-) -> tuple[Diagnostic, ...]:
-    """Return the warning that names values without effect, if there are any."""
-    # What both costmaps have in common is one line of a file, so it is said once.
-    idle = {parameter_place(settings, f.path): _short(f.path) for f in findings.without_effect}
-    if not idle:
-        return ()
-    names = list(idle.values())
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
-    hint = f"scenario sut {document.file} says why"
-    return (Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING),)
-
-
-def _short(path: tuple[str | int, ...]) -> str:
-    return "/".join(str(part) for part in path[-2:])
-
-
-def _placed(
-    finding: ParameterFinding,
-    document: YamlDocument,
-    settings: ParameterValues,
-    severity: Severity = Severity.ERROR,
-) -> Diagnostic:
-    where = parameter_place(settings, finding.path) or _place_of_key(finding, document)
-    return Diagnostic(where, _named(finding), finding.hint, severity)
-
-
-def _place_of_key(finding: ParameterFinding, document: YamlDocument) -> Where:
-    """Return where a key stands that is no parameter, such as a file's name."""
-    found = finding.path and finding.path[0] in document.data
-    return document.where(finding.path if found else ("sut",))
-
-
-def _named(finding: ParameterFinding) -> str:
-    """Return the message with the name of the value before it, unless it says it itself."""
-    names = [part for part in finding.path if isinstance(part, str)]
-    name = names[-1] if names else ""
-    if not name or finding.message.startswith(name) or f'"{name}"' in finding.message:
-        return finding.message
-    indices = "".join(f"[{part}]" for part in finding.path if isinstance(part, int))
-    return f"{name}{indices}: {finding.message}"

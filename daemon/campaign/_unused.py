@@ -10,6 +10,7 @@ from typing import Final
 
 from daemon.campaign._cells import LoadedWorld
 from daemon.campaign._file import CampaignFile, SlotsText
+from daemon.campaign._names import layer_name
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario, bases_of
 from grammars.oracle import Oracle
 from grammars.scenery import unused_groups, unused_parameters
@@ -77,7 +78,7 @@ def _slots(use: CampaignUse) -> Iterator[Diagnostic]:
     for robot, path in ((text.robot, ("robot",)), (defaults.robot, ("defaults", "robot"))):
         where = use.document.where(path)
         if robot is not None and where not in robots:
-            message = f"no scenario uses the robot {robot}, each names another"
+            message = f"no scenario uses the robot {layer_name(robot)}, each names another"
             yield _warning(where, message, _ONE_OF_BOTH)
     suts = {reference.where for s in use.scenarios for reference in s.suts}
     matrix = text.matrix.sut if text.matrix else []
@@ -85,7 +86,8 @@ def _slots(use: CampaignUse) -> Iterator[Diagnostic]:
         for index, name in enumerate(names):
             where = use.document.where((*path, index))
             if where not in suts:
-                message = f"no scenario uses the system under test {name}, each names others"
+                named = layer_name(name)
+                message = f"no scenario uses the system under test {named}, each names others"
                 yield _warning(where, message, _ONE_OF_BOTH)
 
 
@@ -116,7 +118,7 @@ def _plans_of_variants(use: CampaignUse) -> Iterator[Diagnostic]:
     for path, slots in (defaults, *scenarios):
         if slots.vary is not None and slots.floorplan is not None:
             where = use.document.where((*path, "floorplan"))
-            message = f"not used: the plans are variants of {slots.vary.floorplan}"
+            message = f"not used: the plans are variants of {layer_name(slots.vary.floorplan)}"
             yield _warning(where, message, 'leave out "floorplan", or "vary"')
 
 

@@ -7,22 +7,22 @@ campaign file gives, digest by digest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Final, TypeAlias
 
-from daemon.analysis.blame import Candidate, RunCase, case_of
 from daemon.campaign import (
     Campaign,
     CampaignCell,
     LayerLibrary,
     LayerReference,
     ResolvedScenario,
+    campaign_text,
     load_campaign,
     noise_seed,
     repeat_seed,
+    with_overrides,
 )
 from daemon.model.search import ParameterSlot, Point, SearchTask
 from daemon.model.spec import OracleText, RunSpec
@@ -32,25 +32,14 @@ from grammars.model.scene import Scene
 from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.sources import reading_only_in
 
-T = TypeVar("T")
-_MOST_KEPT: Final = 64
-"""So many plans, scenes and loaded files are kept: those of repeats, and of points nearby."""
+if TYPE_CHECKING:
+    from daemon.analysis.blame import Candidate, RunCase
+
+_MOST_SCENES: Final = 64
+"""So many scenes are kept: those of repeats, and of points nearby."""
 _Values: TypeAlias = Mapping[tuple[ParameterSlot, int], Mapping[str, object]]
-
-
-class _Kept(dict[Hashable, Any]):
-    """The latest of what was made, by what it was made of."""
-
-    def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what was made of ``key``, or make it now."""
-        if key not in self:
-            made = make()
-            while len(self) >= _MOST_KEPT:
-                del self[next(iter(self))]
-            self[key] = made
-        found: T = self[key]
-        return found
 
 
 @dataclass(slots=True)
@@ -68,7 +57,8 @@ class SearchCase:
     sut: int
     _library: LayerLibrary
     _oracles: tuple[OracleText, ...]
-    _kept: _Kept = field(default_factory=_Kept)
+    _only_in: Path | None = None
+    _scenes: dict[tuple[FloorPlan, tuple[SceneryLayer, ...]], Scene] = field(default_factory=dict)
 
     def candidate(self, point: Point, number: int, repeat: int = 0) -> Candidate:
         """Return the run of a point: ``repeat`` of proposal ``number``.
@@ -77,6 +67,9 @@ class SearchCase:
         :class:`InputError` for values that a layer refuses, or the geometry.
         """
         cell = self.cell_at(point, number, repeat)
+        # What executes runs is loaded for that: who only checks a search composes its points.
+        from daemon.analysis.blame import Candidate
+
         return Candidate(self._spec(cell, repeat), cell.scene)
 
     def run_case(self, point: Point, number: int) -> RunCase:
@@ -84,14 +77,33 @@ class SearchCase:
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """
+        from daemon.analysis.blame import case_of
+
         cell = self.cell_at(point, number, 0)
-        return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
+        with reading_only_in(self._only_in):
+            return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
+
+    def found_text(self, point: Point, number: int, *, comment: str, repeats: int) -> str:
+        """Return a campaign file beside that of the campaign with the scenario of a point alone.
+
+        Its runs are those of the proposal, digest by digest: repeat 0 is that of proposal
+        ``number``. ``comment`` stands above it, ``repeats`` is how many of them it has.
+        """
+        return campaign_text(
+            self.campaign,
+            self.scenario_at(point, number),
+            name=self.task.scenario_of(number),
+            sut=self.sut,
+            repeats=repeats,
+            about=f"Found by the search {self.task.name} of {self.campaign.name}.",
+            comment=comment,
+        )
 
     def scenario_at(self, point: Point, number: int) -> ResolvedScenario:
         """Return the scenario with the values of a point written beside its layers."""
         scenario = replace(self.cell.scenario, name=self.task.scenario_of(number))
         for (slot, index), values in self._values(point).items():
-            scenario = _with_overrides(scenario, slot, index, values)
+            scenario = with_overrides(scenario, slot, index, values)
         return scenario
 
     def cell_at(self, point: Point, number: int, repeat: int) -> CampaignCell:
@@ -99,16 +111,22 @@ class SearchCase:
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """
-        scenario, library = self.scenario_at(point, number), self._library.branch()
+        with reading_only_in(self._only_in):
+            return self._composed(self.scenario_at(point, number), point, repeat)
+
+    def _composed(self, scenario: ResolvedScenario, point: Point, repeat: int) -> CampaignCell:
+        library = self._library
+        # Those of the scenario as written have been told; of every point they would pile up.
+        library.warnings.clear()
         changed = {slot for slot, _ in self._values(point)}
         cell = self.cell
         robot, mission, suts = cell.robot, cell.mission, cell.suts
         if "robot" in changed:
-            robot = self._loaded("robot", _one(scenario.robot), library.robot)
+            robot = library.robot(_one(scenario.robot))
         if "mission" in changed:
-            mission, _ = self._loaded("mission", _one(scenario.mission), library.mission)
+            mission, _ = library.mission(_one(scenario.mission))
         if "sut" in changed:
-            made = self._loaded("sut", scenario.suts[self.sut], library.sut)
+            made = library.sut(scenario.suts[self.sut])
             suts = (*suts[: self.sut], made, *suts[self.sut + 1 :])
         variant, plan = self._plan(scenario, changed, inscribed_radius(robot.footprint))
         layers = self._layers(scenario, changed)
@@ -139,12 +157,6 @@ class SearchCase:
             layer[parameter.key] = parameter.override(value)
         return found
 
-    def _loaded(
-        self, slot: str, reference: LayerReference, load: Callable[[LayerReference], T]
-    ) -> T:
-        """Load a layer with its overrides, unless one of the latest points had the same."""
-        return self._kept.once((slot, repr(reference.overrides)), lambda: load(reference))
-
     def _plan(
         self, scenario: ResolvedScenario, changed: set[ParameterSlot], radius: float
     ) -> tuple[str, FloorPlan]:
@@ -153,12 +165,10 @@ class SearchCase:
         if vary is None:
             if "floorplan" not in changed:
                 return "", self.cell.plan
-            load = self._library.branch().floorplan
-            return "", self._loaded("floorplan", _one(scenario.floorplan), load)
+            return "", self._library.floorplan(_one(scenario.floorplan))
         if not changed & {"vary", "robot"}:
             return self.cell.name.removeprefix(self.cell.scenario.name), self.cell.plan
-        draw = partial(self._library.branch().variants, vary, radius)
-        variants = self._kept.once(("vary", radius, repr(vary.floorplan.overrides)), draw)
+        variants = self._library.variants(vary, radius)
         if len(variants) != 1:
             message = f"{scenario.name} is run in {len(variants)} buildings, a search is about one"
             raise InputError(Diagnostic(vary.floorplan.where, message, "write samples: 1"))
@@ -172,7 +182,8 @@ class SearchCase:
             return self.cell.layers
         references = (*scenario.objects, *scenario.behaviours)
         return tuple(
-            configure(self._library.scenery(one), one.overrides, one.where) for one in references
+            configure(self._library.scenery(one), one.overrides, one.where, one.lines)
+            for one in references
         )
 
     def _scene(self, plan: FloorPlan, objects: Sequence[SceneryLayer]) -> Scene:
@@ -180,7 +191,12 @@ class SearchCase:
         if plan == self.cell.plan and tuple(objects) == own:
             return self.cell.scene
         key = (plan, tuple(objects))
-        return self._kept.once(key, lambda: compile_scene(plan, objects))
+        if key not in self._scenes:
+            scene = compile_scene(plan, objects)
+            while len(self._scenes) >= _MOST_SCENES:
+                del self._scenes[next(iter(self._scenes))]
+            self._scenes[key] = scene
+        return self._scenes[key]
 
     def _spec(self, cell: CampaignCell, repeat: int) -> RunSpec:
         return RunSpec(
@@ -199,39 +215,26 @@ class SearchCase:
         )
 
 
-def _with_overrides(
-    scenario: ResolvedScenario, slot: ParameterSlot, index: int, values: Mapping[str, object]
-) -> ResolvedScenario:
-    """Return a scenario with other values beside the ``index``-th layer name of a slot."""
-
-    def changed(reference: LayerReference) -> LayerReference:
-        return replace(reference, overrides={**reference.overrides, **values})
-
-    if slot == "floorplan":
-        return replace(scenario, floorplan=changed(_one(scenario.floorplan)))
-    name = {"sut": "suts"}.get(slot, slot)
-    references = list(getattr(scenario, name))
-    references[index] = changed(references[index])
-    changes: dict[str, Any] = {name: tuple(references)}
-    return replace(scenario, **changes)
-
-
-def load_search_case(campaign_file: Path, name: str, task: SearchTask | None = None) -> SearchCase:
+def load_search_case(
+    campaign_file: Path, name: str, task: SearchTask | None = None, *, only_in: Path | None = None
+) -> SearchCase:
     """Load a campaign and one of its searches; ``task`` takes the place of what the file asks.
 
-    Raises :class:`InputError` for files that cannot be used and names that are none.
+    With ``only_in``, the folder of an unpacked bundle, no file outside of it is ever read. Raises
+    :class:`InputError` for files that cannot be used and names that are none.
     """
-    campaign = load_campaign(campaign_file)
+    with reading_only_in(only_in):
+        campaign = load_campaign(campaign_file)
     if task is None:
         named = {search.name: search for search in campaign.searches}
         if name not in named:
             hint = did_you_mean(name, named) or "write one: search:"
             raise InputError.at(Where(str(campaign_file)), f'no search "{name}" here', hint)
         task = named[name]
-    return search_case(campaign, task)
+    return search_case(campaign, task, only_in=only_in)
 
 
-def search_case(campaign: Campaign, task: SearchTask) -> SearchCase:
+def search_case(campaign: Campaign, task: SearchTask, *, only_in: Path | None = None) -> SearchCase:
     """Return a search of a loaded campaign; raises :class:`InputError` if it has no such cell."""
     cells = [cell for cell in campaign.cells if cell.scenario.name == task.scenario]
     place = Where(campaign.file)
@@ -253,6 +256,7 @@ def search_case(campaign: Campaign, task: SearchTask) -> SearchCase:
         sut=names.index(task.sut),
         _library=LayerLibrary(folder),
         _oracles=oracles,
+        _only_in=only_in,
     )
 
 

@@ -95,6 +95,10 @@ class PointRunner:
                 self.finish(begun)
         return [self._known.get(point) for point, _ in wanted]
 
+    def failures(self) -> list[PointResult]:
+        """Return every point that is known to fail, in the order in which they were run."""
+        return [one for one in self._known.values() if one is not None and one.fails]
+
     def repeat(self, result: PointResult, times: int) -> list[PointResult]:
         """Run a point as often again, with other noise."""
         point, number = result.values, result.number

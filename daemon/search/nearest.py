@@ -7,11 +7,12 @@ written values until neighbouring steps, one of which passes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final, Protocol
 
 from daemon.model.search import (
+    Confirmation,
     NearestFailure,
     ParameterChange,
     Point,
@@ -33,6 +34,9 @@ from daemon.search.wording import nearest_sentence
 
 NEAREST_RUNS: Final = 30
 """Points that are run at most to find the nearest failure."""
+_MORE_TRIED: Final = 2
+_WELL_BEYOND: Final = 1.25
+"""Where noise does not confirm a failure, so many others are tried, each so many times as far."""
 
 
 class PointProber(Protocol):
@@ -229,21 +233,68 @@ class _Descent:
         return self.prober.results(tried)
 
 
+def larger_changes(
+    task: SearchTask, nearest: NearestFailure, failures: Iterable[PointResult]
+) -> list[PointResult]:
+    """Return failures to take instead of one that other noise does not confirm, the next first.
+
+    They have no more changes; each is well beyond the one before, up to :data:`_MORE_TRIED`.
+    """
+    most = len(nearest.changes)
+    sized = sorted(
+        (distance_from_written(task, one.values), one.number, one)
+        for one in failures
+        if one.fails and 0 < len(changed_parameters(task, one.values)) <= most
+    )
+    found: list[PointResult] = []
+    beyond = distance_from_written(task, nearest.result.values)
+    for size, _, one in sized:
+        if size >= _WELL_BEYOND * beyond and len(found) < _MORE_TRIED:
+            found.append(one)
+            beyond = size
+    return found
+
+
+def instead(
+    task: SearchTask, nearest: NearestFailure, result: PointResult, confirmed: Confirmation
+) -> NearestFailure:
+    """Return the nearest failure with a larger change, which other noise confirms."""
+    passing = {change.parameter: change.passing for change in nearest.changes}
+    changes = _changes(task, result, passing)
+    return replace(
+        nearest,
+        result=result,
+        changes=changes,
+        sentence=nearest_sentence(task, result, changes, nearest.passes),
+        confirmed=confirmed,
+        unconfirmed=nearest.result,
+    )
+
+
 def _nearest(task: SearchTask, descent: _Descent, *, complete: bool) -> NearestFailure:
     result, passes = descent.failing, descent.passes
+    passing = {task.parameters[i].name: value for i, value in descent.passing.items()}
+    changes = _changes(task, result, passing)
+    sentence = nearest_sentence(task, result, changes, passes)
+    return NearestFailure(result, changes, passes, descent.spending.runs, complete, sentence)
+
+
+def _changes(
+    task: SearchTask, result: PointResult, passing: Mapping[str, PointValue | None]
+) -> tuple[ParameterChange, ...]:
+    """Return the changes of a failure, the largest first."""
     changed = changed_parameters(task, result.values)
-    changes = tuple(
+    parameters = task.parameters
+    return tuple(
         ParameterChange(
-            parameter=task.parameters[i].name,
-            unit=task.parameters[i].unit,
-            written=task.parameters[i].written,
+            parameter=parameters[i].name,
+            unit=parameters[i].unit,
+            written=parameters[i].written,
             value=result.values[i],
-            passing=descent.passing.get(i),
+            passing=passing.get(parameters[i].name),
         )
         for i in sorted(changed, key=_by_size(task, result.values), reverse=True)
     )
-    sentence = nearest_sentence(task, result, changes, passes)
-    return NearestFailure(result, changes, passes, descent.spending.runs, complete, sentence)
 
 
 def _by_size(task: SearchTask, point: Point) -> Callable[[int], tuple[float, int]]:

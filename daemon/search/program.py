@@ -15,6 +15,7 @@ from typing import Final
 
 from daemon.model.search import (
     Confirmation,
+    NearestFailure,
     Phase,
     Point,
     PointResult,
@@ -26,7 +27,13 @@ from daemon.search.answer import LaterResults, make_answer, told_failure, with_f
 from daemon.search.execution import BegunPoint, PointRunner, RunPurpose
 from daemon.search.findings import FailureKey, failure_key, parameter_influence
 from daemon.search.methods import MethodProposal, SearchMethod, make_method
-from daemon.search.nearest import NEAREST_RUNS, NearestQuestion, find_nearest
+from daemon.search.nearest import (
+    NEAREST_RUNS,
+    NearestQuestion,
+    find_nearest,
+    instead,
+    larger_changes,
+)
 from daemon.search.results import ExploredPoint, confirmation, first_failure
 from daemon.search.runs import Case, Runs, SearchStoppedError
 from daemon.search.shrinking import shrink_failure
@@ -41,7 +48,7 @@ _SETTLED_RUNS: Final = 20
 _SETTLED_WINDOWS: Final = 3
 """Nothing better and nothing new for so many results, or windows of them if that is more."""
 _DOUBTFUL: Final = 0.5
-"""A failure that fewer of its repeats confirm is none to begin with."""
+"""A failure that a smaller share of its repeats confirms is one of its noise."""
 
 
 def run_search(case: Case, runs: Runs) -> SearchAnswer:
@@ -117,6 +124,7 @@ class _SearchProgram:
     later: LaterResults = field(default_factory=LaterResults)
     space: SearchSpace = field(init=False)
     points: PointRunner = field(init=False)
+    _confirmed: dict[int, Confirmation | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.space = SearchSpace(self.case.task)
@@ -207,30 +215,40 @@ class _SearchProgram:
         return f"{told}, best {quantity(value.margin, value.unit)}" if value is not None else told
 
     def _confirm(self, failure: PointResult) -> Confirmation | None:
-        if not self.task.confirm:
-            return None
-        times = plural(self.task.confirm, "time")
-        self._report("confirm", f"run {failure.number} again, {times} with other noise")
-        return confirmation(self.points.repeat(failure, self.task.confirm))
+        """Run a failure again with other noise, unless that was done."""
+        number, count = failure.number, self.task.confirm
+        if count and number not in self._confirmed:
+            times = plural(count, "time")
+            self._report("confirm", f"run {number} again, {times} with other noise")
+            self._confirmed[number] = confirmation(self.points.repeat(failure, count))
+        return self._confirmed.get(number)
 
     def _bring_near(self, failures: Sequence[PointResult], first: PointResult) -> None:
-        confirmed = self.later.confirmed
         influence = parameter_influence(self.task, self.explored)
-        doubted = confirmed is not None and confirmed.failed < _DOUBTFUL * confirmed.runs
         question = NearestQuestion(
             self.task,
             failures,
             {one.parameter: one.correlation for one in influence},
-            frozenset({first.number} if doubted else ()),
+            frozenset({first.number} if _is_doubtful(self.later.confirmed) else ()),
         )
         self._report("nearest", f"at most {NEAREST_RUNS} runs for the smallest change that fails")
         found = find_nearest(question, _NearestProber(self))
         if found is None:
             return
-        same = found.result.number == first.number
         self.later = replace(self.later, nearest=found)
-        repeats = confirmed if same else self._confirm(found.result)
+        repeats = self._confirm(found.result)
         self.later = replace(self.later, nearest=replace(found, confirmed=repeats))
+        if _is_doubtful(repeats) and found.changes:
+            self._look_further(found)
+
+    def _look_further(self, found: NearestFailure) -> None:
+        """Take a larger change that noise confirms instead of one that fails by chance."""
+        for larger in larger_changes(self.task, found, self.points.failures()):
+            repeats = self._confirm(larger)
+            if repeats is not None and not _is_doubtful(repeats):
+                found = instead(self.task, found, larger, repeats)
+                self.later = replace(self.later, nearest=found)
+                return
 
     def _with_found(self, answer: SearchAnswer) -> SearchAnswer:
         failure = told_failure(answer)
@@ -244,6 +262,10 @@ class _SearchProgram:
 
     def _report(self, phase: Phase, note: str) -> None:
         self.runs.report(phase, note, self.answer())
+
+
+def _is_doubtful(confirmed: Confirmation | None) -> bool:
+    return confirmed is not None and confirmed.failed < _DOUBTFUL * confirmed.runs
 
 
 @dataclass(frozen=True, slots=True)

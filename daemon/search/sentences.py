@@ -35,7 +35,7 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     yield from _best(task, answer)
     if answer.confirmed is not None and answer.first is not None:
         yield f"run {answer.first.number} {confirmation_words(answer.confirmed)}"
-    yield from _nearest(answer)
+    yield from _nearest(task, answer)
     if answer.shrunk is not None:
         runs = plural(answer.shrunk.runs, "run")
         yield f"shrunk in {runs}: {'; '.join(line.strip() for line in answer.shrunk.story)}"
@@ -49,7 +49,7 @@ def _first(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if answer.first is None:
         return
     where = point_words(task, answer.first)
-    runs = plural(answer.explored, "run")
+    runs = plural(answer.explored - answer.refused, "run")
     failed = f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}"
     yield f"{failed}, the first is run {answer.first.number}: {failure_words(answer.first)}"
     yield f"run {answer.first.number} has {where}"
@@ -67,13 +67,16 @@ def _best(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     )
 
 
-def _nearest(answer: SearchAnswer) -> Iterator[str]:
+def _nearest(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     nearest = answer.nearest
     if nearest is None:
         return
     yield f"nearest failure: {nearest.sentence}"
     if nearest.confirmed is not None:
         yield f"the nearest failure {confirmation_words(nearest.confirmed)}"
+    if nearest.unconfirmed is not None:
+        smaller = point_words(task, nearest.unconfirmed)
+        yield f"with one noise a smaller change is enough: {smaller}"
     if not nearest.complete:
         runs = plural(nearest.runs, "run")
         yield f"there may be a nearer one: {runs} were spent before nothing could be taken back"
@@ -82,10 +85,10 @@ def _nearest(answer: SearchAnswer) -> Iterator[str]:
 def _distinct(answer: SearchAnswer) -> Iterator[str]:
     if not answer.findings:
         return
-    told = enumerate_words([finding_words(one) for one in answer.findings[:_MOST_TOLD]])
-    more = len(answer.findings) - _MOST_TOLD
-    rest = f" and {more} more" if more > 0 else ""
-    yield f"{plural(len(answer.findings), 'distinct failure')}: {told}{rest}"
+    told = [finding_words(one) for one in answer.findings[:_MOST_TOLD]]
+    more = len(answer.findings) - len(told)
+    words = enumerate_words([*told, f"{more} more"] if more else told)
+    yield f"{plural(len(answer.findings), 'distinct failure')}: {words}"
 
 
 def finding_words(finding: Finding) -> str:
@@ -99,7 +102,7 @@ def _frequency(answer: SearchAnswer) -> Iterator[str]:
     """Say how much of the space fails: runs that were guided prove nothing about that."""
     drawn, failed = answer.space_filling, answer.space_filling_failed
     if answer.failed == 0 and answer.explored:
-        yield f"{plural(answer.explored, 'run')}, {_nothing_below(answer)}"
+        yield f"{plural(answer.explored - answer.refused, 'run')}, {_nothing_below(answer)}"
     if drawn == 0:
         if answer.explored:
             yield "no run was drawn without looking at results: how much fails is not known"
@@ -136,8 +139,9 @@ def _influence(answer: SearchAnswer) -> Iterator[str]:
 
 def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if answer.refused:
-        what = "point" if answer.refused == 1 else "points"
-        yield f"{answer.refused} {what} could not be composed: no run was made of them"
+        them = "it" if answer.refused == 1 else "them"
+        points = plural(answer.refused, "point")
+        yield f"{points} could not be composed: no run was made of {them}"
     if answer.errors:
         verb = "is an error" if answer.errors == 1 else "are errors"
         yield f"{plural(answer.errors, 'run')} {verb} and without a margin"

@@ -28,6 +28,7 @@ from daemon.model.search import BundledFile, PointResult, ShrunkScenario
 from daemon.model.status import RunState
 from daemon.search.execution import PointRunner, RunPurpose
 from daemon.search.wording import plural
+from grammars.model.behaviour import Reaction, Walk
 from grammars.text.diagnostics import InputError
 
 SHRINK_RUNS: Final = 100
@@ -129,9 +130,25 @@ def left_out(whole: Candidate, part: Candidate) -> str:
             "behaviour",
         ),
     ]
+    words = [f"without {', '.join(told)}"] if told else []
     if whole.spec.sut != part.spec.sut:
-        told.append("some parameters of the system under test")
-    return f"without {', '.join(told)}" if told else "with all of it"
+        words.append("with fewer parameters of the system under test")
+    if _has_other_values(whole, part):
+        words.append("with fewer values of layers")
+    return ", ".join(words) or "with all of it"
+
+
+def _has_other_values(whole: Candidate, part: Candidate) -> bool:
+    """Return whether something in it is not as in the whole; waiting for a leg counts for none.
+
+    Legs have other numbers when waypoints are left out.
+    """
+    waiting = (Reaction, Walk)
+    told = [b for b in part.spec.behaviours if not isinstance(b, waiting)]
+    return not (
+        set(told) <= set(whole.spec.behaviours)
+        and set(part.scene.objects) <= set(whole.scene.objects)
+    )
 
 
 def _missing(whole: Sequence[str], part: Collection[str], kind: str) -> list[str]:

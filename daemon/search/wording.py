@@ -144,10 +144,14 @@ def nearest_sentence(
     told = enumerate_words([change_words(task, change) for change in changes])
     comma = "," if len(changes) > 1 else ""
     sentence = f"{told}{comma} and {failure_words(result)}"
-    return f"{sentence}; {_passing(task, changes, passes)}" if passes is not None else sentence
+    if passes is None:
+        return sentence
+    return f"{sentence}; {_passing(task, result, changes, passes)}"
 
 
-def _passing(task: SearchTask, changes: Sequence[ParameterChange], passes: PointResult) -> str:
+def _passing(
+    task: SearchTask, result: PointResult, changes: Sequence[ParameterChange], passes: PointResult
+) -> str:
     margin = margin_words(passes)
     ends = f"it passes with {margin}" if margin else "it passes"
     if not changed_parameters(task, passes.values):
@@ -155,8 +159,10 @@ def _passing(task: SearchTask, changes: Sequence[ParameterChange], passes: Point
     for change in changes:
         index = next(i for i, p in enumerate(task.parameters) if p.name == change.parameter)
         parameter = task.parameters[index]
-        if change.passing is not None and passes.values[index] == change.passing:
-            words = parameter.text(change.passing)
+        pairs = zip(result.values, passes.values, strict=True)
+        differing = [i for i, (value, other) in enumerate(pairs) if value != other]
+        if change.passing is not None and differing == [index]:
+            words = parameter.text(passes.values[index])
             if len(changes) == 1:
                 return f"{'with' if isinstance(change.passing, str) else 'at'} {words} {ends}"
             return f"with {short_name(task, parameter)} {words} {ends}"

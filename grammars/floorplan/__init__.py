@@ -1,7 +1,14 @@
 """FloorPlan language: from `.fpm` text to world geometry."""
 
-from grammars.floorplan._compile import check_geometry, load_floorplan, parse_floorplan
+from grammars.floorplan._compile import check_geometry
 from grammars.floorplan._features import OpeningPrism, opening_at
+from grammars.floorplan._files import (
+    ParsedFloorPlan,
+    PlanVariable,
+    load_floorplan,
+    parse_floorplan,
+    read_floorplan,
+)
 from grammars.floorplan._shapes import CircleNode, PolygonNode, RectangleNode
 from grammars.floorplan._spaces import outer_corners, space_at, wall_frames
 from grammars.floorplan._syntax import parse_syntax
@@ -26,7 +33,9 @@ __all__ = [
     "FloorPlan",
     "Opening",
     "OpeningPrism",
+    "ParsedFloorPlan",
     "Placement",
+    "PlanVariable",
     "Point3",
     "PolygonNode",
     "RectangleNode",
@@ -39,6 +48,7 @@ __all__ = [
     "outer_corners",
     "parse_floorplan",
     "parse_syntax",
+    "read_floorplan",
     "space_at",
     "wall_frames",
 ]

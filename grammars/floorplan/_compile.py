@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Final
 
-from grammars.floorplan._attributes import LARGEST, ElementReader, read_location
+from grammars.floorplan._attributes import ElementReader, read_location
 from grammars.floorplan._features import (
     FeatureDraft,
     OpeningDraft,
@@ -30,22 +29,14 @@ from grammars.floorplan._spaces import (
     resolve_placement,
     wall_frames,
 )
-from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import FloorPlan, Opening, Wall
 from grammars.model.geometry import signed_area
 from grammars.text.diagnostics import (
-    Diagnostic,
     DiagnosticCollector,
-    InputError,
     SourceText,
     SyntaxNode,
-    Where,
-    did_you_mean,
     in_source_order,
-    with_article,
 )
-from grammars.text.quantity import PLAN_UNITS, parse_quantity
-from grammars.text.sources import read_text
 
 _TOUCHING: Final = 1e-3
 """How far walls may be apart and still touch, or openings stick out [m]."""
@@ -327,59 +318,3 @@ def _build(
     return FloorPlan(
         plan.name, plan.spaces, plan.features, plan.openings, in_source_order(reader.warnings)
     )
-
-
-def load_floorplan(
-    path: str | Path, values: Mapping[str, object] | None = None, where: Where | None = None
-) -> FloorPlan:
-    """Read and compile a ``.fpm`` file (UTF-8).
-
-    ``values`` are other values for variables of the plan, as somebody wrote them (``"0.8 m"``) at
-    ``where``. Raises :class:`InputError` with everything that is wrong with either; warnings are
-    in the plan.
-    """
-    source = SourceText(read_text(path, "the plan"), str(path))
-    tree = parse_syntax(source)
-    given = _read_values(tree, values, where or Where(str(path))) if values else {}
-    return compile_plan(tree, source, given)
-
-
-def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
-    """Compile the text of a plan; ``file`` is its name in diagnostics.
-
-    Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
-    """
-    source = SourceText(text, file)
-    return compile_plan(parse_syntax(source), source)
-
-
-def _read_values(tree: SyntaxNode, values: Mapping[str, object], where: Where) -> dict[str, float]:
-    """Return the values given to variables in SI; raises :class:`InputError` with all faults."""
-    variables = {variable.name: variable for variable in tree.variables}
-    read: dict[str, float] = {}
-    faults: list[Diagnostic] = []
-    for key, value in values.items():
-        # Campaigns are YAML, where names are written with dashes.
-        name = str(key).replace("-", "_")
-        variable = variables.get(name)
-        if variable is None:
-            hint = did_you_mean(name, variables) or "the plan has no variables"
-            faults.append(Diagnostic(where, f'plan {tree.name} has no variable "{key}"', hint))
-            continue
-        example = f"write {name}: {variable.number} {variable.unit}"
-        try:
-            quantity = parse_quantity(str(value), where)
-        except InputError as error:
-            faults.extend(error.diagnostics)
-            continue
-        kind = PLAN_UNITS[variable.unit][1]
-        if quantity.dimension != kind:
-            message = f"{name} is {with_article(kind)}, not {value}"
-            faults.append(Diagnostic(where, message, example))
-        elif abs(quantity.value) > LARGEST:
-            faults.append(Diagnostic(where, f"{name}: {value} is too large", "1000 km at most"))
-        else:
-            read[name] = quantity.value
-    if faults:
-        raise InputError(faults)
-    return read

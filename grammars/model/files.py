@@ -133,6 +133,11 @@ def load_mission(path: str | Path) -> tuple[Mission, YamlDocument]:
     Raises :class:`InputError` with every problem of the file.
     """
     document = load_yaml(path)
+    return read_mission(document), document
+
+
+def read_mission(document: YamlDocument) -> Mission:
+    """Return what a mission file means; raises :class:`InputError` with every problem of it."""
     text = read_model(document, MissionText)
     waypoints = tuple(
         Waypoint(w.id or f"waypoint-{i}", w.x, w.y, w.yaw)
@@ -140,8 +145,8 @@ def load_mission(path: str | Path) -> tuple[Mission, YamlDocument]:
     )
     start = text.start.pose() if text.start else Pose2()
     _refuse_ambiguous(waypoints, document)
-    name = text.mission or Path(path).name.split(".")[0]
-    return Mission(name, start, waypoints), document
+    name = text.mission or Path(document.file).name.split(".")[0]
+    return Mission(name, start, waypoints)
 
 
 def _refuse_ambiguous(waypoints: Sequence[Waypoint], document: YamlDocument) -> None:
@@ -428,7 +433,11 @@ class RobotText(StrictModel):
 
 def load_robot(path: str | Path) -> Robot:
     """Read a robot description; raises :class:`InputError` with every problem of the file."""
-    document = load_yaml(path)
+    return read_robot(load_yaml(path))
+
+
+def read_robot(document: YamlDocument) -> Robot:
+    """Return what a robot file means; raises :class:`InputError` with every problem of it."""
     text = read_model(document, RobotText)
     ring = _check_convex(text.footprint.ring(), document)
     _check_names(text.lasers or (), document)

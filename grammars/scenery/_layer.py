@@ -72,21 +72,25 @@ def _check_names(reader: NodeReader, values: Sequence[_Statement]) -> None:
 
 
 def configure(
-    layer: SceneryLayer, overrides: Mapping[str, object], where: Where | None = None
+    layer: SceneryLayer,
+    overrides: Mapping[str, object],
+    where: Where | None = None,
+    places: Mapping[str, Where] | None = None,
 ) -> SceneryLayer:
     """Return ``layer`` with other parameter values and group members.
 
     ``overrides`` is what a campaign says: a quantity with its unit for a parameter (``"1.3 m"``),
-    a name or a list of names for a group. ``where`` is the place in the campaign, for messages.
+    a name or a list of names for a group. ``where`` is the place in the campaign, for messages,
+    and ``places`` that of each of them, where it is known.
     Raises :class:`InputError` with every override that does not fit.
     """
-    place = where or Where(layer.file)
     groups = {group.name: group for group in layer.groups}
     parameters = {parameter.name: parameter for parameter in layer.parameters}
     findings: list[Diagnostic] = []
     for key, value in overrides.items():
         # Campaigns are YAML, where names are written with dashes.
         name = str(key).replace("-", "_")
+        place = (places or {}).get(str(key)) or where or Where(layer.file)
         try:
             if name in groups:
                 groups[name] = _regrouped(groups[name], value, place)

@@ -163,7 +163,8 @@ def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Di
     if finding["type"] == "string_type" and hint:
         # 3.10 has become 3.1 and yes may be true elsewhere: show what was written.
         given = finding["input"]
-        written = source_at(document.text, where, _VALUE) or str(given)
+        in_it = where.file == document.file
+        written = (source_at(document.text, where, _VALUE) if in_it else "") or str(given)
         hint = _text_hint(written, given)
     return Diagnostic(where, message, hint)
 

@@ -29,7 +29,8 @@ Comments and layout of the plan survive in its variants: sampled numbers replace
 text, attributes that were not written are inserted.
 """
 
-from grammars.variation._distributions import Categorical, Normal, Range
+from grammars.variation._distributions import Categorical, Fixed, Normal, Range
+from grammars.variation._fixed import draw_unit, fix_draws
 from grammars.variation._load import (
     Variant,
     VariantValue,
@@ -37,13 +38,14 @@ from grammars.variation._load import (
     load_variation,
     parse_variation,
 )
-from grammars.variation._sample import floorplan_variants, sample, source_defects
+from grammars.variation._sample import floorplan_variants, sample, source_defects, variant_plans
 from grammars.variation._variants import VariantFile, write_variants
 from grammars.variation.designs import METHODS, Method
 
 __all__ = [
     "METHODS",
     "Categorical",
+    "Fixed",
     "Method",
     "Normal",
     "Range",
@@ -51,10 +53,13 @@ __all__ = [
     "VariantFile",
     "VariantValue",
     "Variation",
+    "draw_unit",
+    "fix_draws",
     "floorplan_variants",
     "load_variation",
     "parse_variation",
     "sample",
     "source_defects",
+    "variant_plans",
     "write_variants",
 ]

@@ -149,7 +149,31 @@ class Normal:
         return self.share_left > _TAIL
 
 
-Distribution: TypeAlias = Categorical | Range | Normal
+@dataclass(frozen=True, slots=True)
+class Fixed:
+    """One value in place of a distribution that is ``drawn`` from all the same.
+
+    So the others take the numbers from the random stream that they would take without it.
+    """
+
+    value: float
+    drawn: Categorical | Range | Normal
+
+    def draw(self, stream: np.random.RandomState) -> float:
+        """Return the value, after drawing the other one from ``stream``."""
+        self.drawn.draw(stream)
+        return self.value
+
+    def at(self, quantile: float) -> float:
+        """Return the value."""
+        return self.value
+
+    def levels(self, count: int) -> tuple[float, ...]:
+        """Return the value alone."""
+        return (self.value,)
+
+
+Distribution: TypeAlias = Categorical | Range | Normal | Fixed
 
 
 def numbers_of(distribution: Distribution) -> Sequence[float]:
@@ -161,6 +185,8 @@ def numbers_of(distribution: Distribution) -> Sequence[float]:
             return (low, high)
         case Normal(mean, std, low, high):
             return tuple(v for v in (mean, std, low, high) if math.isfinite(v))
+        case Fixed(value):
+            return (value,)
 
 
 def _decimals(scale: float) -> int:

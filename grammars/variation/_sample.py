@@ -93,7 +93,18 @@ def floorplan_variants(
     For campaigns: nothing is written, and every plan carries its own name. Raises
     :class:`InputError` like :func:`load_variation` and :func:`sample`.
     """
-    variation = load_variation(path)
+    return variant_plans(load_variation(path), n, seed=seed, method=method, check=check)
+
+
+def variant_plans(
+    variation: Variation,
+    n: int | None = None,
+    *,
+    seed: int,
+    method: Method = "random",
+    check: float | None = None,
+) -> tuple[tuple[str, FloorPlan], ...]:
+    """Return what :func:`floorplan_variants` does, of a variation that is loaded."""
     variants = sample(variation, n, seed=seed, method=method, check=check, suffix=True)
     return tuple((variant.name, variant.plan) for variant in variants)
 

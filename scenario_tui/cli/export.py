@@ -1,4 +1,4 @@
-"""The command that makes artefacts of a floor plan or a campaign, and the worlds they show."""
+"""The command that makes artefacts of a floor plan or a campaign."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from scenario_tui.cli.output import Output, report_diagnostics
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from daemon.campaign import Campaign, CampaignCell
     from grammars.text.diagnostics import Diagnostic
     from templates.artefacts import ExportResult
-    from templates.world import ArtefactWorld, BehaviourDraw
+    from templates.world import ArtefactWorld
 
 
 def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
@@ -43,82 +42,6 @@ def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diag
         name = path.stem if path.suffix != ".json" and path.is_file() else plan.name
     world = ArtefactWorld(name, compile_scene(plan), plan, sources=model_files(path))
     return world, plan.warnings
-
-
-def worlds_of_campaign(
-    path: Path, repeats: int | None = None
-) -> tuple[tuple[ArtefactWorld, ...], tuple[Diagnostic, ...]]:
-    """Return the worlds of a campaign, and the warnings about its layers.
-
-    Scenarios that differ in nothing artefacts show (only in oracles or systems under test, say)
-    are one world, under the name of the first; every variant of a floor plan is a world of its
-    own. ``repeats`` limits whose behaviours are drawn.
-    """
-    from dataclasses import replace
-
-    from daemon.campaign import load_campaign
-    from templates.naming import free_name
-
-    campaign = load_campaign(path)
-    worlds: list[ArtefactWorld] = []
-    for cell in campaign.cells:
-        world = _world_of_cell(campaign, cell, repeats)
-        if not any(
-            replace(other, name=world.name, sources=world.sources) == world for other in worlds
-        ):
-            worlds.append(replace(world, name=free_name(world.name, [w.name for w in worlds])))
-    return tuple(worlds), campaign.warnings
-
-
-def _world_of_cell(campaign: Campaign, cell: CampaignCell, repeats: int | None) -> ArtefactWorld:
-    from templates.world import ArtefactWorld, named_states
-
-    return ArtefactWorld(
-        cell.name,
-        cell.scene,
-        cell.plan,
-        cell.mission,
-        robot=cell.robot,
-        draws=_draws(cell, repeats),
-        states=named_states(cell.scene, cell.layers),
-        sources=_sources(campaign, cell),
-        resolution=cell.map.resolution,
-        rule=cell.map.rule,
-        doors=cell.map.doors,
-        given_map=cell.given_map,
-        layers=cell.layers,
-    )
-
-
-def _draws(cell: CampaignCell, repeats: int | None) -> tuple[BehaviourDraw, ...]:
-    """Return the behaviours that differ, each under the number of its first repeat."""
-    from templates.world import BehaviourDraw
-
-    first: dict[object, int] = {}
-    # Only what is drawn differs from repeat to repeat; of equal draws the first gives the number.
-    for repeat, behaviours in enumerate(cell.behaviours[:repeats]):
-        first.setdefault(behaviours, repeat)
-    several = len(first) > 1
-    return tuple(
-        BehaviourDraw(f"repeat-{repeat}" if several else "", cell.behaviours[repeat])
-        for repeat in first.values()
-    )
-
-
-def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
-    """Return the files the cell was written in, the campaign first."""
-    from daemon.campaign import FLOORPLAN, MISSION, ROBOT, SCENERY, VARIATION, find_layer
-    from grammars.jsonld import model_files
-
-    scenario, folder = cell.scenario, Path(campaign.file).parent
-    named = [
-        (scenario.vary.floorplan, VARIATION) if scenario.vary else (scenario.floorplan, FLOORPLAN),
-        *((reference, SCENERY) for reference in (*scenario.objects, *scenario.behaviours)),
-        (scenario.mission, MISSION),
-        (scenario.robot, ROBOT),
-    ]
-    found = [find_layer(folder, reference, kind) for reference, kind in named if reference]
-    return (Path(campaign.file), *(file for path in found for file in model_files(path)))
 
 
 class Artefact(StrEnum):
@@ -219,6 +142,7 @@ def export(
 
     A campaign gets one folder per scenario; scenarios with equal worlds share one.
     """
+    from daemon.analysis.campaign_worlds import worlds_of_campaign
     from grammars.maps import WALLS_ENDING
     from grammars.text.diagnostics import Diagnostic, Severity, Where
     from templates.artefacts import export_worlds

@@ -138,7 +138,7 @@ def search(
             "--out",
             "-o",
             metavar="DIR",
-            help="Where the found scenario, its world for Gazebo and the page go. "
+            help="Where the found scenario and its world for Gazebo go. "
             "Default: scenario-results/search/SEARCH/.",
         ),
     ] = None,
@@ -208,7 +208,7 @@ def watch_search(
         return ExitCode.INTERRUPTED
     with target.open() as daemon:
         folder = out or Path("scenario-results") / "search" / campaign
-        written = write_search_files(daemon, row, watched.rows, folder, gazebo=gazebo)
+        written = write_search_files(daemon, row, folder, gazebo=gazebo)
     files = {kind: str(path) for kind, path in written.items()}
     search_output(row, watched.rows, files).show(as_json)
     return search_code(row)

@@ -1,60 +1,79 @@
-"""What a search leaves in a folder: the found scenario with its layers, its world, a page."""
+"""What a search leaves in a folder: the found scenario with its layers, its world, the least."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final
 
+from daemon.batch.errors import DaemonError
 from daemon.campaign import checked_bundle
+from daemon.search.found import export_found, write_found
+from grammars.text.diagnostics import InputError, Severity
+from scenario_tui.cli.output import report_diagnostics
 
 if TYPE_CHECKING:
-    from daemon.model.search import BundledFile, ProposalRow, SearchRow
+    from daemon.model.search import BundledFile, SearchRow
     from daemon.model.verbs import DaemonClient
 
-PAGE: Final = "search.html"
-_SHRUNK: Final = "smallest"
+_LAYERS: Final = "campaign"
+_GAZEBO: Final = "gazebo"
+_SMALLEST: Final = "smallest"
 
 
 def write_search_files(
-    daemon: DaemonClient,
-    row: SearchRow,
-    rows: tuple[ProposalRow, ...],
-    folder: Path,
-    *,
-    gazebo: bool = True,
+    daemon: DaemonClient, row: SearchRow, folder: Path, *, gazebo: bool = True
 ) -> dict[str, Path]:
     """Write what there is about a search that has ended into a folder; return it by its kind.
 
     ``found`` is the nearest failure as a campaign file. It stands where the searched one stood
-    among its layers, which are copied, so that the folder can be handed on.
+    among its layers, which are copied, so that the folder can be handed on. What was written there
+    before is replaced.
     """
     written: dict[str, Path] = {}
     answer = row.answer
     if answer is None:
         return written
-    folder.mkdir(parents=True, exist_ok=True)
     if answer.found:
         bundle = daemon.bundle(row.campaign)
-        _write_bundle(bundle.files, folder)
-        file = folder / Path(bundle.file).parent / f"{row.task.name}.found.yaml"
-        file.write_text(answer.found, encoding="utf-8")
-        written["found"] = file
+        place = _write_bundle(bundle.files, folder / _LAYERS, bundle.file)
+        found = write_found(answer, row.task.name, place.parent)
+        written["found"] = found
+        if gazebo and _export(found, folder / _GAZEBO):
+            written["gazebo"] = folder / _GAZEBO
     if answer.shrunk is not None and answer.shrunk.files:
-        _write_bundle(answer.shrunk.files, folder / _SHRUNK)
-        written["smallest"] = folder / _SHRUNK / "campaign.yaml"
+        files = answer.shrunk.files
+        written["smallest"] = _write_bundle(files, folder / _SMALLEST, "campaign.yaml")
     return written
 
 
-def _write_bundle(files: Sequence[BundledFile], folder: Path) -> None:
-    """Write files below a folder in place of what was written there before.
+def _export(found: Path, folder: Path) -> bool:
+    """Export the found world; what keeps it from that is told and keeps nothing else."""
+    try:
+        export_found(found, folder)
+    except InputError as error:
+        report_diagnostics(replace(one, severity=Severity.WARNING) for one in error.diagnostics)
+        return False
+    return True
 
-    Raises ``ValueError`` for paths that lead elsewhere: a daemon may be anybody's.
+
+def _write_bundle(files: Sequence[BundledFile], folder: Path, file: str) -> Path:
+    """Write files below a folder in place of what was written there before; return one of them.
+
+    Raises :class:`DaemonError` for paths that lead elsewhere: a daemon may be anybody's.
     """
-    for path, data in checked_bundle(files).items():
+    try:
+        contents = checked_bundle(files)
+    except ValueError as error:
+        raise DaemonError(f"the daemon's files of the search are not written: {error}") from error
+    if file not in contents:
+        raise DaemonError(f"the daemon's files of the search have no {file}")
+    for path, data in contents.items():
         target = folder.joinpath(*PurePosixPath(path).parts)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(data)
+    return folder.joinpath(*PurePosixPath(file).parts)
 
 
 def file_commands(written: Mapping[str, str]) -> Iterator[tuple[str, str]]:
@@ -63,3 +82,5 @@ def file_commands(written: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         yield f"scenario run {written['found']}", "the found failure again, on its own"
     if "smallest" in written:
         yield f"scenario run {written['smallest']}", "the least of it that still fails"
+    if "gazebo" in written:
+        yield f"ls {written['gazebo']}", "its world for Gazebo: models, doors, tasks, launch files"

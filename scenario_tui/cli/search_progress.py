@@ -121,6 +121,8 @@ class SearchWatch:
         return left * since / explored if explored > 0 and since > 0 else None
 
     def _tell(self, row: SearchRow, shown: ProgressDisplay) -> None:
+        if self.row is None and row.state != "running":
+            self.told_first = True  # it was over when somebody came: its answer tells
         first = self.tally.first if self.tally else None
         if first is not None and not self.told_first:
             self.told_first = True

@@ -179,7 +179,9 @@ def proposal_lines(
     task: SearchTask, proposal: Proposal, styles: Styles = DASHBOARD_STYLES
 ) -> list[Text]:
     """Return what a run of a search was for, and its values, those not as written first."""
-    purpose = f"{_PHASES[proposal.phase]}, {proposal.method}"
+    purpose = _PHASES[proposal.phase]
+    if proposal.phase == "explore":
+        purpose += f" ({proposal.method})"
     if proposal.note:
         purpose += f": {proposal.note}"
     about = f"point {proposal.number} of the search {task.name}, {purpose}"

@@ -24,7 +24,8 @@ PUBLISHED = 22.0
 
 def tell(kinds: list[str]) -> None:
     """Print what loading took, first and second time for ``kinds``, files and bytes."""
-    from scenario_tui.cli.export import world_of_plan, worlds_of_campaign
+    from daemon.analysis.campaign_worlds import worlds_of_campaign
+    from scenario_tui.cli.export import world_of_plan
     from templates.artefacts import export
 
     begin = time.perf_counter()

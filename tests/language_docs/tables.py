@@ -79,6 +79,8 @@ def _referenced(name: str, value: Schema) -> Schema:
 def _written(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(map(_written, value))}]"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scenario_tui.cli.export import worlds_of_campaign
+from daemon.analysis.campaign_worlds import worlds_of_campaign
 from templates.picture import Drawing, RunOverlay, draw_world
 from templates.picture._drawing import Disc, Shape, TextLabel
 from templates.rendering import Templates

@@ -278,7 +278,7 @@ def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path)
         spec=spec,
         scene=cell.scene,
         layers=_layers(cell, library),
-        settings=sut_differences(cell, spec.sut, folder, library),
+        settings=sut_differences(cell, spec.sut, library),
     )
 
 

@@ -14,12 +14,10 @@ from typing import Final, Literal, TypeAlias
 
 from daemon.campaign import (
     ROS2,
-    SUT,
     CampaignCell,
     LayerLibrary,
     ParameterValue,
     ParameterValues,
-    find_layer,
     merge_parameters,
     parameter_tree,
 )
@@ -36,7 +34,7 @@ from grammars.model.behaviour import (
     WaypointReached,
 )
 from grammars.model.mission import Waypoint
-from grammars.text.diagnostics import InputError, Where
+from grammars.text.diagnostics import Where
 
 ElementKind: TypeAlias = Literal[
     "objects", "behaviours", "override", "parameter", "object", "waypoint", "behaviour"
@@ -143,9 +141,7 @@ class SutDifferences:
         return SutReference(self.whole.name, self.whole.kind, tree)
 
 
-def sut_differences(
-    cell: CampaignCell, sut: SutReference, folder: Path, library: LayerLibrary
-) -> SutDifferences:
+def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary) -> SutDifferences:
     """Compare a system under test of a cell with the one its file says it is like.
 
     How a ROS 2 stack is started is not taken apart: without a part of it, it would not start.
@@ -153,23 +149,23 @@ def sut_differences(
     if sut.kind == ROS2:
         return SutDifferences(sut, "", {}, ())
     for reference in cell.scenario.suts:
-        try:
-            path = find_layer(folder, reference, SUT)
-        except InputError:
-            continue  # a kind by its name: no file, nothing to compare
-        loaded = library.sut_file(path)
-        if loaded.reference == sut:
-            break
+        loaded = library.loaded_sut(reference)
+        if loaded.reference == sut and (loaded.files or loaded.settings):
+            break  # else a kind by its name: no file, nothing to compare
     else:
         return SutDifferences(sut, "", {}, ())
     if len(loaded.files) > 1:
         other = library.sut_file(Path(loaded.files[1]))
         like, base = other.reference.name, other.settings
-    else:
-        # Like no other: what its own file says on top of the ROS files is the difference.
+    elif loaded.files:
+        # Like no other: what its own file says on top of the ROS files is the difference, and what
+        # the campaign says on top of that.
         own = loaded.files[0]
-        base = {p: s for p, s in loaded.settings.items() if s.where.file != own}
+        written = library.sut_file(Path(own)).settings
+        base = {p: s for p, s in written.items() if s.where.file != own}
         like = ""
+    else:
+        like, base = "", {}
     return SutDifferences(sut, like, base, _changed_elements(base, loaded.settings))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -26,6 +25,7 @@ from daemon.campaign import (
     FLOORPLAN,
     ROBOT,
     ROS2,
+    LayerReference,
     expand,
     find_layer,
     load_campaign,
@@ -40,11 +40,11 @@ from grammars.jsonld import is_jsonld, plan_document, scenery_document
 from grammars.model.map_files import write_map
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
+from grammars.text.yaml_text import comment_text, yaml_text
 
 T = TypeVar("T")
 
 SCENARIO: Final = "minimal"
-_PLAIN: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,23 +86,24 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
         "sut": _sut(case, found, folder),
         "oracles": [smallest.spec.oracles[0].name],
     }
-    robot = find_layer(case.folder, _required(case.cell.scenario.robot), ROBOT)
+    named = _required(case.cell.scenario.robot)
+    robot = find_layer(case.folder, named, ROBOT)
     # Copied, not named: the folder is to be handed on with all it needs.
     folder.write("robot.yaml", _without_schema(robot.read_text(encoding="utf-8")))
     oracle = smallest.spec.oracles[0]
-    folder.write("minimal.oracles.yaml", _yaml({oracle.name: oracle.text}))
+    folder.write("minimal.oracles.yaml", yaml_text({oracle.name: oracle.text}))
     head = {
         "campaign": _name(case),
         "about": f"{case.spec.label} of {case.campaign.name}, reduced to what makes it fail",
         "seed": case.campaign.seed,
         "repeats": repeat + 1,
         "limit": f"{case.spec.limit!r} s",
-        "robot": "robot.yaml",
+        "robot": _with_overrides("robot.yaml", named),
         "oracles": "minimal.oracles.yaml",
         "map": _map(case.spec, folder),
         "scenarios": {SCENARIO: {key: value for key, value in slots.items() if value}},
     }
-    name = folder.write("campaign.yaml", _comment(found.story, repeat) + _yaml(head))
+    name = folder.write("campaign.yaml", _comment(found.story, repeat) + yaml_text(head))
     _verify(path / name, smallest.spec)
     return path / name
 
@@ -125,7 +126,12 @@ def _earliest_repeat(
         return smallest, repeat  # what was found is kept
 
 
-def _plan(case: RunCase, folder: _Folder) -> str:
+def _with_overrides(name: str, reference: LayerReference) -> Any:
+    """Return a layer as a campaign names it that gives it other values."""
+    return {name: dict(reference.overrides)} if reference.overrides else name
+
+
+def _plan(case: RunCase, folder: _Folder) -> Any:
     scenario = case.cell.scenario
     # A variant has no file of its own: it is drawn from the variation layer, whose draws must not
     # be repeated by who gets the folder.
@@ -136,7 +142,8 @@ def _plan(case: RunCase, folder: _Folder) -> str:
     if source is None or (is_jsonld(source) and source.suffix != ".jsonld"):
         text = json.dumps(plan_document(case.cell.plan), indent=1)
         return folder.write(f"{case.cell.plan.name}.jsonld", text)
-    return folder.write(source.name, source.read_text(encoding="utf-8"))
+    name = folder.write(source.name, source.read_text(encoding="utf-8"))
+    return _with_overrides(name, _required(scenario.floorplan))
 
 
 def _objects(case: RunCase, smallest: Candidate, folder: _Folder) -> list[tuple[str, bool]]:
@@ -187,7 +194,7 @@ def _mission(spec: RunSpec) -> str:
         {"id": w.id, "x": w.x, "y": w.y} | ({} if w.yaw is None else {"yaw": w.yaw})
         for w in mission.waypoints
     ]
-    return _yaml({"mission": mission.name, "start": start, "waypoints": waypoints})
+    return yaml_text({"mission": mission.name, "start": start, "waypoints": waypoints})
 
 
 def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
@@ -195,16 +202,16 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
     sut, settings = found.smallest.spec.sut, case.settings
     file = f"suts/{sut.name}.yaml"
     if sut.kind == ROS2:
-        return folder.write(file, _yaml(_ros2_stack(sut, folder)))
+        return folder.write(file, yaml_text(_ros2_stack(sut, folder)))
     changes = parameter_tree(settings.kept(found.left))
     if not settings.like or not changes:
         whole = {"sut": sut.name, "kind": sut.kind, "parameters": sut.parameters}
-        return folder.write(file, _yaml(whole))
+        return folder.write(file, yaml_text(whole))
     # The saved system keeps its name, which verdicts show; the one it is like makes room.
     like = settings.like if settings.like != sut.name else f"{sut.name}-base"
     base = {"sut": like, "kind": sut.kind, "parameters": parameter_tree(settings.base)}
-    folder.write(f"suts/{like}.yaml", _yaml(base))
-    return folder.write(file, _yaml({"sut": sut.name, "like": like, "parameters": changes}))
+    folder.write(f"suts/{like}.yaml", yaml_text(base))
+    return folder.write(file, yaml_text({"sut": sut.name, "like": like, "parameters": changes}))
 
 
 def _ros2_stack(sut: SutReference, folder: _Folder) -> dict[str, Any]:
@@ -234,7 +241,7 @@ def _comment(story: Blame, repeat: int) -> str:
     ]
     if repeat:
         lines.append(f"It is repeat {repeat} that fails; the ones before may pass.")
-    return "".join(f"# {line}\n" for line in lines)
+    return comment_text("\n".join(lines))
 
 
 def _without_schema(text: str) -> str:
@@ -247,24 +254,6 @@ def _required(value: T | None) -> T:
     if value is None:
         raise ValueError("a loaded scenario has no empty slot")
     return value
-
-
-def _yaml(tree: Mapping[str, Any], indent: str = "") -> str:
-    """Return mappings as block YAML, everything else as JSON, which YAML 1.2 reads the same.
-
-    JSON writes the shortest text that reads back as the same number: the run is the very same.
-    """
-    lines = []
-    for key, value in tree.items():
-        name = key if _PLAIN.match(key) else json.dumps(key, ensure_ascii=False)
-        if isinstance(value, Mapping) and value:
-            lines.append(f"{indent}{name}:\n{_yaml(value, indent + '  ')}")
-        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            items = (f"{indent}  - {json.dumps(item, ensure_ascii=False)}\n" for item in value)
-            lines.append(f"{indent}{name}:\n{''.join(items)}")
-        else:
-            lines.append(f"{indent}{name}: {json.dumps(value, ensure_ascii=False)}\n")
-    return "".join(lines)
 
 
 def _verify(file: Path, wanted: RunSpec) -> None:

@@ -131,9 +131,9 @@ def test_random_doors_are_drawn_per_repeat_or_once(campaigns: Path, tmp_path: Pa
             "floorplan: flat",
             "floorplan: {flat: {hinged_widht: 1 m, room_length: 3 s}}",
             [
-                'tiny.yaml:10:5: plan flat has no variable "hinged_widht"',
+                'tiny.yaml:10:24: plan flat has no variable "hinged_widht"',
                 'did you mean "hinged_width"?',
-                "tiny.yaml:10:5: room_length is a length, not 3 s",
+                "tiny.yaml:10:43: room_length is a length, not 3 s",
                 "write room_length: 3.0 m",
             ],
         ),

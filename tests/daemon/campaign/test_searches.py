@@ -265,7 +265,7 @@ def test_a_literal_is_searched_once_it_has_a_name(write: Write) -> None:
     assert told == (
         'tiny.yaml:21:12: layer doors_moving has no parameter "kitchen_closes"\n'
         "    only what has a name is searched: write parameter kitchen_closes = 8 s into "
-        "doors_moving.scenery, and kitchen_closes in place of 8 s at doors_moving.scenery:8:36"
+        "doors_moving.scenery, and kitchen_closes in place of 8 s at doors_moving.scenery:8:33"
     )
 
 

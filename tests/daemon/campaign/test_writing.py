@@ -140,8 +140,8 @@ def test_what_stands_in_the_wrong_place_is_answered_with_the_right_one(
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [
-        ("behaviours", "5", "must be NAME or NAME: {parameter: value}, not a number"),
-        ("behaviours", "true", "must be NAME or NAME: {parameter: value}, not true or false"),
+        ("behaviours", "5", 'must be text\n    5 is a number: write it as "5"'),
+        ("behaviours", "true", 'must be text\n    true is true or false: write it as "true"'),
         ("behaviours", "{}", "must be NAME or NAME: {parameter: value}, not nothing"),
         ("behaviours", "[[a]]", "takes one layer here, not a list: write its name without"),
         ("behaviours", "[doors_open: ]", '"doors_open:" has no values behind it'),
@@ -152,9 +152,9 @@ def test_what_stands_in_the_wrong_place_is_answered_with_the_right_one(
         ),
         ("floorplan", "[flat]", "takes one layer here, not a list: write its name without"),
         ("floorplan", "{}", "must be NAME or NAME: {parameter: value}, not nothing"),
-        ("mission", "[courier]", "takes one name, not a list: write it without brackets"),
-        ("mission", "{start: 1}", "takes a name, not keys: what is named has a file of its own"),
-        ("objects", "{doors: {x: 1}}", "takes names, not keys: what is named has a file of its"),
+        ("mission", "[courier]", "takes one layer here, not a list: write its name without"),
+        ("mission", "{start: 1}", "write start: {parameter: value}, not start: 1"),
+        ("objects", "{doors: 1}", "write doors: {parameter: value}, not doors: 1"),
         ("objects", "[5]", "must be text"),
         ("oracles", "{a: b}", "takes names, not keys: what is named has a file of its own"),
         ("map", "office", "such as: map: {file: office.yaml}"),

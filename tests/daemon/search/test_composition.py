@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from daemon.campaign import expand, load_campaign
+from daemon.campaign import bundle_campaign, expand, load_campaign, unpack_bundle
 from daemon.model.search import Point
 from daemon.model.spec import RunSpec
 from daemon.search.composition import SearchCase, load_search_case
@@ -104,6 +105,99 @@ def test_the_written_values_are_the_scenario_as_it_stands(folder: Path) -> None:
     assert [case.candidate(WRITTEN, 0, r).spec.digest for r in (0, 1, 2)] == [
         run.digest for run in wanted
     ]
+
+
+EVERYWHERE = """\
+search:
+  s:
+    scenario: busy
+    sut: pilot
+    minimise: any
+    method: halton
+    over:
+      floorplan.hinged_width: 0.94 .. 1.0 m
+      doors_moving.swing: 48 .. 72 deg/s
+      mission.start.y: -0.2 .. 0.2 m
+      courier.waypoints.kitchen.x: 0.1 .. 0.4
+      courier.laser.noise: 0.01 .. 0.05 m, log
+      robot.laser.rays: 100 .. 400
+      robot.laser.too_near: [infinite, clamped]
+      pilot.max_speed: 0.3 .. 0.8
+"""
+FAR: Point = (0.95, 52.5, 0.125, 0.3, 0.02, 181.0, "clamped", 0.45)
+
+
+def everywhere(folder: Path) -> SearchCase:
+    path = folder / "tiny.yaml"
+    head = CAMPAIGN.replace("CHANCE", "per repeat").replace("PLAN", "flat")
+    path.write_text(head + BUSY + EVERYWHERE)
+    return load_search_case(path, "s")
+
+
+def test_every_layer_can_be_searched(folder: Path) -> None:
+    spec = everywhere(folder).candidate(FAR, 5).spec
+    assert spec.mission.start.y == 0.125
+    assert spec.mission.waypoints[0].x == 0.3
+    assert (spec.robot.laser.noise, spec.robot.laser.rays) == (0.02, 181)
+    assert spec.robot.laser.too_near == "clamped"
+    assert spec.sut.parameters["max_speed"] == 0.45
+    other = everywhere(folder).candidate((1.0, *FAR[1:]), 5).spec
+    assert other.scene != spec.scene
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_the_campaign_of_a_point_has_its_very_runs(folder: Path, repeats: int) -> None:
+    case = everywhere(folder)
+    text = case.found_text(FAR, 5, comment="It fails.", repeats=repeats)
+    assert text.startswith("# It fails.\n")
+    (folder / "s.found.yaml").write_text(text)
+    found = load_campaign(folder / "s.found.yaml")
+    assert [run.digest for run in expand(found).runs] == [
+        case.candidate(FAR, 5, repeat).spec.digest for repeat in range(repeats)
+    ]
+    assert found.searches == ()
+
+
+def test_values_in_any_layer_can_be_taken_apart(folder: Path) -> None:
+    case = everywhere(folder)
+    taken, candidate = case.run_case(FAR, 5), case.candidate(FAR, 5)
+    whole = (*taken.added, *taken.parts(taken.added))
+    again = taken.candidate(whole, taken.spec.oracles[0])
+    one = replace(candidate.spec, oracles=candidate.spec.oracles[:1])
+    assert again.spec == one
+
+
+def test_one_building_of_a_variation_can_be_searched(folder: Path) -> None:
+    path = folder / "tiny.yaml"
+    head = CAMPAIGN.replace("CHANCE", "per repeat").replace("  floorplan: PLAN\n", "")
+    vary = (
+        "  busy: {behaviours: doors_open, vary: {floorplan: {flat: {slack: 0.1 m}}, samples: 1}}\n"
+    )
+    search = "search:\n  s: {scenario: busy, sut: pilot, minimise: keeps-clear, method: halton,\n"
+    path.write_text(head + vary + search + "      over: {vary.slack: 0.09 .. 0.14 m}}\n")
+    case = load_search_case(path, "s")
+    (parameter,) = case.task.parameters
+    assert (parameter.slot, parameter.key, parameter.written) == ("vary", "slack", 0.1)
+    wide, mean = case.candidate((0.12,), 1), case.candidate((0.1,), 2)
+    assert wide.spec.scene != mean.spec.scene
+    (folder / "s.found.yaml").write_text(case.found_text((0.12,), 1, comment="", repeats=1))
+    (run,) = expand(load_campaign(folder / "s.found.yaml")).runs
+    assert run.digest == wide.spec.digest
+
+
+def test_nothing_outside_of_an_unpacked_campaign_is_read(folder: Path, tmp_path: Path) -> None:
+    case_in(folder)
+    place, files = bundle_campaign(folder / "tiny.yaml")
+    there = tmp_path / "there"
+    unpack_bundle(files, there)
+    case = load_search_case(there / place, "s", only_in=there)
+    wanted = load_search_case(folder / "tiny.yaml", "s")
+    assert case.task == wanted.task
+    assert case.candidate(WRITTEN, 0).spec.digest == wanted.candidate(WRITTEN, 0).spec.digest
+    (there / "doors_moving.scenery").unlink()
+    (there / "doors_moving.scenery").symlink_to(folder / "doors_moving.scenery")
+    with pytest.raises(InputError):
+        load_search_case(there / place, "s", only_in=there)
 
 
 def test_what_comparisons_measure_is_left_out(folder: Path) -> None:

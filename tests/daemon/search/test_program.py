@@ -236,3 +236,22 @@ def test_local_runs_that_leave_no_result_are_lost() -> None:
     case = PretendedCase(make_task(KITCHEN, window=1), late_kitchen)
     answer = run_search(case, LocalRuns(executor=executes_nothing))
     assert (answer.ended, answer.errors) == ("errors", 5)
+
+
+def test_a_failure_of_one_noise_gives_way_to_a_larger_change_that_noise_confirms() -> None:
+    def noisy(point: Point, repeat: int) -> float:
+        # Noise moves the edge by up to 1 s; the run that is searched has the lowest one.
+        return 6.0 + 0.2 * repeat - float(point[0])
+
+    case = PretendedCase(make_task(KITCHEN, BEDROOM), noisy)
+    answer = run_search(case, case.runs())
+    nearest = answer.nearest
+    assert nearest is not None
+    assert nearest.unconfirmed is not None
+    assert nearest.unconfirmed.values == (6.01, 5.0)
+    assert nearest.confirmed is not None
+    assert 2 * nearest.confirmed.failed >= nearest.confirmed.runs
+    assert nearest.result.values[1] == 5.0
+    assert float(nearest.result.values[0]) > 6.25
+    assert "with one noise a smaller change is enough: kitchen_opens 6.01 s" in answer.sentences
+    assert nearest.sentence in answer.found

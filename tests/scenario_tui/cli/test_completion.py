@@ -103,6 +103,17 @@ def test_words_and_signals(tab: Tab) -> None:
     assert tab("scenario results --baseline last") == ["last-green"]
 
 
+def test_campaign_files_and_campaigns_then_the_searches_of_the_file(
+    tab: Tab, tmp_path: Path
+) -> None:
+    (tmp_path / "house.yaml").write_text("campaign: h\nsearch: {doors: {about: a}, noise: {}}\n")
+    assert tab("scenario search ") == ["new-1", "old-1", "house.yaml"]
+    assert tab("scenario search house.yaml ") == ["doors", "noise"]
+    assert tab("scenario search house.yaml n") == ["noise"]
+    assert tab("scenario search new-1 ") == []
+    assert tab("scenario search house.yaml --method h") == ["halton"]
+
+
 def test_files_that_fit(tab: Tab, tmp_path: Path) -> None:
     inner = tmp_path / "tests" / "inner"
     inner.mkdir(parents=True)

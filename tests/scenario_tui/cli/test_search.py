@@ -73,9 +73,9 @@ def test_a_search_that_is_over_is_told_with_its_files_and_commands(
     assert said.code == ExitCode.UNEXPECTED
     assert said.out.startswith("doors-in-time  ✗ it can fail")
     folder = Path("scenario-results") / "search" / SEARCH
-    found = folder / "house" / "doors-in-time.found.yaml"
+    found = folder / "campaign" / "house" / "doors-in-time.found.yaml"
     assert found.read_text() == "campaign: house\n"
-    assert (folder / "robots" / "courier.yaml").read_text() == "robots/courier.yaml"
+    assert (folder / "campaign" / "robots" / "courier.yaml").read_text() == "robots/courier.yaml"
     assert (folder / "smallest" / "campaign.yaml").read_text() == "campaign: shrunk\n"
     assert f"scenario run {found}" in said.out
     assert f"scenario replay {SEARCH}.4 --from keeps-clear" in said.out
@@ -83,8 +83,10 @@ def test_a_search_that_is_over_is_told_with_its_files_and_commands(
 
 def test_a_daemon_cannot_have_files_written_elsewhere(scenario, fake, monkeypatch, tmp_path):
     _have(fake, make_search())
-    _bundled(monkeypatch, "house/campaign.yaml", "../../robots/courier.yaml")
-    assert scenario("search", SEARCH, "--out", "deep/deeper").code != 0
+    _bundled(monkeypatch, "house/campaign.yaml", "../../../robots/courier.yaml")
+    said = scenario("search", SEARCH, "--out", "deep/deeper")
+    assert said.code == ExitCode.INFRASTRUCTURE
+    assert "courier.yaml" in said.err
     assert not list(tmp_path.rglob("courier.yaml"))
 
 
@@ -96,7 +98,7 @@ def test_as_json_a_search_has_its_runs_and_the_names_of_its_files(
     body = declared(scenario("search", SEARCH, "-o", "out", "--no-gazebo", "--json").out)
     assert body["search"]["campaign"] == SEARCH
     assert len(body["proposals"]) == len(MARGINS)
-    assert body["written"]["found"] == "out/doors-in-time.found.yaml"
+    assert body["written"]["found"] == "out/campaign/doors-in-time.found.yaml"
     assert body["search"]["answer"]["shrunk"]["files"] == []
 
 
@@ -311,6 +313,7 @@ def test_waiting_for_a_search_leaves_with_its_code(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("wait", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
+    assert len(said.err.splitlines()) == 1
     assert "the budget is spent" in said.err
     fake.found = (make_search("running"),)
     said = scenario("wait", SEARCH, "--timeout", "0s")
@@ -332,7 +335,7 @@ def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake)
 def test_a_run_of_a_search_says_which_point_it_is(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("show", f"{SEARCH}.4")
-    assert "point 4 of the search doors-in-time, looking for failures, halton" in said.out
+    assert "point 4 of the search doors-in-time, looking for failures (halton)" in said.out
     assert "doors_moving.kitchen_opens  8.4 s  instead of 8 s" in said.out
     assert f"scenario search {SEARCH}" in said.out
     body = declared(scenario("show", f"{SEARCH}.4", "--json").out)

@@ -25,6 +25,7 @@ BUDGETS = (
     ("check --help", 0, 390, LANGUAGES | BUS | {"rich.markdown"}),
     ("status", 3, 360, LANGUAGES | BUS),
     ("results nothing", 3, 450, LANGUAGES),
+    ("search", 3, 460, LANGUAGES),
     (f"check {DEMO}", 0, 740, BUS),
     ("check campaigns/demo/flat.fpm", 0, 630, BUS | {"daemon.campaign"}),
 )

@@ -1,0 +1,299 @@
+"""Systems under test as they run: what files say put together, changed and checked."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from daemon.campaign._foreign_files import refuse_unread
+from daemon.campaign._parameter_files import apply_common_costmap
+from daemon.campaign._parameters import (
+    ParameterPath,
+    ParameterValue,
+    ParameterValues,
+    parameter_place,
+    parameter_tree,
+)
+from daemon.campaign._scenarios import LayerReference
+from daemon.campaign._sut_files import (
+    ROS,
+    ROS2,
+    FindSutFile,
+    SutFile,
+    SutLayer,
+    SutText,
+    merge_over,
+    read_sut,
+)
+from daemon.model.attachments import FILES_PARAMETER, attach_files
+from daemon.model.spec import SutReference
+from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
+from daemon.stacks.registry import check_parameters
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.documents import YamlDocument
+from grammars.text.overrides import Override, split_key
+from grammars.text.quantity import read_quantity
+
+_MOST_NAMED: Final = 6
+"""So many parameters without effect are named in a warning."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedSut:
+    """A loaded system under test: what runs, where each value was written, what to say about it.
+
+    ``files`` are the SUT files it is made of, the one that was asked for first. ``idle`` is the
+    last of the ``warnings`` when there are values without effect, else empty.
+    """
+
+    reference: SutReference
+    about: str
+    settings: ParameterValues
+    findings: ParameterFindings
+    files: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
+    idle: tuple[Diagnostic, ...] = ()
+
+
+class RefusedSutError(InputError):
+    """A system under test that cannot run; ``settings`` are the values it would have."""
+
+    def __init__(self, diagnostics: list[Diagnostic], settings: ParameterValues) -> None:
+        super().__init__(diagnostics)
+        self.settings = settings
+
+
+def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
+    """Load a SUT file and all it stands on.
+
+    Raises :class:`InputError` with everything wrong, each where it stands.
+    """
+    return complete_sut(read_sut(path, find))
+
+
+def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut:
+    """Return the system under test that files mean, with other values for some parameters.
+
+    Raises :class:`InputError` with everything wrong, each where it stands.
+    """
+    layer, document = text.layer, text.document
+    if overrides:
+        layer = _changed(layer, overrides)
+    settings = apply_common_costmap(layer.settings) if layer.kind == ROS else layer.settings
+    _refuse_missing(settings)
+    tree = parameter_tree(settings)
+    if layer.attached:
+        tree = {**tree, FILES_PARAMETER: _attach(layer, document)}
+    if layer.kind == ROS2:
+        from daemon.stacks.ros2.settings import REPEATABLE
+
+        tree[REPEATABLE] = False
+    try:
+        findings = check_parameters(layer.kind, tree)
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            # Of a file that nobody reads the defaults come, which need not be wrong with it.
+            refuse_unread(settings, error.findings, layer.parameter_files)
+        raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
+    refuse_unread(settings, findings, layer.parameter_files)
+    idle = _idle_warning(findings, document, settings)
+    return LoadedSut(
+        reference=SutReference(layer.text.sut, layer.kind, tree),
+        about=layer.text.about,
+        settings=settings,
+        findings=findings,
+        files=layer.files,
+        warnings=(*layer.warnings, *_warnings(findings, document, settings), *idle),
+        idle=idle,
+    )
+
+
+def _refuse_missing(settings: ParameterValues) -> None:
+    """Refuse values that launch files could not fill in and nobody wrote anew."""
+    missing = [
+        replace(lack, message=f"{lack.message}; {'/'.join(path)} has no value without it")
+        for path, setting in settings.items()
+        for lack in setting.missing
+    ]
+    if missing:
+        raise InputError(missing)
+
+
+def _attach(layer: SutLayer, document: YamlDocument) -> dict[str, str]:
+    try:
+        return attach_files(layer.attached)
+    except ValueError as error:
+        raise InputError(Diagnostic(document.where(("files",)), str(error))) from error
+    except OSError as error:
+        message = f"files: {error.filename} cannot be read: {error.strerror}"
+        raise InputError(Diagnostic(document.where(("files",)), message)) from error
+
+
+def default_sut(reference: LayerReference) -> LoadedSut:
+    """Return a kind by its name: its defaults, but for the overrides beside it.
+
+    Raises :class:`InputError` for what it does not take.
+    """
+    settings = _settings(reference.values, {}, reference.name)
+    tree = parameter_tree(settings)
+    try:
+        findings = check_parameters(reference.name, tree)
+    except ParameterError as error:
+        raise InputError(
+            Diagnostic(parameter_place(settings, p.path) or reference.where, _named(p), p.hint)
+            for p in error.problems
+        ) from error
+    except ValueError as error:
+        where = _named_place(str(error), settings) or reference.where
+        raise InputError(Diagnostic(where, str(error))) from error
+    warnings = tuple(
+        Diagnostic(
+            parameter_place(settings, found.path) or reference.where,
+            found.message,
+            found.hint,
+            Severity.WARNING,
+        )
+        for found in findings.problems
+    )
+    sut = SutReference(reference.name, reference.name, tree)
+    return LoadedSut(sut, "", settings, findings, (), warnings)
+
+
+def _changed(layer: SutLayer, overrides: Sequence[Override]) -> SutLayer:
+    settings = _settings(overrides, layer.settings, layer.kind)
+    return replace(layer, settings=merge_over(layer.settings, settings, launched=layer.launched))
+
+
+_OF_FILES: Final = frozenset(SutFile.model_fields) & {
+    "sut", "about", "like", "kind", "ros", "files", "parameters",
+}  # fmt: skip
+
+
+def _settings(
+    overrides: Sequence[Override], written: ParameterValues, kind: str
+) -> ParameterValues:
+    """Return overrides as settings: dots and slashes lead into namespaces."""
+    found: ParameterValues = {}
+    for override in overrides:
+        path = parameter_path(override.key, written)
+        if path[0] in _OF_FILES and not any(known[0] == path[0] for known in written):
+            message = f'"{path[0]}" is no parameter'
+            hint = "write a file of its own: suts/NAME.yaml with like: this one"
+            if path[0] == "parameters" and len(path) > 1:
+                hint = f"write {'.'.join(path[1:])} alone"
+            raise InputError.at(override.where, message, hint)
+        before = written.get(path)
+        value = override.value
+        if kind in _PLAIN_KINDS and not (before and isinstance(before.value, str)):
+            value = _plain(value)
+        found[path] = ParameterValue(value, override.where)
+    return found
+
+
+def parameter_path(key: str, settings: ParameterValues) -> ParameterPath:
+    """Return the path that a dotted or slashed key means; names that are there may have dots."""
+    known, rest = list(settings), key.strip("/")
+    path: ParameterPath = ()
+    while rest:
+        names = dict.fromkeys(p[len(path)] for p in known if len(p) > len(path))
+        name, rest = split_key(names, rest, "./")
+        path = (*path, name)
+        known = [p for p in known if p[: len(path)] == path]
+    return path or (key,)
+
+
+_PLAIN_KINDS: Final = ("pilot", ROS)
+"""Kinds whose numbers are plain ones in SI units: a quantity with a unit may stand for one."""
+_QUANTITY: Final = re.compile(r"\s*[+-]?(?:\d|\.\d)")
+
+
+def _plain(value: Any) -> Any:
+    """Return a quantity with a unit as the number in SI units, and any other value as it is."""
+    if not isinstance(value, str) or not _QUANTITY.match(value):
+        return value
+    try:
+        return read_quantity(value).value
+    except ValueError:
+        return value  # text that begins with a digit: the kind says what it thinks of it
+
+
+def _diagnostics(
+    error: ValueError, document: YamlDocument, settings: ParameterValues
+) -> list[Diagnostic]:
+    """Put complaints where the values they are about stand."""
+    if isinstance(error, ParameterError):
+        found = [_placed(problem, document, settings) for problem in error.problems]
+        return list(dict.fromkeys(found))
+    # Only a kind that plugs in raises a plain ValueError, in words of its own: the best guess is
+    # the first parameter they name. What ships here raises ParameterError, with paths.
+    message = str(error)
+    where = _named_place(message, settings)
+    if where is not None:
+        return [Diagnostic(where, message)]
+    key = next((key for key in ("parameters", "kind", "like") if key in document.data), "sut")
+    return [Diagnostic(document.where((key,)), message)]
+
+
+def _named_place(message: str, settings: ParameterValues) -> Where | None:
+    """Return where the first parameter that a message names is written."""
+    for path, setting in settings.items():
+        if f'"{path[0]}"' in message or message.startswith(f"{path[0]}:"):
+            return setting.where
+    return None
+
+
+def _warnings(
+    findings: ParameterFindings, document: YamlDocument, settings: ParameterValues
+) -> list[Diagnostic]:
+    found = [
+        _placed(problem, document, settings, Severity.WARNING) for problem in findings.problems
+    ]
+    return list(dict.fromkeys(found))
+
+
+def _idle_warning(
+    findings: ParameterFindings, document: YamlDocument, settings: ParameterValues
+) -> tuple[Diagnostic, ...]:
+    """Return the warning that names values without effect, if there are any."""
+    # What both costmaps have in common is one line of a file, so it is said once.
+    idle = {parameter_place(settings, f.path): _short(f.path) for f in findings.without_effect}
+    if not idle:
+        return ()
+    names = list(idle.values())
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
+    hint = f"scenario sut {document.file} says why"
+    return (Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING),)
+
+
+def _short(path: tuple[str | int, ...]) -> str:
+    return "/".join(str(part) for part in path[-2:])
+
+
+def _placed(
+    finding: ParameterFinding,
+    document: YamlDocument,
+    settings: ParameterValues,
+    severity: Severity = Severity.ERROR,
+) -> Diagnostic:
+    where = parameter_place(settings, finding.path) or _place_of_key(finding, document)
+    return Diagnostic(where, _named(finding), finding.hint, severity)
+
+
+def _place_of_key(finding: ParameterFinding, document: YamlDocument) -> Where:
+    """Return where a key stands that is no parameter, such as a file's name."""
+    found = finding.path and finding.path[0] in document.data
+    return document.where(finding.path if found else ("sut",))
+
+
+def _named(finding: ParameterFinding) -> str:
+    """Return the message with the name of the value before it, unless it says it itself."""
+    names = [part for part in finding.path if isinstance(part, str)]
+    name = names[-1] if names else ""
+    if not name or finding.message.startswith(name) or f'"{name}"' in finding.message:
+        return finding.message
+    indices = "".join(f"[{part}]" for part in finding.path if isinstance(part, int))
+    return f"{name}{indices}: {finding.message}"

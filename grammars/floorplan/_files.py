@@ -1,0 +1,140 @@
+"""Files of plans: read, parsed once, compiled with other values for their variables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from grammars.floorplan._attributes import LARGEST
+from grammars.floorplan._compile import compile_plan
+from grammars.floorplan._syntax import parse_syntax
+from grammars.floorplan.model import FloorPlan
+from grammars.text.diagnostics import (
+    Diagnostic,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    Where,
+    did_you_mean,
+    with_article,
+)
+from grammars.text.quantity import PLAN_UNITS, PlanDimension, parse_quantity
+from grammars.text.sources import read_text
+
+
+def load_floorplan(
+    path: str | Path, values: Mapping[str, object] | None = None, where: Where | None = None
+) -> FloorPlan:
+    """Read and compile a ``.fpm`` file (UTF-8).
+
+    ``values`` are other values for variables of the plan, as somebody wrote them (``"0.8 m"``) at
+    ``where``. Raises :class:`InputError` with everything that is wrong with either; warnings are
+    in the plan.
+    """
+    return read_floorplan(path).compile(values, where)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanVariable:
+    """A variable of a plan: ``value`` [m or rad], ``text`` as written, and where."""
+
+    name: str
+    value: float
+    dimension: PlanDimension
+    text: str
+    where: Where
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParsedFloorPlan:
+    """The text of a plan, parsed: it can be compiled again and again with other values."""
+
+    source: SourceText
+    _tree: SyntaxNode
+
+    def compile(
+        self,
+        values: Mapping[str, object] | None = None,
+        where: Where | None = None,
+        places: Mapping[str, Where] | None = None,
+    ) -> FloorPlan:
+        """Return the plan, as :func:`load_floorplan` does.
+
+        ``places`` says where each of the ``values`` is written, where that is known.
+        """
+        told = _ValuePlaces(where or Where(self.source.file), places or {})
+        given = _read_values(self._tree, values, told) if values else {}
+        return compile_plan(self._tree, self.source, given)
+
+    @property
+    def variables(self) -> tuple[PlanVariable, ...]:
+        """The variables of the plan, in the order they are written."""
+        return tuple(
+            PlanVariable(
+                node.name,
+                float(node.number) * PLAN_UNITS[node.unit][0],
+                PLAN_UNITS[node.unit][1],
+                f"{node.number} {node.unit}",
+                self.source.at(node),
+            )
+            for node in self._tree.variables
+        )
+
+
+def read_floorplan(path: str | Path) -> ParsedFloorPlan:
+    """Read a ``.fpm`` file and parse it; raises :class:`InputError` for what is no plan."""
+    source = SourceText(read_text(path, "the plan"), str(path))
+    return ParsedFloorPlan(source, parse_syntax(source))
+
+
+def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
+    """Compile the text of a plan; ``file`` is its name in diagnostics.
+
+    Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
+    """
+    source = SourceText(text, file)
+    return compile_plan(parse_syntax(source), source)
+
+
+@dataclass(frozen=True, slots=True)
+class _ValuePlaces:
+    """Where values for variables are written."""
+
+    whole: Where
+    each: Mapping[str, Where]
+
+
+def _read_values(
+    tree: SyntaxNode, values: Mapping[str, object], told: _ValuePlaces
+) -> dict[str, float]:
+    """Return the values given to variables in SI; raises :class:`InputError` with all faults."""
+    variables = {variable.name: variable for variable in tree.variables}
+    read: dict[str, float] = {}
+    faults: list[Diagnostic] = []
+    for key, value in values.items():
+        # Campaigns are YAML, where names are written with dashes.
+        name = str(key).replace("-", "_")
+        where = told.each.get(str(key), told.whole)
+        variable = variables.get(name)
+        if variable is None:
+            hint = did_you_mean(name, variables) or "the plan has no variables"
+            faults.append(Diagnostic(where, f'plan {tree.name} has no variable "{key}"', hint))
+            continue
+        example = f"write {name}: {variable.number} {variable.unit}"
+        try:
+            quantity = parse_quantity(str(value), where)
+        except InputError as error:
+            faults.extend(error.diagnostics)
+            continue
+        kind = PLAN_UNITS[variable.unit][1]
+        if quantity.dimension != kind:
+            message = f"{name} is {with_article(kind)}, not {value}"
+            faults.append(Diagnostic(where, message, example))
+        elif abs(quantity.value) > LARGEST:
+            faults.append(Diagnostic(where, f"{name}: {value} is too large", "1000 km at most"))
+        else:
+            read[name] = quantity.value
+    if faults:
+        raise InputError(faults)
+    return read

@@ -1,0 +1,107 @@
+"""The answer of a search, sentence by sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from daemon.model.search import NearestFailure, SearchAnswer, ShrunkScenario
+from daemon.search.answer import LaterResults, failing_share, make_answer, told_failure
+from daemon.search.results import ExploredPoint, confirmation
+from daemon.search.sentences import ending_words
+from grammars.text import codec
+from tests.daemon.search.pretended import made_result, make_task, seconds
+
+TASK = make_task(seconds("doors.kitchen_opens"), seconds("doors.swing"), runs=20)
+
+
+def explored(n: int, kitchen: float, margin: float | None, guided: bool = False) -> ExploredPoint:
+    values = (kitchen, 5.0)
+    method = "written" if n == 0 else "tpe" if guided else "halton"
+    return ExploredPoint(n, values, method, guided, made_result(values, margin, n, "kitchen_door"))
+
+
+def test_a_search_that_finds_nothing_says_what_that_is_worth() -> None:
+    points = [explored(n, 5.0 + 0.01 * n, 0.02, guided=n > 15) for n in range(20)]
+    answer = make_answer(TASK, points, ended="budget", executed=20)
+    assert answer.sentences == (
+        "the smallest margin is 0.02 m (keeps-clear near kitchen_door), in run 0: as written",
+        "20 runs, nothing below 0.02 m",
+        "15 of the runs are space-filling: with 95 % certainty less than 18.2 % of the space fails",
+        "the budget of 20 runs is spent",
+    )
+    assert answer.failing_share == pytest.approx(1.0 - 0.05 ** (1.0 / 15))
+    assert told_failure(answer) is None
+
+
+def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
+    points = [
+        explored(0, 5.0, 0.1),
+        explored(1, 6.0, -0.01),
+        explored(2, 7.0, -0.05),
+        explored(3, 4.0, 0.1),
+        explored(4, 3.0, 0.2),
+        explored(5, 2.0, 0.3),
+        explored(6, 1.0, None),
+        explored(7, 9.0, -0.04, guided=True),
+        ExploredPoint(8, (0.0, 0.0), "tpe", True, None),
+    ]
+    first = made_result((6.0, 5.0), -0.01, 1, "kitchen_door")
+    confirmed = confirmation([replace(first, number=n) for n in range(5)])
+    nearest = NearestFailure(first, (), None, 12, False, "kitchen_opens 1 s later and …", confirmed)
+    shrunk = ShrunkScenario(("fails with doors", "minimal: kitchen_door (of 3)"), True, 31)
+    answer = make_answer(
+        TASK,
+        points,
+        ended="time",
+        executed=30,
+        reused=2,
+        later=LaterResults(confirmed, nearest, shrunk),
+    )
+    assert answer.sentences == (
+        "3 of 8 runs fail, the first is run 1: keeps-clear fails by 0.01 m near kitchen_door",
+        "run 1 has kitchen_opens 6 s",
+        "the smallest margin is -0.05 m (keeps-clear near kitchen_door), in run 2: "
+        "kitchen_opens 7 s",
+        "run 1 fails in 5 of 5 repeats with other noise (47.8 % to 100 % with 95 % certainty)",
+        "nearest failure: kitchen_opens 1 s later and …",
+        "the nearest failure fails in 5 of 5 repeats with other noise "
+        "(47.8 % to 100 % with 95 % certainty)",
+        "there may be a nearer one: 12 runs were spent before nothing could be taken back",
+        "shrunk in 31 runs: fails with doors; minimal: kitchen_door (of 3)",
+        "1 distinct failure: keeps-clear near kitchen_door (3 runs)",
+        "2 of 5 space-filling runs fail: with 95 % certainty 5.2 % to 85.4 % of the space",
+        "what decides most, by rank correlation in 5 space-filling runs: doors.kitchen_opens (-1)",
+        "1 point could not be composed: no run was made of it",
+        "1 run is an error and without a margin",
+        "the time of 0 s is over",
+    )
+    assert told_failure(answer) == first
+    assert told_failure(replace(answer, nearest=None)) == answer.best
+    assert codec.from_json(SearchAnswer, codec.to_json(answer)) == answer
+
+
+def test_nothing_is_said_of_the_space_when_nothing_was_drawn() -> None:
+    answer = make_answer(TASK, [explored(0, 5.0, 0.1), explored(1, 6.0, 0.1, guided=True)])
+    assert (answer.space_filling, answer.failing_share) == (0, None)
+    assert "no run was drawn without looking at results: how much fails is not known" in (
+        answer.sentences
+    )
+    assert make_answer(TASK, []).sentences == ()
+
+
+def test_the_share_that_fails_is_bounded_from_above() -> None:
+    assert failing_share(0, 16) == pytest.approx(1.0 - 0.05 ** (1.0 / 16))
+    share = failing_share(3, 16)
+    assert share is not None
+    assert 3 / 16 < share < 0.5
+    assert failing_share(0, 0) is None
+
+
+@pytest.mark.parametrize(
+    "ended", ["budget", "time", "failures", "settled", "errors", "exhausted", "cancelled"]
+)
+def test_every_ending_has_words(ended: str) -> None:
+    assert ending_words(TASK, ended)
+    assert ending_words(TASK, "") == ""

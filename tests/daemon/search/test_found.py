@@ -1,0 +1,59 @@
+"""What is left of a search: a campaign file that runs by itself, and its world for Gazebo."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from daemon.campaign import expand, load_campaign
+from daemon.search.answer import make_answer
+from daemon.search.found import export_found, write_found
+from tests.daemon.search.pretended import make_task
+
+FOUND = """\
+# Found by the search doors-in-time: kitchen_opens 0.54 s later.
+campaign: demo
+seed: 7
+repeats: 1
+limit: 3 min
+robot: courier
+oracles: navigation
+matrix: {sut: [pilot]}
+scenarios:
+  doors-in-time.4:
+    floorplan: flat
+    objects: doors
+    behaviours: doors_moving
+    mission: courier
+    oracles: [keeps-clear]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, campaigns: Path) -> Path:
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / name, tmp_path / name)
+    return tmp_path / "demo"
+
+
+def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder: Path) -> None:
+    answer = replace(make_answer(make_task(), []), found=FOUND)
+    file = write_found(answer, "doors-in-time", folder)
+    assert file == folder / "doors-in-time.found.yaml"
+    (run,) = expand(load_campaign(file)).runs
+    assert run.label == "doors-in-time.4/pilot/0"
+    exported = export_found(file, folder / "gazebo")
+    assert set(exported.made) == {"sdf", "keyframes", "tasks", "launch"}
+    assert all(path.is_relative_to(folder / "gazebo") for path in exported.paths)
+    worlds = [path for path in exported.made["sdf"] if path.suffix in (".sdf", ".world")]
+    assert worlds
+    assert all(ElementTree.parse(path).getroot().tag == "sdf" for path in worlds)
+
+
+def test_where_nothing_was_found_there_is_nothing_to_write(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="doors-in-time has found no failure"):
+        write_found(make_answer(make_task(), []), "doors-in-time", tmp_path)

@@ -1,0 +1,79 @@
+"""What runs say about the oracle in question."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from daemon.model.search import ANY, OracleScale, Proposal, ProposalRow, SearchTask
+from daemon.model.spec import LeadingMargin
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome, Verdict
+from daemon.search.results import confirmation, first_failure, median_result, point_result
+from tests.daemon.search.pretended import ORACLE, made_result, make_task, seconds
+
+TASK = make_task(seconds("doors.a"))
+SEVERAL = replace(
+    TASK, minimise=ANY, scales=(OracleScale("clear", 0.25, "m"), OracleScale("in-time", 60.0, "s"))
+)
+
+
+def row(*verdicts: Verdict, **more: object) -> ProposalRow:
+    proposal = Proposal(3, 2, 0, "explore", "halton", False, (5.0,))
+    leads = tuple(LeadingMargin(v.oracle, v.lower, v.unit) for v in verdicts)
+    plain = ProposalRow(proposal, "id", "s.2/pilot/0", "digest", RunState.DONE, Outcome.PASS)
+    return replace(plain, verdicts=verdicts, leads=leads, **more)  # type: ignore[arg-type]
+
+
+def verdict(oracle: str, margin: float, unit: str = "m") -> Verdict:
+    outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
+    return Verdict(oracle, "", outcome, margin, margin, unit)
+
+
+def told(task: SearchTask, found: ProposalRow) -> tuple[Outcome | None, float | None, str]:
+    result = point_result(task, found)
+    value = None if result.value is None else result.value.value
+    return result.outcome, value, "" if result.verdict is None else result.verdict.oracle
+
+
+def test_only_the_oracle_in_question_counts() -> None:
+    found = row(verdict(ORACLE, 0.2), verdict("other", -1.0), outcome=Outcome.FAIL)
+    assert told(TASK, found) == (Outcome.PASS, 0.2, ORACLE)
+
+
+def test_of_any_the_smallest_share_counts_and_a_failure_wins() -> None:
+    passing = row(verdict("clear", 0.1), verdict("in-time", 12.0, "s"))
+    assert told(SEVERAL, passing) == (Outcome.PASS, 0.2, "in-time")
+    failing = row(verdict("clear", -0.025), verdict("in-time", 12.0, "s"))
+    assert told(SEVERAL, failing) == (Outcome.FAIL, -0.1, "clear")
+    without_lead = replace(failing, leads=failing.leads[1:])
+    assert told(SEVERAL, without_lead) == (Outcome.FAIL, 0.2, "clear")
+
+
+def test_what_cannot_be_trusted_is_an_error_without_a_value() -> None:
+    nothing = (Outcome.ERROR, None, "")
+    assert told(TASK, row(verdict(ORACLE, -0.2), ended="crashed")) == nothing
+    assert told(TASK, row(verdict(ORACLE, -0.2), state=RunState.LOST)) == nothing
+    assert told(TASK, row(verdict("other", 0.2))) == nothing
+    broken = Verdict(ORACLE, "", Outcome.ERROR, None, None, "m")
+    assert told(TASK, row(broken)) == (Outcome.ERROR, None, ORACLE)
+    unsure = Verdict(ORACLE, "", Outcome.INCONCLUSIVE, None, None, "m")
+    assert told(TASK, row(unsure)) == (Outcome.INCONCLUSIVE, None, ORACLE)
+
+
+def test_the_median_is_one_of_the_runs() -> None:
+    results = [made_result((5.0,), margin, n) for n, margin in enumerate((0.3, -0.1, None, 0.2))]
+    assert median_result(results).number == 3
+    assert median_result(results[:2]).number == 1, "of two, the worse one"
+    assert median_result(results[2:3]).outcome is Outcome.ERROR
+
+
+def test_repeats_without_a_verdict_confirm_nothing() -> None:
+    results = [made_result((5.0,), margin, n) for n, margin in enumerate((0.3, -0.1, None))]
+    found = confirmation(results)
+    assert found is not None
+    assert (found.failed, found.runs) == (1, 2)
+    assert found.low < 0.5 < found.high
+    assert confirmation(results[2:]) is None
+    first = first_failure(results)
+    assert first is not None
+    assert first.number == 1

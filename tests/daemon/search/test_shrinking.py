@@ -1,0 +1,129 @@
+"""The least of a failure that still fails, its candidates being runs of the search."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from daemon.analysis.blame import Candidate
+from daemon.campaign import expand, load_campaign, unpack_bundle
+from daemon.model.search import PointResult
+from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceInfo
+from daemon.model.verdicts import Outcome, Verdict
+from daemon.search.composition import SearchCase, load_search_case
+from daemon.search.execution import PointRunner, RunPurpose
+from daemon.search.local_runs import LocalRuns
+from daemon.search.shrinking import left_out, shrink_failure
+
+CAMPAIGN = """\
+campaign: tiny
+seed: 3
+repeats: 2
+limit: 16 s
+robot: courier
+oracles: navigation
+matrix: {sut: [pilot]}
+scenarios:
+  rude:
+    floorplan: flat
+    objects: [doors, people]
+    behaviours: [doors_open, doors_in_your_face]
+    mission: courier
+    oracles: [reached, keeps-clear]
+search:
+  near:
+    scenario: rude
+    minimise: keeps-clear
+    over: {doors_in_your_face.near: 0.5 .. 2 m}
+"""
+Rule = Callable[[RunSpec], bool]
+
+
+def judged_by(fails: Rule) -> Callable[[Sequence[Candidate]], list[RunResult | None]]:
+    """Executes nothing: runs fail keeps-clear by a rule about their specification."""
+
+    def result(candidate: Candidate) -> RunResult:
+        spec = candidate.spec
+        margin = -0.02 if fails(spec) else 0.1
+        outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
+        verdicts = tuple(
+            Verdict(o.name, o.text, outcome, margin, margin, "m")
+            if o.name == "keeps-clear"
+            else Verdict(o.name, o.text, Outcome.PASS, 0.1, 0.1, "m")
+            for o in spec.oracles
+        )
+        leads = tuple(LeadingMargin(v.oracle, v.lower, "m") for v in verdicts)
+        trace, timing = TraceInfo("0" * 64, 0, 0), Timing(0.1, 0.1, 16.0)
+        return RunResult(spec.digest, outcome, verdicts, "finished", trace, timing, leads=leads)
+
+    return lambda candidates: [result(candidate) for candidate in candidates]
+
+
+@pytest.fixture
+def case(tmp_path: Path, campaigns: Path) -> SearchCase:
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / name, tmp_path / name)
+    file = tmp_path / "demo" / "tiny.yaml"
+    file.write_text(CAMPAIGN)
+    return load_search_case(file, "near")
+
+
+def explored(case: SearchCase, fails: Rule) -> tuple[PointRunner, LocalRuns, PointResult]:
+    runs = LocalRuns(executor=judged_by(fails))
+    points = PointRunner(case, runs)
+    begun = points.begin((1.5,), RunPurpose("explore", "halton", guided=False))
+    assert begun is not None
+    return points, runs, points.finish(begun)
+
+
+def test_one_door_and_what_it_does_are_left(case: SearchCase, tmp_path: Path) -> None:
+    def fails(spec: RunSpec) -> bool:
+        doing = any(b.joint.startswith("kitchen_door") for b in spec.behaviours)
+        return doing and any(w.id == "kitchen" for w in spec.mission.waypoints)
+
+    points, runs, failure = explored(case, fails)
+    assert failure.fails
+    shrunk = shrink_failure(points, failure)
+    assert shrunk.minimal
+    assert shrunk.story[-2:] == (
+        "  waypoints kitchen (of 4)",
+        "  behaviours kitchen_door.hinge (of 5)",
+    )
+    tried = [p for p in runs.proposals if p.phase == "shrink"]
+    assert shrunk.runs == len(tried) > 5
+    assert [p.number for p in tried] == list(range(1, len(tried) + 1)), "each is its own scenario"
+    assert {p.values for p in tried} == {(1.5,)}
+    assert any("without" in p.note and "bedroom" in p.note for p in tried)
+    assert len(set(runs.digests)) == len(runs.digests)
+    folder = tmp_path / "minimal"
+    unpack_bundle(shrunk.files, folder)
+    (run,) = expand(load_campaign(folder / "campaign.yaml")).runs
+    assert fails(run)
+    assert [w.id for w in run.mission.waypoints] == ["kitchen"]
+
+
+def test_what_does_not_fail_is_not_shrunk(case: SearchCase) -> None:
+    points, _, passing = explored(case, lambda spec: False)
+    shrunk = shrink_failure(points, passing)
+    assert shrunk.story == (
+        "nothing to shrink: near.0/pilot/0 does not fail keeps-clear: "
+        "reached pass, keeps-clear pass",
+    )
+    assert (shrunk.files, shrunk.runs) == ((), 0)
+
+
+def test_what_was_left_out_is_told(case: SearchCase) -> None:
+    whole = case.run_case((1.5,), 0)
+    everything = (*whole.added, *whole.parts(whole.added))
+    oracle = whole.spec.oracles[1]
+    full = Candidate(whole.spec, whole.scene)
+    assert left_out(full, whole.candidate(everything, oracle)) == "with all of it"
+    fewer = [e for e in everything if e.name not in ("kitchen", "home")]
+    assert left_out(full, whole.candidate(fewer, oracle)) == (
+        "without waypoint kitchen, waypoint home"
+    )
+    plain = [e for e in everything if e.kind != "override"]
+    assert left_out(full, whole.candidate(plain, oracle)) == "with fewer values of layers"

@@ -1,0 +1,55 @@
+"""A search by a real daemon, from the campaign file to the found scenario."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from daemon.campaign import expand, load_campaign
+from tests.scenario_tui.cli.outputs import declared
+from tests.scenario_tui.cli.real import call, call_here, short_demo
+
+SEARCH = """
+search:
+  slow-motor:
+    about: Nobody gets home within these 20 s.
+    scenario: open-house
+    minimise: reached
+    over:
+      pilot.max_speed: 0.3 .. 0.5
+    budget: 3 runs
+    method: halton
+    confirm: 0 repeats
+    then: []
+"""
+
+
+@pytest.fixture
+def place(tmp_path: Path, campaigns: Path) -> Path:
+    folder = short_demo(tmp_path, campaigns)
+    file = folder / "campaigns" / "demo" / "campaign.yaml"
+    file.write_text(file.read_text() + SEARCH)
+    return folder
+
+
+def test_what_is_found_says_the_same_on_its_own(place: Path) -> None:
+    state, file = place / "state", "campaigns/demo/campaign.yaml"
+    try:
+        done = call("search", file, "--no-gazebo", "--json", state=state, cwd=place)
+        assert done.returncode == 1, done.stderr
+        body = declared(done.stdout)
+        search = body["search"]
+        assert search["state"] == "finished"
+        assert search["answer"]["explored"] == len(body["proposals"]) == 3
+        found = load_campaign(place / body["written"]["found"])
+        assert [run.digest for run in expand(found).runs] == [search["answer"]["found_digest"]]
+        again = call_here("search", file, "--detach", state=state, cwd=place)
+        assert (again.returncode, "is known already" in again.stderr) == (0, True)
+        standing = call_here("status", "--json", state=state, cwd=place)
+        assert [row["search"] for row in json.loads(standing.stdout)["campaigns"]] == ["finished"]
+        hint = call_here("check", file, state=state, cwd=place)
+        assert "1 search" in hint.stderr
+    finally:
+        call_here("stop", state=state, cwd=place)
