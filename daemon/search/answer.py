@@ -40,7 +40,7 @@ def make_answer(
 ) -> SearchAnswer:
     """Return the answer of a search that has learnt these points, sentences included.
 
-    The text of the found scenario is not in it: :func:`with_found` adds it in the end.
+    The text of the found scenario is not in it: it is written in the end.
     """
     later = later or LaterResults()
     results = [one.result for one in explored if one.result is not None]
@@ -86,8 +86,3 @@ def told_failure(answer: SearchAnswer) -> PointResult | None:
     if answer.best is not None and answer.best.fails:
         return answer.best
     return answer.first
-
-
-def with_found(answer: SearchAnswer, failure: PointResult, text: str) -> SearchAnswer:
-    """Return the answer with the campaign file of a failure."""
-    return replace(answer, found=text, found_label=failure.label, found_digest=failure.digest)

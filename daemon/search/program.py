@@ -23,8 +23,8 @@ from daemon.model.search import (
     SearchTask,
 )
 from daemon.model.verdicts import Outcome
-from daemon.search.answer import LaterResults, make_answer, told_failure, with_found
-from daemon.search.execution import BegunPoint, PointRunner, RunPurpose
+from daemon.search.answer import LaterResults, make_answer, told_failure
+from daemon.search.execution import MEDIAN_OF, BegunPoint, PointRunner, RunPurpose
 from daemon.search.findings import FailureKey, failure_key, parameter_influence
 from daemon.search.methods import MethodProposal, SearchMethod, make_method
 from daemon.search.nearest import (
@@ -60,7 +60,7 @@ def run_search(case: Case, runs: Runs) -> SearchAnswer:
     try:
         return search.run()
     except SearchStoppedError as error:
-        error.answer = search.answer("cancelled")
+        error.answer = search.with_found(search.answer("cancelled"))
         raise
 
 
@@ -159,7 +159,7 @@ class _SearchProgram:
             if "shrink" in self.task.then and told is not None:
                 self._report("shrink", f"shrinking run {told.number}")
                 self.later = replace(self.later, shrunk=shrink_failure(self.points, told))
-        return self._with_found(self.answer(self.ended))
+        return self.with_found(self.answer(self.ended))
 
     def _explore(self, method: SearchMethod) -> str:
         """Issue proposals in a window, learn from them in order, and return why it ended."""
@@ -217,6 +217,8 @@ class _SearchProgram:
     def _confirm(self, failure: PointResult) -> Confirmation | None:
         """Run a failure again with other noise, unless that was done."""
         number, count = failure.number, self.task.confirm
+        if not self.task.repeatable:
+            count = max(count, MEDIAN_OF)
         if count and number not in self._confirmed:
             times = plural(count, "time")
             self._report("confirm", f"run {number} again, {times} with other noise")
@@ -250,7 +252,8 @@ class _SearchProgram:
                 self.later = replace(self.later, nearest=found)
                 return
 
-    def _with_found(self, answer: SearchAnswer) -> SearchAnswer:
+    def with_found(self, answer: SearchAnswer) -> SearchAnswer:
+        """Return an answer with the campaign file of its failure, if it has one."""
         failure = told_failure(answer)
         if failure is None:
             return answer
@@ -258,7 +261,7 @@ class _SearchProgram:
         about = answer.nearest.sentence if answer.nearest is not None else failure_words(failure)
         comment = f"Found by the search {self.task.name}: {about}."
         text = self.case.found_text(failure.values, failure.number, comment=comment, repeats=1)
-        return with_found(answer, failure, text)
+        return replace(answer, found=text, found_label=failure.label, found_digest=failure.digest)
 
     def _report(self, phase: Phase, note: str) -> None:
         self.runs.report(phase, note, self.answer())

@@ -176,6 +176,7 @@ def test_what_was_found_before_it_is_cancelled_is_told(most: int) -> None:
     assert answer is not None
     assert answer.ended == "cancelled"
     assert answer.explored == min(most, 20)
+    assert bool(answer.found) == bool(answer.failed)
 
 
 class Resumed(LocalRuns):
