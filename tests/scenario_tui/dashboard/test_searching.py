@@ -98,8 +98,8 @@ async def test_enter_opens_the_search_with_all_of_it() -> None:
         text = shown(pilot)
     for words in (
         "✗ 60/60 explore  6 fail  best −0.0468 m  and 1 run after",
-        "best of the space-filling runs",
-        "best              −0.0468 m  no-contact › door-1",
+        "╌ best space-filling",
+        "best              −0.0468 m  door-1",
         "nearest failure    −0.018 m",
         "as written         +0.105 m",
         "Run 34 is the first that fails",
