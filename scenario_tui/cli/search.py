@@ -46,6 +46,8 @@ class SearchOutput(Output, schema="search"):
         for line in answer_lines(self.search, styles=TERMINAL_STYLES):
             console.print(line, soft_wrap=True)
         console.print()
+        if page := self.written.get("page"):
+            console.print(f"a page with figures: {page}", markup=False, soft_wrap=True)
         print_commands(*file_commands(self.written), *search_commands(self.search))
 
 
@@ -138,7 +140,7 @@ def search(
             "--out",
             "-o",
             metavar="DIR",
-            help="Where the found scenario and its world for Gazebo go. "
+            help="Where the found scenario, its world for Gazebo and a page with figures go. "
             "Default: scenario-results/search/SEARCH/.",
         ),
     ] = None,
@@ -208,10 +210,19 @@ def watch_search(
         return ExitCode.INTERRUPTED
     with target.open() as daemon:
         folder = out or Path("scenario-results") / "search" / campaign
-        written = write_search_files(daemon, row, folder, gazebo=gazebo)
+        written = write_search_files(
+            daemon, row, watched.rows, folder, gazebo=gazebo, traces=_traces(target, watched.rows)
+        )
     files = {kind: str(path) for kind, path in written.items()}
     search_output(row, watched.rows, files).show(as_json)
     return search_code(row)
+
+
+def _traces(target: DaemonTarget, rows: tuple[ProposalRow, ...]) -> dict[str, Path]:
+    """Return the traces of runs that lie here; paths of a daemon elsewhere mean nothing here."""
+    if target.named:
+        return {}
+    return {row.run: Path(row.trace) for row in rows if row.trace and Path(row.trace).is_file()}
 
 
 def wait_for_search(
