@@ -210,19 +210,10 @@ def watch_search(
         return ExitCode.INTERRUPTED
     with target.open() as daemon:
         folder = out or Path("scenario-results") / "search" / campaign
-        written = write_search_files(
-            daemon, row, watched.rows, folder, gazebo=gazebo, traces=_traces(target, watched.rows)
-        )
+        written = write_search_files(daemon, row, folder, gazebo=gazebo)
     files = {kind: str(path) for kind, path in written.items()}
     search_output(row, watched.rows, files).show(as_json)
     return search_code(row)
-
-
-def _traces(target: DaemonTarget, rows: tuple[ProposalRow, ...]) -> dict[str, Path]:
-    """Return the traces of runs that lie here; paths of a daemon elsewhere mean nothing here."""
-    if target.named:
-        return {}
-    return {row.run: Path(row.trace) for row in rows if row.trace and Path(row.trace).is_file()}
 
 
 def wait_for_search(
@@ -334,21 +325,14 @@ def _budget_text(task: SearchTask) -> str:
 def _find_search(target: DaemonTarget, wanted: str) -> str:
     """Return the id of the search meant; raises :class:`Refused` when there is none."""
     from daemon.batch.errors import Refused
-    from scenario_tui.cli.target import find_campaign
+    from scenario_tui.cli.search_report import find_search_id
 
     with target.open() as daemon:
-        try:
-            found = find_campaign(daemon, wanted)
-        except Refused:
-            # People know a search by the name it has in its campaign file.
-            called = [row for row in daemon.searches() if row.task.name == wanted]
-            if not called:
-                raise
-            return called[0].campaign
-        if not found.search:
-            hint = f"its results are shown by `scenario results {found.id}`"
-            raise Refused(f"{found.id} is no search: {hint}")
-        return found.id
+        found = find_search_id(daemon, wanted, daemon.searches)
+    if not found:
+        hint = f"its results are shown by `scenario results {wanted}`"
+        raise Refused(f"{wanted} is no search: {hint}")
+    return found
 
 
 def ask_search(daemon: DaemonClient, campaign: str) -> tuple[SearchRow, tuple[ProposalRow, ...]]:

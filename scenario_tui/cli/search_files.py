@@ -1,4 +1,4 @@
-"""What a search leaves in a folder: the found scenario, its world, the least of it, a page."""
+"""What a search leaves in a folder: the found scenario with its layers, its world, a page."""
 
 from __future__ import annotations
 
@@ -10,35 +10,28 @@ from typing import TYPE_CHECKING, Final
 from daemon.batch.errors import DaemonError
 from daemon.campaign import checked_bundle
 from daemon.search.found import export_found, write_found
-from daemon.search.page import search_page
 from grammars.text.diagnostics import InputError, Severity
 from scenario_tui.cli.output import report_diagnostics
-from scenario_tui.text.search_text import search_commands
+from scenario_tui.cli.search_report import daemon_material, write_search_page
 
 if TYPE_CHECKING:
-    from daemon.model.search import BundledFile, ProposalRow, SearchRow
+    from daemon.model.search import BundledFile, SearchRow
     from daemon.model.verbs import DaemonClient
 
-_PAGE: Final = "search.html"
 _LAYERS: Final = "campaign"
 _GAZEBO: Final = "gazebo"
 _SMALLEST: Final = "smallest"
+_PAGE: Final = "report.html"
 
 
 def write_search_files(
-    daemon: DaemonClient,
-    row: SearchRow,
-    rows: Sequence[ProposalRow],
-    folder: Path,
-    *,
-    gazebo: bool = True,
-    traces: Mapping[str, Path],
+    daemon: DaemonClient, row: SearchRow, folder: Path, *, gazebo: bool = True
 ) -> dict[str, Path]:
     """Write what there is about a search that has ended into a folder; return it by its kind.
 
     ``found`` is the nearest failure as a campaign file. It stands where the searched one stood
-    among its layers, which are copied, so that the folder can be handed on. ``traces`` are those
-    of runs that are here, for the pictures of the page. What was written there before is replaced.
+    among its layers, which are copied, so that the folder can be handed on. What was written there
+    before is replaced.
     """
     written: dict[str, Path] = {}
     answer = row.answer
@@ -54,11 +47,11 @@ def write_search_files(
     if answer.shrunk is not None and answer.shrunk.files:
         files = answer.shrunk.files
         written["smallest"] = _write_bundle(files, folder / _SMALLEST, "campaign.yaml")
+    named = {kind: str(path) for kind, path in written.items()}
     folder.mkdir(parents=True, exist_ok=True)
+    material = daemon_material(daemon, row.campaign)
+    write_search_page(material, folder / _PAGE, tuple(file_commands(named)))
     written["page"] = folder / _PAGE
-    commands = search_commands(row)
-    page = search_page(row, rows, traces=traces, commands=commands)
-    written["page"].write_text(page, encoding="utf-8")
     return written
 
 
@@ -98,3 +91,5 @@ def file_commands(written: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         yield f"scenario run {written['smallest']}", "the least of it that still fails"
     if "gazebo" in written:
         yield f"ls {written['gazebo']}", "its world for Gazebo: models, doors, tasks, launch files"
+    if "page" in written:
+        yield written["page"], "all of it as a page with figures"
