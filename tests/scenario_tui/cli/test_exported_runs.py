@@ -90,6 +90,7 @@ def worlds(
     shutil.copytree(campaigns, folder / "campaigns")
     demo, paper = (folder / "campaigns" / name for name in ("demo", "ortega2024"))
     text = (demo / "campaign.yaml").read_text().replace("repeats: 5", "repeats: 3")
+    text = text.partition("search:")[0]  # of layers that are not there then
     drawn = occupancy_grid(expand(load_campaign(demo / "campaign.yaml")).scenes[0], laser_height=1)
     drawn.cells[:3] = OCCUPIED
     write_map(drawn, demo / "lab", laser_height=1)
