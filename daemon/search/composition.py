@@ -70,9 +70,6 @@ class SearchCase:
         from daemon.analysis.blame import Candidate
 
         cell = self.cell_at(point, number, repeat)
-        # What executes runs is loaded for that: who only checks a search composes its points.
-        from daemon.analysis.blame import Candidate
-
         return Candidate(self._spec(cell, repeat), cell.scene)
 
     def run_case(self, point: Point, number: int) -> RunCase:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -29,7 +30,7 @@ _RUN_COMMANDS: Final = (
 
 
 class ReportOutput(Output, schema="report"):
-    """What a campaign comes to, and the files ``written`` about it by their kind.
+    """What a campaign or a search comes to, and the files ``written`` about it by their kind.
 
     ``references`` are what others found of the same beside what was found here.
     """
@@ -58,7 +59,7 @@ def report(
         str,
         typer.Argument(
             metavar="CAMPAIGN",
-            help="A folder of traces, or id or name of a campaign, or how it begins. "
+            help="A folder of traces, or id or name of a campaign or search, or how it begins. "
             "Default: the newest campaign.",
             autocompletion=completion.campaigns_or_folders,
         ),
@@ -111,7 +112,7 @@ def report(
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write a campaign as one page with figures, or as tables for machines."""
+    """Write a campaign or a search as one page with figures, a campaign as tables, too."""
     from daemon.analysis.report import (
         read_report_data,
         write_csv,
@@ -128,6 +129,8 @@ def report(
     if since is not None or until is not None:
         raise typer.BadParameter("goes with --run only", param_hint="--from, --until")
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
+    if _report_search(campaign, output, target, tables, exit_status=exit_status, as_json=as_json):
+        return
     # Who asks for tables only gets no page besides.
     page = output or (None if any(tables.values()) else _DEFAULT_PAGE)
     chosen = _choose_campaign(campaign, target)
@@ -148,6 +151,48 @@ def report(
     )
     if exit_status:
         raise typer.Exit(ExitCode(material.assessment.exit_code))
+
+
+def _report_search(
+    named: str,
+    output: Path | None,
+    target: DaemonTarget,
+    tables: Mapping[str, Path | None],
+    *,
+    exit_status: bool,
+    as_json: bool,
+) -> bool:
+    """Write the page of a search; whether it is one that is meant.
+
+    Tables are left to campaigns: nothing is expected of what a search tries.
+    """
+    from scenario_tui.cli.search import search_code
+    from scenario_tui.cli.search_report import choose_search, write_search_page
+
+    material = choose_search(named, target)
+    if material is None:
+        return False
+    row = material.row
+    asked = [f"--{kind}" for kind, path in tables.items() if path is not None]
+    if asked:
+        hint = f"its runs are in `scenario search {row.campaign} --json`"
+        message = f"tables are of campaigns, {row.campaign} is a search: {hint}"
+        raise typer.BadParameter(message, param_hint=", ".join(asked))
+    page = output or _DEFAULT_PAGE
+    said = write_search_page(material, page)
+    code = search_code(row)
+    written = {"page": str(page)}
+    answer = f"{said.word}. {said.sentence}"
+    if as_json:
+        ReportOutput(row.name, len(material.proposals), answer, int(code), written).emit()
+    else:
+        console = stdout_console()
+        console.print(f"{row.task.name} ({row.campaign}): {answer}", markup=False, soft_wrap=True)
+        size = page.stat().st_size / 1e6
+        console.print(f"{page} ({size:.2f} MB)", markup=False, soft_wrap=True)
+    if exit_status:
+        raise typer.Exit(code)
+    return True
 
 
 def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:

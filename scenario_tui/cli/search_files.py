@@ -1,4 +1,4 @@
-"""What a search leaves in a folder: the found scenario with its layers, its world, the least."""
+"""What a search leaves in a folder: the found scenario with its layers, its world, a page."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from daemon.campaign import checked_bundle
 from daemon.search.found import export_found, write_found
 from grammars.text.diagnostics import InputError, Severity
 from scenario_tui.cli.output import report_diagnostics
+from scenario_tui.cli.search_report import daemon_material, write_search_page
 
 if TYPE_CHECKING:
     from daemon.model.search import BundledFile, SearchRow
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 _LAYERS: Final = "campaign"
 _GAZEBO: Final = "gazebo"
 _SMALLEST: Final = "smallest"
+_PAGE: Final = "report.html"
 
 
 def write_search_files(
@@ -45,6 +47,11 @@ def write_search_files(
     if answer.shrunk is not None and answer.shrunk.files:
         files = answer.shrunk.files
         written["smallest"] = _write_bundle(files, folder / _SMALLEST, "campaign.yaml")
+    named = {kind: str(path) for kind, path in written.items()}
+    folder.mkdir(parents=True, exist_ok=True)
+    material = daemon_material(daemon, row.campaign)
+    write_search_page(material, folder / _PAGE, tuple(file_commands(named)))
+    written["page"] = folder / _PAGE
     return written
 
 

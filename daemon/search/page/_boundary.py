@@ -17,7 +17,7 @@ from daemon.search.page._points import (
     margin_title,
     position_in_range,
 )
-from daemon.search.page._spaces import draw_points, frame_axes, written_point
+from daemon.search.page._spaces import draw_marks, frame_axes, written_point
 from daemon.search.wording import short_name
 from grammars.model.geometry import Floats
 
@@ -52,14 +52,12 @@ def _over_one(task: SearchTask, points: Sequence[DrawnPoint], nearest: Point | N
     xs = [coordinate(parameter, p.result.values[0]) for p in ordered]
     if not parameter.choices:
         axes.line(xs, [p.value for p in ordered], "soft", 0.8)
-    for fails in (False, True):
-        here = [(x, p.value) for x, p in zip(xs, ordered, strict=True) if p.result.fails is fails]
-        if here and fails:
-            axes.crosses(*zip(*here, strict=True), "bad", 4.6, label="fails")
-        elif here:
-            axes.dots(*zip(*here, strict=True), "line", 3.4, label="passes")
+    draw_marks(axes, ordered, xs, [p.value for p in ordered])
     axes.across(0.0, "bad", 0.9)
-    for value, colour in ((parameter.written, "ink"), (nearest and nearest[0], "near")):
+    for value, colour in (
+        (parameter.written, "ink"),
+        (nearest[0] if nearest is not None else None, "near"),
+    ):
         at = coordinate(parameter, value)
         if math.isfinite(at):
             axes.upright(at, colour, 1.1, dashes="5 3")
@@ -79,7 +77,9 @@ def _over_two(task: SearchTask, points: Sequence[DrawnPoint], nearest: Point | N
     # Between choices there is nothing.
     if not x.choices and not y.choices and len(points) > 3:
         _draw_margins(axes, points, x, y)
-    draw_points(axes, points, x, y, (0, 1), passing="ink")
+    xs = [coordinate(x, p.result.values[0]) for p in points]
+    ys = [coordinate(y, p.result.values[1]) for p in points]
+    draw_marks(axes, points, xs, ys, passing="ink")
     for point, colour, about in (
         (written_point(task), "ink", "as written"), (nearest, "near", "nearest failure"),
     ):  # fmt: skip

@@ -11,7 +11,7 @@ from daemon.search.wording import short_name
 
 _CHANCE: Final = 1.96
 """Divided by the root of the runs less one: what chance keeps rank correlations below, 19 of 20."""
-_LETTER: Final = 3.3
+_LETTER: Final = 3.8
 
 
 def plot_influence(task: SearchTask, answer: SearchAnswer) -> Sheet | None:

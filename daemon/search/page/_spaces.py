@@ -108,7 +108,9 @@ def plot_pairs(
         sheet = Sheet(3.5, 2.9)
         (axes,) = sheet.axes
         frame_axes(axes, task, x, y)
-        draw_points(axes, points, x, y, (first, second))
+        xs = [coordinate(x, p.result.values[first]) for p in points]
+        ys = [coordinate(y, p.result.values[second]) for p in points]
+        draw_marks(axes, points, xs, ys)
         for point, colour, about in ((written, "ink", "as written"), (nearest, "near", "nearest")):
             if point is not None:
                 at = coordinate(x, point[first]), coordinate(y, point[second])
@@ -133,22 +135,17 @@ def _limits(parameter: SearchParameter) -> tuple[float, float]:
     return parameter.low - room, parameter.high + room
 
 
-def draw_points(
+def draw_marks(
     axes: Axes,
     points: Sequence[DrawnPoint],
-    x: SearchParameter,
-    y: SearchParameter,
-    indices: tuple[int, int],
+    x: Sequence[float],
+    y: Sequence[float],
     passing: str = "line",
 ) -> None:
-    """Draw points that pass as dots and those that fail as crosses."""
-    places = [
-        (coordinate(x, p.result.values[indices[0]]), coordinate(y, p.result.values[indices[1]]))
-        for p in points
-    ]
-    for fails in (False, True):
-        chosen = [at for at, p in zip(places, points, strict=True) if p.result.fails is fails]
-        if chosen and fails:
-            axes.crosses(*zip(*chosen, strict=True), "bad", 4.4, label="fails")
-        elif chosen:
-            axes.dots(*zip(*chosen, strict=True), passing, 3.0, alpha=0.8, label="passes")
+    """Draw points that pass as dots and those that fail as crosses, each at its ``x`` and ``y``."""
+    fails = np.array([point.result.fails for point in points], bool)
+    xs, ys = np.array(x, float), np.array(y, float)
+    if not fails.all():
+        axes.dots(xs[~fails], ys[~fails], passing, 3.2, alpha=0.8, label="passes")
+    if fails.any():
+        axes.crosses(xs[fails], ys[fails], "bad", 4.4, label="fails")

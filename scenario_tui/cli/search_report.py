@@ -1,0 +1,163 @@
+"""The page of a search: what is brought together for it, from a ledger or a daemon."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from daemon.batch.errors import Refused, TraceUnavailable
+from daemon.model.messages import LARGEST_PAGE
+from daemon.model.search import ProposalQuery, SearchQuery
+from scenario_tui.cli.target import CampaignSource, DaemonTarget, find_campaign
+
+if TYPE_CHECKING:
+    from daemon.batch.ledger import LedgerReader
+    from daemon.model.search import ProposalRow, SearchRow
+    from daemon.model.verbs import DaemonClient
+    from daemon.search.page import SearchHeadline
+
+_UNGUIDED = ("halton", "random")
+"""Methods whose runs are chosen without looking at results."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchMaterial:
+    """What the page of a search is made of: its runs, those of a baseline, traces by run."""
+
+    row: SearchRow
+    proposals: tuple[ProposalRow, ...]
+    baseline: tuple[ProposalRow, ...]
+    traces: Mapping[str, Path]
+
+
+def find_search_id(
+    source: CampaignSource, wanted: str, searches: Callable[[], Sequence[SearchRow]]
+) -> str:
+    """Return the id of the search that is meant, also by its name in its campaign file.
+
+    Empty when a campaign is meant. Raises :class:`Refused` when there is neither.
+    """
+    try:
+        found = find_campaign(source, wanted)
+    except Refused:
+        called = [row for row in searches() if row.task.name == wanted]
+        if not called:
+            raise
+        return called[0].campaign
+    return found.id if found.search else ""
+
+
+def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
+    """Return the search that is meant; ``None`` when it is a campaign or a folder of traces.
+
+    Raises :class:`Refused` when there is nothing of that name.
+    """
+    from daemon.analysis.report import open_ledger
+
+    if wanted and (Path(wanted).exists() or wanted.endswith(".mcap")):
+        return None
+    if target.named:
+        with target.open() as daemon:
+            campaign = find_search_id(daemon, wanted, daemon.searches)
+            return daemon_material(daemon, campaign) if campaign else None
+    if not target.paths.ledger.is_file():
+        return None
+    with open_ledger(target.paths) as reader:
+        campaign = find_search_id(reader, wanted, lambda: reader.searches(SearchQuery()))
+        return _ledger_material(reader, campaign) if campaign else None
+
+
+def daemon_material(daemon: DaemonClient, campaign: str) -> SearchMaterial:
+    """Return a search that a daemon has; the traces that are drawn are brought here."""
+    from daemon.batch.stores import local_copy, trace_reference
+
+    row = daemon.search_row(campaign)
+    if row is None:
+        raise Refused(f"there is no search {campaign}")
+    base = baseline_search(row, daemon.searches())
+    return SearchMaterial(
+        row,
+        daemon.proposals(campaign),
+        daemon.proposals(base) if base else (),
+        _traces(row, lambda run: local_copy(trace_reference(daemon.run(run)), daemon)),
+    )
+
+
+def _ledger_material(reader: LedgerReader, campaign: str) -> SearchMaterial:
+    from daemon.batch.stores import local_copy
+
+    (row,) = reader.searches(SearchQuery(campaign))
+    base = baseline_search(row, reader.searches(SearchQuery()))
+    return SearchMaterial(
+        row,
+        tuple(_ledger_proposals(reader, campaign)),
+        tuple(_ledger_proposals(reader, base)) if base else (),
+        _traces(row, lambda run: local_copy(reader.trace_reference(run))),
+    )
+
+
+def _ledger_proposals(reader: LedgerReader, campaign: str) -> Iterator[ProposalRow]:
+    offset = 0
+    while page := reader.proposals(ProposalQuery(campaign, offset, LARGEST_PAGE)):
+        yield from page
+        offset += len(page)
+
+
+def baseline_search(row: SearchRow, searches: Sequence[SearchRow]) -> str:
+    """Return the id of the newest finished search of the same that was not guided, or nothing.
+
+    The same are scenario, system, what is minimised and the parameters; a search that was not
+    guided itself is held against none.
+    """
+    task = row.task
+    if task.method in _UNGUIDED:
+        return ""
+    for other in searches:
+        about = other.task
+        if (
+            other.state == "finished"
+            and about.method in _UNGUIDED
+            and (about.scenario, about.sut, about.minimise, about.scales)
+            == (task.scenario, task.sut, task.minimise, task.scales)
+            and [(p.name, p.low, p.high, p.choices, p.unit, p.log) for p in about.parameters]
+            == [(p.name, p.low, p.high, p.choices, p.unit, p.log) for p in task.parameters]
+            and about.constraints == task.constraints
+        ):
+            return other.campaign
+    return ""
+
+
+def _traces(row: SearchRow, bring: Callable[[str], Path]) -> dict[str, Path]:
+    """Return the traces that the page draws; one that is gone leaves its pictures out."""
+    from daemon.search.page import told_point
+
+    shown = told_point(row.answer)
+    if shown is None or not shown.run:
+        return {}
+    try:
+        return {shown.run: bring(shown.run)}
+    except (TraceUnavailable, Refused):
+        return {}
+
+
+def write_search_page(
+    material: SearchMaterial, page: Path, commands: Sequence[tuple[str, str]] = ()
+) -> SearchHeadline:
+    """Write the page of a search and return its first line.
+
+    ``commands`` stand on it besides those about its runs.
+    """
+    from daemon.search.page import search_headline, search_page
+    from scenario_tui.text.search_text import search_commands
+
+    text = search_page(
+        material.row,
+        material.proposals,
+        baseline=material.baseline,
+        traces=material.traces,
+        commands=(*commands, *search_commands(material.row)),
+    )
+    page.write_text(text, encoding="utf-8")
+    return search_headline(material.row)
