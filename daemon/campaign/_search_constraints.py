@@ -11,7 +11,6 @@ from daemon.campaign._searchable import SearchLayer
 from daemon.model.search import SearchParameter
 from grammars.text.inequalities import Inequality
 
-
 _NAME: Final = re.compile(
     r"(?:(?P<sign>[+-])\s*)?(?<![\w.])(?P<name>[A-Za-z_][\w-]*(?:[./][\w-]+)*\.[\w./-]*\w)"
 )
