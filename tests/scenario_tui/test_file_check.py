@@ -23,7 +23,7 @@ from templates.jsonld import write_jsonld
         ("demo/courier.mission.yaml", "mission with 4 waypoints"),
         ("robots/robile.yaml", "robot robile"),
         ("suts/pilot.yaml", "system under test pilot"),
-        ("demo/campaign.yaml", "3 scenarios, 15 runs"),
+        ("demo/campaign.yaml", "3 scenarios, 15 runs, 1 search"),
     ],
 )
 def test_every_kind_of_layer_is_known_and_sound(campaigns: Path, name: str, kind: str) -> None:
