@@ -309,6 +309,11 @@ class _SearchReader:
         units = {p.name: p.unit for p in parameters if not _has_words(p)}
         for index, text in enumerate(self.text.such_that):
             where = self._at("such that", index)
+            words = [p.name for p in parameters if _has_words(p) and _names(text, p.name)]
+            if words:
+                message = f'"{text}": {words[0]} is a list of words, which cannot be compared'
+                self._error(where, message, "write a range, or plain numbers in the list")
+                continue
             try:
                 for one in _comparisons(_with_fixed_values(text, parameters, layers)):
                     inequality = read_inequality(one, units)
@@ -437,6 +442,10 @@ _NAME: Final = re.compile(
     r"(?:(?P<sign>[+-])\s*)?(?<![\w.])(?P<name>[A-Za-z_][\w-]*(?:[./][\w-]+)*\.[\w./-]*\w)"
 )
 _COMPARED: Final = re.compile(r"(<=|>=|<|>)")
+
+
+def _names(text: str, name: str) -> bool:
+    return any(found["name"] == name for found in _NAME.finditer(text))
 
 
 def _with_fixed_values(

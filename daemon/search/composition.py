@@ -70,9 +70,6 @@ class SearchCase:
         from daemon.analysis.blame import Candidate
 
         cell = self.cell_at(point, number, repeat)
-        # What executes runs is loaded for that: who only checks a search composes its points.
-        from daemon.analysis.blame import Candidate
-
         return Candidate(self._spec(cell, repeat), cell.scene)
 
     def run_case(self, point: Point, number: int) -> RunCase:
@@ -247,6 +244,12 @@ def search_case(campaign: Campaign, task: SearchTask, *, only_in: Path | None = 
     names = [sut.name for sut in cell.suts]
     if task.sut not in names:
         raise InputError.at(place, f'{task.scenario} has no system under test "{task.sut}"')
+    for parameter in task.parameters:
+        try:
+            with_overrides(cell.scenario, parameter.slot, parameter.index, {})
+        except ValueError as error:
+            # A task that comes from elsewhere may be of another file.
+            raise InputError.at(place, f"{parameter.name}: {error}") from error
     # Without what comparisons of scenarios measure: a search compares none.
     picked = {reference.name for reference in cell.scenario.oracles}
     oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles if o.name in picked)

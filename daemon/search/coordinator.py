@@ -28,10 +28,10 @@ from daemon.search.daemon_runs import (
 )
 from daemon.search.runs import Runs, SearchStoppedError
 from grammars.text.diagnostics import InputError
-from grammars.text.sources import reading_only_in
 
-Searcher: TypeAlias = Callable[[Path, SearchTask, Runs], SearchAnswer]
-"""Runs the program of a search: its campaign file, what is asked, and who executes its runs."""
+Searcher: TypeAlias = Callable[[Path, str, SearchTask, Runs], SearchAnswer]
+"""Runs the program of a search: the folder of its files, the name of its campaign file among them,
+what is asked, and who executes its runs."""
 
 _LOOK_EVERY: Final = 5.0
 """Seconds between two looks for searches, besides those that events cause."""
@@ -40,13 +40,14 @@ _LOADING: Final = threading.Lock()
 """One campaign is read at a time."""
 
 
-def run_program(campaign_file: Path, task: SearchTask, runs: Runs) -> SearchAnswer:
+def run_program(folder: Path, file: str, task: SearchTask, runs: Runs) -> SearchAnswer:
     """Run the program of a search on what its campaign file says."""
     from daemon.search.composition import load_search_case
     from daemon.search.program import run_search
 
     with _LOADING:
-        case = load_search_case(campaign_file, task.name, task)
+        # Its files may be somebody else's, who has a key and no account here.
+        case = load_search_case(folder / file, task.name, task, only_in=folder)
     return run_search(case, runs)
 
 
@@ -75,7 +76,7 @@ class Coordinator:
                 self._steered.clear()
                 rows = {row.campaign: row for row in self._client.running_searches()}
                 with self._lock:
-                    ended = [name for name, one in self._searches.items() if not one.is_alive()]
+                    ended = [name for name, one in self._searches.items() if one.over]
                     for name in ended:
                         del self._searches[name]
                     for name in rows.keys() - self._searches.keys():
@@ -117,6 +118,7 @@ class _ProgramThread(threading.Thread):
         self._searcher = searcher
         self._ended = ended
         self.runs = DaemonRuns(client, row)
+        self.over = False
 
     def run(self) -> None:
         """Run the program; how it ended is in the ledger afterwards."""
@@ -126,15 +128,14 @@ class _ProgramThread(threading.Thread):
             # It was ended, or deleted, in that very moment.
             print(f"{self._row.campaign}: {error}", file=sys.stderr)
         finally:
+            self.over = True
             self._ended()
 
     def _search(self) -> tuple[SearchState, str, SearchAnswer | None]:
         """Return how the search ended, why if it failed, and what it has found."""
         try:
             self.runs.load()
-            # Its files may be somebody else's, who has a key and no account here.
-            with reading_only_in(self._folder):
-                answer = self._searcher(self._folder / self._row.file, self._row.task, self.runs)
+            answer = self._searcher(self._folder, self._row.file, self._row.task, self.runs)
         except SearchStoppedError as stopped:
             return "cancelled", "", stopped.answer
         except (InputError, SearchDivergedError, DaemonError) as error:

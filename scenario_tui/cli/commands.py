@@ -130,7 +130,7 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
         CommandEntry(
             "report",
             "report",
-            "Write a campaign as one page with figures, or as tables for machines.",
+            "Write a campaign or a search as one page with figures, a campaign as tables, too.",
         ),
         CommandEntry(
             "coverage",

@@ -46,6 +46,8 @@ class SearchOutput(Output, schema="search"):
         for line in answer_lines(self.search, styles=TERMINAL_STYLES):
             console.print(line, soft_wrap=True)
         console.print()
+        if page := self.written.get("page"):
+            console.print(f"a page with figures: {page}", markup=False, soft_wrap=True)
         print_commands(*file_commands(self.written), *search_commands(self.search))
 
 
@@ -138,7 +140,7 @@ def search(
             "--out",
             "-o",
             metavar="DIR",
-            help="Where the found scenario and its world for Gazebo go. "
+            help="Where the found scenario, its world for Gazebo and a page with figures go. "
             "Default: scenario-results/search/SEARCH/.",
         ),
     ] = None,
@@ -323,21 +325,14 @@ def _budget_text(task: SearchTask) -> str:
 def _find_search(target: DaemonTarget, wanted: str) -> str:
     """Return the id of the search meant; raises :class:`Refused` when there is none."""
     from daemon.batch.errors import Refused
-    from scenario_tui.cli.target import find_campaign
+    from scenario_tui.cli.search_report import find_search_id
 
     with target.open() as daemon:
-        try:
-            found = find_campaign(daemon, wanted)
-        except Refused:
-            # People know a search by the name it has in its campaign file.
-            called = [row for row in daemon.searches() if row.task.name == wanted]
-            if not called:
-                raise
-            return called[0].campaign
-        if not found.search:
-            hint = f"its results are shown by `scenario results {found.id}`"
-            raise Refused(f"{found.id} is no search: {hint}")
-        return found.id
+        found = find_search_id(daemon, wanted, daemon.searches)
+    if not found:
+        hint = f"its results are shown by `scenario results {wanted}`"
+        raise Refused(f"{wanted} is no search: {hint}")
+    return found
 
 
 def ask_search(daemon: DaemonClient, campaign: str) -> tuple[SearchRow, tuple[ProposalRow, ...]]:

@@ -91,5 +91,3 @@ def file_commands(written: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         yield f"scenario run {written['smallest']}", "the least of it that still fails"
     if "gazebo" in written:
         yield f"ls {written['gazebo']}", "its world for Gazebo: models, doors, tasks, launch files"
-    if "page" in written:
-        yield written["page"], "all of it as a page with figures"

@@ -143,4 +143,5 @@ def test_the_command_is_ours_whatever_pythonpath_says(tmp_path: Path) -> None:
     program = Path(sys.executable).with_name("scenario")
     campaign = str(ROOT / "campaigns" / "demo" / "campaign.yaml")
     done = run([str(program), "check", campaign], tmp_path, Path(), tmp_path)
-    assert (done.returncode, done.stderr) == (0, f"{campaign}: 3 scenarios, 15 runs, 1 search, no problems\n")
+    said = f"{campaign}: 3 scenarios, 15 runs, 1 search, no problems\n"
+    assert (done.returncode, done.stderr) == (0, said)

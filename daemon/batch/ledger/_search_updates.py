@@ -95,6 +95,7 @@ class SearchUpdates(KeyUpdates):
             if first > total:
                 raise Refused(f"{campaign} has {total} runs: none can be added at {first}")
             known = min(total - first, len(proposals))
+            self._check_proposals(campaign, proposals)
             self._compare(campaign, proposals[:known], first)
             if first + len(proposals) > MOST_PROPOSALS:
                 raise Refused(f"a search has at most {MOST_PROPOSALS} runs")
@@ -119,6 +120,22 @@ class SearchUpdates(KeyUpdates):
             raise Refused(
                 f"the search {campaign} is {state}" if state else f"{campaign} is no search"
             )
+
+    def _check_proposals(self, campaign: str, proposals: tuple[Proposal, ...]) -> None:
+        """Refuse runs that are not what their proposals say."""
+        task, _ = read_task(self._db, campaign)
+        rows = self._db.execute(
+            "SELECT scenario FROM staged_run JOIN staged_cell USING (cell)"
+            " ORDER BY staged_run.position"
+        ).fetchall()
+        for proposal, (scenario,) in zip(proposals, rows, strict=True):
+            if scenario != task.scenario_of(proposal.number):
+                raise Refused(f"{scenario!r} is not proposal {proposal.number} of {campaign}")
+            if len(proposal.values) != len(task.parameters):
+                raise Refused(
+                    f"proposal {proposal.number} has {len(proposal.values)} values, the search"
+                    f" has {len(task.parameters)} parameters"
+                )
 
     def _compare(self, campaign: str, proposals: tuple[Proposal, ...], first: int) -> None:
         """Refuse other runs than are there: the same search must propose the same again."""

@@ -228,7 +228,7 @@ class SearchCoordinator(KeptProcess):
             self.trouble, self._pause = "", _FIRST_PAUSE
             self._next_start = now + self._pause
             return
-        same = self._running == self._seen
+        same = self._running == self._seen and now - self._started <= _STEADY
         self._deaths = self._deaths + 1 if same else 1
         self._seen = dict(self._running)
 

@@ -26,7 +26,6 @@ from daemon.model.search import (
     Proposal,
     SearchSubmission,
 )
-from daemon.model.spec import RunSpec
 from daemon.model.verbs import EXTEND, SEARCH
 from grammars.text import codec
 
@@ -163,9 +162,3 @@ def _extension_problems(request: ExtendRequest) -> Iterator[str]:
             yield f"proposals are counted from 0, not {proposal.position}"
         if proposal.repeat != run.repeat:
             yield f"repeat {run.repeat} was proposed as repeat {proposal.repeat}"
-        if run.cell < len(packed.cells) and not _is_of(proposal, packed.cells[run.cell]):
-            yield f"{packed.cells[run.cell].scenario!r} is not proposal {proposal.number}"
-
-
-def _is_of(proposal: Proposal, cell: RunSpec) -> bool:
-    return cell.scenario.endswith(f".{proposal.number}")

@@ -241,6 +241,17 @@ OVER = "    over: {doors_moving.closes: 5 .. 7 s, doors_moving.opens: 20 .. 40 s
         (HEAD + OVER + "    such that: [doors_moving.close < 8 s]\n", "is not varied here"),
         (HEAD + OVER + "    such that: [doors_moving.closes < 8 m]\n", "do not go together"),
         (HEAD + OVER + "    such that: [doors_moving.closes]\n", "is no inequality"),
+        (
+            HEAD + "    over: {doors_moving.closes: [5 s, 6 s]}\n"
+            "    such that: [doors_moving.closes < 8 s]\n",
+            "doors_moving.closes is a list of words",
+        ),
+        (HEAD + "    over: {robot.laser.noises: 1 .. 2 cm}\n", 'mean "laser.noise"?'),
+        (HEAD + "    over: {courier.x: 1 .. 2 cm}\n", "mission courier nor robot courier has no"),
+        (
+            HEAD + "    over: {mission.start.y: 0 .. 1, courier.start.y: 0 .. 2}\n",
+            "courier.start.y and mission.start.y are the same value",
+        ),
         (HEAD + OVER + "    budget: many\n", "is no budget"),
         (HEAD + OVER + "    budget: 0 runs\n", "1 to 10000 runs"),
         (HEAD + OVER + "    budget: 20000\n", "1 to 10000 runs"),

@@ -38,8 +38,9 @@ from tests.daemon.batch.samples import SCENE, make_result, make_spec
 CONFIRMED = 2
 
 
-def search(file: Path, task: SearchTask, runs: Runs) -> SearchAnswer:
+def search(folder: Path, name: str, task: SearchTask, runs: Runs) -> SearchAnswer:
     """Propose ``task.runs`` points in the window and repeat the first one."""
+    file = folder / name
     asked = json.loads(file.read_text())
     if "raise" in asked:
         raise RuntimeError(asked["raise"])
@@ -66,7 +67,7 @@ def search(file: Path, task: SearchTask, runs: Runs) -> SearchAnswer:
     return replace(answer_of(task, task.runs), ended="budget", shrunk=shrunk)
 
 
-def idle(file: Path, task: SearchTask, runs: Runs) -> SearchAnswer:
+def idle(folder: Path, name: str, task: SearchTask, runs: Runs) -> SearchAnswer:
     """Propose nothing, for as long as the process lasts."""
     threading.Event().wait()
     raise AssertionError

@@ -244,3 +244,16 @@ def test_a_task_may_come_from_elsewhere(folder: Path) -> None:
     case = case_in(folder)
     other = load_search_case(folder / "tiny.yaml", "s", case.task)
     assert other.candidate(WRITTEN, 3).spec == case.candidate(WRITTEN, 3).spec
+
+
+def test_a_task_of_another_campaign_is_refused(folder: Path) -> None:
+    case = case_in(folder)
+    first, *rest = case.task.parameters
+    for changed, said in (
+        (replace(case.task, scenario="other"), 'no scenario "other"'),
+        (replace(case.task, sut="a2s"), 'no system under test "a2s"'),
+        (replace(case.task, parameters=(replace(first, index=9), *rest)), "has no layer 9"),
+        (replace(case.task, parameters=(replace(first, slot="vary"), *rest)), "has no layer 0"),
+    ):
+        with pytest.raises(InputError, match=said):
+            load_search_case(folder / "tiny.yaml", "s", changed)

@@ -21,7 +21,6 @@ from daemon.campaign import bundle_campaign, load_campaign, unpack_bundle
 from daemon.model.search import SearchRow, SearchSubmission
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec
 from daemon.search.coordinator import run_program
-from grammars.text.sources import reading_only_in
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
 from tests.daemon.batch.samples import TASK, make_result, make_search, make_submission
 from tests.daemon.search.fake_search import CONFIRMED, LocalRuns, search
@@ -62,10 +61,10 @@ def sought(campaign: str, runs: int = RUNS, **asked: Any) -> SearchSubmission:
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[int, str]]:
     """Positions and digests of the runs of a search, without any daemon."""
-    file = tmp_path_factory.mktemp("undisturbed") / "campaign.yaml"
-    file.write_text("{}")
+    folder = tmp_path_factory.mktemp("undisturbed")
+    (folder / "campaign.yaml").write_text("{}")
     runs = LocalRuns()
-    search(file, make_search("s", runs=RUNS).task, runs)
+    search(folder, "campaign.yaml", make_search("s", runs=RUNS).task, runs)
     assert len(runs.digests) == RUNS + CONFIRMED
     assert TASK.window == 8
     return runs.digests
@@ -233,7 +232,6 @@ def test_the_program_of_a_search_is_run_on_its_files(campaigns: Path, tmp_path: 
     unpack_bundle(files, folder)
     shutil.rmtree(own.parent)
     runs = LocalRuns(keeping_clear)
-    with reading_only_in(folder):
-        answer = run_program(folder / name, task, runs)
+    answer = run_program(folder, name, task, runs)
     assert (answer.ended, answer.explored, answer.failed) == ("budget", 3, 0)
     assert len({digest for _, digest in runs.digests}) == 3

@@ -16,6 +16,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server import stage_extension
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
 from daemon.model.search import (
+    ExtendRequest,
     ProposalQuery,
     ProposalRow,
     SearchAnswer,
@@ -51,9 +52,11 @@ class Searches:
         return finish(self.book.submit_search(make_search(name), digest, place, NOW))
 
     def extend(self, first: int, count: int = 1, name: str = "s", **parameters: object) -> int:
-        request = make_extension(name, first, count, **parameters)  # type: ignore[arg-type]
+        return self.add(make_extension(name, first, count, **parameters))  # type: ignore[arg-type]
+
+    def add(self, request: ExtendRequest) -> int:
         staged = stage_extension(codec.to_json(request), self.places)
-        steps = self.book.extend_in_steps(name, staged.proposals, staged.rows, NOW)
+        steps = self.book.extend_in_steps(staged.campaign, staged.proposals, staged.rows, NOW)
         try:
             with self.book.transaction():
                 return finish(steps)
@@ -110,6 +113,23 @@ def test_runs_are_added_by_position_and_only_once(searches: Searches) -> None:
     with pytest.raises(Refused, match=r"s\.3 is another run than is proposed"):
         searches.extend(3, 2, speed=2)
     assert searches.campaign().total == 4
+
+
+def test_runs_are_those_of_their_proposals(searches: Searches) -> None:
+    good = make_extension("s", 0, 2)
+    for changes, words in (
+        ({"number": 5}, "'doors.0' is not proposal 5 of s"),
+        ({"values": (1.0, 2.0)}, "proposal 0 has 2 values, the search has 1 parameters"),
+    ):
+        wrong = replace(good.proposals[0], **changes)  # type: ignore[arg-type]
+        with pytest.raises(Refused, match=words):
+            searches.add(replace(good, proposals=(wrong, good.proposals[1])))
+    searches.extend(0)
+    again = replace(good.proposals[0], position=1)
+    same = replace(good.runs, runs=good.runs.runs[:1])
+    with pytest.raises(Refused, match=r"doors\.0, repeat 0, is there already: s\.0"):
+        searches.add(replace(good, proposals=(again,), runs=same))
+    assert searches.campaign().total == 1
 
 
 def test_pages_of_proposals_begin_at_a_position(searches: Searches) -> None:
