@@ -37,7 +37,7 @@ def campaign_text(
         "about": about,
         "seed": campaign.seed,
         "repeats": repeats,
-        "limit": f"{scenario.limit!r} s",
+        "limit": _quantity(scenario.limit, "s"),
         "robot": _named(scenario.robot),
         "matrix": {"sut": _list(suts)},
         "oracles": list(pool),
@@ -45,7 +45,7 @@ def campaign_text(
         "scenarios": {name: _slots(scenario)},
         "expect": [dict(one) for one in expect],
     }
-    return comment_text(comment) + yaml_text(_filled(head))
+    return comment_text(comment) + yaml_text(_filled(head), plain=True)
 
 
 def _slots(scenario: ResolvedScenario) -> dict[str, Any]:
@@ -89,7 +89,12 @@ def _map(scenario: ResolvedScenario) -> dict[str, str]:
         return {"file": scenario.map_file.name}
     settings = scenario.map
     return {
-        "resolution": f"{settings.resolution!r} m",
+        "resolution": _quantity(settings.resolution, "m"),
         "doors": settings.doors,
         "rule": settings.rule,
     }
+
+
+def _quantity(value: float, unit: str) -> str:
+    """Return a quantity that reads back as the very same value."""
+    return f"{repr(value).removesuffix('.0')} {unit}"

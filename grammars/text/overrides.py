@@ -117,6 +117,8 @@ def item_names(items: Sequence[Mapping[str, Any]], key: str) -> list[str]:
 
 def _paths(data: Any, override: Override) -> list[KeyPath]:
     """Return the paths a key leads to: several where things of one name are one."""
+    if not override.key:
+        raise InputError.at(override.where, "a value without a key", "write KEY: VALUE")
     found: list[KeyPath] = []
     open_ends: list[tuple[Any, KeyPath, str]] = [(data, (), override.key)]
     while open_ends:

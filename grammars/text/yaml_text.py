@@ -7,27 +7,60 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-_PLAIN: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+from grammars.text.yaml_composer import read_plain
+
+_PLAIN_KEY: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_PLAIN_WORDS: Final = re.compile(
+    r"(?:-?[0-9]|[A-Za-z_]|\.\./)[A-Za-z0-9_./^%+-]*(?: [A-Za-z0-9_./^%*+-]+)*\Z"
+)
+_FLAGS: Final = frozenset({"yes", "no", "on", "off"})
+"""Text to YAML 1.2 and flags to older readers."""
 
 
-def yaml_text(tree: Mapping[str, Any], indent: str = "") -> str:
+def yaml_text(tree: Mapping[str, Any], indent: str = "", *, plain: bool = False) -> str:
     """Return mappings as block YAML, everything else as JSON, which YAML 1.2 reads the same.
 
     JSON writes the shortest text that reads back as the same number: the run is the very same.
+    With ``plain`` text and keys that can do without are written without quotes.
     """
     lines = []
     for key, value in tree.items():
-        name = key if _PLAIN.match(key) else json.dumps(key, ensure_ascii=False)
+        name = _key(key, plain)
         if isinstance(value, Mapping) and value:
-            lines.append(f"{indent}{name}:\n{yaml_text(value, indent + '  ')}")
+            lines.append(f"{indent}{name}:\n{yaml_text(value, indent + '  ', plain=plain)}")
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            items = (f"{indent}  - {json.dumps(item, ensure_ascii=False)}\n" for item in value)
+            items = (f"{indent}  - {_flow(item, plain)}\n" for item in value)
             lines.append(f"{indent}{name}:\n{''.join(items)}")
         else:
-            lines.append(f"{indent}{name}: {json.dumps(value, ensure_ascii=False)}\n")
+            lines.append(f"{indent}{name}: {_flow(value, plain)}\n")
     return "".join(lines)
 
 
 def comment_text(text: str) -> str:
     """Return text as lines of a comment, empty when there is none."""
     return "".join(f"# {line}".rstrip() + "\n" for line in text.splitlines())
+
+
+def _key(key: str, plain: bool) -> str:
+    return key if _PLAIN_KEY.match(key) and not _quoted(key) else _flow(key, plain)
+
+
+def _flow(value: Any, plain: bool) -> str:
+    """Return a value on one line."""
+    if not plain:
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        pairs = (f"{_key(key, plain)}: {_flow(part, plain)}" for key, part in value.items())
+        return "{" + ", ".join(pairs) + "}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_flow(part, plain) for part in value)}]"
+    if isinstance(value, str) and not _quoted(value):
+        return value
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _quoted(text: str) -> bool:
+    """Return whether a text would be something else without quotes."""
+    if not _PLAIN_WORDS.match(text) or text.lower() in _FLAGS:
+        return True
+    return read_plain(text) != text

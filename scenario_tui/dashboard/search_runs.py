@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from daemon.model.search import (
     ObjectiveValue,
@@ -137,48 +137,37 @@ def notable_runs(search: SearchRuns) -> tuple[NotableRun, ...]:
 
 
 def _notable(search: SearchRuns) -> Iterator[NotableRun]:
+    task, answer = search.row.task, search.row.answer
     best = best_run(search.runs)
     if best is not None:
-        yield _of_run("best", "best so far" if search.row.state == "running" else "best", best)
+        what = "best so far" if search.row.state == "running" else "best"
+        yield _notable_run(task, "best", what, best)
     first = next((run for run in search.runs if run.explores and run.fails), None)
     if first is not None:
-        yield _of_run("first", "first failure", first)
-    answer = search.row.answer
+        yield _notable_run(task, "first", "first failure", first)
     if answer is not None:
         if answer.nearest is not None:
-            yield _of_point("nearest", "nearest failure", answer.nearest.result)
+            yield _notable_run(task, "nearest", "nearest failure", answer.nearest.result)
         for index, found in enumerate(answer.findings):
-            about = " › ".join(filter(None, (found.oracle, found.object, found.waypoint)))
-            yield _of_point(f"finding-{index}", "finding", found.example, about, found.count)
+            about = _about(task, found.oracle, found.object, found.waypoint)
+            one = _notable_run(task, f"finding-{index}", "finding", found.example)
+            yield replace(one, about=about, count=found.count)
     written = next((run for run in search.runs if run.number == 0 and run.repeat == 0), None)
     if written is not None and written.settled:
-        yield _of_run("written", "as written", written)
+        yield _notable_run(task, "written", "as written", written)
 
 
-def _of_run(key: str, what: str, run: SearchedRun) -> NotableRun:
-    about = "" if run.value is None else _about(run.value)
-    return NotableRun(
-        key, what, run.values, run.value, run.fails, run.number, run.run, run.label, about
-    )
-
-
-def _of_point(
-    key: str, what: str, point: PointResult, about: str = "", count: int = 0
+def _notable_run(
+    task: SearchTask, key: str, what: str, run: SearchedRun | PointResult
 ) -> NotableRun:
-    about = about or ("" if point.value is None else _about(point.value))
+    value = run.value
+    about = "" if value is None else _about(task, value.oracle, value.object)
     return NotableRun(
-        key,
-        what,
-        point.values,
-        point.value,
-        point.fails,
-        point.number,
-        point.run,
-        point.label,
-        about,
-        count,
+        key, what, run.values, value, run.fails, run.number, run.run, run.label, about
     )
 
 
-def _about(value: ObjectiveValue) -> str:
-    return " › ".join(filter(None, (value.oracle, value.object)))
+def _about(task: SearchTask, oracle: str, *places: str) -> str:
+    # Of a search about one oracle that one is told above.
+    names = [*([oracle] if len(task.scales) > 1 else []), *places]
+    return " › ".join(filter(None, names)) or oracle

@@ -163,7 +163,7 @@ SHOTS: Final[Mapping[str, Shot]] = {
     "replay": Shot(open=_replay),
     "comparison": Shot(("n",), (112, 27), open=_compared),
     "searches": Shot(open=_searching),
-    "search": Shot(("enter",), WIDE, open=_search_over, before=_map_read),
+    "search": Shot(("enter",), (110, 25), open=_search_over, before=_map_read),
     "parameters": Shot(("enter", "n", "n", "tab"), open=_search_over),
     "submit": Shot(("s",), open=_submitting, before=_checked),
     "workers": Shot(("3",)),

@@ -78,9 +78,12 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
     folder = _Folder(path)
     smallest, repeat = _earliest_repeat(case, found, runner)
     scenery = [*_objects(case, smallest, folder), *_behaviours(smallest, folder)]
+    placed = _parameters(case, found)
     slots = {
         "floorplan": _plan(case, folder),
-        "objects": [name for name, objects in scenery if objects],
+        "objects": [
+            {name: placed[name]} if name in placed else name for name, objects in scenery if objects
+        ],
         "behaviours": [name for name, objects in scenery if not objects],
         "mission": folder.write("minimal.mission.yaml", _mission(smallest.spec)),
         "sut": _sut(case, found, folder),
@@ -166,6 +169,25 @@ def _objects(case: RunCase, smallest: Candidate, folder: _Folder) -> list[tuple[
     if text:
         written.append((folder.write("starts.scenery", text), True))
     return written
+
+
+def _parameters(case: RunCase, found: BlameResult) -> dict[str, dict[str, object]]:
+    """Return what the campaign says about parameters of object layers, by the names of their files.
+
+    What it says about groups is about sentences, which are written anew.
+    """
+    told = {}
+    for layer in case.layers:
+        names = {parameter.name for parameter in layer.plain.parameters}
+        values = {
+            key: value
+            for element, key, value in layer.overrides
+            if element in found.left and str(key).replace("-", "_") in names
+        }
+        if values and layer.element.kind == "objects":
+            ending = ".jsonld" if is_jsonld(Path(layer.plain.file)) else ".scenery"
+            told[f"{layer.plain.name}{ending}"] = values
+    return told
 
 
 def _behaviours(smallest: Candidate, folder: _Folder) -> list[tuple[str, bool]]:

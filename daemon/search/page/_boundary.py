@@ -29,6 +29,10 @@ Harrower, 2003). Half of it is below zero."""
 _CELLS: Final = 48
 """Cells along each axis between which margins are estimated."""
 _POWER: Final = 4.0
+_APART: Final = 0.25
+"""Least distance from zero of what passes and of what fails, as a share of the largest."""
+_MARKS: Final = "#000000"
+"""Colour of what stands on the ramp, whose colours are the same in light and dark."""
 _HALF: Final = len(RAMP) // 2
 
 
@@ -79,9 +83,9 @@ def _over_two(task: SearchTask, points: Sequence[DrawnPoint], nearest: Point | N
         _draw_margins(axes, points, x, y)
     xs = [coordinate(x, p.result.values[0]) for p in points]
     ys = [coordinate(y, p.result.values[1]) for p in points]
-    draw_marks(axes, points, xs, ys, passing="ink")
+    draw_marks(axes, points, xs, ys, passing=_MARKS, failing=_MARKS)
     for point, colour, about in (
-        (written_point(task), "ink", "as written"), (nearest, "near", "nearest failure"),
+        (written_point(task), _MARKS, "as written"), (nearest, "near", "nearest failure"),
     ):  # fmt: skip
         if point is not None:
             at = coordinate(x, point[0]), coordinate(y, point[1])
@@ -99,20 +103,17 @@ def _draw_margins(
             for point in points
         ]
     )
-    values = np.array([point.value for point in points])
+    values = balanced(np.array([point.value for point in points]))
     ends = np.linspace(0.0, 1.0, _CELLS + 1)
     middles = 0.5 * (ends[:-1] + ends[1:])
     grid = np.stack(np.meshgrid(middles, middles, indexing="ij"), axis=-1).reshape(-1, 2)
-    margins = estimate(runs, values, grid).reshape(_CELLS, _CELLS)
+    levels = ramp_levels(estimate(runs, values, grid).reshape(_CELLS, _CELLS))
     across, up = (_values_at(p, ends) for p in (x, y))
-    levels = margin_levels(margins)
     for level, colour in enumerate(RAMP):
         rings = [
-            [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-            for x0, y0, x1, y1 in (
-                (across[i], up[j], across[i + 1], up[j + 1])
-                for i, j in np.argwhere(levels == level).tolist()
-            )
+            [(across[a], up[j]), (across[b], up[j]), (across[b], up[j + 1]), (across[a], up[j + 1])]
+            for j in range(_CELLS)
+            for a, b in _stretches(levels[:, j] == level)
         ]
         if rings:
             # Half a hair over its edge: else the page shines through between neighbours.
@@ -123,7 +124,7 @@ def _draw_margins(
     if len(lines):
         gaps = np.full((len(lines), 1, 2), math.nan)
         places = np.concatenate((lines, gaps), axis=1).reshape(-1, 2) / _CELLS
-        axes.line(_values_at(x, places[:, 0]), _values_at(y, places[:, 1]), "#000000", 1.6)
+        axes.line(_values_at(x, places[:, 0]), _values_at(y, places[:, 1]), _MARKS, 1.6)
 
 
 def _values_at(parameter: SearchParameter, places: Floats) -> Floats:
@@ -148,16 +149,30 @@ def estimate(runs: Floats, values: Floats, places: Floats) -> Floats:
     return found
 
 
-def margin_levels(margins: Floats) -> Any:
-    """Return the place in the ramp of each margin: the lower half of it is below zero."""
-    deepest = max(-float(margins.min()), 0.0)
-    widest = max(float(margins.max()), 0.0)
-    below = np.floor(_HALF * (1.0 + margins / deepest)) if deepest else np.zeros_like(margins)
-    above = np.floor(_HALF * margins / widest) if widest else np.zeros_like(margins)
-    levels = np.where(
-        margins < 0.0, np.clip(below, 0, _HALF - 1), _HALF + np.clip(above, 0, _HALF - 1)
-    )
-    return levels.astype(int)
+def balanced(margins: Floats) -> Floats:
+    """Return margins (n,) from -1, the deepest failure, to 1, the widest pass, apart at zero.
+
+    A fall from far above the limit to just below it is common: half of the colours are for each
+    side, and the least failure is as far from zero as the least pass, so that the line between them
+    runs where it is not known on which side it is.
+    """
+    deepest, widest = max(-float(margins.min()), 0.0), max(float(margins.max()), 0.0)
+    below = -_APART + (1.0 - _APART) * margins / (deepest or 1.0)
+    above = _APART + (1.0 - _APART) * margins / (widest or 1.0)
+    found: Floats = np.where(margins < 0.0, below, above)
+    return found
+
+
+def ramp_levels(values: Floats) -> Any:
+    """Return the place in the ramp of values from -1 to 1: the lower half of it is below zero."""
+    levels = np.floor(_HALF * (1.0 + values)).astype(int)
+    return np.clip(levels, 0, len(RAMP) - 1)
+
+
+def _stretches(held: Any) -> list[tuple[int, int]]:
+    """Return where a row (n,) holds without a gap: first and behind the last."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], held, [False])).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def zero_lines(values: Floats) -> Floats:

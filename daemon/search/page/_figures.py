@@ -61,20 +61,24 @@ def _sheets(
         filling = space_filling_runs(points, drawn_points(task, baseline))
         label = "Margin of every run, the smallest so far, and failures over runs"
         yield "margins", label, plot_margins(task, points, filling)
-        yield from _of_space(row, points, nearest)
+        yield from _of_space(row, points, drawn_points(task, proposals, "nearest"), nearest)
     if answer is not None:
         yield "influence", "Influence of parameters as bars", plot_influence(task, answer)
     yield from _of_failure(told_point(answer), traces)
 
 
 def _of_space(
-    row: SearchRow, points: Sequence[DrawnPoint], nearest: Point | None
+    row: SearchRow,
+    points: Sequence[DrawnPoint],
+    steps: Sequence[DrawnPoint],
+    nearest: Point | None,
 ) -> Iterator[tuple[str, str, Sheet | None]]:
     task = row.task
     count = len(task.parameters)
     if count <= 2:
         label = "Margin over the parameters that are varied"
-        yield "boundary", label, plot_boundary(task, points, nearest)
+        # Nothing differs but what is drawn: those on the way to the nearest failure say more.
+        yield "boundary", label, plot_boundary(task, (*points, *steps), nearest)
     elif count <= MOST_PAIRED:
         for name, sheet in plot_pairs(task, points, nearest).items():
             yield f"pair: {name}", f"Runs that pass and that fail, {name}", sheet

@@ -18,7 +18,7 @@ from textual.screen import ModalScreen, Screen
 from textual.widgets import Static
 
 import scenario_tui
-from daemon.model.status import RunRow
+from daemon.model.status import CampaignRow, RunRow
 from daemon.model.verbs import DaemonClient
 from scenario_tui.text.formatting import QUIET, run_label
 
@@ -173,7 +173,7 @@ class CampaignCommands(PaletteProvider):
     def offers(self) -> Iterator[SystemCommand]:
         """Yield a way to each campaign and to its matrix."""
         for row in self.dashboard.daemon_state.campaigns:
-            yield self._to(row.id)
+            yield self._to(row)
             if row.search:
                 continue  # its runs are there to fail: nothing was expected of them
             to_matrix = partial(self.dashboard.open_matrix, row.id)
@@ -182,11 +182,12 @@ class CampaignCommands(PaletteProvider):
     def first(self) -> Iterator[SystemCommand]:
         """Yield ways to the newest campaigns."""
         for row in self.dashboard.daemon_state.campaigns[:_CAMPAIGNS]:
-            yield self._to(row.id)
+            yield self._to(row)
 
-    def _to(self, campaign: str) -> SystemCommand:
-        there = partial(self.dashboard.open_campaign, campaign)
-        return SystemCommand(f"go to campaign {campaign}", "its runs", there)
+    def _to(self, row: CampaignRow) -> SystemCommand:
+        there = partial(self.dashboard.open_campaign, row.id)
+        about = "a search, what it found" if row.search else "its runs"
+        return SystemCommand(f"go to campaign {row.id}", about, there)
 
 
 class RunCommands(PaletteProvider):

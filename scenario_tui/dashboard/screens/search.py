@@ -45,7 +45,6 @@ _COLUMNS: Final = (
     Column("what to look at", 15),
     Column("margin", 10, right=True),
     Column("decided by", 0),
-    Column("alike", 5, right=True),
     Column("run", 6, right=True),
 )
 _TABS: Final = 66
@@ -357,9 +356,8 @@ def _cells(one: NotableRun) -> Row:
     word = "fail" if one.fails else "pass"
     said = NOTHING if one.value is None else margin(one.value.margin, one.value.unit)
     return one.key, (
-        Text(one.what),
+        Text(f"{one.what} ×{one.count:,}" if one.count else one.what),
         Text(said, style=DASHBOARD_STYLES[word] if one.value is not None else QUIET),
         Text(one.about),
-        Text(f"{one.count:,}" if one.count else "", style=QUIET),
         Text(f"{one.number:,}", style=QUIET),
     )

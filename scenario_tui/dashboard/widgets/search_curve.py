@@ -28,7 +28,7 @@ _STYLES: Final = (
     Style(color=QUIET),
     Style(color=BROKEN, bold=True),
 )
-LEGEND: Final = "• run  ✗ fails  ━ best so far  ╌ best of the space-filling runs  ┈ limit"
+LEGEND: Final = "• run  ✗ fails  ━ best  ╌ best space-filling  ┈ limit"
 _GUTTER: Final = 11
 """Columns for the margins beside the graph."""
 _FIRST_RUNS: Final = 60

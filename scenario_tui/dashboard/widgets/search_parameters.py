@@ -44,11 +44,15 @@ def parameters_text(
     ``influence`` are correlations with the margin, shown where there is room for them.
     """
     pairs = list(zip(task.parameters, values, strict=False))
-    said = [(_written(one, value), one.text(value)) for one, value in pairs]
+    said = [
+        ("" if value == one.written else _written(one, value), one.text(value))
+        for one, value in pairs
+    ]
     sizes = [max((len(texts[i]) for texts in said), default=0) for i in (0, 1)]
     longest = max((len(one.name) for one, _ in pairs), default=0)
     most = max((width - _BAR - 7 - _LEAST_NAME) // 2, 4)
-    sizes = [min(size, most) for size in sizes]
+    sizes[0] = min(sizes[0], most)
+    sizes[1] = min(sizes[1], 2 * most - sizes[0])
     rest = width - sum(sizes) - _BAR - 7
     correlations = influence if influence and rest - longest >= _INFLUENCE else {}
     name_cells = max(min(longest, rest), _LEAST_NAME)

@@ -142,8 +142,9 @@ def test_a_system_is_offered_beside_the_commands_about_one(tab: Tab, tmp_path: P
 
 def test_scenarios_and_suts_of_a_campaign_file(tab: Tab, tmp_path: Path) -> None:
     (tmp_path / "c.yaml").write_text(
-        "campaign: c\nmatrix: {sut: [a, b]}\n"
-        "scenarios:\n  base: {abstract: true}\n  S1: {like: base}\n  S2: {like: base, sut: own}\n"
+        "campaign: c\nmatrix: {sut: [a, {b: {speed: 1}}]}\n"
+        "scenarios:\n  base: {abstract: true}\n  S1: {like: base}\n"
+        "  S2: {like: base, sut: {own: {x: 1}}}\n"
     )
     assert tab("scenario blame c.yaml S") == ["S1", "S2"]
     assert tab("scenario blame c.yaml S1 ") == ["a", "b", "own"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -9,11 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from textual.widgets import Static
 
 from daemon.model.search import OracleScale
 from daemon.model.status import ChangeEvent, RunState
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.dashboard import feed as feed_module
+from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.known_searches import KnownSearches
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.replay import ReplayScreen
@@ -21,6 +23,7 @@ from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.search import SearchScreen
 from scenario_tui.dashboard.search_runs import SearchRuns, decisive_moment, searched_run
+from scenario_tui.dashboard.state import Query
 from scenario_tui.dashboard.widgets.search_curve import (
     SearchCurve,
     draw_search_curve,
@@ -29,7 +32,9 @@ from scenario_tui.dashboard.widgets.search_curve import (
     value_limits,
 )
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text, range_bar
-from tests.scenario_tui.dashboard.driven import notices, until
+from scenario_tui.terminal.capabilities import TerminalLimits
+from tests.daemon.batch.harness import eventually
+from tests.scenario_tui.dashboard.driven import choose_from_palette, notices, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.searching import (
     NEAREST,
@@ -98,8 +103,8 @@ async def test_enter_opens_the_search_with_all_of_it() -> None:
         text = shown(pilot)
     for words in (
         "✗ 60/60 explore  6 fail  best −0.0468 m  and 1 run after",
-        "best of the space-filling runs",
-        "best              −0.0468 m  no-contact › door-1",
+        "╌ best space-filling",
+        "best              −0.0468 m  door-1",
         "nearest failure    −0.018 m",
         "as written         +0.105 m",
         "Run 34 is the first that fails",
@@ -220,22 +225,41 @@ async def test_a_search_before_its_first_result_and_one_that_could_not_go_on() -
 async def test_the_palette_goes_to_a_search() -> None:
     async with opened(SearchingDaemon.finished()) as pilot:
         await settle(pilot)
-        pilot.app.open_campaign(SEARCH)
-        await settle(pilot)
+        await choose_from_palette(pilot, SEARCH, f"go to campaign {SEARCH}")
         assert isinstance(pilot.app.screen, SearchScreen)
 
 
-async def test_without_colours_what_fails_and_differs_has_a_sign() -> None:
+async def test_without_colours_and_in_ascii_it_says_the_same() -> None:
     dashboard = make_dashboard(SearchingDaemon.finished())
-    dashboard.ansi_color = True
+    dashboard.apply_limits(TerminalLimits("none", ascii_only=True))
     async with dashboard.run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         await press(pilot, "enter", "tab")
-        text = shown(pilot)
-        assert "✗" in text
-        assert "≠ doors_moving.swing" in text
-        legend = str(pilot.app.screen.query_one("#curve-legend", Static).render())
-        assert "✗ fails" in legend
+        update = pilot.app.screen._compositor.render_update(full=True)
+        text = update.render_segments(pilot.app.console)
+    assert text.isascii()
+    assert "38;" not in text
+    plain = re.sub(r"\x1b\[[^A-Za-z]*[A-Za-z]", "", text)
+    assert "# doors_moving.swing" in plain  # not as written
+    assert "x fails" in plain
+
+
+def test_the_thread_that_asks_hears_of_runs_by_events(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(feed_module, "_BREATH", 0.005)
+    fake = SearchingDaemon.running(20)
+    feed = Feed(fake.open, clock=lambda: fake.now)
+    try:
+        feed.set_query(Query(search=SEARCH))
+        feed.start()
+        eventually(lambda: feed._state.search_of(SEARCH))
+        fake.go_on(30)
+        fake.listeners[0][0](ChangeEvent(1, "run", f"{SEARCH}.20", SEARCH))
+        eventually(lambda: len(feed._state.search.runs if feed._state.search else ()) == 34)
+    finally:
+        feed.close()
+    offsets = [call[1] for call in asked(fake, "proposals")]
+    assert offsets[0] == 0
+    assert set(offsets[1:]) == {20}
 
 
 def asked(fake: SearchingDaemon, verb: str) -> list[tuple[object, ...]]:

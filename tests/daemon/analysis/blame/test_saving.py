@@ -263,3 +263,28 @@ def test_a_saved_campaign_draws_its_map_by_the_same_rule(
     file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
     (run,) = expand(load_campaign(file)).runs
     assert (run.map.rule, run.map) == (rule, case.spec.map)
+
+
+def test_values_beside_the_names_of_layers_are_saved_with_them(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = CAMPAIGN.replace("floorplan: flat", "floorplan: {flat: {room_length: 3.1 m}}")
+    text = text.replace("mission: courier", "mission: {courier: {start.y: 0.1}}")
+    text = text.replace("robot: courier", "robot: {courier: {laser.noise: 2 cm}}")
+    text = text.replace("sut: [pilot]", "sut: [{pilot: {max_speed: 0.4, lookahead: 0.5}}]")
+
+    def fails(spec) -> bool:
+        fast = spec.sut.parameters.get("max_speed") == 0.4
+        return fast and "kitchen_door.hinge" in {b.joint for b in spec.behaviours}
+
+    pretend(monkeypatch, failing_if(fails))
+    case = load_case(write(folder, text), "rude", "pilot", 0)
+    runner = CandidateRunner(200)
+    found = explain_failure(case, runner)
+    assert found.story.parameters == ("max_speed: 0.4",)
+    (run,) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).runs
+    smallest = found.smallest.spec
+    assert (run.scene, run.sut, run.robot, run.mission) == (
+        smallest.scene, smallest.sut, smallest.robot, smallest.mission,
+    )  # fmt: skip
+    assert (run.robot.laser.noise, run.mission.start.y) == (0.02, 0.1)

@@ -1,0 +1,338 @@
+"""Values beside the names of layers, in every slot of a scenario."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.campaign import (
+    LayerLibrary,
+    campaign_text,
+    expand,
+    find_overridable,
+    load_campaign,
+    overridable,
+    with_overrides,
+)
+from daemon.model.search import ParameterSlot
+from grammars.text.diagnostics import InputError
+
+CAMPAIGN = """\
+campaign: tiny
+seed: 3
+limit: 30 s
+robot: courier
+oracles: navigation
+matrix: {sut: [pilot]}
+defaults:
+  floorplan: flat
+  objects: doors
+  behaviours: doors_moving
+  mission: courier
+  oracles: [reached]
+scenarios:
+  plain: {}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, campaigns: Path) -> Path:
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / name, tmp_path / name)
+    return tmp_path / "demo"
+
+
+def load(folder: Path, slots: str, head: str = ""):
+    """Load a scenario with other ``slots`` than the plain one."""
+    path = folder / "tiny.yaml"
+    path.write_text(f"{CAMPAIGN}  changed:\n    {slots}\n{head}")
+    return load_campaign(path)
+
+
+def cell(folder: Path, slots: str):
+    return next(c for c in load(folder, slots).cells if c.name.startswith("changed"))
+
+
+def complaints(folder: Path, slots: str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        load(folder, slots)
+    return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
+
+
+def test_keys_of_a_mission_and_its_waypoints_by_their_names(folder: Path) -> None:
+    found = cell(folder, "mission: {courier: {start: {y: 10 cm}, waypoints.kitchen.x: 0.3}}")
+    assert found.mission.start.y == 0.1
+    assert found.mission.waypoints[0].x == 0.3
+    plain = load(folder, "about: same").cells[0].mission
+    assert found.mission.waypoints[1:] == plain.waypoints[1:]
+
+
+def test_a_waypoint_without_an_id_has_its_number(folder: Path) -> None:
+    (folder / "short.mission.yaml").write_text("waypoints: [{x: 0.2, y: 0.1}, {x: 0.5, y: 0.0}]\n")
+    found = cell(folder, "mission: {short: {waypoints.waypoint-2.yaw: 90 deg}}")
+    assert [w.yaw for w in found.mission.waypoints] == [None, math.pi / 2]
+
+
+def test_a_place_that_is_visited_twice_moves_as_one(folder: Path) -> None:
+    text = "waypoints: [{id: a, x: 0.2, y: 0}, {id: b, x: 0.5, y: 0}, {id: a, x: 0.2, y: 0}]\n"
+    (folder / "round.mission.yaml").write_text(text)
+    found = cell(folder, "mission: {round: {waypoints.a.x: 0.3}}")
+    assert [w.x for w in found.mission.waypoints] == [0.3, 0.5, 0.3]
+
+
+def test_keys_of_a_robot_and_its_lasers_by_their_names(folder: Path) -> None:
+    found = cell(folder, "robot: {courier: {laser.noise: 2 cm, drive.max_vx: 0.6 m/s}}")
+    assert (found.robot.laser.noise, found.robot.drive.max_vx) == (0.02, 0.6)
+    two = cell(folder, "robot: {shuttle: {lasers.rear.noise: 5 cm}}").robot
+    assert {laser.name: laser.noise for laser in two.lasers}["rear"] == 0.05
+    assert len({laser.noise for laser in two.lasers}) == 2
+
+
+def test_parameters_of_a_system_in_its_own_units_or_with_one(folder: Path) -> None:
+    (sut,) = cell(folder, "sut: {pilot: {max_speed: 0.4 m/s, patience: 30}}").suts
+    assert sut.parameters == {"max_speed": 0.4, "patience": 30}
+    text = "sut: mine\nkind: pilot\nparameters: {max_speed: 0.2, max_turn: 0.8}\n"
+    (folder / "mine.yaml").write_text(text)
+    (tuned,) = cell(folder, "sut: [{mine: {max_speed: 0.3}}]").suts
+    assert (tuned.name, tuned.parameters) == ("mine", {"max_speed": 0.3, "max_turn": 0.8})
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "move_base/local_costmap/inflation_radius",
+        "move_base.local_costmap.inflation_radius",
+        "move_base: {local_costmap/inflation_radius",
+    ],
+)
+def test_nested_parameters_of_a_ros_stack_by_either_spelling(folder: Path, key: str) -> None:
+    end = "}" * key.count("{")
+    (sut,) = cell(folder, f"sut: [{{a2s: {{{key}: 30 cm}}}}{end}]").suts
+    (other,) = cell(folder, "sut: a2s").suts
+    costmap, plain = (s.parameters["move_base"]["local_costmap"] for s in (sut, other))
+    assert costmap == plain | {"inflation_radius": 0.3} != plain
+
+
+def test_groups_of_objects_and_values_at_the_top(folder: Path) -> None:
+    (folder / "two.scenery").write_text(
+        (folder / "doors.scenery").read_text() + "\ngroup both: kitchen_door, bedroom_door\n"
+    )
+    assert "both" in {
+        group.name
+        for layer in cell(folder, "objects: {two: {both: kitchen_door}}").layers
+        for group in layer.groups
+    }
+    path = folder / "top.yaml"
+    text = CAMPAIGN.replace("robot: courier", "robot: {courier: {mass: 40 kg}}")
+    path.write_text(text.replace("[pilot]", "{pilot: {max_speed: 0.3}}"))
+    (found,) = load_campaign(path).cells
+    assert (found.robot.mass, found.suts[0].parameters) == (40.0, {"max_speed": 0.3})
+
+
+def test_a_draw_with_a_value_leaves_the_other_draws_as_they_were(folder: Path) -> None:
+    bare = "objects: []\n    behaviours: []\n    "
+    varied = f"{bare}vary: {{floorplan: flat, samples: 3}}"
+    before = [c.plan for c in load(folder, varied).cells if c.name.startswith("changed")]
+    value = "kitchen_doorway.location.translation.x: 0.5 m"
+    fixed = f"{bare}vary: {{floorplan: {{flat: {{{value}}}}}, samples: 3}}"
+    after = [c.plan for c in load(folder, fixed).cells if c.name.startswith("changed")]
+    assert len(before) == len(after) == 3
+    for one, other in zip(before, after, strict=True):
+        differing = {a.name for a, b in zip(one.openings, other.openings, strict=True) if a != b}
+        assert differing <= {"kitchen_doorway"}
+        assert one.features == other.features
+
+
+@pytest.mark.parametrize(
+    ("slots", "expected"),
+    [
+        ("mission: {courier: {strat.y: 1}}", 'tiny.yaml:16:25: unknown key "strat"'),
+        ("mission: {courier: {start.yy: 1}}", 'tiny.yaml:16:25: unknown key "yy"'),
+        ("mission: {courier: {start.x.y: 1}}", 'start.x is one value, it has no "y"'),
+        ("mission: {courier: {waypoints.kichen.x: 1}}", 'waypoints has no "kichen"'),
+        ("mission: {courier: {start.y: 1 s}}", 'tiny.yaml:16:25: y: "1 s" is in s'),
+        ("robot: {courier: {laser.noise: 0.02}}", "tiny.yaml:16:23: noise: 0.02 has no unit"),
+        ("robot: {courier: {laser.nose: 2 cm}}", 'did you mean "noise"?'),
+        ("robot: {courier: {laser.range_min: 20 m}}", "tiny.yaml:16:23: laser: range_max must be"),
+        ("robot: {courier: {footprint.corners.1: 2}}", "corners: must be a list"),
+        ('mission: {courier: {"": 1}}', "a value without a key"),
+        ("sut: {pilot: {max_sped: 0.4}}", 'did you mean "max_speed"?'),
+        ("sut: {pilot: {max_speed: -1 m/s}}", "tiny.yaml:16:19: "),
+        ("sut: {pilot: {parameters.max_speed: 1}}", "write max_speed alone"),
+        ("sut: {pilot: {like: a2s}}", '"like" is no parameter'),
+        ("sut: {idle: {speed: 1}}", 'takes no parameters, given: "speed"'),
+        ("sut: [pilot, {pilot: {max_speed: 0.4}}]", "are called pilot and differ"),
+        ("objects: {doors: {swing: 1}}", 'tiny.yaml:16:23: layer doors has no parameter "swing"'),
+        ("behaviours: {doors_moving: {swing: 1 m}}", "tiny.yaml:16:33: swing: "),
+        ("vary: {floorplan: {flat: {slak: 1 m}}, samples: 1}", 'did you mean "slack"?'),
+        ("vary: {floorplan: {flat: {slack: 1 deg}}, samples: 1}", "slack is in m, not an angle"),
+        ("vary: {floorplan: {flat: {hinged_width: 1}}, samples: 1}", "it is calculated; what is"),
+    ],
+)
+def test_what_is_wrong_with_a_value_is_said_where_it_is_written(
+    folder: Path, slots: str, expected: str
+) -> None:
+    found = complaints(folder, slots)
+    assert expected in "\n".join(found)
+    assert all(line.startswith("tiny.yaml:16:") for line in found)
+
+
+def test_one_file_is_read_once_for_all_values(folder: Path) -> None:
+    campaign = load(folder, "about: same")
+    scenario, library = campaign.cells[0].scenario, LayerLibrary(folder)
+    library.mission(scenario.mission)
+    (folder / "courier.mission.yaml").unlink()
+    (folder / "courier.mission.yaml").write_text("no mission any more")
+    missions = [
+        library.mission(with_overrides(scenario, "mission", 0, {"start.y": n / 100}).mission)[0]
+        for n in range(200)
+    ]
+    assert [mission.start.y for mission in missions] == [n / 100 for n in range(200)]
+
+
+def test_a_plan_that_was_compiled_with_other_values_is_as_it_was(folder: Path) -> None:
+    scenario, library = load(folder, "about: same").cells[0].scenario, LayerLibrary(folder)
+    text = library.plan_text(folder / "flat.fpm")
+    plain = text.compile()
+    wide = library.floorplan(
+        with_overrides(scenario, "floorplan", 0, {"room_length": "4 m"}).floorplan
+    )
+    assert wide != plain
+    assert text.compile() == plain == library.floorplan(scenario.floorplan)
+
+
+def test_later_values_win_over_those_that_are_written(folder: Path) -> None:
+    scenario = cell(folder, "behaviours: [{doors_moving: {swing: 50 deg/s}}]").scenario
+    changed = with_overrides(scenario, "behaviours", 0, {"swing": "70 deg/s", "slide": "1 m/s"})
+    assert changed.behaviours[0].overrides == {"swing": "70 deg/s", "slide": "1 m/s"}
+    with pytest.raises(ValueError, match="no layer 1 in sut"):
+        with_overrides(scenario, "sut", 1, {})
+    with pytest.raises(ValueError, match="no layer 0 in vary"):
+        with_overrides(scenario, "vary", 0, {})
+
+
+@pytest.mark.parametrize(
+    ("slots", "slot", "key", "expected"),
+    [
+        ("about: x", "behaviours", "swing", ("60 deg/s", math.pi / 3, "angular speed", 3)),
+        ("about: x", "behaviours", "kitchen-opens", ("8 s", 8.0, "time", 11)),
+        ("about: x", "floorplan", "room_length", ("3.0 m", 3.0, "length", 26)),
+        (
+            "floorplan: {flat: {room_length: 4 m}}",
+            "floorplan",
+            "room_length",
+            ("4 m", 4, "length", 16),
+        ),
+        ("about: x", "mission", "start.y", ("0.0", 0.0, "length", 4)),
+        (
+            "mission: {courier: {start.y: 10 cm}}",
+            "mission",
+            "start.y",
+            ("10 cm", 0.1, "length", 16),
+        ),
+        ("about: x", "mission", "waypoints.kitchen.x", ("0.2", 0.2, "length", 6)),
+        ("about: x", "robot", "laser.dropout", ("0.5 %", 0.005, "ratio", 30)),
+        ("about: x", "robot", "drive.friction_loss", ("0 m/s", 0.0, "speed", 10)),
+        ("about: x", "sut", "max_speed", ("0.5", 0.5, "", 6)),
+        ("sut: [{pilot: {max_speed: 0.3}}]", "sut", "max_speed", ("0.3", 0.3, "", 16)),
+        ("vary: {floorplan: flat, samples: 1}", "vary", "slack", ("", None, "length", 7)),
+        (
+            "vary: {floorplan: {flat: {slack: 0.1}}, samples: 1}",
+            "vary",
+            "slack",
+            ("0.1 m", 0.1, "length", 7),
+        ),
+    ],
+)
+def test_what_may_be_given_another_value_is_known_with_what_it_has(
+    folder: Path, slots: str, slot: ParameterSlot, key: str, expected: tuple[object, ...]
+) -> None:
+    found = overridable(LayerLibrary(folder), cell(folder, slots).scenario, slot)
+    value = find_overridable(found, key)
+    assert value is not None
+    assert (value.text, value.value, value.dimension, value.where.line) == (
+        expected[0], pytest.approx(expected[1]), *expected[2:],
+    )  # fmt: skip
+
+
+def test_every_written_value_may_be_written_as_an_override(folder: Path) -> None:
+    scenario = load(folder, "about: same").cells[0].scenario
+    library = LayerLibrary(folder)
+    slots: tuple[ParameterSlot, ...] = ("floorplan", "behaviours", "mission", "robot", "sut")
+    for slot in slots:
+        values = overridable(library, scenario, slot)
+        told = {
+            v.key: v.value if v.plain and not isinstance(v.value, str) else v.text
+            for v in values.values()
+            if v.value is not None
+        }
+        told = {key: int(said) if values[key].whole else said for key, said in told.items()}
+        again = overridable(library, with_overrides(scenario, slot, 0, told), slot)
+        assert {v.key: v.value for v in again.values()} == pytest.approx(
+            {v.key: v.value for v in values.values()}
+        )
+
+
+SHIPPED = (
+    "demo/campaign", "two_lasers/campaign", "ortega2024/campaign", "ortega2024/paper",
+    "ortega2024/first", "ortega2024/swinging_doors",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_each_shipped_scenario_as_a_campaign_of_its_own_has_the_same_runs(
+    tmp_path: Path, campaigns: Path, name: str
+) -> None:
+    shutil.copytree(campaigns, tmp_path, dirs_exist_ok=True)
+    campaign = load_campaign(tmp_path / f"{name}.yaml")
+    # Those left out differ from others in nothing but their missions.
+    cells = tuple(c for c in campaign.cells if c.name not in ("S3.2", "S3.3", "S3.5"))
+    wanted = {run.label: run.digest for run in expand(replace(campaign, cells=cells)).runs}
+    file = (tmp_path / name).parent / "alone.yaml"
+    found = {}
+    for one in cells:
+        text = campaign_text(
+            campaign, one.scenario, name=one.name, repeats=campaign.repeats or 1, comment="Alone."
+        )
+        file.write_text(text)
+        found |= {run.label: run.digest for run in expand(load_campaign(file)).runs}
+    assert found == wanted
+
+
+def test_a_scenario_with_values_in_every_slot_runs_alone_as_it_does_there(folder: Path) -> None:
+    (folder / "mine.yaml").write_text("sut: mine\nlike: pilot\n")
+    slots = """\
+floorplan: {flat: {room_length: 3.1 m}}
+    behaviours: [{doors_moving: {swing: 52.5 deg/s, kitchen_opens: 8.54 s}}]
+    mission: {courier: {start.y: 0.1, waypoints.kitchen.x: 30 cm}}
+    robot: {courier: {laser: {noise: 2 cm}}}
+    sut: [mine, {pilot: {max_speed: 0.4 m/s}}]
+    map: {resolution: 4 cm, doors: initial}
+    chance: per campaign
+    limit: 45.5 s"""
+    campaign = load(folder, slots)
+    wanted = [r.digest for r in expand(campaign).runs if r.scenario == "changed"]
+    scenario = campaign.cells[1].scenario
+    text = campaign_text(
+        campaign, scenario, name="changed", about="x", comment="Two\nlines",
+        expect=[{"scenario": "changed", "oracle": "reached", "verdict": "fail", "why": "found"}],
+    )  # fmt: skip
+    (folder / "alone.yaml").write_text(text)
+    alone = load_campaign(folder / "alone.yaml")
+    assert [r.digest for r in expand(alone).runs] == wanted
+    assert len(wanted) == 2
+    assert alone.declared.expectations[0].why == "found"
+    (folder / "alone.yaml").write_text(campaign_text(campaign, scenario, name="changed", sut=1))
+    assert [r.digest for r in expand(load_campaign(folder / "alone.yaml")).runs] == wanted[1:]
+
+
+def test_variants_with_values_run_alone_as_they_do_there(folder: Path) -> None:
+    campaign = load(folder, "vary: {floorplan: {flat: {slack: 0.1 m}}, samples: 2}")
+    wanted = [r.digest for r in expand(campaign).runs if r.scenario != "plain"]
+    scenario = replace(campaign.cells[1].scenario, name="other")
+    (folder / "alone.yaml").write_text(campaign_text(campaign, scenario, name="changed"))
+    assert [r.digest for r in expand(load_campaign(folder / "alone.yaml")).runs] == wanted
