@@ -50,12 +50,13 @@ class ExercisedSpace:
 
 
 def exercised_space(row: SearchRow, proposals: Iterable[ProposalRow]) -> ExercisedSpace:
-    """Return what the settled runs of a search have tried; repeats of a point are one."""
+    """Return what the settled runs of a search have tried while it explored; repeats are one."""
     task = row.task
     points: dict[tuple[PointValue, ...], bool] = {}
     for one in proposals:
-        # Shrunk runs have the values of the nearest failure, and less than its scenario.
-        if one.settled and one.proposal.phase != "shrink":
+        # Those on the way to the nearest failure lie on lines to the written values, and most of
+        # their parameters have these: they would hide what was looked at.
+        if one.settled and one.proposal.phase == "explore":
             values = one.proposal.values
             points[values] = points.get(values, False) or point_result(task, one).fails
     return ExercisedSpace(
