@@ -24,8 +24,9 @@ from daemon.campaign import (
     repeat_seed,
     with_overrides,
 )
-from daemon.model.search import ParameterSlot, Point, SearchTask
+from daemon.model.search import ParameterSlot, Point, PointResult, SearchTask
 from daemon.model.spec import OracleText, RunSpec
+from daemon.search.points import is_as_written
 from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
 from grammars.model.scene import Scene
@@ -83,16 +84,24 @@ class SearchCase:
         with reading_only_in(self._only_in):
             return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
 
-    def found_text(self, point: Point, number: int, *, comment: str, repeats: int) -> str:
+    def found_text(
+        self, result: PointResult, *, comment: str, why: str = "", repeats: int = 1
+    ) -> str:
         """Return a campaign file beside that of the campaign with the scenario of a point alone.
 
-        Its runs are those of the proposal, digest by digest: repeat 0 is that of proposal
-        ``number``. ``comment`` stands above it, ``repeats`` is how many of them it has.
+        Its runs are those of the proposal, digest by digest, and it says only what is not as
+        written. ``comment`` stands above it, ``repeats`` is how many repeats it has. What fails is
+        expected to, where ``why`` is given.
         """
+        point, number = result.values, result.number
+        expected: list[dict[str, str]] = []
+        if why and result.fails and result.verdict is not None:
+            expected.append({"oracle": result.verdict.oracle, "verdict": "fail", "why": why})
         return campaign_text(
             self.campaign,
-            self.scenario_at(point, number),
+            self._found_scenario(point, number),
             name=self.task.scenario_of(number),
+            expect=expected,
             sut=self.sut,
             repeats=repeats,
             about=f"Found by the search {self.task.name} of {self.campaign.name}.",
@@ -101,10 +110,22 @@ class SearchCase:
 
     def scenario_at(self, point: Point, number: int) -> ResolvedScenario:
         """Return the scenario with the values of a point written beside its layers."""
+        return self._with_values(self._values(point), number)
+
+    def _with_values(self, values: _Values, number: int) -> ResolvedScenario:
         scenario = replace(self.cell.scenario, name=self.task.scenario_of(number))
-        for (slot, index), values in self._values(point).items():
-            scenario = with_overrides(scenario, slot, index, values)
+        for (slot, index), found in values.items():
+            scenario = with_overrides(scenario, slot, index, found)
         return scenario
+
+    def _found_scenario(self, point: Point, number: int) -> ResolvedScenario:
+        """Return the scenario of a point that says what is not as written, and the same run."""
+        whole = self.scenario_at(point, number)
+        told = self._with_values(self._values(point, only_changed=True), number)
+        with reading_only_in(self._only_in):
+            runs = [self._spec(self._composed(one, point, 0), 0) for one in (whole, told)]
+        # Written with more digits than a value of a point has, say, it would be another run.
+        return told if runs[0].digest == runs[1].digest else whole
 
     def cell_at(self, point: Point, number: int, repeat: int) -> CampaignCell:
         """Return the loaded scenario of a point, with the behaviours of one repeat alone.
@@ -149,10 +170,16 @@ class SearchCase:
             behaviours=(resolved.behaviours,),
         )
 
-    def _values(self, point: Point) -> _Values:
-        """Return the overrides of a point by the layers beside which they are written."""
+    def _values(self, point: Point, *, only_changed: bool = False) -> _Values:
+        """Return the overrides of a point by the layers beside which they are written.
+
+        Or those alone that are not as written, and those that are written nowhere.
+        """
         found: dict[tuple[ParameterSlot, int], dict[str, object]] = {}
         for parameter, value in zip(self.task.parameters, point, strict=True):
+            written = parameter.written is not None and is_as_written(parameter, value)
+            if only_changed and written:
+                continue
             layer = found.setdefault((parameter.slot, parameter.index), {})
             layer[parameter.key] = parameter.override(value)
         return found

@@ -14,8 +14,9 @@ from grammars.text.diagnostics import InputError
 
 MEDIAN_OF: Final = 3
 """Runs of a point where the system under test is not repeatable: its margin is their median."""
-NOISES: Final = 3
-"""A failure holds if it is one in repeat 0 and in most of so many repeats, that one included."""
+_FEWEST_OTHERS: Final = 2
+_MOST_OTHERS: Final = 5
+"""A failure holds if at least half of so many repeats with other noise are failures too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +115,15 @@ class PointRunner:
         wanted = [(result, r) for r in range(self.repeats, self.repeats + times)]
         return self._repeated(wanted)
 
+    @property
+    def others(self) -> int:
+        """How many repeats with other noise say whether a failure holds.
+
+        Those are the first that confirm one, so that what holds is confirmed. That run 0 fails says
+        nothing about it: it was chosen for that.
+        """
+        return min(max(self.case.task.confirm, _FEWEST_OTHERS), _MOST_OTHERS)
+
     def holds(self, result: PointResult) -> bool | None:
         """Return whether a failure is one with most noises; ``None`` where more runs must say.
 
@@ -121,39 +131,54 @@ class PointRunner:
         """
         if not result.fails or self.repeats > 1:
             return result.fails
-        least = NOISES // 2 + 1
-        others = [self._repeats.get((result.number, r)) for r in range(1, NOISES)]
-        failed = 1 + sum(one is not None and one.fails for one in others)
-        if failed >= least:
-            return True
-        return False if failed + others.count(None) < least else None
+        missing_failed, missing_other = self._missing(result)
+        if missing_failed > 0 and missing_other > 0:
+            return None
+        return missing_failed <= 0
+
+    def _missing(self, result: PointResult) -> tuple[int, int]:
+        """Return how many repeats have to fail, or not to, until it is known what most do."""
+        known = self._others_of(result)
+        failed = sum(one.fails for one in known)
+        needed = (self.others + 1) // 2
+        return needed - failed, self.others - needed + 1 - (len(known) - failed)
+
+    def _others_of(self, result: PointResult) -> list[PointResult]:
+        keys = [(result.number, repeat) for repeat in range(1, self.others + 1)]
+        return [self._repeats[key] for key in keys if key in self._repeats]
 
     def with_most_noises(self, results: Sequence[PointResult | None]) -> list[PointResult | None]:
         """Return results, in place of those that are failures by chance what the others say.
 
-        Failures are run again, all at the same time, until it is known whether they hold.
+        Failures are run again, at the same time, until it is known whether they hold.
         """
-        for repeat in range(1, NOISES):
-            open_ones = [one for one in results if one is not None and self.holds(one) is None]
-            self._repeated([(one, repeat) for one in open_ones])
+        failures = [one for one in results if one is not None and one.fails]
+        while open_ones := [one for one in failures if self.holds(one) is None]:
+            wanted: list[tuple[PointResult, int]] = []
+            for one in open_ones:
+                begun = len(self._others_of(one)) + 1
+                # No more than can be needed: the next ones may not be.
+                wanted.extend((one, begun + more) for more in range(min(self._missing(one))))
+            self._repeated(wanted)
         return [self._usual(one) for one in results]
 
     def _usual(self, result: PointResult | None) -> PointResult | None:
         if result is None or self.holds(result) == result.fails:
             return result
-        others = [self._repeats.get((result.number, r)) for r in range(1, NOISES)]
-        return median_result([one for one in others if one is not None and not one.fails])
+        return median_result([one for one in self._others_of(result) if not one.fails])
 
     def _repeated(self, wanted: Sequence[tuple[PointResult, int]]) -> list[PointResult]:
-        """Run the repeats of points that were not run, and return them all."""
-        purpose, positions = RunPurpose("confirm", "repeat"), {}
-        for result, repeat in wanted:
-            number, point = result.number, result.values
-            if (number, repeat) not in self._repeats:
+        """Run the repeats of points that were not run, a window at a time, and return them all."""
+        task, purpose = self.case.task, RunPurpose("confirm", "repeat")
+        new = [(r, repeat) for r, repeat in wanted if (r.number, repeat) not in self._repeats]
+        for start in range(0, len(new), task.window):
+            positions: dict[tuple[int, int], int] = {}
+            for result, repeat in new[start : start + task.window]:
+                number, point = result.number, result.values
                 candidate = self.case.candidate(point, number, repeat)
                 positions[number, repeat] = self.issue(candidate, number, repeat, point, purpose)
-        for key, position in positions.items():
-            self._repeats[key] = point_result(self.case.task, self.wait(position))
+            for key, position in positions.items():
+                self._repeats[key] = point_result(task, self.wait(position))
         return [self._repeats[result.number, repeat] for result, repeat in wanted]
 
     def issue(

@@ -37,7 +37,7 @@ from daemon.search.results import first_failure, smallest_margin
 from daemon.search.wording import nearest_sentence, noise_words
 
 NEAREST_POINTS: Final = 30
-"""Points that are tried at most to find the nearest failure, each in up to three runs."""
+"""Points that are tried at most to find the nearest failure; one that fails takes several runs."""
 _MOST_STARTS: Final = 5
 """Failures that are begun with at most."""
 _MORE_TRIED: Final = 2

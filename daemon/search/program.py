@@ -25,7 +25,7 @@ from daemon.model.search import (
 )
 from daemon.model.verdicts import Outcome
 from daemon.search.answer import LaterResults, make_answer, told_failure
-from daemon.search.execution import MEDIAN_OF, NOISES, BegunPoint, PointRunner, RunPurpose
+from daemon.search.execution import MEDIAN_OF, BegunPoint, PointRunner, RunPurpose
 from daemon.search.findings import FailureKey, failure_key, parameter_influence
 from daemon.search.methods import MethodProposal, SearchMethod, make_method
 from daemon.search.nearest import (
@@ -251,7 +251,7 @@ class _SearchProgram:
             return
         self.later = replace(self.later, nearest=found)
         # Where one noise decided it is not known yet what the others say of this very point.
-        repeats = self._confirm(found.result, 0 if found.holds else NOISES - 1)
+        repeats = self._confirm(found.result, 0 if found.holds else self.points.others)
         holds = self.points.holds(found.result) is not False and not _is_doubtful(repeats)
         found = with_repeats(self.task, found, repeats, holds=holds)
         self.later = replace(self.later, nearest=found)
@@ -276,7 +276,7 @@ class _SearchProgram:
         about = answer.nearest.sentence if answer.nearest is not None else failure_words(failure)
         words = f"Found by the search {self.task.name}: {about}."
         comment = "\n".join(textwrap.wrap(words, _WIDTH, break_long_words=False))
-        text = self.case.found_text(failure.values, failure.number, comment=comment, repeats=1)
+        text = self.case.found_text(failure, comment=comment, why=about)
         return replace(answer, found=text, found_label=failure.label, found_digest=failure.digest)
 
     def _report(self, phase: Phase, note: str) -> None:

@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Protocol
 
 from daemon.analysis.blame import Candidate, RunCase
-from daemon.model.search import Phase, Point, Proposal, ProposalRow, SearchAnswer, SearchTask
+from daemon.model.search import (
+    Phase,
+    Point,
+    PointResult,
+    Proposal,
+    ProposalRow,
+    SearchAnswer,
+    SearchTask,
+)
 
 
 class SearchStoppedError(Exception):
@@ -34,8 +42,13 @@ class Case(Protocol):
     def run_case(self, point: Point, number: int) -> RunCase:
         """Return the run of a point taken apart."""
 
-    def found_text(self, point: Point, number: int, *, comment: str, repeats: int) -> str:
-        """Return a campaign file for the folder of the campaign, with the run of a point."""
+    def found_text(
+        self, result: PointResult, *, comment: str, why: str = "", repeats: int = 1
+    ) -> str:
+        """Return a campaign file for the folder of the campaign, with the run of a point.
+
+        Its failure is expected there; ``why`` says what it is.
+        """
 
 
 class Runs(Protocol):

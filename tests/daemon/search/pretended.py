@@ -60,9 +60,12 @@ class PretendedCase:
     def run_case(self, point: Point, number: int) -> RunCase:
         raise NotImplementedError("a pretended run has no layers to take away")
 
-    def found_text(self, point: Point, number: int, *, comment: str, repeats: int) -> str:
+    def found_text(
+        self, result: PointResult, *, comment: str, why: str = "", repeats: int = 1
+    ) -> str:
         lines = "".join(f"# {line}\n" for line in comment.splitlines())
-        return f"{lines}scenarios: {self.task.scenario_of(number)} {list(point)} {repeats}\n"
+        name = self.task.scenario_of(result.number)
+        return f"{lines}scenarios: {name} {list(result.values)} {repeats}\n"
 
     def execute(self, candidates: Sequence[Candidate]) -> list[RunResult | None]:
         return [self._result(candidate) for candidate in candidates]

@@ -13,6 +13,7 @@ from daemon.model.search import Point
 from daemon.model.spec import RunSpec
 from daemon.search.composition import SearchCase, load_search_case
 from grammars.text.diagnostics import InputError
+from tests.daemon.search.pretended import made_result
 
 DOORS = """\
 parameter swing = 60 deg/s
@@ -148,7 +149,7 @@ def test_every_layer_can_be_searched(folder: Path) -> None:
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_the_campaign_of_a_point_has_its_very_runs(folder: Path, repeats: int) -> None:
     case = everywhere(folder)
-    text = case.found_text(FAR, 5, comment="It fails.", repeats=repeats)
+    text = case.found_text(made_result(FAR, -0.1, 5), comment="It fails.", repeats=repeats)
     assert text.startswith("# It fails.\n")
     (folder / "s.found.yaml").write_text(text)
     found = load_campaign(folder / "s.found.yaml")
@@ -156,6 +157,34 @@ def test_the_campaign_of_a_point_has_its_very_runs(folder: Path, repeats: int) -
         case.candidate(FAR, 5, repeat).spec.digest for repeat in range(repeats)
     ]
     assert found.searches == ()
+
+
+def test_what_was_found_says_what_is_not_as_written_and_that_it_fails(folder: Path) -> None:
+    case = case_in(folder)
+    point = (6.25, 14.0, 60.0, "bedroom_door")
+    text = case.found_text(made_result(point, -0.1, 5), comment="", why="closes 0.25 s later: bad")
+    assert "doors_moving: {closes: 6.25 s}" in text
+    (folder / "s.found.yaml").write_text(text)
+    found = load_campaign(folder / "s.found.yaml")
+    (run,) = expand(found).runs
+    assert run.digest == case.candidate(point, 5).spec.digest
+    (expected,) = found.declared.expectations
+    assert (expected.oracle, expected.verdict) == ("keeps-clear", "fail")
+    assert expected.why == "closes 0.25 s later: bad"
+
+
+def test_what_is_written_with_more_digits_than_a_point_has_is_said_all_the_same(
+    folder: Path,
+) -> None:
+    (folder / "doors_moving.scenery").write_text(DOORS.replace("= 6 s", "= 6.00000000004 s"))
+    case = case_in(folder)
+    point = (case.task.parameters[0].written, 14.0, 61.0, "bedroom_door")
+    assert point[0] is not None
+    text = case.found_text(made_result(point, -0.1, 5), comment="")  # type: ignore[arg-type]
+    (folder / "s.found.yaml").write_text(text)
+    (run,) = expand(load_campaign(folder / "s.found.yaml")).runs
+    assert run.digest == case.candidate(point, 5).spec.digest  # type: ignore[arg-type]
+    assert "closes" in text
 
 
 def test_values_in_any_layer_can_be_taken_apart(folder: Path) -> None:
@@ -180,7 +209,7 @@ def test_one_building_of_a_variation_can_be_searched(folder: Path) -> None:
     assert (parameter.slot, parameter.key, parameter.written) == ("vary", "slack", 0.1)
     wide, mean = case.candidate((0.12,), 1), case.candidate((0.1,), 2)
     assert wide.spec.scene != mean.spec.scene
-    (folder / "s.found.yaml").write_text(case.found_text((0.12,), 1, comment="", repeats=1))
+    (folder / "s.found.yaml").write_text(case.found_text(made_result((0.12,), -0.1, 1), comment=""))
     (run,) = expand(load_campaign(folder / "s.found.yaml")).runs
     assert run.digest == wide.spec.digest
 

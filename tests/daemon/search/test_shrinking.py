@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 
 from daemon.analysis.blame import Candidate
-from daemon.campaign import expand, load_campaign, unpack_bundle
+from daemon.campaign import bundle_campaign, expand, load_campaign, unpack_bundle
 from daemon.model.search import PointResult
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.composition import SearchCase, load_search_case
+from daemon.search.coordinator import run_program
 from daemon.search.execution import PointRunner, RunPurpose
 from daemon.search.local_runs import LocalRuns
 from daemon.search.program import run_search
@@ -151,3 +152,21 @@ def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case: SearchCas
     assert run.label == answer.found_label
     phases = list(dict.fromkeys(p.phase for p in runs.proposals))
     assert phases == ["explore", "confirm", "nearest", "shrink"]
+
+
+def test_what_was_handed_on_to_a_daemon_is_shrunk_to_a_campaign(
+    case: SearchCase, tmp_path: Path
+) -> None:
+    def fails(spec: RunSpec) -> bool:
+        return any(b.joint.startswith("kitchen_door") for b in spec.behaviours)
+
+    name, files = bundle_campaign(case.folder / "tiny.yaml")
+    folder = tmp_path / "unpacked"
+    unpack_bundle(files, folder)
+    task = replace(case.task, runs=2, method="halton", confirm=0, then=("shrink",))
+    answer = run_program(folder, name, task, LocalRuns(executor=judged_by(fails)))
+    assert answer.shrunk is not None
+    assert not any("cannot be written" in line for line in answer.shrunk.story)
+    unpack_bundle(answer.shrunk.files, tmp_path / "minimal")
+    (run,) = expand(load_campaign(tmp_path / "minimal" / "campaign.yaml")).runs
+    assert fails(run)
