@@ -6,8 +6,7 @@ is composed (a door that does not fit any more) is told by :mod:`daemon.search.c
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -17,6 +16,13 @@ from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import LayerLibrary
 from daemon.campaign._overrides import OverridableValue
 from daemon.campaign._scenarios import ResolvedScenario
+from daemon.campaign._search_constraints import (
+    comparisons,
+    has_words,
+    is_named,
+    least_sum,
+    with_fixed_values,
+)
 from daemon.campaign._search_file import (
     SearchText,
     ValueChoices,
@@ -25,7 +31,14 @@ from daemon.campaign._search_file import (
     read_confirm,
     read_stop,
 )
-from daemon.campaign._searchable import SearchLayer, literal_hint, search_layers
+from daemon.campaign._search_values import (
+    choice_as_written,
+    find_value,
+    in_unit,
+    is_number,
+    require_dimension,
+)
+from daemon.campaign._searchable import SearchLayer, search_layers
 from daemon.campaign._steps import step_of
 from daemon.model.search import (
     ANY,
@@ -37,10 +50,9 @@ from daemon.model.search import (
 from daemon.model.spec import SutReference
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, closest, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import KeyPath, YamlDocument
-from grammars.text.inequalities import Inequality, read_inequality
-from grammars.text.quantity import read_quantity
+from grammars.text.inequalities import read_inequality
 
 _LONGEST_NAMES: Final = 88
 """Characters of the names of a campaign and its search together: both are part of an id."""
@@ -237,7 +249,7 @@ class _SearchReader:
         for name, over in self.text.over.items():
             where = self._at("over", name)
             try:
-                layer, value = _find_value(name, layers, over, where, cell)
+                layer, value = find_value(name, layers, over, where, cell)
                 place = (layer.slot, layer.index, value.key)
                 if place in taken:
                     raise InputError.at(where, f"{name} and {taken[place]} are the same value")
@@ -260,17 +272,17 @@ class _SearchReader:
         base = SearchParameter(name, layer.slot, layer.index, value.key, where=place)
         if isinstance(over, ValueChoices):
             return self._choices(base, value, over, where)
-        if not _is_number(value):
+        if not is_number(value):
             said = value.text or "a word"
             message = f"{name} is no number: {said} cannot be in a range"
             choices = ", ".join(value.choices)
             raise InputError.at(where, message, f"write a list of choices: [{choices or '…'}]")
-        _require_dimension(name, over.unit, value, where)
+        require_dimension(name, over.unit, value, where)
         whole = over.whole and value.whole
         # What may be written as a plain number is in SI units then.
         unit = over.unit or value.unit
         step = step_of(over.low, over.high, unit, log=over.log, whole=whole)
-        written = _in_unit(value, unit)
+        written = in_unit(value, unit)
         if written is not None and not over.low <= written <= over.high:
             shown = replace(base, unit=unit).text(written)
             message = f"{name} is {shown} as written, outside of what is searched"
@@ -289,8 +301,8 @@ class _SearchReader:
             message = f"{base.name} cannot be {wrong[0]}"
             raise InputError.at(where, message, f"it is one of {', '.join(value.choices)}")
         written: PointValue | None = value.text or None
-        if _is_number(value):
-            written = _choice_as_written(base.name, value, over, where)
+        if is_number(value):
+            written = choice_as_written(base.name, value, over, where)
         if written is not None and written not in over.values:
             message = f"{base.name} is {written} as written, which is not among the choices"
             hint = f"at {value.where}; the first run is the scenario as written all the same"
@@ -306,18 +318,18 @@ class _SearchReader:
         found: list[str] = []
         if len(parameters) < len(self.text.over):
             return ()  # what they name may be what could not be read
-        units = {p.name: p.unit for p in parameters if not _has_words(p)}
+        units = {p.name: p.unit for p in parameters if not has_words(p)}
         for index, text in enumerate(self.text.such_that):
             where = self._at("such that", index)
-            words = [p.name for p in parameters if _has_words(p) and _names(text, p.name)]
+            words = [p.name for p in parameters if has_words(p) and is_named(text, p.name)]
             if words:
                 message = f'"{text}": {words[0]} is a list of words, which cannot be compared'
                 self._error(where, message, "write a range, or plain numbers in the list")
                 continue
             try:
-                for one in _comparisons(_with_fixed_values(text, parameters, layers)):
+                for one in comparisons(with_fixed_values(text, parameters, layers)):
                     inequality = read_inequality(one, units)
-                    if _least(inequality, parameters) > 0.0:
+                    if least_sum(inequality, parameters) > 0.0:
                         message = f'"{text}" never holds within these ranges'
                         self._error(where, message, "widen a range, or leave it out")
                     found.append(one)
@@ -331,161 +343,3 @@ def _scales(oracles: Sequence[Oracle], robot: Robot) -> tuple[OracleScale, ...]:
     from daemon.judging.oracles import oracle_scale
 
     return tuple(oracle_scale(oracle, robot) for oracle in oracles)
-
-
-def _find_value(
-    name: str,
-    layers: Sequence[SearchLayer],
-    over: ValueRange | ValueChoices,
-    where: Where,
-    cell: CampaignCell,
-) -> tuple[SearchLayer, OverridableValue]:
-    """Return what a name in ``over`` means; raises :class:`InputError` saying what it may be."""
-    found = [(layer, value) for layer in layers if (value := layer.value_of(name)) is not None]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        places = " and ".join(f"{layer.title} ({value.where})" for layer, value in found)
-        slots = [layer.slot for layer, _ in found if layer.slot in layer.labels]
-        hint = f"write {slots[0]}.{found[0][1].key}" if slots else "give one of them another name"
-        raise InputError.at(where, f"{name} may be that of {places}", hint)
-    near = [(layer, key) for layer in layers if (key := layer.key_of(name))]
-    if near:
-        layer, key = near[0]
-        titles = " nor ".join(layer.title for layer, _ in near)
-        message = f'{titles} has no parameter "{key}"'
-        known = [known for layer, _ in near for known in layer.values]
-        hint = literal_hint(layer, key, over, named=bool(closest(key, known)))
-        hint = hint or did_you_mean(key, known)
-        raise InputError.at(where, message, hint)
-    head = name.partition(".")[0]
-    oracles = {oracle.name for oracle in cell.oracles}
-    if head in oracles or head == "oracles":
-        message = f"{name}: limits of oracles are not searched, they say what is good"
-        raise InputError.at(where, message, "vary the scenario")
-    if "." not in name:
-        known = [f"{layer.label}.{key}" for layer in layers for key in layer.values if key == name]
-        hint = f"write {known[0]}" if known else _layers_hint(layers)
-        raise InputError.at(where, f'"{name}" names no layer', hint)
-    labels = dict.fromkeys(label for layer in layers for label in layer.labels)
-    hint = did_you_mean(head, labels)
-    raise InputError.at(where, f'{cell.name} has no layer "{head}"', hint)
-
-
-def _layers_hint(layers: Sequence[SearchLayer]) -> str:
-    return f"write LAYER.PARAMETER; its layers: {', '.join(dict.fromkeys(x.label for x in layers))}"
-
-
-def _is_number(value: OverridableValue) -> bool:
-    """Return whether something may be a number: it is one, or nobody says what it is."""
-    return bool(value.dimension) or not (isinstance(value.value, str) or value.choices)
-
-
-def _require_dimension(name: str, unit: str, value: OverridableValue, where: Where) -> None:
-    given = read_quantity(f"1 {unit}").dimension if unit else "ratio"
-    if given == (value.dimension or "ratio") or (not unit and value.plain):
-        return
-    wanted = f"in {value.unit}" if value.unit else "a plain number"
-    has = f"is in {unit}" if unit else "has no unit"
-    message = f"{name} is {wanted}, its range {has}"
-    raise InputError.at(where, message, f"it is written at {value.where}: {value.text}")
-
-
-def _in_unit(value: OverridableValue, unit: str) -> float | None:
-    """Return the written number in the unit of a range."""
-    number = _number_of(value)
-    if number is None:
-        return None
-    given = re.fullmatch(r"\s*([-+0-9.eE]+)\s*(.*?)\s*", value.text)
-    if given is not None and " ".join(given[2].split()) == unit:
-        return float(given[1])  # exactly as written, without a detour by SI units
-    factor = read_quantity(f"1 {unit}").value if unit else 1.0
-    return float(f"{number / factor:.12g}")
-
-
-def _number_of(value: OverridableValue) -> float | None:
-    return None if isinstance(value.value, str) else value.value
-
-
-def _choice_as_written(
-    name: str, value: OverridableValue, over: ValueChoices, where: Where
-) -> PointValue | None:
-    """Return the choice that is the number as written, else that number in its own words."""
-    same, written = None, _number_of(value)
-    for choice in over.values:
-        if isinstance(choice, str):
-            try:
-                quantity = read_quantity(choice)
-            except ValueError as error:
-                raise InputError.at(where, f"{name}: {error}") from error
-            if quantity.dimension != (value.dimension or "ratio"):
-                raise InputError.at(
-                    where,
-                    f'{name}: "{choice}" is in {quantity.unit}',
-                    f"it is written at {value.where}: {value.text}",
-                )
-        elif not value.plain:
-            hint = f"it is written at {value.where}: {value.text}"
-            raise InputError.at(where, f"{name}: {choice:g} has no unit", hint)
-        number = read_quantity(choice).value if isinstance(choice, str) else choice
-        if written is not None and abs(number - written) <= 1e-9 * abs(number):
-            same = choice
-    words = isinstance(over.values[0], str)
-    return same if same is not None else value.text if words else written
-
-
-def _has_words(parameter: SearchParameter) -> bool:
-    return any(isinstance(choice, str) for choice in parameter.choices)
-
-
-_NAME: Final = re.compile(
-    r"(?:(?P<sign>[+-])\s*)?(?<![\w.])(?P<name>[A-Za-z_][\w-]*(?:[./][\w-]+)*\.[\w./-]*\w)"
-)
-_COMPARED: Final = re.compile(r"(<=|>=|<|>)")
-
-
-def _names(text: str, name: str) -> bool:
-    return any(found["name"] == name for found in _NAME.finditer(text))
-
-
-def _with_fixed_values(
-    text: str, parameters: Sequence[SearchParameter], layers: Sequence[SearchLayer]
-) -> str:
-    """Return an inequality with what is written in place of names that are not searched."""
-    searched = {parameter.name for parameter in parameters}
-
-    def fixed(found: re.Match[str]) -> str:
-        sign, name = found["sign"] or "", found["name"]
-        meant = [value for layer in layers if (value := layer.value_of(name)) is not None]
-        if name in searched or len(meant) != 1 or _number_of(meant[0]) is None:
-            return found[0]
-        text = meant[0].text
-        if meant[0].unit and not re.search(r"[A-Za-z°]", text):
-            text = f"{_number_of(meant[0]):.12g} {meant[0].unit}"
-        if not text.startswith("-"):
-            return f"{sign} {text}".lstrip()
-        return f"{'+' if sign == '-' else '-'} {text[1:]}"
-
-    return _NAME.sub(fixed, text)
-
-
-def _comparisons(text: str) -> Iterator[str]:
-    """Yield the comparisons of a chain: ``a < b < c`` is ``a < b`` and ``b < c``."""
-    parts = _COMPARED.split(text)
-    if len(parts) < 5:
-        yield text
-        return
-    for at in range(0, len(parts) - 2, 2):
-        yield f"{parts[at].strip()} {parts[at + 1]} {parts[at + 2].strip()}"
-
-
-def _least(inequality: Inequality, parameters: Sequence[SearchParameter]) -> float:
-    """Return the smallest sum that any point of the ranges has; what is above 0 never holds."""
-    named = {parameter.name: parameter for parameter in parameters}
-    least = inequality.constant
-    for name, factor in inequality.factors:
-        parameter = named[name]
-        values = parameter.choices or (parameter.low, parameter.high)
-        least += min(factor * float(value) for value in values)
-    slack = 1e-9 * max(1.0, abs(inequality.constant))
-    return least + slack if inequality.strict and least >= -slack else least - slack

@@ -23,6 +23,7 @@ EXTRAS = {
     "distributed": "dask",
     "ezdxf": "import",
     "foxglove": "foxglove",
+    "optuna": "search",
     "pyshacl": "rdf",
     "rdflib": "rdf",
 }

@@ -252,8 +252,8 @@ def test_a_task_of_another_campaign_is_refused(folder: Path) -> None:
     for changed, said in (
         (replace(case.task, scenario="other"), 'no scenario "other"'),
         (replace(case.task, sut="a2s"), 'no system under test "a2s"'),
-        (replace(case.task, parameters=(replace(first, index=9), *rest)), "has no layer 9"),
-        (replace(case.task, parameters=(replace(first, slot="vary"), *rest)), "has no layer 0"),
+        (replace(case.task, parameters=(replace(first, index=9), *rest)), "no layer 9 in"),
+        (replace(case.task, parameters=(replace(first, slot="vary"), *rest)), "no layer 1 in vary"),
     ):
         with pytest.raises(InputError, match=said):
             load_search_case(folder / "tiny.yaml", "s", changed)
