@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from daemon.analysis.blame import Candidate, RunCase
 from daemon.model.search import Phase, Point, Proposal, ProposalRow, SearchAnswer, SearchTask
+
+if TYPE_CHECKING:
+    from daemon.analysis.blame import Candidate, RunCase
 
 
 class SearchStoppedError(Exception):

@@ -30,6 +30,8 @@ _LONGEST_TAIL: Final = 2000
 _LAST_MOMENT: Final = 2.0
 _MOST_DEATHS: Final = 3
 """Deaths in a row, without a run more for any search, after which searches are given up."""
+_LONG_LIFE: Final = 600.0
+"""Seconds after which a death is no sign of what the searches do: they may wait for slow runs."""
 
 
 class KeptProcess:
@@ -228,7 +230,7 @@ class SearchCoordinator(KeptProcess):
             self.trouble, self._pause = "", _FIRST_PAUSE
             self._next_start = now + self._pause
             return
-        same = self._running == self._seen and now - self._started <= _STEADY
+        same = self._running == self._seen and now - self._started <= _LONG_LIFE
         self._deaths = self._deaths + 1 if same else 1
         self._seen = dict(self._running)
 
