@@ -16,6 +16,7 @@ from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
+from daemon.batch.tether import end_tethered
 from daemon.model.execution import RunLimits, python_command
 
 # Seconds. A process that dies at once is started again after twice the time, up to the longest; one
@@ -236,13 +237,5 @@ class SearchCoordinator(KeptProcess):
 
     def close(self) -> None:
         """End it; what it was about to propose it proposes the next time."""
-        process = self._process
-        if process is None:
-            return
-        assert process.stdin is not None
-        process.stdin.close()
-        try:
-            process.wait(_LAST_MOMENT)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        if self._process is not None:
+            end_tethered(self._process, _LAST_MOMENT)

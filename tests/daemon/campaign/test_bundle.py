@@ -10,7 +10,6 @@ import pytest
 
 from daemon.campaign import bundle_campaign, expand, load_campaign
 from daemon.model.bundles import unpack_bundle
-from daemon.model.search import BundledFile
 from grammars.text.diagnostics import InputError
 from grammars.text.sources import reading_only_in
 
