@@ -74,3 +74,14 @@ def _check_path(path: str) -> None:
     )
     if not sound:
         raise ValueError(f"{path[:80]!r} is no path of a file in a bundle")
+
+
+def read_bundle(folder: Path) -> tuple[BundledFile, ...]:
+    """Return the files below a folder, in the order of their names; raises ``OSError``."""
+    return tuple(
+        BundledFile(
+            path.relative_to(folder).as_posix(), base64.b64encode(path.read_bytes()).decode()
+        )
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.is_symlink()
+    )

@@ -11,10 +11,10 @@ from daemon.batch.server._runtime import DaemonClock, EventLog
 from daemon.batch.server._searches import (
     StagedExtension,
     StagedSearch,
-    read_bundle,
     stage_extension,
     stage_search,
 )
+from daemon.model.bundles import read_bundle
 from daemon.model.messages import Count, Empty, IdRequest
 from daemon.model.search import (
     ProposalQuery,

@@ -6,7 +6,6 @@ else; where they are large, by a process of its own.
 
 from __future__ import annotations
 
-import base64
 import filecmp
 import shutil
 import uuid
@@ -23,7 +22,6 @@ from daemon.batch.server._submissions import LARGE_REQUEST, admit_in_child, admi
 from daemon.model.bundles import unpack_bundle
 from daemon.model.ids import is_id
 from daemon.model.search import (
-    BundledFile,
     ExtendRequest,
     Proposal,
     SearchSubmission,
@@ -134,17 +132,6 @@ def remove_staged_searches(paths: StatePaths) -> None:
     """Remove what a daemon that was killed has left of searches it was reading."""
     for folder in paths.searches.glob(_STAGED.format("*")):
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def read_bundle(folder: Path) -> tuple[BundledFile, ...]:
-    """Read the files of a search back, in the order of their names; raises ``OSError``."""
-    return tuple(
-        BundledFile(
-            path.relative_to(folder).as_posix(), base64.b64encode(path.read_bytes()).decode()
-        )
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and not path.is_symlink()
-    )
 
 
 def stage_extension(payload: bytes, paths: StatePaths) -> StagedExtension:

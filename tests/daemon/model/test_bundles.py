@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.model.bundles import unpack_bundle
+from daemon.model.bundles import read_bundle, unpack_bundle
 from daemon.model.search import BundledFile
 
 
@@ -58,5 +58,7 @@ def test_what_is_unpacked_is_its_owners_alone(tmp_path: Path) -> None:
     assert file.read_bytes() == b"x: 1\n"
     assert file.stat().st_mode & 0o077 == 0
     assert file.parent.stat().st_mode & 0o077 == 0
+    (file.parent / "link").symlink_to("/etc/passwd")
+    assert read_bundle(tmp_path / "there") == (BundledFile("a/b.yaml", coded(b"x: 1\n")),)
     with pytest.raises(FileExistsError):
         unpack_bundle((BundledFile("c", coded(b"x")),), tmp_path / "there")
