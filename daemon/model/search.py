@@ -329,7 +329,8 @@ class NearestFailure:
     ``complete`` is false when runs were spent before nothing else could be taken back. ``passes``
     is the last point on the way to the written values that passes. ``sentence`` tells it all:
     "kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m".
-    ``unconfirmed`` is a smaller change that fails too, but not with most of other noise.
+    ``unconfirmed`` is a smaller change that fails too, but not with most of other noise. Where it
+    ``holds`` it fails with most noises; else no failure that was tried does, and one noise decided.
     """
 
     result: PointResult
@@ -340,6 +341,7 @@ class NearestFailure:
     sentence: str
     confirmed: Confirmation | None = None
     unconfirmed: PointResult | None = None
+    holds: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -392,8 +394,9 @@ class SearchAnswer:
     failure of the lowest number, ``best`` the smallest margin. Of the ``space_filling`` runs, those
     with a verdict that were drawn without looking at results (the scenario as written was not
     drawn), ``space_filling_failed`` fail; with 95 % certainty at most ``failing_share`` of the
-    space does. ``sentences`` tell all of it; ``found`` is the text of ``NAME.found.yaml``, empty
-    when nothing fails.
+    space does. Of the failures that were explored, ``repeated`` were run with other noise as well,
+    of which ``holding`` fail with most noises. ``sentences`` tell all of it; ``found`` is the text
+    of ``NAME.found.yaml``, empty when nothing fails.
     """
 
     ended: str
@@ -419,6 +422,8 @@ class SearchAnswer:
     found_label: str = ""
     found_digest: str = ""
     refused: int = 0
+    repeated: int = 0
+    holding: int = 0
 
 
 @dataclass(frozen=True, slots=True)

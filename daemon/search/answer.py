@@ -37,9 +37,11 @@ def make_answer(
     executed: int = 0,
     reused: int = 0,
     later: LaterResults | None = None,
+    holding: Sequence[bool] = (),
 ) -> SearchAnswer:
     """Return the answer of a search that has learnt these points, sentences included.
 
+    ``holding`` says of each explored failure that was repeated whether most noises confirm it.
     The text of the found scenario is not in it: it is written in the end.
     """
     later = later or LaterResults()
@@ -67,6 +69,8 @@ def make_answer(
         findings=distinct_failures(results),
         influence=parameter_influence(task, explored),
         refused=len(explored) - len(results),
+        repeated=len(holding),
+        holding=sum(holding),
     )
     return replace(answer, sentences=answer_sentences(task, answer))
 
@@ -80,9 +84,14 @@ def failing_share(failed: int, runs: int) -> float | None:
 
 
 def told_failure(answer: SearchAnswer) -> PointResult | None:
-    """Return the failure that is handed on: the nearest one, else the worst, else the first."""
+    """Return the failure that is handed on.
+
+    That is the nearest one, else the first if most of its repeats confirm it, else the worst.
+    """
     if answer.nearest is not None:
         return answer.nearest.result
+    if answer.confirmed is not None and 2 * answer.confirmed.failed >= answer.confirmed.runs:
+        return answer.first
     if answer.best is not None and answer.best.fails:
         return answer.best
     return answer.first

@@ -66,9 +66,6 @@ class SearchCase:
         Noise and chance are those that a scenario of the campaign has in that repeat. Raises
         :class:`InputError` for values that a layer refuses, or the geometry.
         """
-        # With all that runs and judges, which checking a search does without.
-        from daemon.analysis.blame import Candidate
-
         cell = self.cell_at(point, number, repeat)
         return Candidate(self._spec(cell, repeat), cell.scene)
 

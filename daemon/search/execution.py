@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -14,6 +14,8 @@ from grammars.text.diagnostics import InputError
 
 MEDIAN_OF: Final = 3
 """Runs of a point where the system under test is not repeatable: its margin is their median."""
+NOISES: Final = 3
+"""A failure holds if it is one in repeat 0 and in most of so many repeats, that one included."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,7 @@ class PointRunner:
     executed: int = 0
     reused: int = 0
     _known: dict[Point, PointResult | None] = field(default_factory=dict)
+    _repeats: dict[tuple[int, int], PointResult] = field(default_factory=dict)
 
     @property
     def repeats(self) -> int:
@@ -83,6 +86,10 @@ class PointRunner:
         """Return whether nothing is run to find out about a point."""
         return point in self._known or not self.allowed(point)
 
+    def known(self, point: Point) -> PointResult | None:
+        """Return what a point is known to say; ``None`` where it makes no run, or had none."""
+        return self._known.get(point)
+
     def results(self, tried: Iterable[tuple[Point, RunPurpose]]) -> list[PointResult | None]:
         """Return what points say, run at the same time; ``None`` for what makes no run.
 
@@ -100,14 +107,54 @@ class PointRunner:
         return [one for one in self._known.values() if one is not None and one.fails]
 
     def repeat(self, result: PointResult, times: int) -> list[PointResult]:
-        """Run a point as often again, with other noise."""
-        point, number = result.values, result.number
-        purpose = RunPurpose("confirm", "repeat")
-        positions = [
-            self.issue(self.case.candidate(point, number, r), number, r, point, purpose)
-            for r in range(self.repeats, self.repeats + times)
-        ]
-        return [point_result(self.case.task, self.wait(position)) for position in positions]
+        """Return what so many repeats of a point say, with other noise than the first run.
+
+        Those that were run before are not run again.
+        """
+        wanted = [(result, r) for r in range(self.repeats, self.repeats + times)]
+        return self._repeated(wanted)
+
+    def holds(self, result: PointResult) -> bool | None:
+        """Return whether a failure is one with most noises; ``None`` where more runs must say.
+
+        Where runs differ a point is judged by the median of several from the beginning.
+        """
+        if not result.fails or self.repeats > 1:
+            return result.fails
+        least = NOISES // 2 + 1
+        others = [self._repeats.get((result.number, r)) for r in range(1, NOISES)]
+        failed = 1 + sum(one is not None and one.fails for one in others)
+        if failed >= least:
+            return True
+        return False if failed + others.count(None) < least else None
+
+    def with_most_noises(self, results: Sequence[PointResult | None]) -> list[PointResult | None]:
+        """Return results, in place of those that are failures by chance what the others say.
+
+        Failures are run again, all at the same time, until it is known whether they hold.
+        """
+        for repeat in range(1, NOISES):
+            open_ones = [one for one in results if one is not None and self.holds(one) is None]
+            self._repeated([(one, repeat) for one in open_ones])
+        return [self._usual(one) for one in results]
+
+    def _usual(self, result: PointResult | None) -> PointResult | None:
+        if result is None or self.holds(result) == result.fails:
+            return result
+        others = [self._repeats.get((result.number, r)) for r in range(1, NOISES)]
+        return median_result([one for one in others if one is not None and not one.fails])
+
+    def _repeated(self, wanted: Sequence[tuple[PointResult, int]]) -> list[PointResult]:
+        """Run the repeats of points that were not run, and return them all."""
+        purpose, positions = RunPurpose("confirm", "repeat"), {}
+        for result, repeat in wanted:
+            number, point = result.number, result.values
+            if (number, repeat) not in self._repeats:
+                candidate = self.case.candidate(point, number, repeat)
+                positions[number, repeat] = self.issue(candidate, number, repeat, point, purpose)
+        for key, position in positions.items():
+            self._repeats[key] = point_result(self.case.task, self.wait(position))
+        return [self._repeats[result.number, repeat] for result, repeat in wanted]
 
     def issue(
         self, candidate: Candidate, number: int, repeat: int, point: Point, purpose: RunPurpose

@@ -2,11 +2,14 @@
 
 From a failure that was found, parameters are taken back to their written values, those of least
 influence first and in halves, as long as it still fails; what is left is halved towards the
-written values until neighbouring steps, one of which passes.
+written values until neighbouring steps, one of which passes. To fail is to fail with most noises:
+the smallest change that fails with one of them is luck. Only where no failure does, one noise
+decides, and that is told.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Protocol
@@ -21,6 +24,7 @@ from daemon.model.search import (
     SearchTask,
 )
 from daemon.model.verdicts import Outcome
+from daemon.search.findings import distinct_failures
 from daemon.search.points import (
     change_size,
     changed_parameters,
@@ -30,60 +34,81 @@ from daemon.search.points import (
     with_value,
 )
 from daemon.search.results import first_failure, smallest_margin
-from daemon.search.wording import nearest_sentence
+from daemon.search.wording import nearest_sentence, noise_words
 
-NEAREST_RUNS: Final = 30
-"""Points that are run at most to find the nearest failure."""
+NEAREST_POINTS: Final = 30
+"""Points that are tried at most to find the nearest failure, each in up to three runs."""
+_MOST_STARTS: Final = 5
+"""Failures that are begun with at most."""
 _MORE_TRIED: Final = 2
 _WELL_BEYOND: Final = 1.25
 """Where noise does not confirm a failure, so many others are tried, each so many times as far."""
 
 
 class PointProber(Protocol):
-    """Runs points to find out whether they fail."""
+    """Runs points to find out whether they fail: with most noises, or with ``one_noise``.
 
-    def is_known(self, point: Point) -> bool:
+    ``runs`` counts what was run.
+    """
+
+    @property
+    def runs(self) -> int:
+        """How many runs were made."""
+
+    def is_known(self, point: Point, *, one_noise: bool) -> bool:
         """Return whether nothing is run to find out about a point."""
 
-    def results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
+    def results(
+        self, tried: Sequence[tuple[Point, str]], *, one_noise: bool
+    ) -> list[PointResult | None]:
         """Return what points say, run at the same time; ``None`` for what makes no run.
 
-        Each comes with a few words on what is tried.
+        Each comes with a few words on what is tried. What fails by chance does not.
         """
 
 
 class _SpentError(Exception):
-    """Another run was needed and none is left."""
+    """Another point had to be tried and none is left."""
 
 
 @dataclass(frozen=True, slots=True)
 class NearestQuestion:
     """What the nearest failure is looked for with.
 
-    ``influence`` is of each parameter, its sign does not matter. Numbers of ``doubtful`` failures
-    are of those that other noise does not confirm: where there are others, these come first.
+    ``influence`` is of each parameter, its sign does not matter.
     """
 
     task: SearchTask
     failures: Sequence[PointResult]
     influence: Mapping[str, float]
-    doubtful: frozenset[int] = frozenset()
 
 
 def find_nearest(question: NearestQuestion, prober: PointProber) -> NearestFailure | None:
-    """Return the nearest failure; ``None`` when nothing has failed."""
-    task, failures = question.task, question.failures
-    as_written = [f for f in failures if not changed_parameters(task, f.values)]
-    if as_written:
-        return _nearest(task, _Descent(task, (), prober, _Spending(), as_written[0]), complete=True)
+    """Return the nearest failure, which holds if one does; ``None`` when nothing has failed."""
+    trial = _Trial(prober)
+    found = _find(question, trial)
+    if found is None and question.failures:
+        trial.one_noise = True
+        found = _find(question, trial)
+    return found
+
+
+def _find(question: NearestQuestion, trial: _Trial) -> NearestFailure | None:
+    """Return the smallest change that is come down to from any of the starts that fail."""
+    task = question.task
     order = sorted(
         range(len(task.parameters)),
         key=lambda i: (abs(question.influence.get(task.parameters[i].name, 0.0)), i),
     )
-    spending = _Spending()
     best: tuple[tuple[int, float], _Descent, bool] | None = None
     for start in _starts(question):
-        descent = _Descent(task, tuple(order), prober, spending, start)
+        try:
+            (failing,) = trial.results([(start.values, "")])
+        except _SpentError:
+            break
+        if failing is None or not failing.fails:
+            continue
+        descent = _Descent(task, tuple(order), trial, failing)
         complete = descent.go_down()
         found = descent.failing.values
         size = len(changed_parameters(task, found)), distance_from_written(task, found)
@@ -95,22 +120,42 @@ def find_nearest(question: NearestQuestion, prober: PointProber) -> NearestFailu
 
 
 def _starts(question: NearestQuestion) -> list[PointResult]:
-    """Return failures to begin with: that with the smallest change, the best, the first."""
-    task = question.task
-    sure = [f for f in question.failures if f.number not in question.doubtful]
-    among = sure or list(question.failures)
+    """Return failures to begin with, in this order.
+
+    That with the smallest change, the worst, the first, the worst of each other kind, the worst of
+    the rest.
+    """
+    task, among = question.task, question.failures
     if not among:
         return []
     least = min(among, key=lambda f: (distance_from_written(task, f.values), f.number))
-    picked = [least, smallest_margin(among), first_failure(among)]
-    return list({one.values: one for one in picked if one is not None}.values())
+    kinds = [one.example for one in distinct_failures(among)]
+    worst = sorted(among, key=lambda f: (f.value.value if f.value else math.inf, f.number))
+    picked = [least, smallest_margin(among), first_failure(among), *kinds, *worst]
+    starts = {one.values: one for one in picked if one is not None}
+    return list(starts.values())[:_MOST_STARTS]
 
 
 @dataclass(slots=True)
-class _Spending:
-    """Runs that were spent, by all descents together."""
+class _Trial:
+    """Tries points as long as some are left, for all descents together."""
 
-    runs: int = 0
+    prober: PointProber
+    one_noise: bool = False
+    points: int = 0
+
+    def is_known(self, point: Point) -> bool:
+        """Return whether nothing is run to find out about a point."""
+        return self.prober.is_known(point, one_noise=self.one_noise)
+
+    def results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
+        """Return what points say; raises :class:`_SpentError`."""
+        new = {point for point, _ in tried if not self.is_known(point)}
+        # A whole batch or none: half of one would make the answer depend on the budget.
+        if self.points + len(new) > NEAREST_POINTS:
+            raise _SpentError
+        self.points += len(new)
+        return self.prober.results(tried, one_noise=self.one_noise)
 
 
 @dataclass(slots=True)
@@ -123,8 +168,7 @@ class _Descent:
 
     task: SearchTask
     order: tuple[int, ...]
-    prober: PointProber
-    spending: _Spending
+    trial: _Trial
     failing: PointResult
     passing: dict[int, PointValue] = field(default_factory=dict)
     passes: PointResult | None = None
@@ -133,7 +177,8 @@ class _Descent:
         """Bring the failure nearer, and return whether nothing else could be done."""
         complete = True
         try:
-            self._take_back()
+            if self._changed():
+                self._take_back()
             for index in self._changed():
                 self._halve(index)
         except _SpentError:
@@ -149,8 +194,8 @@ class _Descent:
                 if value is None:
                     continue
                 point = with_value(self.failing.values, index, value)
-                known = self.prober.is_known(point)
-                result = self.prober.results([(point, "")])[0] if known else None
+                known = self.trial.is_known(point)
+                result = self.trial.results([(point, "")])[0] if known else None
                 if result is not None and result.outcome is Outcome.PASS:
                     self._remember_passing(result, (index,))
                     break
@@ -184,7 +229,7 @@ class _Descent:
     def _first_failing(self, groups: Sequence[tuple[int, ...]]) -> int | None:
         """Take back the first of these groups without which it still fails; return which."""
         values = self.failing.values
-        found = self._results(
+        found = self.trial.results(
             [(taken_back(self.task, values, group), self._note(group)) for group in groups]
         )
         for number, (group, result) in enumerate(zip(groups, found, strict=True)):
@@ -217,20 +262,12 @@ class _Descent:
                 return
             point = with_value(self.failing.values, index, value)
             note = f"{parameter.name} at {parameter.text(value)}"
-            (result,) = self._results([(point, note)])
+            (result,) = self.trial.results([(point, note)])
             if result is not None and result.fails:
                 self.failing = result
             else:
                 passing = value
                 self._remember_passing(result, (index,))
-
-    def _results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
-        new = {point for point, _ in tried if not self.prober.is_known(point)}
-        # A whole batch or none: half of one would make the answer depend on the budget.
-        if self.spending.runs + len(new) > NEAREST_RUNS:
-            raise _SpentError
-        self.spending.runs += len(new)
-        return self.prober.results(tried)
 
 
 def larger_changes(
@@ -268,7 +305,19 @@ def instead(
         sentence=nearest_sentence(task, result, changes, nearest.passes),
         confirmed=confirmed,
         unconfirmed=nearest.result,
+        holds=True,
     )
+
+
+def with_repeats(
+    task: SearchTask, nearest: NearestFailure, confirmed: Confirmation | None, *, holds: bool
+) -> NearestFailure:
+    """Return the nearest failure with what its repeats say; its sentence too where it is luck."""
+    sentence = nearest.sentence
+    if not holds:
+        luck = noise_words(confirmed)
+        sentence = nearest_sentence(task, nearest.result, nearest.changes, nearest.passes, luck)
+    return replace(nearest, confirmed=confirmed, sentence=sentence, holds=holds)
 
 
 def _nearest(task: SearchTask, descent: _Descent, *, complete: bool) -> NearestFailure:
@@ -276,7 +325,16 @@ def _nearest(task: SearchTask, descent: _Descent, *, complete: bool) -> NearestF
     passing = {task.parameters[i].name: value for i, value in descent.passing.items()}
     changes = _changes(task, result, passing)
     sentence = nearest_sentence(task, result, changes, passes)
-    return NearestFailure(result, changes, passes, descent.spending.runs, complete, sentence)
+    trial = descent.trial
+    return NearestFailure(
+        result=result,
+        changes=changes,
+        passes=passes,
+        runs=trial.prober.runs,
+        complete=complete,
+        sentence=sentence,
+        holds=not trial.one_noise,
+    )
 
 
 def _changes(

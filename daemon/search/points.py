@@ -78,3 +78,29 @@ def value_between(
     inside = min(one, other) < found < max(one, other)
     apart = min(abs(found - one), abs(found - other)) > _SAME * abs(found)
     return found if inside and apart else None
+
+
+def position_in_range(parameter: SearchParameter, value: PointValue | None) -> float:
+    """Return where in its range a value lies, 0 to 1 inside; not a number where it has no place.
+
+    Choices lie evenly, in their order.
+    """
+    if parameter.choices:
+        last = max(1, len(parameter.choices) - 1)
+        return parameter.choices.index(value) / last if value in parameter.choices else math.nan
+    if value is None or isinstance(value, str) or parameter.high <= parameter.low:
+        return math.nan
+    low, high, at = parameter.low, parameter.high, float(value)
+    if parameter.log:
+        if min(low, at) <= 0.0:
+            return math.nan
+        low, high, at = math.log(low), math.log(high), math.log(at)
+    return (at - low) / (high - low)
+
+
+def range_text(parameter: SearchParameter) -> str:
+    """Return what a parameter may be: ``48 .. 72 deg/s``, ``a, b``."""
+    if parameter.choices:
+        return ", ".join(parameter.text(choice) for choice in parameter.choices)
+    low = f"{parameter.low:.10g}"
+    return f"{low} .. {parameter.text(parameter.high)}{', log' if parameter.log else ''}"

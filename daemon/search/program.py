@@ -25,15 +25,16 @@ from daemon.model.search import (
 )
 from daemon.model.verdicts import Outcome
 from daemon.search.answer import LaterResults, make_answer, told_failure
-from daemon.search.execution import MEDIAN_OF, BegunPoint, PointRunner, RunPurpose
+from daemon.search.execution import MEDIAN_OF, NOISES, BegunPoint, PointRunner, RunPurpose
 from daemon.search.findings import FailureKey, failure_key, parameter_influence
 from daemon.search.methods import MethodProposal, SearchMethod, make_method
 from daemon.search.nearest import (
-    NEAREST_RUNS,
+    NEAREST_POINTS,
     NearestQuestion,
     find_nearest,
     instead,
     larger_changes,
+    with_repeats,
 )
 from daemon.search.results import ExploredPoint, confirmation, first_failure
 from daemon.search.runs import Case, Runs, SearchStoppedError
@@ -147,7 +148,16 @@ class _SearchProgram:
             executed=self.points.executed,
             reused=self.points.reused,
             later=self.later,
+            holding=self._holding(),
         )
+
+    def _holding(self) -> list[bool]:
+        """Return of the explored failures whose repeats tell whether they hold."""
+        if not self.task.repeatable:
+            return []
+        failures = [r for p in self.explored if (r := p.result) is not None and r.fails]
+        known = [self.points.holds(failure) for failure in failures]
+        return [holds for holds in known if holds is not None]
 
     def run(self) -> SearchAnswer:
         """Go through all phases."""
@@ -157,7 +167,7 @@ class _SearchProgram:
         if first is not None:
             self.later = LaterResults(self._confirm(first))
             if "nearest" in self.task.then:
-                self._bring_near(failures, first)
+                self._bring_near(failures)
             told = told_failure(self.answer())
             if "shrink" in self.task.then and told is not None:
                 self._report("shrink", f"shrinking run {told.number}")
@@ -217,9 +227,9 @@ class _SearchProgram:
         value = None if answer.best is None else answer.best.value
         return f"{told}, best {quantity(value.margin, value.unit)}" if value is not None else told
 
-    def _confirm(self, failure: PointResult) -> Confirmation | None:
-        """Run a failure again with other noise, unless that was done."""
-        number, count = failure.number, self.task.confirm
+    def _confirm(self, failure: PointResult, least: int = 0) -> Confirmation | None:
+        """Run a failure again with other noise, ``least`` times at least, unless that was done."""
+        number, count = failure.number, max(self.task.confirm, least)
         if not self.task.repeatable:
             count = max(count, MEDIAN_OF)
         if count and number not in self._confirmed:
@@ -228,21 +238,23 @@ class _SearchProgram:
             self._confirmed[number] = confirmation(self.points.repeat(failure, count))
         return self._confirmed.get(number)
 
-    def _bring_near(self, failures: Sequence[PointResult], first: PointResult) -> None:
+    def _bring_near(self, failures: Sequence[PointResult]) -> None:
         influence = parameter_influence(self.task, self.explored)
         question = NearestQuestion(
             self.task,
             failures,
             {one.parameter: one.correlation for one in influence},
-            frozenset({first.number} if _is_doubtful(self.later.confirmed) else ()),
         )
-        self._report("nearest", f"at most {NEAREST_RUNS} runs for the smallest change that fails")
-        found = find_nearest(question, _NearestProber(self))
+        self._report("nearest", f"at most {NEAREST_POINTS} points for the smallest change")
+        found = find_nearest(question, _NearestProber(self.points, self.points.position))
         if found is None:
             return
         self.later = replace(self.later, nearest=found)
-        repeats = self._confirm(found.result)
-        self.later = replace(self.later, nearest=replace(found, confirmed=repeats))
+        # Where one noise decided it is not known yet what the others say of this very point.
+        repeats = self._confirm(found.result, 0 if found.holds else NOISES - 1)
+        holds = self.points.holds(found.result) is not False and not _is_doubtful(repeats)
+        found = with_repeats(self.task, found, repeats, holds=holds)
+        self.later = replace(self.later, nearest=found)
         if _is_doubtful(repeats) and found.changes:
             self._look_further(found)
 
@@ -279,13 +291,25 @@ def _is_doubtful(confirmed: Confirmation | None) -> bool:
 class _NearestProber:
     """Runs the points that the way to the nearest failure leads over."""
 
-    search: _SearchProgram
+    points: PointRunner
+    before: int
 
-    def is_known(self, point: Point) -> bool:
+    @property
+    def runs(self) -> int:
+        """How many runs were made."""
+        return self.points.position - self.before
+
+    def is_known(self, point: Point, *, one_noise: bool) -> bool:
         """Return whether nothing is run to find out about a point."""
-        return self.search.points.is_known(point)
+        if one_noise or not self.points.is_known(point):
+            return self.points.is_known(point)
+        result = self.points.known(point)
+        return result is None or self.points.holds(result) is not None
 
-    def results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
+    def results(
+        self, tried: Sequence[tuple[Point, str]], *, one_noise: bool
+    ) -> list[PointResult | None]:
         """Return what points say."""
         purposes = [(point, RunPurpose("nearest", "nearest", note=note)) for point, note in tried]
-        return self.search.points.results(purposes)
+        found = self.points.results(purposes)
+        return found if one_noise else self.points.with_most_noises(found)

@@ -35,6 +35,7 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     yield from _best(task, answer)
     if answer.confirmed is not None and answer.first is not None:
         yield f"run {answer.first.number} {confirmation_words(answer.confirmed)}"
+    yield from _holding(answer)
     yield from _nearest(task, answer)
     if answer.shrunk is not None:
         runs = plural(answer.shrunk.runs, "run")
@@ -67,6 +68,14 @@ def _best(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     )
 
 
+def _holding(answer: SearchAnswer) -> Iterator[str]:
+    """Say how many of the failures are more than luck, as far as that is known."""
+    if answer.repeated > 1:
+        hold = "holds" if answer.holding == 1 else "hold"
+        told = answer.holding or "none"
+        yield f"of {answer.repeated} failures that were repeated {told} {hold} with most noises"
+
+
 def _nearest(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     nearest = answer.nearest
     if nearest is None:
@@ -76,7 +85,7 @@ def _nearest(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         yield f"the nearest failure {confirmation_words(nearest.confirmed)}"
     if nearest.unconfirmed is not None:
         smaller = point_words(task, nearest.unconfirmed)
-        yield f"with one noise a smaller change is enough: {smaller}"
+        yield f"with some noises a smaller change is enough: {smaller}"
     if not nearest.complete:
         runs = plural(nearest.runs, "run")
         yield f"there may be a nearer one: {runs} were spent before nothing could be taken back"

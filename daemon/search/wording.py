@@ -135,15 +135,20 @@ def nearest_sentence(
     result: PointResult,
     changes: Sequence[ParameterChange],
     passes: PointResult | None,
+    luck: str = "",
 ) -> str:
-    """Return what to change for the scenario to fail, how it fails, and what still passes."""
+    """Return what to change for the scenario to fail, how it fails, and what still passes.
+
+    ``luck`` are the :func:`noise_words` of a failure that hangs on the noise.
+    """
+    fails = f"{failure_words(result)}{f', {luck}' if luck else ''}"
     if not changes:
         rest = [p for p in task.parameters if p.written is None]
         how = f" with {point_words(task, result)}" if rest else ""
-        return f"the scenario as written{how}: {failure_words(result)}"
+        return f"the scenario as written{how}: {fails}"
     told = enumerate_words([change_words(task, change) for change in changes])
     comma = "," if len(changes) > 1 else ""
-    sentence = f"{told}{comma} and {failure_words(result)}"
+    sentence = f"{told}{comma} and {fails}"
     if passes is None:
         return sentence
     return f"{sentence}; {_passing(task, result, changes, passes)}"
@@ -167,6 +172,14 @@ def _passing(
                 return f"{'with' if isinstance(change.passing, str) else 'at'} {words} {ends}"
             return f"with {short_name(task, parameter)} {words} {ends}"
     return f"with {point_words(task, passes)} {ends}"
+
+
+def noise_words(confirmed: Confirmation | None) -> str:
+    """Return ``with this noise alone: 1 of 5 repeats``, of a failure that does not hold."""
+    words = "with this noise alone"
+    if confirmed is None or not confirmed.failed:
+        return words if confirmed is None else f"{words}: none of {confirmed.runs} repeats"
+    return f"{words}: {confirmed.failed} of {plural(confirmed.runs, 'repeat')}"
 
 
 def confirmation_words(confirmed: Confirmation) -> str:

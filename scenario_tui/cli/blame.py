@@ -17,6 +17,7 @@ from scenario_tui.cli.output import Output, say, stderr_console, stdout_console
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Blame, CampaignRun, CandidateRunner, RunCase
+    from daemon.batch.paths import StatePaths
 
 
 class BlameOutput(Output, schema="blame"):
@@ -118,6 +119,7 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
     from scenario_tui.cli.target import resolve_recorded
 
     paths = StatePaths.find(state)
+    words = run
     try:
         words = [resolve_recorded(run[0], paths)] if len(run) == 1 and not _is_yaml(run[0]) else run
         return find_run(words, paths, campaign)
@@ -125,7 +127,23 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
         # It names the line of a file, and is a ValueError as well; the others are about the words.
         raise
     except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="RUN") from error
+        message = _about_search(words[0] if words else "", paths) or str(error)
+        raise typer.BadParameter(message, param_hint="RUN") from error
+
+
+def _about_search(run: str, paths: StatePaths) -> str:
+    """Return what to name instead of a run of a search, which no campaign file specifies."""
+    from daemon.analysis.report import open_ledger
+    from daemon.model.search import SearchQuery
+
+    campaign = run.rpartition(".")[0]
+    if not campaign or not paths.ledger.is_file():
+        return ""
+    with open_ledger(paths) as reader:
+        if not reader.searches(SearchQuery(campaign)):
+            return ""
+    found = f"scenario-results/search/{campaign}/campaign/"
+    return f"{run} is a run of a search: name the scenario it found, a campaign in {found}"
 
 
 def _is_yaml(word: str) -> bool:

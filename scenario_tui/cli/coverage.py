@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -15,16 +18,19 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from daemon.analysis.coverage import Coverage, FeatureCount, FloorArea, RoomArea
+    from daemon.search.exercised import ExercisedSpace
     from scenario_tui.cli.target import DaemonTarget
 
 LISTED: Final = 12
+_BLOCKS: Final = "▁▂▃▄▅▆▇█"
 
 
 class CoverageOutput(Output, schema="coverage"):
-    """What a campaign or its traces exercise."""
+    """What a campaign or its traces exercise, and which parts of their spaces searches."""
 
     coverage: Coverage
     share_of_pairs: float
+    searches: tuple[ExercisedSpace, ...] = ()
 
     def print(self) -> None:
         """Print a table for each kind of thing that can be covered."""
@@ -45,6 +51,9 @@ class CoverageOutput(Output, schema="coverage"):
             if rows:
                 console.print()
                 console.print(table(found))
+        for space in self.searches:
+            console.print()
+            console.print(_space_table(space))
         for one in found.unreadable:
             say(f"{one.trace}: error: {one.problem}")
 
@@ -55,7 +64,7 @@ def coverage(
         typer.Argument(
             metavar="CAMPAIGN.yaml|TRACES...",
             help="A campaign file, before it runs; or what it left: traces (.mcap), folders of "
-            "them, ids of campaigns or runs.",
+            "them, ids of campaigns, searches or runs.",
             autocompletion=completion.campaign_files_or_recorded,
         ),
     ],
@@ -70,13 +79,37 @@ def coverage(
 ) -> None:
     """Say which features a campaign exercises, in pairs too, and which it does not.
 
-    Of recorded runs also: doors met and triggered, floor seen and driven on, margins.
+    Of recorded runs also: doors met and triggered, floor seen and driven on, margins. Of searches
+    also: which parts of the ranges they have tried.
     """
     from scenario_tui.cli.target import DaemonTarget
 
-    found = _measure_coverage(subject, near, processes, DaemonTarget(connect, state))
-    CoverageOutput(found, found.pairs.share).show(as_json)
+    target = DaemonTarget(connect, state)
+    names, searches = _find_searches(subject, target)
+    found = _measure_coverage(names, near, processes, target)
+    CoverageOutput(found, found.pairs.share, searches).show(as_json)
     raise typer.Exit(ExitCode.INFRASTRUCTURE if found.unreadable else ExitCode.EXPECTED)
+
+
+def _find_searches(
+    subject: list[str], target: DaemonTarget
+) -> tuple[list[str], tuple[ExercisedSpace, ...]]:
+    """Return what is meant, searches by their ids, and what those have tried."""
+    from daemon.batch.errors import Refused
+    from daemon.search.exercised import exercised_space
+    from scenario_tui.cli.search_report import choose_search
+
+    names, spaces = [], []
+    for name in subject:
+        found = None
+        # Files, folders and runs have a dot or a slash; whoever reads traces says what is wrong.
+        if "." not in name and "/" not in name:
+            with suppress(Refused):
+                found = choose_search(name, target, drawn=False)
+        names.append(name if found is None else found.row.campaign)
+        if found is not None:
+            spaces.append(exercised_space(found.row, found.proposals))
+    return names, tuple(spaces)
 
 
 def _measure_coverage(
@@ -91,8 +124,12 @@ def _measure_coverage(
         raise typer.BadParameter("one campaign file, or traces, not both", param_hint="CAMPAIGN")
     if files:
         from daemon.campaign import expand, load_campaign
+        from scenario_tui.submission import searches_text
 
-        planned = expand(load_campaign(files[0]))
+        campaign = load_campaign(files[0])
+        if words := searches_text(Path(files[0]), tuple(one.name for one in campaign.searches)):
+            say(f"{words}; name it here once it has run")
+        planned = expand(campaign)
         return planned_coverage(planned.runs, planned.scenes)
     paths = all_traces(subject, target, "TRACES")
     return trace_coverage(paths, near=near, processes=processes)
@@ -128,6 +165,23 @@ def _print_pairs(found: Coverage) -> None:
         console.print(f"  never together: {first} and {second}", soft_wrap=True)
     if len(news) > LISTED:
         console.print(f"  and {len(news) - LISTED} more such pairs (--json lists all)")
+
+
+def _space_table(space: ExercisedSpace) -> Table:
+    """One row per parameter: its range, and how many of its parts have a point, and a failure."""
+    title = f"{space.name} of {space.scenario}: {space.points} points, {space.failed} fail"
+    table = plain_table(title, "range", "tried", "points", "fail")
+    for one in space.parameters:
+        tried = f"{one.met} of {len(one.counts)}"
+        table.add_row(one.parameter, one.range, tried, _bars(one.counts), _bars(one.failed))
+    return table
+
+
+def _bars(counts: Sequence[int]) -> str:
+    """Return a sign for each count: a dot for none, else the higher the more."""
+    most = max(counts, default=0)
+    top = len(_BLOCKS) - 1
+    return "".join(_BLOCKS[top * count // most] if count else "·" for count in counts)
 
 
 def _door_table(found: Coverage) -> Table:

@@ -49,10 +49,13 @@ def find_search_id(
     return found.id if found.search else ""
 
 
-def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
+def choose_search(
+    wanted: str, target: DaemonTarget, *, drawn: bool = True
+) -> SearchMaterial | None:
     """Return the search that is meant; ``None`` when it is a campaign or a folder of traces.
 
-    Raises :class:`Refused` when there is nothing of that name.
+    Unless it is to be ``drawn`` it comes without baseline and traces. Raises :class:`Refused` when
+    there is nothing of that name.
     """
     from daemon.analysis.report import open_ledger
 
@@ -61,38 +64,44 @@ def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
     if target.named:
         with target.open() as daemon:
             campaign = find_search_id(daemon, wanted, daemon.searches)
-            return daemon_material(daemon, campaign) if campaign else None
+            return daemon_material(daemon, campaign, drawn=drawn) if campaign else None
     if not target.paths.ledger.is_file():
         return None
     with open_ledger(target.paths) as reader:
         campaign = find_search_id(reader, wanted, lambda: reader.searches(SearchQuery()))
-        return _ledger_material(reader, campaign) if campaign else None
+        return _ledger_material(reader, campaign, drawn=drawn) if campaign else None
 
 
-def daemon_material(daemon: DaemonClient, campaign: str) -> SearchMaterial:
+def daemon_material(daemon: DaemonClient, campaign: str, *, drawn: bool = True) -> SearchMaterial:
     """Return a search that a daemon has; the traces that are drawn are brought here."""
     from daemon.batch.stores import local_copy, trace_reference
 
     row = daemon.search_row(campaign)
     if row is None:
         raise Refused(f"there is no search {campaign}")
+    proposals = daemon.proposals(campaign)
+    if not drawn:
+        return SearchMaterial(row, proposals, (), {})
     base = baseline_search(row, daemon.searches())
     return SearchMaterial(
         row,
-        daemon.proposals(campaign),
+        proposals,
         daemon.proposals(base) if base else (),
         _traces(row, lambda run: local_copy(trace_reference(daemon.run(run)), daemon)),
     )
 
 
-def _ledger_material(reader: LedgerReader, campaign: str) -> SearchMaterial:
+def _ledger_material(reader: LedgerReader, campaign: str, *, drawn: bool) -> SearchMaterial:
     from daemon.batch.stores import local_copy
 
     (row,) = reader.searches(SearchQuery(campaign))
+    proposals = tuple(_ledger_proposals(reader, campaign))
+    if not drawn:
+        return SearchMaterial(row, proposals, (), {})
     base = baseline_search(row, reader.searches(SearchQuery()))
     return SearchMaterial(
         row,
-        tuple(_ledger_proposals(reader, campaign)),
+        proposals,
         tuple(_ledger_proposals(reader, base)) if base else (),
         _traces(row, lambda run: local_copy(reader.trace_reference(run))),
     )

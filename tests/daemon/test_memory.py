@@ -12,8 +12,8 @@ from typing import Any
 import pymunk
 import pytest
 
+from daemon import run
 from daemon.campaign import expand, load_campaign
-from daemon.judging import oracles
 from daemon.model.attachments import SutMissing
 from daemon.model.spec import RunSpec, SutReference
 from daemon.model.verdicts import Verdict
@@ -89,7 +89,7 @@ def test_what_drove_is_gone_before_its_trace_is_judged(
         kept.extend(type(left) for each in made if (left := each()) is not None)
         return ()
 
-    monkeypatch.setattr(oracles, "judge", judge)
+    monkeypatch.setattr(run, "judge", judge)
     spec, scene = demo
     spec = replace(spec, sut=SutReference(kind, kind, {}), limit=1.0)
     execute(spec, scene, trace_path=tmp_path / "run.mcap")

@@ -129,7 +129,8 @@ class SearchUpdates(KeyUpdates):
             " ORDER BY staged_run.position"
         ).fetchall()
         for proposal, (scenario,) in zip(proposals, rows, strict=True):
-            if scenario != task.scenario_of(proposal.number):
+            # A building that is drawn stands behind its name: S.3@1204.
+            if scenario.partition("@")[0] != task.scenario_of(proposal.number):
                 raise Refused(f"{scenario!r} is not proposal {proposal.number} of {campaign}")
             if len(proposal.values) != len(task.parameters):
                 raise Refused(

@@ -15,9 +15,9 @@ from daemon.search.page._points import (
     axis_title,
     coordinate,
     margin_title,
-    position_in_range,
 )
 from daemon.search.page._spaces import draw_marks, frame_axes, written_point
+from daemon.search.points import position_in_range
 from daemon.search.wording import short_name
 from grammars.model.geometry import Floats
 

@@ -24,7 +24,7 @@ from daemon.model.spec import own_version
 from daemon.search.page._figures import search_figures, told_point
 from daemon.search.page._points import DrawnPoint, drawn_points
 from daemon.search.page._spaces import MOST_LINES
-from daemon.search.points import is_as_written
+from daemon.search.points import is_as_written, range_text
 from daemon.search.sentences import ending_words
 from daemon.search.wording import value_words
 from templates.report import render_search_report
@@ -196,14 +196,6 @@ def _parameter_lines(task: SearchTask, answer: SearchAnswer | None) -> list[_Par
         )
         for i, parameter in enumerate(task.parameters)
     ]
-
-
-def range_text(parameter: SearchParameter) -> str:
-    """Return what a parameter may be: ``48 .. 72 deg/s``, ``a, b``."""
-    if parameter.choices:
-        return ", ".join(parameter.text(choice) for choice in parameter.choices)
-    low = f"{parameter.low:.10g}"
-    return f"{low} .. {parameter.text(parameter.high)}{', log' if parameter.log else ''}"
 
 
 def _value_text(parameter: SearchParameter, value: PointValue | None) -> str:

@@ -73,24 +73,6 @@ def margin_title(task: SearchTask) -> str:
     return f"margin of {task.minimise} [{unit}]" if unit not in ("", "1") else task.minimise
 
 
-def position_in_range(parameter: SearchParameter, value: PointValue | None) -> float:
-    """Return where in its range a value lies, 0 to 1 inside; not a number where it has no place.
-
-    Choices lie evenly, in their order.
-    """
-    if parameter.choices:
-        last = max(1, len(parameter.choices) - 1)
-        return parameter.choices.index(value) / last if value in parameter.choices else math.nan
-    if value is None or isinstance(value, str) or parameter.high <= parameter.low:
-        return math.nan
-    low, high, at = parameter.low, parameter.high, float(value)
-    if parameter.log:
-        if min(low, at) <= 0.0:
-            return math.nan
-        low, high, at = math.log(low), math.log(high), math.log(at)
-    return (at - low) / (high - low)
-
-
 def coordinate(parameter: SearchParameter, value: PointValue | None) -> float:
     """Return a value as it stands beside an axis: a number, or the place of a choice."""
     if parameter.choices:

@@ -16,8 +16,8 @@ from daemon.search.page._points import (
     DrawnPoint,
     axis_title,
     coordinate,
-    position_in_range,
 )
+from daemon.search.points import position_in_range
 from daemon.search.wording import short_name
 
 MOST_LINES: Final = 400

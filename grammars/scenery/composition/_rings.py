@@ -90,8 +90,7 @@ def is_convex(ring: Ring) -> bool:
 
 def _convex_parts(polygon: Polygon) -> list[Ring]:
     """Triangulate and put triangles together again while the result stays convex."""
-    triangles = shapely.constrained_delaunay_triangles(polygon)
-    parts = sorted(outline_of(t) for t in polygons_of(triangles))
+    parts = sorted(outline_of(t) for t in polygons_of(_triangulated(polygon)))
     merged = True
     # The first pair that fits, and again from the start: slow for many parts, but the outcome
     # depends on nothing but the sorted corners. Pieces of walls have few.
@@ -104,6 +103,16 @@ def _convex_parts(polygon: Polygon) -> list[Ring]:
                 merged = True
                 break
     return parts
+
+
+def _triangulated(polygon: Polygon) -> BaseGeometry:
+    try:
+        return shapely.constrained_delaunay_triangles(polygon)
+    except shapely.GEOSException:
+        # Corners much less than a nanometre apart are several to GEOS, which then may find none
+        # that is convex; in a scene they are one.
+        holes = [canonical_ring((x, y) for x, y in hole.coords[:-1]) for hole in polygon.interiors]
+        return shapely.constrained_delaunay_triangles(Polygon(outline_of(polygon), holes))
 
 
 def _convex_union(a: Ring, b: Ring) -> Ring | None:

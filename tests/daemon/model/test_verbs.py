@@ -9,8 +9,16 @@ from daemon.model.messages import Empty, IdRequest, RunQuery
 from daemon.model.verbs import VERBS, AnyVerb, DaemonClient, Role, ServerThread
 from tests.scenario_tui.fake import FakeDaemon
 
-METHODS = {"fetch": "piece", "keep": "submit"}
-"""Verbs that a client's method of another name asks."""
+METHODS = {
+    "fetch": "piece",
+    "keep": "submit",
+    "search": "submit_search",
+    "extend": "ask",
+    "progress": "ask",
+}
+"""Verbs that a client's method of another name asks. The last two are asked by nobody but the
+coordinator of searches.
+"""
 
 
 class Asked(FakeDaemon):
@@ -23,7 +31,7 @@ class Asked(FakeDaemon):
 def test_verbs_are_known_by_their_names() -> None:
     assert list(VERBS)[:4] == ["overview", "campaigns", "runs", "run"]
     assert all(verb.name == name == str(verb) for name, verb in VERBS.items())
-    assert len(VERBS) == 28
+    assert len(VERBS) == 34
 
 
 @pytest.mark.parametrize("verb", [v for v in VERBS.values() if Role.OPERATOR in v.roles], ids=str)

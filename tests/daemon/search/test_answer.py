@@ -78,7 +78,8 @@ def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
         "the time of 0 s is over",
     )
     assert told_failure(answer) == first
-    assert told_failure(replace(answer, nearest=None)) == answer.best
+    assert told_failure(replace(answer, nearest=None)) == answer.first
+    assert told_failure(replace(answer, nearest=None, confirmed=None)) == answer.best
     assert codec.from_json(SearchAnswer, codec.to_json(answer)) == answer
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import pytest
 
 from daemon.model.search import NearestFailure, Point, PointResult, SearchTask
-from daemon.search.nearest import NEAREST_RUNS, NearestQuestion, find_nearest
+from daemon.search.nearest import NEAREST_POINTS, NearestQuestion, find_nearest
 from tests.daemon.search.pretended import made_result, make_task, seconds
 
 TWELVE = make_task(*(seconds(f"doors.time{i}") for i in range(12)))
@@ -17,23 +17,35 @@ Margin = Callable[[Point], float | None]
 
 @dataclass
 class Prober:
-    """Answers by a function and counts what it was asked; ``allowed`` are points with a run."""
+    """Answers by a function and counts what it was asked; ``allowed`` are points with a run.
+
+    Those of ``chance`` fail with one noise and pass by 0.05 with most of them.
+    """
 
     margin: Margin
     known: dict[Point, PointResult] = field(default_factory=dict)
     allowed: Callable[[Point], bool] = lambda _: True
     batches: list[list[str]] = field(default_factory=list)
+    chance: Callable[[Point], bool] = lambda _: False
 
-    def is_known(self, point: Point) -> bool:
+    def is_known(self, point: Point, *, one_noise: bool) -> bool:
         return point in self.known or not self.allowed(point)
 
-    def results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
-        new = [(point, note) for point, note in tried if not self.is_known(point)]
+    def results(
+        self, tried: Sequence[tuple[Point, str]], *, one_noise: bool
+    ) -> list[PointResult | None]:
+        new = [(p, note) for p, note in tried if not self.is_known(p, one_noise=one_noise)]
         if new:
             self.batches.append([note for _, note in new])
         for point, _ in new:
             self.known[point] = made_result(point, self.margin(point), 100 + len(self.known))
-        return [self.known.get(point) for point, _ in tried]
+        found = [self.known.get(point) for point, _ in tried]
+        if one_noise:
+            return found
+        return [
+            made_result(one.values, 0.05, one.number) if one and self.chance(one.values) else one
+            for one in found
+        ]
 
     @property
     def runs(self) -> int:
@@ -117,19 +129,77 @@ def test_it_begins_with_the_smallest_change_and_tries_the_worst_failure_as_well(
     assert [(c.parameter, c.value) for c in found.changes] == [("doors.b", 5.5)]
 
 
-def test_a_failure_that_noise_does_not_confirm_is_not_begun_with() -> None:
-    def margin(point: Point) -> float:
-        return -0.1 if float(point[0]) >= 6.0 or point[1] == 5.1 else 0.1
+def by_chance(point: Point) -> bool:
+    """Fails with the one noise only."""
+    return point[1] == 5.1 and float(point[0]) < 6.0
 
+
+def late_or_by_chance(point: Point) -> float:
+    return -0.1 if float(point[0]) >= 6.0 or by_chance(point) else 0.1
+
+
+def test_a_solid_failure_farther_away_is_told_instead_of_one_by_chance() -> None:
     task = make_task(seconds("doors.a"), seconds("doors.b"))
-    failures = [made_result((5.0, 5.1), -0.1, 1), made_result((7.0, 5.0), -0.1, 2)]
-    prober = Prober(margin)
-    question = NearestQuestion(task, failures, {}, doubtful=frozenset({1}))
-    found = find_nearest(question, prober)
+    failures = [made_result((5.0, 5.1), -0.1, 1), made_result((7.0, 5.1), -0.1, 2)]
+    prober = Prober(late_or_by_chance, chance=by_chance)
+    found = find_nearest(NearestQuestion(task, failures, {}), prober)
     assert found is not None
+    assert found.holds
     assert [(c.parameter, c.value) for c in found.changes] == [("doors.a", 6.0)]
-    alone = find_nearest(replace(question, failures=failures[:1]), prober)
-    assert alone is not None, "better a doubtful one than none"
+
+
+def test_what_fails_by_chance_is_what_passes_beside_a_failure_that_holds() -> None:
+    def margin(point: Point) -> float:
+        return -0.1 if float(point[0]) >= 6.0 else 0.1
+
+    prober = Prober(margin, chance=lambda point: float(point[0]) < 6.5)
+    task = make_task(seconds("doors.a"))
+    found = find_nearest(NearestQuestion(task, [made_result((7.0,), -0.1, 1)], {}), prober)
+    assert found is not None
+    (change,) = found.changes
+    assert (change.value, change.passing) == (6.5, 6.49)
+    assert found.sentence.endswith("at 6.49 s it passes with 0.05 m")
+
+
+def test_where_no_failure_holds_one_noise_decides() -> None:
+    task = make_task(seconds("doors.a"), seconds("doors.b"))
+    failures = [made_result((5.5, 5.1), -0.1, 1), made_result((5.0, 5.1), -0.1, 2)]
+    prober = Prober(late_or_by_chance, chance=by_chance)
+    found = find_nearest(NearestQuestion(task, failures, {}), prober)
+    assert found is not None
+    assert not found.holds
+    assert [(c.parameter, c.value) for c in found.changes] == [("doors.b", 5.1)]
+
+
+def test_a_scenario_that_fails_as_written_by_chance_is_not_the_nearest_failure() -> None:
+    def margin(point: Point) -> float:
+        return -0.1 if float(point[0]) >= 6.0 or point == (5.0,) else 0.1
+
+    task = make_task(seconds("doors.a"))
+    failures = [made_result((5.0,), -0.1, 0), made_result((7.0,), -0.1, 1)]
+    prober = Prober(margin, chance=lambda point: point == (5.0,))
+    found = find_nearest(NearestQuestion(task, failures, {}), prober)
+    assert found is not None
+    assert found.result.values == (6.0,)
+    prober.chance = lambda point: True
+    alone = find_nearest(NearestQuestion(task, failures, {}), prober)
+    assert alone is not None
+    assert (alone.changes, alone.holds) == ((), False)
+
+
+def test_it_begins_with_no_more_than_five_failures() -> None:
+    task = make_task(seconds("doors.a"))
+    failures = [made_result((6.0 + n,), -0.1, n) for n in range(9)]
+    begun: list[Point] = []
+
+    def chance(point: Point) -> bool:
+        begun.append(point)
+        return True
+
+    prober = Prober(lambda point: -0.1, chance=chance)
+    found = find_nearest(NearestQuestion(task, failures, {}), prober)
+    assert found is not None
+    assert len(begun) == 5
 
 
 def test_it_ends_when_its_runs_are_spent() -> None:
@@ -138,7 +208,7 @@ def test_it_ends_when_its_runs_are_spent() -> None:
 
     found, prober = nearest(TWELVE, margin, (6.5,) * 12)
     assert not found.complete
-    assert found.runs == prober.runs <= NEAREST_RUNS
+    assert found.runs == prober.runs <= NEAREST_POINTS
     assert found.result.fails
 
 

@@ -68,10 +68,8 @@ def test_what_was_found_is_confirmed_brought_near_and_handed_on() -> None:
     assert nearest.confirmed is not None
     assert nearest.sentence in comment_of(answer)
     assert answer.found_digest == runs.digests[nearest.result.position]
-    phases = [proposal.phase for proposal in runs.proposals]
-    assert phases == sorted(phases, key=("explore", "confirm", "nearest").index) or (
-        phases[-5:] == ["confirm"] * 5
-    )
+    phases = list(dict.fromkeys(proposal.phase for proposal in runs.proposals))
+    assert phases == ["explore", "confirm", "nearest"]
     assert [p.position for p in runs.proposals] == list(range(len(runs.proposals)))
 
 
@@ -254,10 +252,71 @@ def test_a_failure_of_one_noise_gives_way_to_a_larger_change_that_noise_confirms
     nearest = answer.nearest
     assert nearest is not None
     assert nearest.unconfirmed is not None
-    assert nearest.unconfirmed.values == (6.01, 5.0)
+    assert nearest.unconfirmed.values == (6.21, 5.0), "two of the first three noises"
     assert nearest.confirmed is not None
     assert 2 * nearest.confirmed.failed >= nearest.confirmed.runs
     assert nearest.result.values[1] == 5.0
     assert float(nearest.result.values[0]) > 6.25
-    assert "with one noise a smaller change is enough: kitchen_opens 6.01 s" in answer.sentences
+    assert "with some noises a smaller change is enough: kitchen_opens 6.21 s" in answer.sentences
     assert nearest.sentence in comment_of(answer)
+
+
+def chance_near_and_solid_far(point: Point, repeat: int) -> float:
+    """Fails where the kitchen opens late; a little late it does so in the first noise alone."""
+    kitchen = float(point[0])
+    if kitchen >= 7.5:
+        return -0.02
+    return -0.001 if 5.2 <= kitchen < 6.5 and repeat == 0 else 0.1
+
+
+@pytest.mark.parametrize("slots", [1, 4])
+def test_the_failure_that_is_told_holds_whatever_the_noise(slots: int) -> None:
+    case = PretendedCase(make_task(KITCHEN, BEDROOM, runs=24), chance_near_and_solid_far)
+    runs = case.runs(slots)
+    answer = run_search(case, runs)
+    assert answer.first is not None
+    nearest = answer.nearest
+    assert nearest is not None
+    assert nearest.holds
+    assert [(c.parameter, c.value, c.passing) for c in nearest.changes] == [
+        ("doors.kitchen_opens", 7.5, 7.49)
+    ]
+    assert nearest.confirmed is not None
+    assert (nearest.confirmed.failed, nearest.confirmed.runs) == (5, 5)
+    assert len(runs.digests) == len(set(runs.digests)), "no repeat is run twice"
+    spent = [p for p in runs.proposals if p.phase != "explore"]
+    assert nearest.runs < len(spent)
+    assert answer.repeated > answer.holding > 0
+    assert any(s.startswith(f"of {answer.repeated} failures that were") for s in answer.sentences)
+
+
+@pytest.mark.parametrize(("confirm", "of"), [(5, 5), (1, 2), (0, 2)])
+def test_where_no_failure_holds_the_sentence_says_that_it_hangs_on_the_noise(
+    confirm: int, of: int
+) -> None:
+    def lucky(point: Point, repeat: int) -> float:
+        return 0.1 if repeat else 6.0 - float(point[0])
+
+    case = PretendedCase(make_task(KITCHEN, BEDROOM, confirm=confirm), lucky)
+    answer = run_search(case, case.runs())
+    nearest = answer.nearest
+    assert nearest is not None
+    assert not nearest.holds
+    assert nearest.sentence == (
+        "kitchen_opens 1.01 s later (6.01 s instead of 5 s) and keeps-clear fails by 0.01 m near "
+        f"door, with this noise alone: none of {of} repeats; at 6 s it passes with 0 m"
+    )
+    assert answer.holding == 0
+    assert nearest.sentence in comment_of(answer)
+
+
+def test_of_a_system_that_is_not_repeatable_the_median_says_what_holds() -> None:
+    task = make_task(KITCHEN, runs=60, repeatable=False)
+    case = PretendedCase(task, late_kitchen)
+    runs = case.runs()
+    answer = run_search(case, runs)
+    assert answer.nearest is not None
+    assert answer.nearest.result.values == (6.01,)
+    near = [p for p in runs.proposals if p.phase == "nearest"]
+    assert [p.repeat for p in near] == [0, 1, 2] * (len(near) // 3)
+    assert {p.repeat for p in runs.proposals if p.phase == "confirm"} == {3, 4, 5, 6, 7}

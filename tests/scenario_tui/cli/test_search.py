@@ -78,6 +78,8 @@ def test_a_search_that_is_over_is_told_with_its_files_and_commands(
     assert found.read_text() == "campaign: house\n"
     assert (folder / "campaign" / "robots" / "courier.yaml").read_text() == "robots/courier.yaml"
     assert (folder / "smallest" / "campaign.yaml").read_text() == "campaign: shrunk\n"
+    assert "can it fail?" in (folder / "report.html").read_text()
+    assert str(folder / "report.html") in said.out
     assert f"scenario run {found}" in said.out
     assert f"scenario replay {SEARCH}.4 --from keeps-clear" in said.out
 

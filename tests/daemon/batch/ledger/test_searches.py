@@ -15,6 +15,7 @@ from daemon.batch.ledger._steps import finish
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import stage_extension
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
+from daemon.model.packed_submission import pack_submission
 from daemon.model.search import (
     ExtendRequest,
     ProposalQuery,
@@ -24,10 +25,18 @@ from daemon.model.search import (
     SearchQuery,
 )
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec
-from daemon.model.status import CampaignRow, RunState, SubmissionReceipt
+from daemon.model.status import CampaignRow, RunState, Submission, SubmissionReceipt
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
-from tests.daemon.batch.samples import make_extension, make_result, make_search, submission_of
+from tests.daemon.batch.samples import (
+    SCENE,
+    make_extension,
+    make_proposal,
+    make_result,
+    make_search,
+    make_spec,
+    submission_of,
+)
 
 NOW = 1_000_000.0
 ANSWER = SearchAnswer("budget", 3, 3, 0, 1, 0, 0, 3, 1, 0.5, sentences=("three runs",))
@@ -130,6 +139,20 @@ def test_runs_are_those_of_their_proposals(searches: Searches) -> None:
     with pytest.raises(Refused, match=r"doors\.0, repeat 0, is there already: s\.0"):
         searches.add(replace(good, proposals=(again,), runs=same))
     assert searches.campaign().total == 1
+
+
+def test_a_drawn_building_stands_behind_the_name_of_a_proposal(searches: Searches) -> None:
+    proposal = make_proposal(0)
+    for name, seed in (("doors.0", 17), ("doors.1", 17)):
+        spec = make_spec(scenario=f"{name}@{seed}")
+        runs = pack_submission(Submission("s", "", "", "", (spec,), (SCENE,)))
+        request = ExtendRequest("s", (proposal,), runs)
+        if name == "doors.0":
+            assert searches.add(request) == 1
+            continue
+        with pytest.raises(Refused, match="'doors.1@17' is not proposal 0 of s"):
+            searches.add(request)
+    assert [row.label for row in searches.rows()] == ["doors.0@17/pilot/0"]
 
 
 def test_pages_of_proposals_begin_at_a_position(searches: Searches) -> None:

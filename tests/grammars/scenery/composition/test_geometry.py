@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Polygon
 
@@ -143,6 +143,7 @@ def test_areas_add_up_for_any_openings(
 
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=3, max_size=9, unique=True))
+@example(points=[(0, 1), (1, -1), (-2, 0), (-5.6e-280, 0), (0, 0), (0, 8.4e-305)])
 @settings(max_examples=80, deadline=None)
 def test_any_outline_falls_into_convex_parts_of_the_same_area(
     points: list[tuple[float, float]],

@@ -1,0 +1,235 @@
+"""The page of a search: what it shows of which search, and that it needs nothing else."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import html5lib
+import numpy as np
+import pytest
+
+from daemon.model.search import ProposalRow, SearchParameter, SearchRow
+from daemon.model.status import RunState
+from daemon.search.local_runs import LocalRuns
+from daemon.search.page import search_figures, search_headline, search_page
+from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
+from daemon.search.page._points import drawn_points, smallest_so_far
+from daemon.search.program import run_search
+from tests.daemon.analysis.report.recordings import SHUT, SUTS, record, spec
+from tests.daemon.search.pretended import MarginFunction, PretendedCase, make_task, seconds
+
+
+def kitchen(point: Any, _: int) -> float:
+    """Fails where the first parameter is above 7, whatever the others are."""
+    return (7.0 - float(point[0])) / 10.0
+
+
+def searched(
+    *parameters: SearchParameter, margin: MarginFunction = kitchen, **more: Any
+) -> tuple[SearchRow, tuple[ProposalRow, ...]]:
+    """A finished search with its runs."""
+    task = make_task(*parameters, **({"then": ("nearest",), "confirm": 2} | more))
+    case = PretendedCase(task, margin)
+    runs: LocalRuns = case.runs()
+    answer = run_search(case, runs)
+    rows = tuple(runs.result(position) for position in range(len(runs.proposals)))
+    row = SearchRow("demo-s-1", "demo-s", 0.0, task, "finished", finished=len(rows), answer=answer)
+    return row, rows
+
+
+DOOR = seconds("doors.kitchen_opens")
+OTHERS = tuple(seconds(f"doors.time_{number}") for number in range(5))
+CHOICE = SearchParameter("doors.leading", "behaviours", 0, "leading", choices=("a", "b"))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ((DOOR,), {"boundary"}),
+        ((DOOR, OTHERS[0]), {"boundary"}),
+        ((DOOR, replace(CHOICE, written="a")), {"boundary"}),
+        (
+            (DOOR, *OTHERS[:2]),
+            {
+                "pair: time_0 over kitchen_opens",
+                "pair: time_1 over kitchen_opens",
+                "pair: time_1 over time_0",
+            },
+        ),
+        ((DOOR, *OTHERS), {"parallel"}),
+    ],
+)
+def test_few_parameters_are_drawn_two_by_two_and_many_side_by_side(
+    parameters: tuple[SearchParameter, ...], expected: set[str]
+) -> None:
+    row, rows = searched(*parameters)
+    figures = search_figures(row, rows)
+    assert set(figures) - {"margins", "influence"} == expected
+    assert search_page(row, rows).count("<svg ") == len(figures)
+
+
+def test_the_page_is_html_and_needs_nothing_else() -> None:
+    row, rows = searched(DOOR, *OTHERS)
+    page = search_page(row, rows, commands=(("scenario replay demo-s-1.3", "watch it"),))
+    html5lib.HTMLParser(strict=True).parse(page)
+    assert "<script" not in page
+    assert set(re.findall(r'(?:src|href)="([^"#]+)', page)) == set()
+    assert not re.search(r"url\((?!#)", page)
+    assert row.answer is not None
+    for sentence in row.answer.sentences:
+        assert sentence in page
+    assert "scenario replay demo-s-1.3" in page
+    assert page == search_page(row, rows, commands=(("scenario replay demo-s-1.3", "watch it"),))
+
+
+def test_nothing_that_a_campaign_is_called_gets_into_the_page() -> None:
+    name = "doors.<script>alert(1)</script>"
+    row, rows = searched(replace(DOOR, name=name), *OTHERS)
+    row = replace(row, note="<b>\x1b[2J</b>", task=replace(row.task, about='"><script>'))
+    page = search_page(row, rows)
+    assert "<script" not in page
+    assert "<b>\x1b" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_every_failure_is_a_cross_and_the_smallest_margin_a_line() -> None:
+    row, rows = searched(DOOR, *OTHERS)
+    points = drawn_points(row.task, rows)
+    failed = sum(point.result.fails for point in points)
+    svg = search_figures(row, rows)["margins"]
+    crosses = max(re.findall(r'<path d="([^"]+)" style="[^"]*var\(--bad\)', svg), key=len)
+    assert crosses.count("M") == 2 * failed > 0
+    values = smallest_so_far(points)
+    assert values == list(np.minimum.accumulate([p.value for p in points]))
+    assert "space-filling runs alone" in svg
+
+
+def test_another_search_that_was_not_guided_is_the_baseline() -> None:
+    row, rows = searched(DOOR, *OTHERS)
+    _, others = searched(DOOR, *OTHERS, method="random", seed=3)
+    assert "random alone, another search" in search_figures(row, rows, baseline=others)["margins"]
+    assert "another search of the same" in search_page(row, rows, baseline=others)
+
+
+def test_runs_without_a_margin_leave_gaps() -> None:
+    def broken(point: Any, _: int) -> float | None:
+        return None if float(point[0]) > 5.0 else 0.2
+
+    row, rows = searched(DOOR, *OTHERS, margin=broken, stop="budget", runs=6)
+    points = drawn_points(row.task, rows)
+    assert any(math.isnan(point.value) for point in points)
+    assert smallest_so_far(points)[-1] == 0.2
+    page = search_page(row, rows)
+    assert "nan" not in page
+    assert "‼" in page
+
+
+def test_of_a_point_that_was_repeated_the_median_counts() -> None:
+    row, rows = searched(DOOR, runs=3, confirm=0, then=())
+    first = rows[0]
+    assert first.leads[0].margin is not None
+    repeats = [
+        replace(
+            first,
+            proposal=replace(first.proposal, position=100 + k, repeat=k),
+            leads=(replace(first.leads[0], margin=margin),),
+        )
+        for k, margin in enumerate((0.5, 0.1, 0.3))
+    ]
+    (point,) = drawn_points(row.task, repeats)
+    assert point.value == 0.3
+
+
+def test_what_is_not_settled_is_not_drawn() -> None:
+    row, rows = searched(DOOR)
+    waiting = [replace(one, state=RunState.QUEUED) for one in rows]
+    assert drawn_points(row.task, waiting) == ()
+    assert search_figures(replace(row, answer=None), waiting) == {}
+    assert "Not known" in search_page(replace(row, answer=None, state="running"), waiting)
+
+
+def test_the_first_line_says_whether_it_can_fail() -> None:
+    row, _ = searched(DOOR)
+    assert search_headline(row).word == "It can fail"
+    assert "later" in search_headline(row).sentence
+    passing, rows = searched(DOOR, margin=lambda point, _: 0.3)
+    said = search_headline(passing)
+    assert (said.word, said.sentence) == ("Nothing fails", "20 runs, nothing below 0.3 m.")
+    assert search_headline(replace(passing, state="running")).word == "Nothing fails so far"
+    failed = replace(passing, state="failed", note="a.yaml:3: gone", answer=None)
+    assert search_headline(failed).sentence == "a.yaml:3: gone"
+    assert "Nothing fails" in search_page(passing, rows)
+
+
+def test_points_are_listed_by_their_margins_and_not_all_of_many() -> None:
+    row, rows = searched(DOOR, *OTHERS, runs=90, then=(), confirm=0)
+    page = search_page(row, rows)
+    listed = page[page.index("smallest margins") :]
+    margins = [
+        float(words.replace("−", "-")) for words in re.findall(r"([+−][0-9.e-]+) m</td>", listed)
+    ]
+    assert len(margins) == 60
+    assert margins == sorted(margins)
+    assert "30 more have larger ones" in page
+
+
+def test_the_failure_is_drawn_where_its_trace_is(tmp_path: Path) -> None:
+    row, rows = searched(DOOR)
+    assert row.answer is not None
+    assert row.answer.nearest is not None
+    shown = row.answer.nearest.result
+    assert shown.verdict is not None
+    seen = replace(shown.verdict.evidence, time=2.0)
+    shown = replace(shown, verdict=replace(shown.verdict, evidence=seen))
+    nearest = replace(row.answer.nearest, result=shown)
+    row = replace(row, answer=replace(row.answer, nearest=nearest))
+    trace = record(tmp_path / "run.mcap", spec(SHUT, SUTS[0], 0))
+    figures = search_figures(row, rows, traces={shown.run: trace})
+    assert {"moment", "way"} <= set(figures)
+    assert "at 2 s" in search_page(row, rows, traces={shown.run: trace})
+    gone = search_figures(row, rows, traces={shown.run: tmp_path / "gone.mcap"})
+    assert not {"moment", "way"} & set(gone)
+
+
+def test_any_of_several_oracles_is_told_as_a_share() -> None:
+    row, rows = searched(DOOR)
+    task = row.task
+    scales = (*task.scales, replace(task.scales[0], oracle="in-time"))
+    several = replace(task, minimise="any", scales=scales)
+    svg = search_figures(replace(row, task=several, answer=None), rows)["margins"]
+    assert "as a share of its scale" in svg
+
+
+def test_estimates_are_the_margins_where_there_are_runs() -> None:
+    runs = np.array([(0.1, 0.2), (0.8, 0.3), (0.5, 0.9)])
+    margins = np.array([-0.2, 0.1, 0.4])
+    assert estimate(runs, margins, runs) == pytest.approx(margins)
+    between = estimate(runs, margins, np.random.default_rng(1).random((50, 2)))
+    assert margins.min() <= between.min() <= between.max() <= margins.max()
+
+
+def test_colours_change_where_margins_do() -> None:
+    margins = np.array([-0.05, -0.0001, 0.0, 0.0001, 0.1])
+    shares = balanced(margins)
+    assert shares[0] == -1.0
+    assert shares[-1] == 1.0
+    # A failure by a hair is not drawn as if it nearly passed.
+    assert (np.abs(shares) >= 0.25).all()
+    levels = ramp_levels(shares).tolist()
+    assert levels == sorted(levels)
+    half = len(RAMP) // 2
+    assert [level < half for level in levels] == [True, True, False, False, False]
+
+
+def test_the_line_at_zero_parts_what_passes_from_what_fails() -> None:
+    corners = np.linspace(-0.35, 0.65, 11)[:, None] + np.zeros((1, 6))
+    lines = zero_lines(corners)
+    assert len(lines) == 5
+    assert lines[..., 0] == pytest.approx(3.5)
+    assert zero_lines(np.ones((4, 4))).shape == (0, 2, 2)
+    saddle = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    assert len(zero_lines(saddle)) == 2

@@ -1,0 +1,167 @@
+"""``scenario report`` and ``scenario coverage`` of searches, from the ledger alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.ledger._steps import finish
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import stage_extension
+from daemon.batch.stores import file_sha256, file_size
+from daemon.judging.oracles import judge, overall_outcome
+from daemon.model.messages import Completion
+from daemon.model.packed_submission import pack_submission
+from daemon.model.search import (
+    ExtendRequest,
+    OracleScale,
+    PointResult,
+    SearchAnswer,
+    SearchProgress,
+    SearchRow,
+    SearchTask,
+)
+from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
+from daemon.model.status import Submission
+from daemon.trace import read_trace
+from grammars.text import codec
+from scenario_tui.cli import invoke
+from scenario_tui.cli.search_report import baseline_search
+from tests.daemon.analysis.report.recordings import SHUT, SUTS, record, spec
+from tests.daemon.batch.samples import TASK, make_proposal, make_search
+from tests.daemon.judging.oracles.traces import CORRIDOR
+from tests.scenario_tui.cli.outputs import declared
+from tests.scenario_tui.fake_search import make_search as searched
+
+SEARCH = "corridor-doors-1"
+
+
+@pytest.fixture
+def ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StatePaths:
+    """A state directory with a finished search of two runs."""
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    places = StatePaths(tmp_path / "state")
+    places.make_folders()
+    connection = connect(places.ledger)
+    book = LedgerWriter(connection, paths=places)
+    first = spec(SHUT, SUTS[0], 0)
+    oracle = first.oracles[0].name
+    submission = make_search(SEARCH, minimise=oracle, scales=(OracleScale(oracle, 1.0, "m"),))
+    finish(
+        book.submit_search(
+            submission, "d", lambda _: places.search(SEARCH).mkdir(exist_ok=True), 1.0
+        )
+    )
+    specs = tuple(replace(first, scenario=TASK.scenario_of(n), seed=n) for n in range(2))
+    runs = Submission(SEARCH, "", "", "", specs, (CORRIDOR,))
+    proposals = (make_proposal(0), make_proposal(1))
+    request = ExtendRequest(SEARCH, proposals, pack_submission(runs))
+    staged = stage_extension(codec.to_json(request), places)
+    with book.transaction():
+        finish(book.extend_in_steps(staged.campaign, staged.proposals, staged.rows, 1.0))
+    staged.rows.unlink()
+    for grant in book.lease("w", 2, 1.0):
+        path = record(places.trace(grant.trace), grant.spec)
+        trace, kept = read_trace(path), TraceInfo(file_sha256(path), file_size(path), 1)
+        verdicts = judge(trace, grant.spec.oracles)
+        leads = (LeadingMargin(oracle, 0.25, "m", "door"),)
+        result = RunResult(
+            grant.spec.digest, overall_outcome(trace, verdicts), verdicts, "finished",
+            kept, Timing(1.5, 1.0, 20.0), leads=leads,
+        )  # fmt: skip
+        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
+    best = PointResult(0, 0, (40.0,), None, None, None, f"{SEARCH}.0", "doors.0/a/0", "d")
+    answer = SearchAnswer(
+        "budget", 2, 2, 0, 0, 0, 0, 2, 0, 0.8, best=best, sentences=("nothing fails",)
+    )
+    book.note_progress(SearchProgress(SEARCH, "explore", "", "finished", answer), 3.0)
+    connection.close()
+    return places
+
+
+@pytest.mark.parametrize("name", [SEARCH, "corridor", "doors", ""])
+def test_a_search_becomes_a_page(
+    ledger: StatePaths, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    assert invoke(["report", *filter(None, [name]), "-o", "s.html"]) == 0
+    out = capsys.readouterr().out
+    assert f"doors ({SEARCH}): Not known." in out
+    page = Path("s.html").read_text()
+    assert "can it fail?" in page
+    assert "nothing fails" in page
+    assert "the whole way" in page
+    assert "The margin over the values that were run" in page
+
+
+def test_as_json_it_is_a_report(ledger: StatePaths, capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["report", SEARCH, "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["schema"] == "scenario/report/1"
+    assert body["written"] == {"page": "report.html"}
+    assert body["runs"] == 2
+
+
+def test_tables_of_a_search_are_refused(
+    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["report", SEARCH, "--junit", "r.xml"]) == 2
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert f"scenario search {SEARCH} --json" in said
+    assert not Path("r.xml").exists()
+
+
+def test_a_page_without_its_trace_has_no_map(
+    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for trace in ledger.traces.rglob("*.mcap"):
+        trace.unlink()
+    assert invoke(["report", SEARCH]) == 0
+    assert "the whole way" not in Path("report.html").read_text()
+
+
+def test_coverage_has_the_runs_of_a_search_and_its_space(
+    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["coverage", "doors"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("2 runs, by their traces")
+    assert "doors of S1: 2 points" in out
+    assert "40 .. 80 deg/s" in out
+    assert "1 of 10" in out
+    assert invoke(["coverage", SEARCH, "--json", "--processes", "1"]) == 0
+    body = declared(capsys.readouterr().out)
+    (space,) = body["searches"]
+    assert space["parameters"][0]["counts"] == [2, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    assert body["coverage"]["recorded"] == 2
+    assert invoke(["coverage", f"{SEARCH}.1"]) == 0
+    assert "2 points" not in capsys.readouterr().out
+
+
+def test_a_campaign_file_says_which_searches_it_has(
+    campaigns: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["coverage", str(campaigns / "demo" / "campaign.yaml")]) == 0
+    assert "name it here once it has run" in capsys.readouterr().err
+
+
+def test_the_baseline_is_a_finished_search_of_the_same_that_was_not_guided() -> None:
+    row = searched()
+
+    def other(name: str, state: str = "finished", **changes: object) -> SearchRow:
+        task: SearchTask = replace(row.task, **({"method": "halton"} | changes))  # type: ignore[arg-type]
+        return searched(state, campaign=name, task=task)
+
+    narrow = tuple(replace(p, high=p.high - 0.1) for p in row.task.parameters)
+    others = (
+        other("running", "running"),
+        other("guided", method="tpe"),
+        other("elsewhere", scenario="open-house"),
+        other("narrow", parameters=narrow),
+    )
+    assert baseline_search(row, others) == ""
+    assert baseline_search(row, (*others, other("new"), other("old"))) == "new"
+    assert baseline_search(other("new"), (other("old"),)) == ""
