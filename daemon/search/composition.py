@@ -66,6 +66,9 @@ class SearchCase:
         Noise and chance are those that a scenario of the campaign has in that repeat. Raises
         :class:`InputError` for values that a layer refuses, or the geometry.
         """
+        # What executes runs is loaded for that: who only checks a search composes its points.
+        from daemon.analysis.blame import Candidate
+
         cell = self.cell_at(point, number, repeat)
         return Candidate(self._spec(cell, repeat), cell.scene)
 
