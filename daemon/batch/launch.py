@@ -15,6 +15,7 @@ from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import open_private_log
+from daemon.batch.tether import end_tethered
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
 _START_LIMIT: Final = 20.0
@@ -100,13 +101,7 @@ def embedded_daemon(
         try:
             yield _wait_until_up(process, paths, output)
         finally:
-            assert process.stdin is not None
-            process.stdin.close()
-            try:
-                process.wait(_LEAVE_LIMIT)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            end_tethered(process, _LEAVE_LIMIT)
 
 
 def _command(paths: StatePaths, slots: int | None, executor: str) -> list[str]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import threading
+from typing import Any
 
 
 def exit_when_stdin_closes() -> None:
@@ -20,3 +22,17 @@ def exit_when_stdin_closes() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, name="tether", daemon=True).start()
+
+
+def end_tethered(process: subprocess.Popen[Any], patience: float) -> None:
+    """End a process that holds the other end of its standard input as a tether.
+
+    One that has not left after ``patience`` seconds is killed.
+    """
+    assert process.stdin is not None
+    process.stdin.close()
+    try:
+        process.wait(patience)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

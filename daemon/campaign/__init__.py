@@ -1,6 +1,6 @@
 """Campaign files: from layers by name to run specifications."""
 
-from daemon.campaign._bundle import bundle_campaign, checked_bundle, unpack_bundle
+from daemon.campaign._bundle import bundle_campaign
 from daemon.campaign._campaign import (
     Campaign,
     check,
@@ -74,7 +74,6 @@ __all__ = [
     "bundle_campaign",
     "campaign_text",
     "check",
-    "checked_bundle",
     "examine",
     "expand",
     "find_layer",
@@ -94,6 +93,5 @@ __all__ = [
     "read_confirm",
     "read_stop",
     "repeat_seed",
-    "unpack_bundle",
     "with_overrides",
 ]

@@ -19,8 +19,9 @@ from pydantic import (
 
 from daemon.campaign._names import LayerName, Names, OneName, References
 from daemon.campaign._references import ReferenceText
-from daemon.campaign._search_file import SEARCH_NAME, SearchText
+from daemon.campaign._search_file import SearchText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
+from daemon.model.search import SEARCH_NAME
 from daemon.model.spec import MapSettings
 from grammars.model.files import MISSION_KEYS, ROBOT_KEYS
 from grammars.model.grid import MapRule

@@ -9,17 +9,19 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator
 
-from daemon.model.search import MOST_PROPOSALS, WINDOW, PointValue
+from daemon.model.search import (
+    LONGEST_SEARCH,
+    MOST_PARAMETERS,
+    MOST_PROPOSALS,
+    MOST_REPEATS,
+    MOST_WINDOW,
+    WINDOW,
+    PointValue,
+)
 from grammars.text.documents import StrictModel, wrong_form
 from grammars.text.quantity import read_as, read_quantity
 
-SEARCH_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"
-"""Without dots: the name is part of the id of a campaign in the ledger."""
-_MOST_PARAMETERS: Final = 100
 _MOST_CHOICES: Final = 1_000
-_MOST_CONFIRMED: Final = 100
-_LONGEST: Final = 30 * 86_400.0
-"""Seconds of wall clock a search may take."""
 
 _NUMBER: Final = r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _UNIT: Final = r"[A-Za-z%°][^.,]*?(?:\^0?\.5[^.,]*?)?"
@@ -142,7 +144,7 @@ def read_budget(text: str) -> tuple[int, float]:
                 raise ValueError(
                     f'"{text}" is no budget: write 60 runs, 10 min, or both: 60 runs, 10 min'
                 ) from error
-            if not 0.0 < seconds <= _LONGEST:
+            if not 0.0 < seconds <= LONGEST_SEARCH:
                 raise ValueError(f'"{part.strip()}" is no time to search: up to 30 days')
         else:
             raise ValueError(f'"{text}" says twice how much: write 60 runs, 10 min')
@@ -172,8 +174,8 @@ def read_stop(text: str) -> tuple[StopRule, int]:
 def read_confirm(text: str) -> int:
     """Read ``5 repeats``; raises ``ValueError``."""
     counted = _REPEATS.fullmatch(text)
-    if counted is None or int(counted[1]) > _MOST_CONFIRMED:
-        raise ValueError(f'"{text}": write 5 repeats, {_MOST_CONFIRMED} at most')
+    if counted is None or int(counted[1]) > MOST_REPEATS:
+        raise ValueError(f'"{text}": write 5 repeats, {MOST_REPEATS} at most')
     return int(counted[1])
 
 
@@ -240,14 +242,14 @@ class SearchText(StrictModel):
     margins, each divided by its limit."""
     over: dict[str, OverText] = Field(
         min_length=1,
-        max_length=_MOST_PARAMETERS,
+        max_length=MOST_PARAMETERS,
         examples=[{"doors_moving.swing": "48 .. 72 deg/s"}],
     )
     """What is varied, LAYER.PARAMETER of a layer of the scenario: a range with its unit (48 .. 72
     deg/s; with ", log" behind it evenly over its magnitudes), or a list of choices. In place of
     the layer's name mission, robot, sut and floorplan are understood."""
     such_that: _Inequalities = Field(
-        default_factory=list, alias="such that", max_length=_MOST_PARAMETERS,
+        default_factory=list, alias="such that", max_length=MOST_PARAMETERS,
         examples=[["doors_moving.bedroom_closes < doors_moving.bedroom_opens"]],
     )  # fmt: skip
     """Inequalities that hold in every run, between sums of parameters and quantities: a < b,
@@ -265,7 +267,7 @@ class SearchText(StrictModel):
     then: _Steps = Field(default=["nearest", "shrink"])
     """What follows a failure. nearest: the smallest change of the scenario that still fails;
     shrink: what the nearest failure can do without."""
-    window: int = Field(default=WINDOW, ge=1, le=1_000)
+    window: int = Field(default=WINDOW, ge=1, le=MOST_WINDOW)
     """Runs that may be out at a time: the search is the same on any number of cores."""
     seed: int | None = Field(default=None, ge=0, lt=2**63)
     """Seed of the proposals; that of the campaign when left out."""

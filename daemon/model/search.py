@@ -16,7 +16,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.messages import IdText, NonNegativeInt
+from daemon.model.messages import IdText, NonNegativeInt, ShortText
 from daemon.model.packed_submission import PackedSubmission
 from daemon.model.spec import LeadingMargin
 from daemon.model.status import RunState
@@ -29,8 +29,19 @@ WINDOW: Final = 8
 SPACE_FILLING: Final = 16
 """Runs of a scrambled Halton sequence, the written values first, before a search is guided."""
 MOST_PROPOSALS: Final = 10_000
+"""Runs a search may be asked for."""
+MOST_SEARCH_RUNS: Final = MOST_PROPOSALS + 2_000
+"""With those that repeat a failure, bring it near and shrink it."""
+MOST_PARAMETERS: Final = 100
+MOST_WINDOW: Final = 1_000
+MOST_REPEATS: Final = 100
+LONGEST_SEARCH: Final = 30 * 86_400.0
+"""Seconds of wall clock a search may be asked for."""
 LARGEST_BUNDLE: Final = 32 * 2**20
 """Bytes of all files of a search together."""
+
+SEARCH_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"
+"""Of a search: part of the names of its runs, of its id and of files."""
 
 PointValue: TypeAlias = float | str
 Point: TypeAlias = tuple[PointValue, ...]
@@ -108,22 +119,24 @@ class SearchTask:
     is not ``repeatable`` the value of a point is the median of its repeats.
     """
 
-    name: str
-    scenario: str
-    sut: str
-    minimise: str
+    name: Annotated[str, Field(pattern=SEARCH_NAME)]
+    scenario: ShortText
+    sut: ShortText
+    minimise: ShortText
     scales: tuple[OracleScale, ...]
-    parameters: tuple[SearchParameter, ...]
+    parameters: Annotated[
+        tuple[SearchParameter, ...], Field(min_length=1, max_length=MOST_PARAMETERS)
+    ]
     constraints: tuple[str, ...] = ()
-    runs: int = 60
-    seconds: float = 0.0
+    runs: Annotated[int, Field(ge=1, le=MOST_PROPOSALS)] = 60
+    seconds: Annotated[float, Field(ge=0.0, le=LONGEST_SEARCH)] = 0.0
     stop: Literal["budget", "failures", "settled"] = "budget"
-    failures: int = 1
-    method: str = "auto"
-    confirm: int = 5
+    failures: Annotated[int, Field(ge=1)] = 1
+    method: ShortText = "auto"
+    confirm: Annotated[int, Field(ge=0, le=MOST_REPEATS)] = 5
     then: tuple[Literal["nearest", "shrink"], ...] = ("nearest",)
-    window: int = WINDOW
-    seed: int = 0
+    window: Annotated[int, Field(ge=1, le=MOST_WINDOW)] = WINDOW
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     repeatable: bool = True
     about: str = ""
 

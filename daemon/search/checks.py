@@ -45,7 +45,7 @@ def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
     except ValueError as error:
         return (*found, Diagnostic(places.at(), f"{task.name}: {error}"))
     found += _check_inequalities(case, space, places)
-    return (*found, *_Trial(case, space, places).findings())
+    return (*found, *_PointTrial(case, space, places).findings())
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def _check_inequalities(
         yield Diagnostic(where, message, hint, Severity.WARNING)
 
 
-class _Trial:
+class _PointTrial:
     """Points of a search that are composed, to see which of them make no run."""
 
     def __init__(self, case: SearchCase, space: SearchSpace, places: _Places) -> None:

@@ -148,6 +148,10 @@ class _ProgramThread(threading.Thread):
         return "finished", "", answer
 
     def _report(self, state: SearchState, note: str, answer: SearchAnswer | None) -> None:
+        if state != "cancelled" and not self.runs.is_wanted():
+            # It was cancelled in that very moment, or deleted and submitted again: then this is
+            # refused, and not taken for the end of the new one.
+            state = "cancelled"
         progress = SearchProgress(
             self._row.campaign, self.runs.phase, note[:LONGEST_NOTE], state, answer
         )

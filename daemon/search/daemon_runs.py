@@ -10,9 +10,8 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
-from daemon.analysis.blame import Candidate
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.messages import LARGEST_EXTENSION, CampaignQuery
@@ -34,6 +33,10 @@ from daemon.model.verbs import CAMPAIGNS, EXTEND, PROGRESS, PROPOSALS, SEARCHES,
 from daemon.search.runs import SearchStoppedError
 from grammars.model.scene import Scene
 from grammars.text import codec
+
+if TYPE_CHECKING:
+    # With all that runs and judges, of which only its name is needed here.
+    from daemon.analysis.blame import Candidate
 
 A = TypeVar("A")
 
@@ -82,11 +85,16 @@ class PatientClient:
         """The searches that run."""
         return self.ask(SEARCHES, SearchQuery(running=True))
 
-    def is_running(self, campaign: str) -> bool:
-        """Whether a search is there and runs."""
+    def is_running(self, search: SearchRow) -> bool:
+        """Whether a search is there and runs, and is not another one of that id.
+
+        It may have been deleted and submitted again.
+        """
         # Its row as a campaign: that as a search has all of its answer.
-        rows = self.ask(CAMPAIGNS, CampaignQuery(campaign, limit=1))
-        return any(row.search == "running" for row in rows)
+        rows = self.ask(CAMPAIGNS, CampaignQuery(search.campaign, limit=1))
+        return any(
+            row.search == "running" and row.submitted_at == search.submitted_at for row in rows
+        )
 
     def report(self, progress: SearchProgress) -> None:
         """Say how far a search is; without the files of its answer where these are too large."""
@@ -111,6 +119,7 @@ class DaemonRuns:
 
     def __init__(self, client: PatientClient, row: SearchRow) -> None:
         self._client = client
+        self._search = row
         self._campaign = row.campaign
         self._began = time.monotonic() - max(0.0, time.time() - row.submitted_at)
         self._rows: list[ProposalRow] = []
@@ -137,6 +146,14 @@ class DaemonRuns:
         except Refused:
             self._require_running()  # else it was deleted
             raise
+
+    def _known_page(self, offset: int, limit: int) -> tuple[ProposalRow, ...]:
+        """Return a page of runs that the ledger has."""
+        page = self._page(offset, limit)
+        if not page:
+            self._require_running()
+            raise SearchDivergedError(f"run {offset} of the search is not in the ledger any more")
+        return page
 
     def note_event(self, event: ChangeEvent) -> None:
         """Look again soon if an event of the search is about an end; called by any thread."""
@@ -217,17 +234,19 @@ class DaemonRuns:
             self._require_running()
             raise
 
+    def is_wanted(self) -> bool:
+        """Whether the search is still there and runs."""
+        return self._client.is_running(self._search)
+
     def _require_running(self) -> None:
-        if not self._client.is_running(self._campaign):
+        if not self.is_wanted():
             raise SearchStoppedError(f"the search {self._campaign} is over")
 
     def _refresh(self) -> None:
         """Read again what is not settled."""
         start, end = self._unsettled, len(self._rows)
         while start < end:
-            page = self._page(start, min(_PAGE, end - start))
-            if not page:
-                break
+            page = self._known_page(start, min(_PAGE, end - start))
             self._rows[start : start + len(page)] = page
             start += len(page)
         self._skip_settled()
@@ -250,7 +269,8 @@ class DaemonRuns:
             del self._unsent[:count]
             first = len(self._rows)
             while len(self._rows) < first + count:
-                self._rows.extend(self._page(len(self._rows), first + count - len(self._rows)))
+                missing = first + count - len(self._rows)
+                self._rows.extend(self._known_page(len(self._rows), missing))
 
     def _fitting(self) -> int:
         """How many of the unsent runs fit into one request, one at least."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from daemon.analysis.blame import Candidate, RunCase
 from daemon.model.search import (
     Phase,
     Point,
@@ -14,6 +13,9 @@ from daemon.model.search import (
     SearchAnswer,
     SearchTask,
 )
+
+if TYPE_CHECKING:
+    from daemon.analysis.blame import Candidate, RunCase
 
 
 class SearchStoppedError(Exception):

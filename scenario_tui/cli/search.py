@@ -117,7 +117,8 @@ def search(
         ),
     ] = "",
     seed: Annotated[
-        int | None, typer.Option("--seed", min=0, metavar="N", help="Seed of the proposals.")
+        int | None,
+        typer.Option("--seed", min=0, max=2**63 - 1, metavar="N", help="Seed of the proposals."),
     ] = None,
     confirm: Annotated[
         int | None,

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError
-from daemon.campaign import checked_bundle
+from daemon.model.bundles import checked_bundle
 from daemon.search.found import export_found, write_found
 from grammars.text.diagnostics import InputError, Severity
 from scenario_tui.cli.output import report_diagnostics

@@ -22,7 +22,7 @@ from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.ledger.transitions import Retried
 from daemon.batch.paths import StatePaths
 from daemon.model.assessments import AssessmentRules
-from daemon.model.search import MOST_PROPOSALS, Proposal, SearchProgress, SearchSubmission
+from daemon.model.search import MOST_SEARCH_RUNS, Proposal, SearchProgress, SearchSubmission
 from daemon.model.status import SubmissionReceipt
 from grammars.text import codec
 
@@ -97,8 +97,8 @@ class SearchUpdates(KeyUpdates):
             known = min(total - first, len(proposals))
             self._check_proposals(campaign, proposals)
             self._compare(campaign, proposals[:known], first)
-            if first + len(proposals) > MOST_PROPOSALS:
-                raise Refused(f"a search has at most {MOST_PROPOSALS} runs")
+            if first + len(proposals) > MOST_SEARCH_RUNS:
+                raise Refused(f"a search has at most {MOST_SEARCH_RUNS} runs")
             self._refuse_twice(known)
             yield from enter_parts(self._db)
             for start in range(known, len(proposals), STEP_ROWS):

@@ -13,6 +13,7 @@ from typing import Final
 from daemon.batch.errors import DaemonError
 from daemon.batch.paths import split_endpoint
 from daemon.batch.server._runtime import EventLog
+from daemon.batch.tether import end_tethered
 from daemon.model.execution import python_command
 
 _BACKLOG: Final = 1024
@@ -78,16 +79,8 @@ class AcceptorProcess:
         """Let nobody in any more, and end the links there are."""
         self._listener.close()
         self._held.close()
-        process = self._process
-        if process is None:
-            return
-        assert process.stdin is not None
-        process.stdin.close()
-        try:
-            process.wait(_LAST_MOMENT)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        if self._process is not None:
+            end_tethered(self._process, _LAST_MOMENT)
 
 
 def _listen(address: str) -> socket.socket:

@@ -15,13 +15,7 @@ from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._quota import Quota
 from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
-from daemon.batch.server._searches import (
-    StagedExtension,
-    StagedSearch,
-    read_bundle,
-    stage_extension,
-    stage_search,
-)
+from daemon.batch.server._search_handlers import SearchHandlers
 from daemon.batch.server._submissions import stage_request
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import WorkerRegistry
@@ -56,14 +50,6 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.search import (
-    ProposalQuery,
-    ProposalRow,
-    SearchProgress,
-    SearchQuery,
-    SearchRow,
-    SearchSubmission,
-)
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import (
     CampaignRow,
@@ -96,7 +82,6 @@ from grammars.text import codec
 _MOST_TROUBLES: Final = 32
 """Said at a time: with hundreds of workers on one full disk nobody reads them all."""
 
-
 _NAMED: Final = frozenset({WELCOME, LEASE, RENEW, COMPLETE, RELEASE, UPLOAD})
 """What is done only for the key it was done for before: their methods get its name as well."""
 
@@ -110,7 +95,7 @@ class _MeasuredDeletion:
 
 
 @dataclass
-class Handlers:
+class Handlers(SearchHandlers):
     """What the daemon does when it is asked: a method for each verb, and so more than twenty.
 
     It has the name of the verb, and :mod:`daemon.model.verbs` says what it is for. It gets the
@@ -208,12 +193,6 @@ class Handlers:
     def records(self, ledger: LedgerReader, query: RecordQuery) -> tuple[RunRecord, ...]:
         return ledger.records(query)
 
-    def searches(self, ledger: LedgerReader, query: SearchQuery) -> tuple[SearchRow, ...]:
-        return ledger.searches(query)
-
-    def proposals(self, ledger: LedgerReader, query: ProposalQuery) -> tuple[ProposalRow, ...]:
-        return ledger.proposals(query)
-
     def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
         return self.registry.rows(self.clock.now())
 
@@ -267,14 +246,6 @@ class Handlers:
             self.log.write("trace fetched", run=request.run, bytes=trace.size)
         return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
 
-    def bundle(self, ledger: LedgerReader, request: IdRequest) -> SearchSubmission:
-        asked = ledger.search_submission(request.id)
-        try:
-            return replace(asked, files=read_bundle(self.paths.search(request.id)))
-        except OSError as error:
-            words = f"the files of {request.id} cannot be read: {error.strerror}"
-            raise Refused(words) from error
-
     def upload(
         self, ledger: LedgerReader, chunk: TraceUploadChunk, requester: str
     ) -> UploadProgress:
@@ -304,44 +275,6 @@ class Handlers:
         """Let runs go on whose scene or file somebody has brought back."""
         for reason in self._inputs.take_restored():
             ledger.end_waits_for(reason)
-
-    def _admit_search(self, payload: bytes) -> StagedSearch:
-        return stage_search(payload, self.paths)
-
-    def search(self, ledger: LedgerWriter, staged: StagedSearch) -> Steps[SubmissionReceipt]:
-        def place(same: bool) -> None:
-            staged.place(self.paths, same=same)
-
-        try:
-            now = self.clock.now()
-            receipt = yield from ledger.submit_search(staged.asked, staged.digest, place, now)
-        finally:
-            staged.remove()
-        self.log.write("search submitted", **codec.to_plain(receipt))
-        return receipt
-
-    def _admit_extension(self, payload: bytes) -> StagedExtension:
-        return stage_extension(payload, self.paths)
-
-    def extend(self, ledger: LedgerWriter, staged: StagedExtension) -> Steps[Count]:
-        try:
-            added = yield from ledger.extend_in_steps(
-                staged.campaign, staged.proposals, staged.rows, self.clock.now()
-            )
-        finally:
-            staged.rows.unlink(missing_ok=True)
-        return Count(added)
-
-    def progress(self, ledger: LedgerWriter, progress: SearchProgress) -> Empty:
-        ledger.note_progress(progress, self.clock.now())
-        if progress.state != "running":
-            self.log.write(
-                "search ended",
-                campaign=progress.campaign,
-                state=progress.state,
-                note=progress.note[:400],
-            )
-        return Empty()
 
     def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Steps[Count]:
         count = yield from ledger.cancel_in_steps(request.id, self.clock.now())

@@ -16,6 +16,7 @@ from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
+from daemon.batch.tether import end_tethered
 from daemon.model.execution import RunLimits, python_command
 
 # Seconds. A process that dies at once is started again after twice the time, up to the longest; one
@@ -30,6 +31,8 @@ _LONGEST_TAIL: Final = 2000
 _LAST_MOMENT: Final = 2.0
 _MOST_DEATHS: Final = 3
 """Deaths in a row, without a run more for any search, after which searches are given up."""
+_LONG_LIFE: Final = 600.0
+"""Seconds after which a death is no sign of what the searches do: they may wait for slow runs."""
 
 
 class KeptProcess:
@@ -228,19 +231,11 @@ class SearchCoordinator(KeptProcess):
             self.trouble, self._pause = "", _FIRST_PAUSE
             self._next_start = now + self._pause
             return
-        same = self._running == self._seen and now - self._started <= _STEADY
+        same = self._running == self._seen and now - self._started <= _LONG_LIFE
         self._deaths = self._deaths + 1 if same else 1
         self._seen = dict(self._running)
 
     def close(self) -> None:
         """End it; what it was about to propose it proposes the next time."""
-        process = self._process
-        if process is None:
-            return
-        assert process.stdin is not None
-        process.stdin.close()
-        try:
-            process.wait(_LAST_MOMENT)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        if self._process is not None:
+            end_tethered(self._process, _LAST_MOMENT)

@@ -1,12 +1,12 @@
 """What the daemon admits of searches: their files, and the runs that are added to them.
 
 The files of a search are written into a folder for its owner alone, by names that lead nowhere
-else, by a process of its own.
+else; where they are large, by a process of its own.
 """
 
 from __future__ import annotations
 
-import base64
+import filecmp
 import shutil
 import uuid
 from collections.abc import Iterator
@@ -19,9 +19,9 @@ from daemon.batch.ledger import stage_submission
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
 from daemon.batch.server._submissions import LARGE_REQUEST, admit_in_child, admit_submission
+from daemon.model.bundles import unpack_bundle
 from daemon.model.ids import is_id
 from daemon.model.search import (
-    BundledFile,
     ExtendRequest,
     Proposal,
     SearchSubmission,
@@ -45,9 +45,12 @@ class StagedSearch:
     folder: Path
 
     def place(self, paths: StatePaths, *, same: bool) -> None:
-        """Put its files where those of the search belong, unless the ``same`` are there already."""
+        """Put its files where those of the search belong, unless the ``same`` are there already.
+
+        What should be the same may not be: somebody removed a file, or the power failed.
+        """
         target = paths.search(self.asked.campaign)
-        if same and target.is_dir():
+        if same and _holds_all(target, self.folder / _FILES):
             return
         shutil.rmtree(target, ignore_errors=True)
         (self.folder / _FILES).rename(target)
@@ -66,18 +69,34 @@ class StagedExtension:
     rows: Path
 
 
+def _holds_all(folder: Path, wanted: Path) -> bool:
+    """Whether each file below ``wanted`` is in ``folder`` as well, byte by byte."""
+    return all(
+        _is_same(folder / path.relative_to(wanted), path)
+        for path in wanted.rglob("*")
+        if path.is_file()
+    )
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    try:
+        return filecmp.cmp(one, other, shallow=False)
+    except OSError:
+        return False
+
+
 def stage_search(payload: bytes, paths: StatePaths) -> StagedSearch:
     """Check a search as it came and write its files into a folder, to be placed or removed.
 
     Raises :class:`Refused` with what is wrong, and :class:`Unavailable` when the disk is full, say.
     """
-    if len(payload) < LARGE_REQUEST:
-        _read_search(payload)  # most of what is wrong needs no process of its own
     folder = paths.searches / _STAGED.format(uuid.uuid4().hex[:8])
     try:
         folder.mkdir(mode=0o700)
-        # Whoever knows what a bundle is knows all languages, too: more than a daemon should load.
-        admit_in_child(payload, folder, paths, str(SEARCH))
+        if len(payload) < LARGE_REQUEST:
+            stage_search_here(payload, folder)
+        else:
+            admit_in_child(payload, folder, paths, str(SEARCH))
         asked = codec.from_json(SearchSubmission, (folder / _ASKED).read_bytes())
         return StagedSearch(asked, (folder / _DIGEST).read_text(), folder)
     except BaseException as error:
@@ -100,8 +119,6 @@ def _read_search(payload: bytes) -> SearchSubmission:
 
 def stage_search_here(payload: bytes, folder: Path) -> None:
     """Check a search and write its files, in this process; raises as :func:`stage_search` does."""
-    from daemon.campaign import unpack_bundle
-
     search = _read_search(payload)
     try:
         unpack_bundle(search.files, folder / _FILES)
@@ -115,17 +132,6 @@ def remove_staged_searches(paths: StatePaths) -> None:
     """Remove what a daemon that was killed has left of searches it was reading."""
     for folder in paths.searches.glob(_STAGED.format("*")):
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def read_bundle(folder: Path) -> tuple[BundledFile, ...]:
-    """Read the files of a search back, in the order of their names; raises ``OSError``."""
-    return tuple(
-        BundledFile(
-            path.relative_to(folder).as_posix(), base64.b64encode(path.read_bytes()).decode()
-        )
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and not path.is_symlink()
-    )
 
 
 def stage_extension(payload: bytes, paths: StatePaths) -> StagedExtension:

@@ -14,10 +14,10 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
-from daemon.analysis.blame import Candidate
 from daemon.model.search import (
     BundledFile,
     Phase,
@@ -35,7 +35,18 @@ from grammars.model.scene import Scene
 from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.samples import SCENE, make_result, make_spec
 
+if TYPE_CHECKING:
+    from daemon.analysis.blame import Candidate
+
 CONFIRMED = 2
+
+
+@dataclass(frozen=True, slots=True)
+class FakeCandidate:
+    """As the real one, without all that runs and judges, which each process would load."""
+
+    spec: RunSpec
+    scene: Scene
 
 
 def search(folder: Path, name: str, task: SearchTask, runs: Runs) -> SearchAnswer:
@@ -98,7 +109,7 @@ def issue(
     assert isinstance(parameters, dict)
     spec = make_spec(repeat, scenario=task.scenario_of(number), value=value, **parameters)
     proposal = Proposal(position, number, repeat, phase, "hash", bool(learnt), (value,))
-    runs.issue(proposal, Candidate(spec, SCENE))
+    runs.issue(proposal, cast("Candidate", FakeCandidate(spec, SCENE)))
 
 
 class LocalRuns:

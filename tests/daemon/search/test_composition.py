@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.campaign import bundle_campaign, expand, load_campaign, unpack_bundle
+from daemon.campaign import bundle_campaign, expand, load_campaign
+from daemon.model.bundles import unpack_bundle
 from daemon.model.search import Point
 from daemon.model.spec import RunSpec
 from daemon.search.composition import SearchCase, load_search_case

@@ -17,7 +17,8 @@ import pytest
 
 from daemon.batch.client import Client
 from daemon.batch.paths import StatePaths
-from daemon.campaign import bundle_campaign, load_campaign, unpack_bundle
+from daemon.campaign import bundle_campaign, load_campaign
+from daemon.model.bundles import unpack_bundle
 from daemon.model.search import SearchRow, SearchSubmission
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec
 from daemon.search.coordinator import run_program
@@ -176,6 +177,25 @@ def test_a_search_that_is_cancelled_goes_on_where_it_was(
         row = ended(client, "halted")
         assert (row.state, row.proposed, row.finished) == ("finished", 14, 14)
         client.delete(("halted",))
+
+
+def test_a_search_that_is_deleted_and_submitted_again_begins_anew(
+    daemon: DaemonPart, tmp_path: Path
+) -> None:
+    gate = tmp_path / "gate"
+    with daemon.client() as client:
+        client.submit_search(sought("anew", 12, parameters={"until": str(gate)}))
+        eventually(lambda: len(client.proposals("anew")) == TASK.window)
+        # What proposes learns of it when all is over.
+        os.kill(coordinators(daemon)[-1], signal.SIGSTOP)
+        client.cancel("anew")
+        client.delete(("anew",))
+        client.submit_search(sought("anew", 12, parameters={"until": str(gate)}))
+        gate.touch()
+        os.kill(coordinators(daemon)[-1], signal.SIGCONT)
+        row = ended(client, "anew")
+        assert (row.state, row.proposed, row.finished) == ("finished", 14, 14)
+        client.delete(("anew",))
 
 
 def test_what_ends_a_search_is_told(daemon: DaemonPart) -> None:

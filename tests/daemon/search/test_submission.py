@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.campaign import checked_bundle
+from daemon.model.bundles import checked_bundle
 from daemon.search.submission import prepare_search
 from grammars.text.diagnostics import InputError
 

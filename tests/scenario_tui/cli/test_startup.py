@@ -13,8 +13,8 @@ from scenario_tui.cli import command_line
 from scenario_tui.cli.commands import COMMANDS, load_command
 
 NEEDED_BY_FEW = {
-    "dask", "jinja2", "matplotlib", "mcap", "numba", "pint", "pyarrow", "pymunk", "rdflib",
-    "rosbags", "ruamel.yaml", "scipy", "textual",
+    "cmaes", "dask", "jinja2", "matplotlib", "mcap", "numba", "optuna", "pint", "pyarrow", "pymunk",
+    "rdflib", "rosbags", "ruamel.yaml", "scipy", "sqlalchemy", "textual",
 }  # fmt: skip
 LANGUAGES = {"numpy", "shapely", "textx"}
 BUS = {"zenoh", "cryptography"}
@@ -81,6 +81,21 @@ def test_a_command_loads_no_more_than_it_needs(
     )
     assert not loaded & (NEEDED_BY_FEW | unneeded)
     assert len(loaded) <= most
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import daemon.batch.server, daemon.batch.worker, daemon.run",
+        "from scenario_tui.cli.command_line import invoke\n"
+        "assert invoke(['check', 'campaigns/two_lasers/campaign.yaml']) == 0",
+    ],
+)
+def test_who_never_searches_loads_nothing_that_searches(code: str, monkeypatch) -> None:
+    monkeypatch.chdir(Path(command_line.__file__).parents[2])
+    loaded = _loaded_after(code)
+    assert not {name for name in loaded if name.startswith("daemon.search")}
+    assert loaded.isdisjoint({"cmaes", "optuna", "sqlalchemy"})
 
 
 def test_what_help_does_without_is_real_when_somebody_uses_it() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server import _searches as searches
 from daemon.batch.server import stage_extension, stage_search
 from daemon.model.packed_submission import PackedRun
-from daemon.model.search import BundledFile, SearchProgress, SearchSubmission
+from daemon.model.search import MOST_PROPOSALS, BundledFile, SearchProgress, SearchSubmission
 from daemon.model.verbs import EXTEND, PROGRESS
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at
@@ -105,6 +106,57 @@ def test_what_is_wrong_with_files_is_said(
 ) -> None:
     search = replace(make_search("s"), files=files, file="c.yaml")
     assert words in refused(search, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"name": "../doors"},
+        {"name": "doors.1"},
+        {"name": "d" * 41},
+        {"parameters": ()},
+        {"runs": 0},
+        {"runs": MOST_PROPOSALS + 1},
+        {"seconds": -1.0},
+        {"window": 0},
+        {"window": 10**9},
+        {"confirm": 10**9},
+        {"failures": 0},
+        {"seed": -1},
+        {"method": "m" * 1000},
+    ],
+)
+def test_what_no_campaign_file_asks_for_is_refused(
+    tmp_path: Path, changes: dict[str, object]
+) -> None:
+    (wrong,) = changes
+    assert wrong in refused(make_search("s", **changes), tmp_path)
+
+
+def test_files_that_were_lost_come_with_the_same_search_again(places: StatePaths) -> None:
+    payload = codec.to_json(make_search("s"))
+    folder = places.search("s")
+    for lose in (
+        lambda: None,
+        lambda: (folder / "campaign.yaml").unlink(),
+        lambda: (folder / "layers" / "doors.scenery").write_text(""),
+        lambda: shutil.rmtree(folder),
+    ):
+        staged = stage_search(payload, places)
+        staged.place(places, same=folder.is_dir())
+        staged.remove()
+        lose()
+    staged = stage_search(payload, places)
+    staged.place(places, same=True)
+    staged.remove()
+    assert (folder / "campaign.yaml").read_text() == "campaign: test\n"
+    assert (folder / "layers" / "doors.scenery").read_text() == "scenery doors"
+    before = folder.stat().st_ino
+    staged = stage_search(payload, places)
+    staged.place(places, same=True)
+    staged.remove()
+    assert folder.stat().st_ino == before
+    assert kept(places) == [folder]
 
 
 def test_a_search_that_is_refused_leaves_nothing(places: StatePaths) -> None:
