@@ -314,6 +314,12 @@ class _SearchReader:
                 message = f'"{text}": {words[0]} is a list of words, which cannot be compared'
                 self._error(where, message, "write a range, or plain numbers in the list")
                 continue
+            unknown = _unknown_names(text, parameters, layers)
+            if unknown:
+                known = [f"{label}.{key}" for x in layers for label in x.labels for key in x.values]
+                message = f'"{text}": there is no value "{unknown[0]}"'
+                self._error(where, message, did_you_mean(unknown[0], known))
+                continue
             try:
                 for one in _comparisons(_with_fixed_values(text, parameters, layers)):
                     inequality = read_inequality(one, units)
@@ -412,6 +418,7 @@ def _choice_as_written(
 ) -> PointValue | None:
     """Return the choice that is the number as written, else that number in its own words."""
     same, written = None, _number_of(value)
+    numbers: dict[float, PointValue] = {}
     for choice in over.values:
         if isinstance(choice, str):
             try:
@@ -428,6 +435,10 @@ def _choice_as_written(
             hint = f"it is written at {value.where}: {value.text}"
             raise InputError.at(where, f"{name}: {choice:g} has no unit", hint)
         number = read_quantity(choice).value if isinstance(choice, str) else choice
+        other = numbers.setdefault(float(f"{number:.9g}"), choice)
+        if other != choice:
+            message = f"{name}: {other} and {choice} are the same value"
+            raise InputError.at(where, message, "leave one of them out")
         if written is not None and abs(number - written) <= 1e-9 * abs(number):
             same = choice
     words = isinstance(over.values[0], str)
@@ -446,6 +457,19 @@ _COMPARED: Final = re.compile(r"(<=|>=|<|>)")
 
 def _names(text: str, name: str) -> bool:
     return any(found["name"] == name for found in _NAME.finditer(text))
+
+
+def _unknown_names(
+    text: str, parameters: Sequence[SearchParameter], layers: Sequence[SearchLayer]
+) -> list[str]:
+    """Return the names in an inequality that are those of no value of the scenario."""
+    searched = {parameter.name for parameter in parameters}
+    return [
+        found["name"]
+        for found in _NAME.finditer(text)
+        if found["name"] not in searched
+        and all(layer.value_of(found["name"]) is None for layer in layers)
+    ]
 
 
 def _with_fixed_values(
