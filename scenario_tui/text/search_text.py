@@ -234,15 +234,16 @@ def best_text(value: ObjectiveValue | None, *, oracle: bool = False) -> str:
 def search_line(row: SearchRow) -> str:
     """Return how a search stands in one line: ``doors: looking for failures, 23 of 60 runs``."""
     parts = [phase_text(row)]
-    answer = row.answer
-    if row.state == "running" and row.phase == "explore":
+    answer, exploring = row.answer, row.state == "running" and row.phase == "explore"
+    if exploring:
         parts.append(f"{row.finished:,} of {pluralise(row.task.runs, 'run')}")
     else:
         parts.append(pluralise(row.finished, "run"))
     if answer is not None:
         parts.append(failures_text(answer.failed))
         parts.append(best_text(answer.best.value if answer.best else None))
-    if row.note:
+    # While it explores the note has the same numbers, as they were when it was written.
+    if row.note and not exploring:
         parts.append(row.note.strip().splitlines()[-1])
     return f"{row.task.name}: {', '.join(filter(None, parts))}"
 
@@ -307,7 +308,8 @@ def answer_lines(
 def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     words = pluralise(row.finished, "run")
     if answer.reused:
-        words += f", {answer.reused:,} of them were there already"
+        verb = "was" if answer.reused == 1 else "were"
+        words += f", {answer.reused:,} of them {verb} there already"
     return f"{words}; {phase_text(row)}"
 
 
