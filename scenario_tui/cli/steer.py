@@ -57,12 +57,17 @@ def _steer(
     from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
     with DaemonTarget(connect, state).open() as daemon:
-        found = find_campaign_or_search(daemon, campaign).id
+        row = find_campaign_or_search(daemon, campaign)
+        found = row.id
         runs = ask(daemon, found)
     # The sentence is for people and on standard error, so it does no harm beside the JSON.
     if as_json:
         output(found, runs).emit()
-    say(ACTIONS[output.schema].outcome_text(found, runs, until=f"`scenario resume {found}`"))
+    words = ACTIONS[output.schema].outcome_text(found, runs, until=f"`scenario resume {found}`")
+    if output is CancelOutput and row.search == "running":
+        # Between two of its runs there may be none to cancel.
+        words += f", which has ended; `scenario search {found}` says what it found"
+    say(words)
 
 
 def cancel(

@@ -333,6 +333,14 @@ def test_submitting_a_campaign_says_which_searches_it_has(
     assert searches_text(file, ()) == ""
 
 
+def test_cancelling_a_search_says_that_it_has_ended(scenario, fake) -> None:
+    _have(fake, make_search("running"))
+    assert "which has ended" in scenario("cancel", "doors-in-time").err
+    assert ("cancel", SEARCH) in fake.calls
+    _have(fake, make_search())
+    assert "which has ended" not in scenario("cancel", SEARCH).err
+
+
 def test_results_of_a_search_are_its_answer(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("results", SEARCH)
