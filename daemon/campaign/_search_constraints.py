@@ -27,6 +27,19 @@ def is_named(text: str, name: str) -> bool:
     return any(found["name"] == name for found in _NAME.finditer(text))
 
 
+def unknown_names(
+    text: str, parameters: Sequence[SearchParameter], layers: Sequence[SearchLayer]
+) -> list[str]:
+    """Return the names in an inequality that are those of no value of the scenario."""
+    searched = {parameter.name for parameter in parameters}
+    return [
+        found["name"]
+        for found in _NAME.finditer(text)
+        if found["name"] not in searched
+        and all(layer.value_of(found["name"]) is None for layer in layers)
+    ]
+
+
 def with_fixed_values(
     text: str, parameters: Sequence[SearchParameter], layers: Sequence[SearchLayer]
 ) -> str:

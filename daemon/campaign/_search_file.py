@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -64,6 +65,8 @@ def read_range(text: str) -> ValueRange:
     unit = " ".join((found["unit"] or "").split())
     low_unit = " ".join((found["low_unit"] or "").split())
     low, high = float(found["low"]), float(found["high"])
+    if not math.isfinite(high - low):
+        raise ValueError(f'"{text}" has no end: write a range, {_EXAMPLE}')
     if unit:
         whole = read_quantity(f"1 {unit}")
         if low_unit and low_unit != unit:
@@ -73,9 +76,10 @@ def read_range(text: str) -> ValueRange:
             low = float(f"{part.value / whole.value:.12g}")
     elif low_unit:
         raise ValueError(f'"{text}": write the unit at the end: .. {found["high"]} {low_unit}')
-    if not low < high:
-        order = "is empty" if low == high else "begins above its end"
-        raise ValueError(f'"{text}" {order}: write the smaller value first')
+    if low == high:
+        raise ValueError(f'"{text}" is empty: widen it, what has one value is not searched')
+    if low > high:
+        raise ValueError(f'"{text}" begins above its end: write the smaller value first')
     log = bool(found["log"])
     if log and low <= 0.0:
         raise ValueError(f'"{text}": a logarithmic range begins above 0')
@@ -88,7 +92,11 @@ def _read_over(value: Any) -> ValueRange | ValueChoices:
         return read_range(value)
     if not isinstance(value, list):
         given = "nothing" if value is None else "keys" if isinstance(value, dict) else str(value)
-        raise ValueError(f"takes a range or a list, not {given}: {_EXAMPLE}")
+        # Inside of braces YAML ends a value at a comma: {speed: 1 .. 2 m/s, log}.
+        comma = '; inside of { } what has a comma is quoted: "0.01 .. 0.05 m, log"'
+        raise ValueError(
+            f"takes a range or a list, not {given}: {_EXAMPLE}{comma if value is None else ''}"
+        )
     if len(value) < 2:
         raise ValueError("a list has two choices or more; what has one value is not searched")
     if len(value) > _MOST_CHOICES:

@@ -95,6 +95,7 @@ def choice_as_written(
 ) -> PointValue | None:
     """Return the choice that is the number as written, else that number in its own words."""
     same, written = None, number_of(value)
+    numbers: dict[float, PointValue] = {}
     for choice in over.values:
         if isinstance(choice, str):
             try:
@@ -111,6 +112,10 @@ def choice_as_written(
             hint = f"it is written at {value.where}: {value.text}"
             raise InputError.at(where, f"{name}: {choice:g} has no unit", hint)
         number = read_quantity(choice).value if isinstance(choice, str) else choice
+        other = numbers.setdefault(float(f"{number:.9g}"), choice)
+        if other != choice:
+            message = f"{name}: {other} and {choice} are the same value"
+            raise InputError.at(where, message, "leave one of them out")
         if written is not None and abs(number - written) <= 1e-9 * abs(number):
             same = choice
     words = isinstance(over.values[0], str)

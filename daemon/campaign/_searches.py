@@ -21,6 +21,7 @@ from daemon.campaign._search_constraints import (
     has_words,
     is_named,
     least_sum,
+    unknown_names,
     with_fixed_values,
 )
 from daemon.campaign._search_file import (
@@ -325,6 +326,12 @@ class _SearchReader:
             if words:
                 message = f'"{text}": {words[0]} is a list of words, which cannot be compared'
                 self._error(where, message, "write a range, or plain numbers in the list")
+                continue
+            unknown = unknown_names(text, parameters, layers)
+            if unknown:
+                known = [f"{label}.{key}" for x in layers for label in x.labels for key in x.values]
+                message = f'"{text}": there is no value "{unknown[0]}"'
+                self._error(where, message, did_you_mean(unknown[0], known))
                 continue
             try:
                 for one in comparisons(with_fixed_values(text, parameters, layers)):

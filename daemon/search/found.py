@@ -12,8 +12,9 @@ from templates.artefacts import ExportResult, export_worlds
 from templates.naming import file_name
 
 FOUND_ENDING: Final = ".found.yaml"
-GAZEBO_KINDS: Final = ("sdf", "keyframes", "tasks", "launch")
-"""What a world in Gazebo is made of: models and world, doors that move, waypoints, launch files."""
+GAZEBO_KINDS: Final = ("map", "sdf", "keyframes", "tasks", "launch")
+"""What a world in Gazebo is made of: models and world, doors that move, waypoints, launch files
+and the map that these give to the map server."""
 
 
 def found_file(name: str, folder: Path) -> Path:
@@ -35,7 +36,7 @@ def write_found(answer: SearchAnswer, name: str, folder: Path) -> Path:
 
 
 def export_found(file: Path, folder: Path) -> ExportResult:
-    """Make of a found scenario what runs it in Gazebo: worlds, doors, tasks, launch files.
+    """Make of a found scenario what runs it in Gazebo: map, world, doors, tasks, launch files.
 
     Same file, same bytes. Raises :class:`grammars.text.diagnostics.InputError` for a file that
     cannot be used, and ``OSError``.

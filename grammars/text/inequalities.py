@@ -134,5 +134,5 @@ def _only_dimension(text: str, summands: list[_Summand]) -> str:
 
 def _told(summand: _Summand) -> str:
     name, _, quantity = summand
-    unit = "has no unit" if quantity.unit == "1" else f"is in {quantity.unit}"
+    unit = "without a unit" if quantity.unit == "1" else f"in {quantity.unit}"
     return f"{name or f'{quantity.value:g}'} {unit}"

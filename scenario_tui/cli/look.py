@@ -179,13 +179,17 @@ def results(
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.results import emit_results, print_summary
     from scenario_tui.cli.search import ask_search
-    from scenario_tui.cli.target import DaemonTarget, find_campaign, pointing_to_traces
+    from scenario_tui.cli.target import (
+        DaemonTarget,
+        find_campaign_or_search,
+        pointing_to_traces,
+    )
     from scenario_tui.client import all_runs
     from scenario_tui.text.results import gather_results
 
     target = DaemonTarget(connect, state)
     with pointing_to_traces("results", campaign, "CAMPAIGN"), target.open() as daemon:
-        row = find_campaign(daemon, campaign)
+        row = find_campaign_or_search(daemon, campaign)
         listed = outcome or text
         if row.search and not listed:
             _refuse_baseline(baseline)

@@ -263,7 +263,7 @@ def wait(
     from scenario_tui.cli.progress import PATIENCE, ask_patiently, watch
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.search import wait_for_search
-    from scenario_tui.cli.target import DaemonTarget, find_campaign
+    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
     from scenario_tui.text.formatting import pluralise
     from scenario_tui.text.results import conclude, gather_results
 
@@ -273,7 +273,9 @@ def wait(
     target = DaemonTarget(connect, state)
     name = campaign
     try:
-        meant = ask_patiently(target, lambda daemon: find_campaign(daemon, campaign), patience)
+        meant = ask_patiently(
+            target, lambda daemon: find_campaign_or_search(daemon, campaign), patience
+        )
         name, left = meant.id, max(0.0, deadline - time.monotonic())
         if meant.search:
             code = wait_for_search(target, name, as_json, patience=patience, limit=left)

@@ -90,4 +90,4 @@ def file_commands(written: Mapping[str, str]) -> Iterator[tuple[str, str]]:
     if "smallest" in written:
         yield f"scenario run {written['smallest']}", "the least of it that still fails"
     if "gazebo" in written:
-        yield f"ls {written['gazebo']}", "its world for Gazebo: models, doors, tasks, launch files"
+        yield f"ls {written['gazebo']}", "its world for Gazebo: map, models, doors, launch files"

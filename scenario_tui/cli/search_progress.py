@@ -88,7 +88,9 @@ class SearchWatch:
             line.add_column(no_wrap=True)
         line.add_row(head, ProgressBar(self.row.task.runs, self.tally.explored, width=_BAR), tail)
         idle = not (self.tally.explored or self.running)
-        note = self.row.note.strip().splitlines()[-1:]
+        # While it explores the note has the numbers of the bar, as they were a few runs ago.
+        exploring = self.row.phase == "explore"
+        note = [] if exploring else self.row.note.strip().splitlines()[-1:]
         waiting = preparing or "".join(note) or (WAITING if idle else "")
         if self.campaign_row is not None and self.campaign_row.paused:
             waiting = f"paused: `scenario resume {self.campaign}` lets it go on"

@@ -54,15 +54,20 @@ def _steer(
 ) -> None:
     """Ask the daemon to do something with a campaign, and say what became of it."""
     from scenario_tui.campaign_actions import ACTIONS
-    from scenario_tui.cli.target import DaemonTarget, find_campaign
+    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
     with DaemonTarget(connect, state).open() as daemon:
-        found = find_campaign(daemon, campaign).id
+        row = find_campaign_or_search(daemon, campaign)
+        found = row.id
         runs = ask(daemon, found)
     # The sentence is for people and on standard error, so it does no harm beside the JSON.
     if as_json:
         output(found, runs).emit()
-    say(ACTIONS[output.schema].outcome_text(found, runs, until=f"`scenario resume {found}`"))
+    words = ACTIONS[output.schema].outcome_text(found, runs, until=f"`scenario resume {found}`")
+    if output is CancelOutput and row.search == "running":
+        # Between two of its runs there may be none to cancel.
+        words += f", which has ended; `scenario search {found}` says what it found"
+    say(words)
 
 
 def cancel(
@@ -152,10 +157,10 @@ def priority(
     Campaigns of the same priority take turns, run by run.
     """
     from scenario_tui.campaign_actions import PRIORITY
-    from scenario_tui.cli.target import DaemonTarget, find_campaign
+    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
     with DaemonTarget(connect, state).open() as daemon:
-        row = find_campaign(daemon, campaign)
+        row = find_campaign_or_search(daemon, campaign)
         daemon.prioritise(row.id, number)
     if as_json:
         PriorityOutput(row.id, number).emit()
@@ -184,10 +189,10 @@ def delete(
     Not while runs of them wait or run: cancel them first.
     """
     from scenario_tui.campaign_actions import deletion_text
-    from scenario_tui.cli.target import DaemonTarget, find_campaign
+    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
     with DaemonTarget(connect, state).open() as daemon:
-        found = tuple(dict.fromkeys(find_campaign(daemon, name).id for name in campaigns))
+        found = tuple(dict.fromkeys(find_campaign_or_search(daemon, name).id for name in campaigns))
         gone = daemon.delete(found, dry=True)
         if not dry_run:
             if not yes:

@@ -194,6 +194,22 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     raise Refused(f'there is no campaign "{wanted}": {did_you_mean(wanted, names)}')
 
 
+def find_campaign_or_search(daemon: DaemonClient, wanted: str) -> CampaignRow:
+    """Return the campaign meant as :func:`find_campaign` does, a search also by its own name.
+
+    That is what its campaign file calls it; the newest of that name is meant. Raises
+    :class:`Refused` when there is neither.
+    """
+    try:
+        return find_campaign(daemon, wanted)
+    except Refused:
+        called = [row for row in daemon.searches() if row.task.name == wanted]
+        found = daemon.campaign_page(id=called[0].campaign, limit=1) if called else ()
+        if not found:
+            raise
+        return found[0]
+
+
 def _find_named(source: RunSource, name: str) -> CampaignRow | RunDetail:
     """Return what a name means: with a dot in it a run, else a campaign.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 
 from daemon.model.search import objective
+from daemon.model.verdicts import Outcome
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     NOTHING,
@@ -234,15 +235,16 @@ def best_text(value: ObjectiveValue | None, *, oracle: bool = False) -> str:
 def search_line(row: SearchRow) -> str:
     """Return how a search stands in one line: ``doors: looking for failures, 23 of 60 runs``."""
     parts = [phase_text(row)]
-    answer = row.answer
-    if row.state == "running" and row.phase == "explore":
+    answer, exploring = row.answer, row.state == "running" and row.phase == "explore"
+    if exploring:
         parts.append(f"{row.finished:,} of {pluralise(row.task.runs, 'run')}")
     else:
         parts.append(pluralise(row.finished, "run"))
     if answer is not None:
         parts.append(failures_text(answer.failed))
         parts.append(best_text(answer.best.value if answer.best else None))
-    if row.note:
+    # While it explores the note has the same numbers, as they were when it was written.
+    if row.note and not exploring:
         parts.append(row.note.strip().splitlines()[-1])
     return f"{row.task.name}: {', '.join(filter(None, parts))}"
 
@@ -264,7 +266,9 @@ def headline(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
     """Return what was searched, and what came of it in a word."""
     task, word = row.task, search_word(row)
     text = Text.assemble((task.name, "bold"), "  ")
-    said = {"fail": "it can fail", "pass": "nothing fails", "running": "running"}.get(word, word)
+    # Of one oracle that does not fail: others, which it was not about, may.
+    passed = "nothing fails" if len(task.scales) > 1 else f"{task.minimise} does not fail"
+    said = {"fail": "it can fail", "pass": passed, "running": "running"}.get(word, word)
     text.append(glyph_word(word).replace(word, said), style=styles[word])
     if task.about:
         text.append(f"  {task.about}", style=quiet_style(styles))
@@ -307,8 +311,32 @@ def answer_lines(
 def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     words = pluralise(row.finished, "run")
     if answer.reused:
-        words += f", {answer.reused:,} of them were there already"
+        verb = "was" if answer.reused == 1 else "were"
+        words += f", {answer.reused:,} of them {verb} there already"
     return f"{words}; {phase_text(row)}"
+
+
+def unsought_failures(task: SearchTask, rows: Sequence[ProposalRow]) -> str:
+    """Say which oracles fail in runs of a search that is not about them; empty where none does."""
+    explored = [
+        row
+        for row in rows
+        if row.proposal.phase == "explore" and not row.proposal.repeat and row.outcome is not None
+    ]
+    sought = {scale.oracle for scale in task.scales}
+    failing: dict[str, list[int]] = {}
+    for row in explored:
+        for verdict in row.verdicts:
+            if verdict.outcome is Outcome.FAIL and verdict.oracle not in sought:
+                failing.setdefault(verdict.oracle, []).append(row.proposal.number)
+    if not failing:
+        return ""
+    told = [
+        f"{oracle} in {len(numbers):,} of {pluralise(len(explored), 'run')}"
+        + (", as written too" if 0 in numbers else "")
+        for oracle, numbers in failing.items()
+    ]
+    return f"fails as well, which this search is not about: {'; '.join(told)}"
 
 
 def nearest_lines(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -47,11 +48,15 @@ def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder: Path) ->
     (run,) = expand(load_campaign(file)).runs
     assert run.label == "doors-in-time.4/pilot/0"
     exported = export_found(file, folder / "gazebo")
-    assert set(exported.made) == {"sdf", "keyframes", "tasks", "launch"}
+    assert set(exported.made) == {"map", "sdf", "keyframes", "tasks", "launch"}
     assert all(path.is_relative_to(folder / "gazebo") for path in exported.paths)
     worlds = [path for path in exported.made["sdf"] if path.suffix in (".sdf", ".world")]
     assert worlds
     assert all(ElementTree.parse(path).getroot().tag == "sdf" for path in worlds)
+    # The map server of a launch file dies without its file.
+    launch = exported.made["launch"][0].read_text(encoding="utf-8")
+    (named,) = re.findall(r'default="[^"/]*\)/(maps/[^"]*)"', launch)
+    assert (folder / "gazebo" / named).is_file()
 
 
 def test_where_nothing_was_found_there_is_nothing_to_write(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ from scenario_tui.cli.search import _read_changes, search_code
 from scenario_tui.cli.search_progress import SearchWatch
 from scenario_tui.client import newer_proposals
 from scenario_tui.submission import searches_text
+from scenario_tui.text.search_text import search_line
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_row
 from tests.scenario_tui.fake_search import (
@@ -301,13 +302,25 @@ def test_only_runs_that_may_have_changed_are_asked_for_again(fake) -> None:
     assert [call[2] for call in fake.calls] == [len(MARGINS), len(MARGINS) + 2]
 
 
-def test_what_keeps_a_search_is_said_where_it_is_watched(fake) -> None:
-    _have(fake, make_search("running", note="no worker is there"))
+@pytest.mark.parametrize(
+    ("phase", "note", "shown"),
+    [
+        ("confirm", "run 1 again, 5 times with other noise", True),
+        # The bar has newer numbers.
+        ("explore", "1 of 60 runs, best -7.3 m", False),
+    ],
+)
+def test_what_a_search_does_is_said_where_it_is_watched(
+    fake, phase: str, note: str, shown: bool
+) -> None:
+    row = make_search("running", phase=phase, note=note)
+    _have(fake, row)
     watched = SearchWatch(SEARCH)
     watched.look(fake, ProgressDisplay(None))
     console = Console(width=100, record=True)
     console.print(watched.draw({}, "", 100))
-    assert "no worker is there" in console.export_text()
+    assert (note in console.export_text()) is shown
+    assert (note in search_line(row)) is shown
 
 
 def test_submitting_a_campaign_says_which_searches_it_has(
@@ -322,11 +335,20 @@ def test_submitting_a_campaign_says_which_searches_it_has(
     assert searches_text(file, ()) == ""
 
 
+def test_cancelling_a_search_says_that_it_has_ended(scenario, fake) -> None:
+    _have(fake, make_search("running"))
+    assert "which has ended" in scenario("cancel", "doors-in-time").err
+    assert ("cancel", SEARCH) in fake.calls
+    _have(fake, make_search())
+    assert "which has ended" not in scenario("cancel", SEARCH).err
+
+
 def test_results_of_a_search_are_its_answer(scenario, fake) -> None:
     _have(fake, make_search())
     said = scenario("results", SEARCH)
     assert (said.code, said.err) == (0, "")
     assert said.out.startswith("doors-in-time  ✗ it can fail")
+    assert scenario("results", "doors-in-time").out == said.out
     assert scenario("results", SEARCH, "--exit-status").code == ExitCode.UNEXPECTED
     assert "doors-in-time.4/pilot" in scenario("results", SEARCH, "--runs").out
     assert declared(scenario("results", SEARCH, "--json").out)["schema"] == "scenario/search/1"

@@ -9,10 +9,12 @@ import pytest
 
 from daemon.model.search import Confirmation, ObjectiveValue, ParameterChange
 from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
 from scenario_tui.text.search_text import (
     answer_lines,
     best_text,
     confirmation_text,
+    headline,
     influence_lines,
     parameter_table,
     phase_text,
@@ -23,6 +25,7 @@ from scenario_tui.text.search_text import (
     share_in_range,
     sparkline,
     tally_search,
+    unsought_failures,
 )
 from tests.scenario_tui.fake_search import (
     MARGINS,
@@ -126,6 +129,25 @@ def test_a_line_for_a_search() -> None:
     )
     assert search_line(make_search()) == (
         "doors-in-time: the budget is spent, 8 runs, 2 failures, smallest margin −0.031 m"
+    )
+
+
+def test_what_does_not_fail_is_the_oracle_that_was_searched_with() -> None:
+    calm = make_search(answer=replace(make_answer(), failed=0, first=None))
+    assert "✓ keeps-clear does not fail" in headline(calm).plain
+    scale = TASK.scales[0]
+    everything = replace(TASK, minimise="any", scales=(scale, replace(scale, oracle="reached")))
+    assert "✓ nothing fails" in headline(replace(calm, task=everything)).plain
+
+
+def test_failures_that_are_not_searched_for_are_told() -> None:
+    rows = make_proposals()
+    assert unsought_failures(TASK, rows) == ""
+    lost = replace(rows[0].verdicts[0], oracle="reached", outcome=Outcome.FAIL)
+    failing = [replace(row, verdicts=(*row.verdicts, lost)) for row in rows[:2]]
+    again = replace(failing[0], proposal=replace(rows[0].proposal, repeat=1, phase="confirm"))
+    assert unsought_failures(TASK, [*failing, *rows[2:], again]) == (
+        "fails as well, which this search is not about: reached in 2 of 8 runs, as written too"
     )
 
 
