@@ -34,12 +34,13 @@ from daemon.search.points import (
     with_value,
 )
 from daemon.search.results import first_failure, smallest_margin
-from daemon.search.wording import nearest_sentence, noise_words
+from daemon.search.wording import nearest_sentence, noise_words, short_name, value_text
 
 NEAREST_POINTS: Final = 30
 """Points that are tried at most to find the nearest failure; one that fails takes several runs."""
-_MOST_STARTS: Final = 5
-"""Failures that are begun with at most."""
+_STARTS: Final = 5
+_MOST_STARTS: Final = 20
+"""So many failures are begun with; where none of them holds more, until one does."""
 _MORE_TRIED: Final = 2
 _WELL_BEYOND: Final = 1.25
 """Where noise does not confirm a failure, so many others are tried, each so many times as far."""
@@ -101,11 +102,11 @@ def _find(question: NearestQuestion, trial: _Trial) -> NearestFailure | None:
         key=lambda i: (abs(question.influence.get(task.parameters[i].name, 0.0)), i),
     )
     best: tuple[tuple[int, float], _Descent, bool] | None = None
-    for start in _starts(question):
-        try:
-            (failing,) = trial.results([(start.values, "")])
-        except _SpentError:
+    for count, start in enumerate(_starts(question)):
+        if count >= _STARTS and best is not None:
             break
+        # Whether it holds takes repeats, but it is no other point.
+        (failing,) = trial.prober.results([(start.values, "")], one_noise=trial.one_noise)
         if failing is None or not failing.fails:
             continue
         descent = _Descent(task, tuple(order), trial, failing)
@@ -240,10 +241,9 @@ class _Descent:
         return None
 
     def _note(self, group: Sequence[int]) -> str:
-        name = (
-            self.task.parameters[group[0]].name if len(group) == 1 else f"{len(group)} parameters"
-        )
-        return f"{name} as written"
+        if len(group) != 1:
+            return f"{len(group)} parameters as written"
+        return f"{short_name(self.task, self.task.parameters[group[0]])} as written"
 
     def _remember_passing(self, result: PointResult | None, group: Sequence[int]) -> None:
         if result is None or result.outcome is not Outcome.PASS:
@@ -261,7 +261,7 @@ class _Descent:
             if value is None:
                 return
             point = with_value(self.failing.values, index, value)
-            note = f"{parameter.name} at {parameter.text(value)}"
+            note = f"{short_name(self.task, parameter)} at {value_text(parameter, value)}"
             (result,) = self.trial.results([(point, note)])
             if result is not None and result.fails:
                 self.failing = result
