@@ -140,6 +140,14 @@ class SearchTask:
     repeatable: bool = True
     about: str = ""
 
+    def short_name(self, name: str) -> str:
+        """Return a parameter's name without its layer, where no other one is called so."""
+        key = name.partition(".")[2]
+        same = sum(
+            other.name.partition(".")[2] == key or other.name == key for other in self.parameters
+        )
+        return key if key and same == 1 else name
+
     def scenario_of(self, number: int) -> str:
         """Return the name of the scenario that proposal ``number`` is."""
         return f"{self.name}.{number}"
@@ -375,13 +383,15 @@ class Influence:
 class ShrunkScenario:
     """The least of the nearest failure that still fails, told in lines, with its files.
 
-    ``files`` are those of a campaign that runs by itself, ``campaign.yaml`` among them.
+    ``files`` are those of a campaign that runs by itself, ``campaign.yaml`` among them. ``left``
+    names in a few words what is left.
     """
 
     story: tuple[str, ...]
     minimal: bool
     runs: int
     files: tuple[BundledFile, ...] = ()
+    left: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,12 +34,13 @@ from daemon.search.points import (
     with_value,
 )
 from daemon.search.results import first_failure, smallest_margin
-from daemon.search.wording import nearest_sentence, noise_words
+from daemon.search.wording import nearest_sentence, noise_words, short_name, value_text
 
 NEAREST_POINTS: Final = 30
 """Points that are tried at most to find the nearest failure; one that fails takes several runs."""
-_MOST_STARTS: Final = 5
-"""Failures that are begun with at most."""
+_STARTS: Final = 5
+_MOST_STARTS: Final = 20
+"""So many failures are begun with; where none of them holds more, until one does."""
 _MORE_TRIED: Final = 2
 _WELL_BEYOND: Final = 1.25
 """Where noise does not confirm a failure, so many others are tried, each so many times as far."""
@@ -85,15 +86,15 @@ class NearestQuestion:
 
 def find_nearest(question: NearestQuestion, prober: PointProber) -> NearestFailure | None:
     """Return the nearest failure, which holds if one does; ``None`` when nothing has failed."""
-    trial = _Trial(prober)
-    found = _find(question, trial)
+    trials = _PointTrials(prober)
+    found = _find(question, trials)
     if found is None and question.failures:
-        trial.one_noise = True
-        found = _find(question, trial)
+        trials.one_noise = True
+        found = _find(question, trials)
     return found
 
 
-def _find(question: NearestQuestion, trial: _Trial) -> NearestFailure | None:
+def _find(question: NearestQuestion, trials: _PointTrials) -> NearestFailure | None:
     """Return the smallest change that is come down to from any of the starts that fail."""
     task = question.task
     order = sorted(
@@ -101,14 +102,14 @@ def _find(question: NearestQuestion, trial: _Trial) -> NearestFailure | None:
         key=lambda i: (abs(question.influence.get(task.parameters[i].name, 0.0)), i),
     )
     best: tuple[tuple[int, float], _Descent, bool] | None = None
-    for start in _starts(question):
-        try:
-            (failing,) = trial.results([(start.values, "")])
-        except _SpentError:
+    for count, start in enumerate(_starts(question)):
+        if count >= _STARTS and best is not None:
             break
+        # Whether it holds takes repeats, but it is no other point.
+        (failing,) = trials.prober.results([(start.values, "")], one_noise=trials.one_noise)
         if failing is None or not failing.fails:
             continue
-        descent = _Descent(task, tuple(order), trial, failing)
+        descent = _Descent(task, tuple(order), trials, failing)
         complete = descent.go_down()
         found = descent.failing.values
         size = len(changed_parameters(task, found)), distance_from_written(task, found)
@@ -137,7 +138,7 @@ def _starts(question: NearestQuestion) -> list[PointResult]:
 
 
 @dataclass(slots=True)
-class _Trial:
+class _PointTrials:
     """Tries points as long as some are left, for all descents together."""
 
     prober: PointProber
@@ -151,7 +152,7 @@ class _Trial:
     def results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
         """Return what points say; raises :class:`_SpentError`."""
         new = {point for point, _ in tried if not self.is_known(point)}
-        # A whole batch or none: half of one would make the answer depend on the budget.
+        # A whole batch or none: half of one would make the answer depend on what is left.
         if self.points + len(new) > NEAREST_POINTS:
             raise _SpentError
         self.points += len(new)
@@ -168,7 +169,7 @@ class _Descent:
 
     task: SearchTask
     order: tuple[int, ...]
-    trial: _Trial
+    trials: _PointTrials
     failing: PointResult
     passing: dict[int, PointValue] = field(default_factory=dict)
     passes: PointResult | None = None
@@ -194,8 +195,8 @@ class _Descent:
                 if value is None:
                     continue
                 point = with_value(self.failing.values, index, value)
-                known = self.trial.is_known(point)
-                result = self.trial.results([(point, "")])[0] if known else None
+                known = self.trials.is_known(point)
+                result = self.trials.results([(point, "")])[0] if known else None
                 if result is not None and result.outcome is Outcome.PASS:
                     self._remember_passing(result, (index,))
                     break
@@ -229,7 +230,7 @@ class _Descent:
     def _first_failing(self, groups: Sequence[tuple[int, ...]]) -> int | None:
         """Take back the first of these groups without which it still fails; return which."""
         values = self.failing.values
-        found = self.trial.results(
+        found = self.trials.results(
             [(taken_back(self.task, values, group), self._note(group)) for group in groups]
         )
         for number, (group, result) in enumerate(zip(groups, found, strict=True)):
@@ -240,10 +241,9 @@ class _Descent:
         return None
 
     def _note(self, group: Sequence[int]) -> str:
-        name = (
-            self.task.parameters[group[0]].name if len(group) == 1 else f"{len(group)} parameters"
-        )
-        return f"{name} as written"
+        if len(group) != 1:
+            return f"{len(group)} parameters as written"
+        return f"{short_name(self.task, self.task.parameters[group[0]])} as written"
 
     def _remember_passing(self, result: PointResult | None, group: Sequence[int]) -> None:
         if result is None or result.outcome is not Outcome.PASS:
@@ -261,8 +261,8 @@ class _Descent:
             if value is None:
                 return
             point = with_value(self.failing.values, index, value)
-            note = f"{parameter.name} at {parameter.text(value)}"
-            (result,) = self.trial.results([(point, note)])
+            note = f"{short_name(self.task, parameter)} at {value_text(parameter, value)}"
+            (result,) = self.trials.results([(point, note)])
             if result is not None and result.fails:
                 self.failing = result
             else:
@@ -325,15 +325,15 @@ def _nearest(task: SearchTask, descent: _Descent, *, complete: bool) -> NearestF
     passing = {task.parameters[i].name: value for i, value in descent.passing.items()}
     changes = _changes(task, result, passing)
     sentence = nearest_sentence(task, result, changes, passes)
-    trial = descent.trial
+    trials = descent.trials
     return NearestFailure(
         result=result,
         changes=changes,
         passes=passes,
-        runs=trial.prober.runs,
+        runs=trials.prober.runs,
         complete=complete,
         sentence=sentence,
-        holds=not trial.one_noise,
+        holds=not trials.one_noise,
     )
 
 

@@ -39,10 +39,10 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     yield from _nearest(task, answer)
     if answer.shrunk is not None:
         runs = plural(answer.shrunk.runs, "run")
-        yield f"shrunk in {runs}: {'; '.join(line.strip() for line in answer.shrunk.story)}"
+        yield f"shrunk in {runs}: {answer.shrunk.left or answer.shrunk.story[0].strip()}"
     yield from _distinct(answer)
     yield from _frequency(answer)
-    yield from _influence(answer)
+    yield from _influence(task, answer)
     yield from _ending(task, answer)
 
 
@@ -135,13 +135,16 @@ def _nothing_below(answer: SearchAnswer) -> str:
     return f"nothing below {quantity(best.value.margin, best.value.unit)}"
 
 
-def _influence(answer: SearchAnswer) -> Iterator[str]:
+def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     strong = sorted(
         (one for one in answer.influence if abs(one.correlation) >= _WEAK),
         key=lambda one: -abs(one.correlation),
     )
     if strong:
-        told = [f"{one.parameter} ({rounded(one.correlation)})" for one in strong[:_MOST_TOLD]]
+        told = [
+            f"{task.short_name(one.parameter)} ({rounded(one.correlation)})"
+            for one in strong[:_MOST_TOLD]
+        ]
         runs = plural(strong[0].runs, "space-filling run")
         yield f"what decides most, by rank correlation in {runs}: {enumerate_words(told)}"
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.analysis.blame import (
+    Blame,
     BlameResult,
     BudgetSpentError,
     Candidate,
@@ -27,7 +28,7 @@ from daemon.analysis.blame import (
 from daemon.model.search import BundledFile, PointResult, ShrunkScenario
 from daemon.model.status import RunState
 from daemon.search.execution import PointRunner, RunPurpose
-from daemon.search.wording import plural
+from daemon.search.wording import enumerate_words, plural
 from grammars.model.behaviour import Reaction, Walk
 from grammars.text.diagnostics import InputError
 
@@ -35,6 +36,7 @@ SHRINK_RUNS: Final = 100
 """Runs that are spent at most to shrink a failure."""
 _NAMED: Final = 2
 """So many things that were left out are named, more of them are counted."""
+_NAMED_LEFT: Final = 3
 
 
 def shrink_failure(points: PointRunner, failure: PointResult) -> ShrunkScenario:
@@ -49,12 +51,32 @@ def shrink_failure(points: PointRunner, failure: PointResult) -> ShrunkScenario:
         # A system that is not repeatable, say, which passes this time.
         return ShrunkScenario((f"nothing to shrink: {error}",), minimal=False, runs=executor.issued)
     story = story_lines(found.story, case.settings.like, several=len(case.added) > 1)
+    left = left_words(found.story)
     files: tuple[BundledFile, ...] = ()
     try:
         files = _saved_files(case, found, runner)
     except (InputError, ValueError, OSError) as error:
-        story = (*story, f"it cannot be written as a campaign: {error}")
-    return ShrunkScenario(story, found.story.minimal, executor.issued, files)
+        unwritten = f"it cannot be written as a campaign: {error}"
+        story, left = (*story, unwritten), f"{left}; {unwritten}"
+    return ShrunkScenario(story, found.story.minimal, executor.issued, files, left)
+
+
+def left_words(story: Blame) -> str:
+    """Return ``1 of 3 objects (kitchen_door), 1 of 4 waypoints (home) and … are left``."""
+    before = dict(story.before)
+    told = [
+        _some(story.objects, before["object"], "object"),
+        _some(story.waypoints, before["waypoint"], "waypoint"),
+        _some(story.behaviours, before["behaviour"], "behaviour"),
+    ]
+    return f"{enumerate_words(told)} {'are' if story.minimal else 'are so far'} left"
+
+
+def _some(names: Sequence[str], whole: int, noun: str) -> str:
+    """Return ``2 of 3 objects (kitchen_door, living_room_door)``."""
+    shown = [*names[:_NAMED_LEFT], "…"] if len(names) > _NAMED_LEFT else list(names)
+    listed = f" ({', '.join(shown)})" if shown else ""
+    return f"{len(names)} of {plural(whole, noun)}{listed}"
 
 
 def _saved_files(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
@@ -32,12 +31,26 @@ _SPREADS: Final = re.compile(r"noise|bias|error|tolerance|deviation|drift|std|si
 def rounded(value: float) -> str:
     """Return three significant digits, without an exponent where people write none."""
     if value == 0.0 or not math.isfinite(value):
-        return f"{value:g}"
+        return minus(f"{value:g}")
     if not 1e-5 <= abs(value) < 1e7:
-        return f"{value:.3g}"
+        return minus(f"{value:.3g}")
     decimals = max(0, _DIGITS - 1 - math.floor(math.log10(abs(value))))
-    text = f"{value:.{decimals}f}"
+    text = minus(f"{value:.{decimals}f}")
     return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def minus(number: str) -> str:
+    """Return a number with the sign that is as wide as a plus: U+2212."""
+    return number.replace("-", "−")
+
+
+def value_text(parameter: SearchParameter, value: PointValue) -> str:
+    """Return a value for people: ``−0.12 m``, where files have ``-0.12 m``."""
+    text = parameter.text(value)
+    if isinstance(value, str):
+        return text
+    number, space, unit = text.partition(" ")
+    return f"{minus(number)}{space}{unit}"
 
 
 def quantity(value: float, unit: str) -> str:
@@ -62,14 +75,12 @@ def enumerate_words(words: Sequence[str]) -> str:
 
 def short_name(task: SearchTask, parameter: SearchParameter) -> str:
     """Return a parameter's name without its layer, where no other one is called so."""
-    keys = Counter(other.name.partition(".")[2] or other.name for other in task.parameters)
-    key = parameter.name.partition(".")[2]
-    return key if key and keys[key] == 1 else parameter.name
+    return task.short_name(parameter.name)
 
 
 def value_words(task: SearchTask, parameter: SearchParameter, value: PointValue) -> str:
     """Return ``kitchen_opens 8.54 s``."""
-    return f"{short_name(task, parameter)} {parameter.text(value)}"
+    return f"{short_name(task, parameter)} {value_text(parameter, value)}"
 
 
 def point_words(task: SearchTask, result: PointResult, most: int = 4) -> str:
@@ -91,8 +102,8 @@ def change_words(task: SearchTask, change: ParameterChange) -> str:
     parameter = next(p for p in task.parameters if p.name == change.parameter)
     name, value, written = short_name(task, parameter), change.value, change.written
     if written is None:
-        return f"{name} {parameter.text(value)}"
-    words = f"{parameter.text(value)} instead of {parameter.text(written)}"
+        return f"{name} {value_text(parameter, value)}"
+    words = f"{value_text(parameter, value)} instead of {value_text(parameter, written)}"
     if isinstance(value, str) or isinstance(written, str):
         return f"{name} {words}"
     size = parameter.text(float(f"{abs(value - written):.6g}"))
@@ -167,7 +178,7 @@ def _passing(
         pairs = zip(result.values, passes.values, strict=True)
         differing = [i for i, (value, other) in enumerate(pairs) if value != other]
         if change.passing is not None and differing == [index]:
-            words = parameter.text(passes.values[index])
+            words = value_text(parameter, passes.values[index])
             if len(changes) == 1:
                 return f"{'with' if isinstance(change.passing, str) else 'at'} {words} {ends}"
             return f"with {short_name(task, parameter)} {words} {ends}"

@@ -301,7 +301,7 @@ def answer_lines(
         # One change is told in a sentence.
         ("the nearest failure", changes if len(changes) > 1 else []),
         ("findings", finding_lines(found.findings, styles)),
-        (_influence_title(found), influence_lines(found, styles)),
+        (_influence_title(found), influence_lines(row.task, found, styles)),
     ):
         if block:
             lines.extend((Text(), Text(f"{title}:", style="bold"), *block))
@@ -348,7 +348,7 @@ def nearest_lines(
     named = {one.name: one for one in task.parameters}
     rows = [
         (
-            change.parameter,
+            task.short_name(change.parameter),
             value_text(named[change.parameter], change.written),
             value_text(named[change.parameter], change.value),
             "" if change.passing is None else named[change.parameter].text(change.passing),
@@ -407,20 +407,23 @@ def _influence_title(answer: SearchAnswer) -> str:
     return f"influence on the margin, rank correlation in {pluralise(runs, 'unguided run')}"
 
 
-def influence_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> list[Text]:
+def influence_lines(
+    task: SearchTask, answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES
+) -> list[Text]:
     """Return a bar for each parameter, those that decide most first.
 
     To the left: larger values bring the failure nearer. What chance gives as well is dim.
     """
     found = sorted(answer.influence, key=lambda one: (-_weight(one.correlation), one.parameter))
-    width = max((len(one.parameter) for one in found), default=0)
+    names = [task.short_name(one.parameter) for one in found]
+    width = max(map(len, names), default=0)
     lines = []
-    for one in found:
+    for one, name in zip(found, names, strict=True):
         chance = _weight(one.correlation) <= CHANCE / math.sqrt(max(1, one.runs - 1))
         style = quiet_style(styles) if chance else ""
         number = f"{one.correlation:+.2f}".replace("-", "−")
         bar = margin_bar(one.correlation, _HALF)
-        lines.append(Text(f"  {one.parameter:<{width}}  {bar}  {number}", style=style))
+        lines.append(Text(f"  {name:<{width}}  {bar}  {number}", style=style))
     return lines
 
 

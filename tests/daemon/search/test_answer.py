@@ -50,7 +50,8 @@ def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
     first = made_result((6.0, 5.0), -0.01, 1, "kitchen_door")
     confirmed = confirmation([replace(first, number=n) for n in range(5)])
     nearest = NearestFailure(first, (), None, 12, False, "kitchen_opens 1 s later and …", confirmed)
-    shrunk = ShrunkScenario(("fails with doors", "minimal: kitchen_door (of 3)"), True, 31)
+    story = ("fails with doors", "minimal: kitchen_door (of 3)")
+    shrunk = ShrunkScenario(story, True, 31, left="1 of 3 objects are left")
     answer = make_answer(
         TASK,
         points,
@@ -62,17 +63,17 @@ def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
     assert answer.sentences == (
         "3 of 8 runs fail, the first is run 1: keeps-clear fails by 0.01 m near kitchen_door",
         "run 1 has kitchen_opens 6 s",
-        "the smallest margin is -0.05 m (keeps-clear near kitchen_door), in run 2: "
+        "the smallest margin is −0.05 m (keeps-clear near kitchen_door), in run 2: "
         "kitchen_opens 7 s",
         "run 1 fails in 5 of 5 repeats with other noise (47.8 % to 100 % with 95 % certainty)",
         "nearest failure: kitchen_opens 1 s later and …",
         "the nearest failure fails in 5 of 5 repeats with other noise "
         "(47.8 % to 100 % with 95 % certainty)",
         "there may be a nearer one: 12 runs were spent before nothing could be taken back",
-        "shrunk in 31 runs: fails with doors; minimal: kitchen_door (of 3)",
+        "shrunk in 31 runs: 1 of 3 objects are left",
         "1 distinct failure: keeps-clear near kitchen_door (3 runs)",
         "2 of 5 space-filling runs fail: with 95 % certainty 5.2 % to 85.4 % of the space",
-        "what decides most, by rank correlation in 5 space-filling runs: doors.kitchen_opens (-1)",
+        "what decides most, by rank correlation in 5 space-filling runs: kitchen_opens (−1)",
         "1 point could not be composed: no run was made of it",
         "1 run is an error and without a margin",
         "the time of 0 s is over",

@@ -187,9 +187,21 @@ def test_a_scenario_that_fails_as_written_by_chance_is_not_the_nearest_failure()
     assert (alone.changes, alone.holds) == ((), False)
 
 
-def test_it_begins_with_no_more_than_five_failures() -> None:
+def test_it_begins_with_other_failures_until_one_holds() -> None:
     task = make_task(seconds("doors.a"))
     failures = [made_result((6.0 + n,), -0.1, n) for n in range(9)]
+    prober = Prober(lambda point: -0.1 if float(point[0]) > 6.0 else 0.1)
+    prober.chance = lambda point: float(point[0]) < 12.5
+    prober.known = {one.values: one for one in failures}
+    found = find_nearest(NearestQuestion(task, failures, {}), prober)
+    assert found is not None
+    assert found.holds
+    assert found.result.values == (12.5,)
+
+
+def test_it_begins_with_no_more_than_twenty_failures() -> None:
+    task = make_task(seconds("doors.a"))
+    failures = [made_result((6.0 + 0.1 * n,), -0.1, n) for n in range(30)]
     begun: list[Point] = []
 
     def chance(point: Point) -> bool:
@@ -199,7 +211,8 @@ def test_it_begins_with_no_more_than_five_failures() -> None:
     prober = Prober(lambda point: -0.1, chance=chance)
     found = find_nearest(NearestQuestion(task, failures, {}), prober)
     assert found is not None
-    assert len(begun) == 5
+    assert not found.holds
+    assert len(begun) == 20
 
 
 def test_it_ends_when_its_runs_are_spent() -> None:

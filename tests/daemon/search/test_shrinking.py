@@ -97,6 +97,10 @@ def test_one_door_and_what_it_does_are_left(case: SearchCase, tmp_path: Path) ->
         "  waypoints kitchen (of 4)",
         "  behaviours kitchen_door.hinge (of 5)",
     )
+    assert shrunk.left == (
+        "1 of 6 objects (kitchen_door), 1 of 4 waypoints (kitchen) and "
+        "1 of 5 behaviours (kitchen_door.hinge) are left"
+    )
     tried = [p for p in runs.proposals if p.phase == "shrink"]
     assert shrunk.runs == len(tried) > 5
     assert [p.number for p in tried] == list(range(1, len(tried) + 1)), "each is its own scenario"

@@ -47,7 +47,8 @@ def test_a_change_is_told_as_a_person_would(
 ) -> None:
     varied = parameter(name, unit, written)
     told = change_words(make_task(varied), ParameterChange(name, unit, written, value))
-    assert told == f"{words} ({varied.text(value)} instead of {varied.text(written)})"
+    values = f"{varied.text(value)} instead of {varied.text(written)}".replace("-", "−")
+    assert told == f"{words} ({values})"
 
 
 def test_a_choice_and_what_is_written_nowhere_have_no_size() -> None:
@@ -109,8 +110,8 @@ def test_numbers_have_three_digits_and_bounds_are_no_narrower_than_shown() -> No
         "123",
         "12345",
         "0",
-        "-0.00102",
-        "1e-09",
+        "−0.00102",
+        "1e−09",
     ]
     assert percentage(0.18104) == "18.2 %"
     words = confirmation_words(Confirmation(5, 5, 0.4782, 1.0))
