@@ -143,7 +143,7 @@ def show_methods(seeds: Sequence[int], runs: int) -> bool:
     for seed in seeds:
         results: dict[str, RunResult] = {}
         for method in METHODS:
-            # Only what the guided search finds is brought near: at most 30 runs and repeats more.
+            # Only what the guided search finds is brought near: at most 60 points and repeats more.
             more = {"then": ("nearest",), "confirm": 5} if method == "auto" else {}
             one = measure(case_of(seed, method, runs, **more), results)
             found[method].append(one)

@@ -1,10 +1,10 @@
 """The nearest failure: the smallest change from the scenario as written with which it still fails.
 
-From a failure that was found, parameters are taken back to their written values, those of least
-influence first and in halves, as long as it still fails; what is left is halved towards the
-written values until neighbouring steps, one of which passes. To fail is to fail with most noises:
-the smallest change that fails with one of them is luck. Only where no failure does, one noise
-decides, and that is told.
+From failures that were found, parameters are taken back to their written values, those of least
+influence first and in halves, as long as they still fail. Where the fewest changes are left, these
+are halved towards the written values until neighbouring steps, one of which passes. To fail is to
+fail with most noises: the smallest change that fails with one of them is luck. Only where no
+failure does, one noise decides, and that is told.
 """
 
 from __future__ import annotations
@@ -36,8 +36,12 @@ from daemon.search.points import (
 from daemon.search.results import first_failure, smallest_margin
 from daemon.search.wording import nearest_sentence, noise_words, short_name, value_text
 
-NEAREST_POINTS: Final = 30
+NEAREST_POINTS: Final = 60
 """Points that are tried at most to find the nearest failure; one that fails takes several runs."""
+_TAKING_BACK: Final = 40
+"""So many of them at most go into which parameters matter, before their values are halved: fewer
+changes are worth more than smaller ones.
+"""
 _STARTS: Final = 5
 _MOST_STARTS: Final = 20
 """So many failures are begun with; where none of them holds more, until one does."""
@@ -101,23 +105,30 @@ def _find(question: NearestQuestion, trials: _PointTrials) -> NearestFailure | N
         range(len(task.parameters)),
         key=lambda i: (abs(question.influence.get(task.parameters[i].name, 0.0)), i),
     )
-    best: tuple[tuple[int, float], _Descent, bool] | None = None
+    descents: list[_Descent] = []
     for count, start in enumerate(_starts(question)):
-        if count >= _STARTS and best is not None:
+        if count >= _STARTS and descents:
             break
         # Whether it holds takes repeats, but it is no other point.
         (failing,) = trials.prober.results([(start.values, "")], one_noise=trials.one_noise)
         if failing is None or not failing.fails:
             continue
-        descent = _Descent(task, tuple(order), trials, failing)
-        complete = descent.go_down()
-        found = descent.failing.values
-        size = len(changed_parameters(task, found)), distance_from_written(task, found)
-        if best is None or size < best[0]:
-            best = size, descent, complete
-        if not complete or not size[0]:
+        descents.append(_Descent(task, tuple(order), trials, failing))
+        if not descents[-1].take_back() or not descents[-1].changed():
             break
-    return None if best is None else _nearest(task, best[1], complete=best[2])
+    if not descents:
+        return None
+    trials.left = NEAREST_POINTS - trials.points
+    fewest = min(len(descent.changed()) for descent in descents)
+    finalists = [descent for descent in descents if len(descent.changed()) == fewest]
+    ended = []
+    for descent in sorted(finalists, key=_Descent.size):
+        ended.append((descent, descent.halve()))
+        if not ended[-1][1]:
+            break
+    nearest, complete = min(ended, key=lambda one: one[0].size())
+    nearest.compare()
+    return _nearest(task, nearest, complete=complete)
 
 
 def _starts(question: NearestQuestion) -> list[PointResult]:
@@ -144,6 +155,7 @@ class _PointTrials:
     prober: PointProber
     one_noise: bool = False
     points: int = 0
+    left: int = _TAKING_BACK
 
     def is_known(self, point: Point) -> bool:
         """Return whether nothing is run to find out about a point."""
@@ -153,9 +165,10 @@ class _PointTrials:
         """Return what points say; raises :class:`_SpentError`."""
         new = {point for point, _ in tried if not self.is_known(point)}
         # A whole batch or none: half of one would make the answer depend on what is left.
-        if self.points + len(new) > NEAREST_POINTS:
+        if len(new) > self.left:
             raise _SpentError
         self.points += len(new)
+        self.left -= len(new)
         return self.prober.results(tried, one_noise=self.one_noise)
 
 
@@ -174,22 +187,40 @@ class _Descent:
     passing: dict[int, PointValue] = field(default_factory=dict)
     passes: PointResult | None = None
 
-    def go_down(self) -> bool:
-        """Bring the failure nearer, and return whether nothing else could be done."""
-        complete = True
+    def size(self) -> tuple[int, float]:
+        """Return how many parameters are not as written, and how far they are from it."""
+        values = self.failing.values
+        return len(self.changed()), distance_from_written(self.task, values)
+
+    def changed(self) -> tuple[int, ...]:
+        """Return the parameters that are not as written, those of least influence first."""
+        changed = changed_parameters(self.task, self.failing.values)
+        return tuple(index for index in self.order if index in changed)
+
+    def take_back(self) -> bool:
+        """Take parameters back to their written values; return whether no other one can be."""
         try:
-            if self._changed():
+            if self.changed():
                 self._take_back()
-            for index in self._changed():
+        except _SpentError:
+            return False
+        return True
+
+    def halve(self) -> bool:
+        """Bring values nearer to the written ones; return whether nothing else could be done."""
+        try:
+            # Again where the points ended in the middle of it; what was tried costs nothing.
+            if self.changed():
+                self._take_back()
+            for index in self.changed():
                 self._halve(index)
         except _SpentError:
-            complete = False
-        self._compare()
-        return complete
+            return False
+        return True
 
-    def _compare(self) -> None:
+    def compare(self) -> None:
         """Take as passing the known point that differs in one parameter alone, if there is one."""
-        for index in self._changed():
+        for index in self.changed():
             written = self.task.parameters[index].written
             for value in (self.passing.get(index), written):
                 if value is None:
@@ -201,18 +232,14 @@ class _Descent:
                     self._remember_passing(result, (index,))
                     break
 
-    def _changed(self) -> tuple[int, ...]:
-        changed = changed_parameters(self.task, self.failing.values)
-        return tuple(index for index in self.order if index in changed)
-
     def _take_back(self) -> None:
-        changed = self._changed()
+        changed = self.changed()
         if self._first_failing([changed]) is not None:
             return
         self._take_back_some(changed)
         # One by one at the end: what was needed beside another one may not be any more. Pairs run
         # at the same time.
-        while len(changed := self._changed()) > 1:
+        while len(changed := self.changed()) > 1:
             pairs = [changed[i : i + 2] for i in range(0, len(changed), 2)]
             if all(self._first_failing([(one,) for one in pair]) is None for pair in pairs):
                 return
