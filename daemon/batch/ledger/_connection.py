@@ -174,7 +174,9 @@ _RULES: Final = {
         " WHERE state IN ('queued', 'running') AND campaign.finished_at IS NOT NULL"
     ),
     "runs are proposed and not there": (
-        "SELECT count(*) FROM proposal LEFT JOIN run USING (campaign, position)"
+        # Of campaigns that are being removed the proposals go after the runs.
+        "SELECT count(*) FROM proposal JOIN campaign ON campaign.id = proposal.campaign"
+        " LEFT JOIN run ON run.campaign = campaign.id AND run.position = proposal.position"
         " WHERE run.id IS NULL"
     ),
     "searches run in campaigns that are closed": (
