@@ -8,6 +8,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from daemon.judging.statistics import chance_correlation
 from daemon.model.search import Finding, Influence, PointResult, PointValue, SearchTask
 from daemon.search.results import ExploredPoint, smallest_margin
 
@@ -72,6 +73,14 @@ def parameter_influence(
             correlation = rank_correlation(np.array(numbers), margins)
         found.append(Influence(parameter.name, correlation, len(pairs)))
     return tuple(found)
+
+
+def is_by_chance(task: SearchTask, influence: Influence) -> bool:
+    """Return whether a parameter that decides nothing gives such a correlation as well."""
+    named = next((p for p in task.parameters if p.name == influence.parameter), None)
+    groups = len(named.choices) if named is not None else 0
+    bound = chance_correlation(influence.runs, max(groups, 2))
+    return not abs(influence.correlation) > bound
 
 
 def rank_correlation(values: np.ndarray[Any, Any], margins: np.ndarray[Any, Any]) -> float:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from daemon.judging.statistics import cut_percentage, proportion_interval
+from daemon.judging.statistics import chance_correlation, cut_percentage, proportion_interval
 from daemon.model.search import Finding, SearchAnswer, SearchTask
+from daemon.search.findings import is_by_chance
 from daemon.search.wording import (
     confirmation_words,
     enumerate_words,
@@ -21,8 +22,6 @@ from daemon.search.wording import (
 
 _MOST_TOLD: Final = 3
 """Findings and parameters that are named in a sentence."""
-_WEAK: Final = 0.3
-"""Correlations below this are not told in a sentence: fifteen runs show as much by chance."""
 
 
 def answer_sentences(task: SearchTask, answer: SearchAnswer) -> tuple[str, ...]:
@@ -136,17 +135,23 @@ def _nothing_below(answer: SearchAnswer) -> str:
 
 
 def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
+    if not answer.influence:
+        return
     strong = sorted(
-        (one for one in answer.influence if abs(one.correlation) >= _WEAK),
+        (one for one in answer.influence if not is_by_chance(task, one)),
         key=lambda one: -abs(one.correlation),
     )
+    count = answer.influence[0].runs
+    runs = plural(count, "space-filling run")
     if strong:
         told = [
             f"{task.short_name(one.parameter)} ({rounded(one.correlation)})"
             for one in strong[:_MOST_TOLD]
         ]
-        runs = plural(strong[0].runs, "space-filling run")
         yield f"what decides most, by rank correlation in {runs}: {enumerate_words(told)}"
+    else:
+        bound = rounded(chance_correlation(count))
+        yield f"nothing decides clearly: in {runs} chance gives rank correlations up to {bound}"
 
 
 def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:

@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
 """Signs of a sparkline, the lowest first."""
-CHANCE: Final = 1.96
-"""Divided by the root of the runs less one: what chance keeps rank correlations below, 19 of 20."""
 _HALF: Final = 8
 """Cells on either side of a bar of influence."""
 _PHASES: Final[dict[Phase, str]] = {
@@ -414,13 +412,15 @@ def influence_lines(
 
     To the left: larger values bring the failure nearer. What chance gives as well is dim.
     """
+    # With numpy: only where there is an answer.
+    from daemon.search.findings import is_by_chance
+
     found = sorted(answer.influence, key=lambda one: (-_weight(one.correlation), one.parameter))
     names = [task.short_name(one.parameter) for one in found]
     width = max(map(len, names), default=0)
     lines = []
     for one, name in zip(found, names, strict=True):
-        chance = _weight(one.correlation) <= CHANCE / math.sqrt(max(1, one.runs - 1))
-        style = quiet_style(styles) if chance else ""
+        style = quiet_style(styles) if is_by_chance(task, one) else ""
         number = f"{one.correlation:+.2f}".replace("-", "−")
         bar = margin_bar(one.correlation, _HALF)
         lines.append(Text(f"  {name:<{width}}  {bar}  {number}", style=style))
