@@ -9,6 +9,7 @@ from daemon.judging.statistics import chance_correlation, cut_percentage, propor
 from daemon.model.search import Finding, SearchAnswer, SearchTask
 from daemon.search.findings import is_by_chance
 from daemon.search.wording import (
+    AS_WRITTEN,
     confirmation_words,
     enumerate_words,
     failure_words,
@@ -52,7 +53,10 @@ def _first(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     runs = plural(answer.explored - answer.refused, "run")
     failed = f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}"
     yield f"{failed}, the first is run {answer.first.number}: {failure_words(answer.first)}"
-    yield f"run {answer.first.number} has {where}"
+    if where == AS_WRITTEN:
+        yield f"run {answer.first.number} is the scenario as written"
+    else:
+        yield f"run {answer.first.number} has {where}"
 
 
 def _best(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
@@ -79,8 +83,12 @@ def _nearest(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     nearest = answer.nearest
     if nearest is None:
         return
-    yield f"nearest failure: {nearest.sentence}"
-    if nearest.confirmed is not None:
+    first = answer.first
+    # The first failure may be the nearest one: its repeats have been told then.
+    same = first is not None and first.values == nearest.result.values
+    which = f", run {first.number}" if same and first is not None else ""
+    yield f"nearest failure{which}: {nearest.sentence}"
+    if nearest.confirmed is not None and not (same and nearest.confirmed == answer.confirmed):
         yield f"the nearest failure {confirmation_words(nearest.confirmed)}"
     if nearest.unconfirmed is not None:
         smaller = point_words(task, nearest.unconfirmed)

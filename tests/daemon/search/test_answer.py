@@ -68,9 +68,7 @@ def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
         "the smallest margin is −0.05 m (keeps-clear near kitchen_door), in run 2: "
         "kitchen_opens 7 s",
         "run 1 fails in 5 of 5 repeats with other noise (47.8 % to 100 % with 95 % certainty)",
-        "nearest failure: kitchen_opens 1 s later and …",
-        "the nearest failure fails in 5 of 5 repeats with other noise "
-        "(47.8 % to 100 % with 95 % certainty)",
+        "nearest failure, run 1: kitchen_opens 1 s later and …",
         "there may be a nearer one: 12 runs were spent before nothing could be taken back",
         "shrunk in 31 runs: 1 of 3 objects are left",
         "1 distinct failure: keeps-clear near kitchen_door (3 runs)",
@@ -84,6 +82,34 @@ def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
     assert told_failure(replace(answer, nearest=None)) == answer.first
     assert told_failure(replace(answer, nearest=None, confirmed=None)) == answer.best
     assert codec.from_json(SearchAnswer, codec.to_json(answer)) == answer
+
+
+def test_the_repeats_of_another_nearest_failure_are_told_as_well() -> None:
+    points = [explored(0, 5.0, 0.1), explored(1, 6.0, -0.01)]
+    repeats = [made_result((6.0, 5.0), margin, 1) for margin in (-0.01, -0.01, 0.2)]
+    all_of_them, some = confirmation(repeats[:2]), confirmation(repeats)
+    nearer = made_result((5.5, 5.0), -0.01, 7)
+    nearest = NearestFailure(nearer, (), None, 12, True, "kitchen_opens 0.5 s later", all_of_them)
+    told = make_answer(TASK, points, later=LaterResults(some, nearest)).sentences
+    assert [sentence for sentence in told if "repeats" in sentence or "nearest" in sentence] == [
+        "run 1 fails in 2 of 3 repeats with other noise (9.4 % to 99.2 % with 95 % certainty)",
+        "nearest failure: kitchen_opens 0.5 s later",
+        "the nearest failure fails in 2 of 2 repeats with other noise "
+        "(15.8 % to 100 % with 95 % certainty)",
+    ]
+
+
+def test_a_scenario_that_fails_as_written_is_told_once() -> None:
+    failing = explored(0, 5.0, -0.1)
+    assert failing.result is not None
+    confirmed = confirmation([failing.result] * 4)
+    nearest = NearestFailure(
+        failing.result, (), None, 0, True, "the scenario as written: keeps-clear fails", confirmed
+    )
+    told = make_answer(TASK, [failing], later=LaterResults(confirmed, nearest)).sentences
+    assert told[1] == "run 0 is the scenario as written"
+    assert "nearest failure, run 0: the scenario as written: keeps-clear fails" in told
+    assert sum("repeats" in sentence for sentence in told) == 1
 
 
 def test_nothing_is_said_of_the_space_when_nothing_was_drawn() -> None:
