@@ -174,7 +174,15 @@ def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         verb = "is" if answer.inconclusive == 1 else "are"
         yield f"{plural(answer.inconclusive, 'run')} {verb} inconclusive"
     if words := ending_words(task, answer.ended):
-        yield words
+        yield words + _late_failures(task, answer)
+
+
+def _late_failures(task: SearchTask, answer: SearchAnswer) -> str:
+    """Say why there are more failures than were asked for: their runs were out already."""
+    more = answer.failed - task.failures
+    if answer.ended != "failures" or more <= 0:
+        return ""
+    return f"; {plural(more, 'other')} came of runs that were out by then"
 
 
 def ending_words(task: SearchTask, ended: str) -> str:

@@ -311,7 +311,9 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     if answer.reused:
         verb = "was" if answer.reused == 1 else "were"
         words += f", {answer.reused:,} of them {verb} there already"
-    return f"{words}; {phase_text(row)}"
+    # Why it ended is the last of the sentences.
+    told = answer.sentences and answer.ended and row.state != "failed"
+    return words if told else f"{words}; {phase_text(row)}"
 
 
 def unsought_failures(task: SearchTask, rows: Sequence[ProposalRow]) -> str:

@@ -112,6 +112,17 @@ def test_a_scenario_that_fails_as_written_is_told_once() -> None:
     assert sum("repeats" in sentence for sentence in told) == 1
 
 
+def test_failures_beyond_those_asked_for_are_explained() -> None:
+    task = replace(TASK, stop="failures", failures=2)
+    points = [explored(n, 6.0, -0.1) for n in range(1, 6)]
+    assert make_answer(task, points, ended="failures").sentences[-1] == (
+        "it ends after 2 failures, as asked; 3 others came of runs that were out by then"
+    )
+    assert make_answer(task, points[:2], ended="failures").sentences[-1] == (
+        "it ends after 2 failures, as asked"
+    )
+
+
 def test_nothing_is_said_of_the_space_when_nothing_was_drawn() -> None:
     answer = make_answer(TASK, [explored(0, 5.0, 0.1), explored(1, 6.0, 0.1, guided=True)])
     assert (answer.space_filling, answer.failing_share) == (0, None)

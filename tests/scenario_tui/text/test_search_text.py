@@ -156,7 +156,7 @@ def test_the_answer_begins_with_its_sentences() -> None:
     assert text == (
         "doors-in-time  ✗ it can fail  Doors a little early or late\n"
         "keeps-clear over 3 parameters of busy-house (pilot), method auto, seed 7\n"
-        "8 runs, 3 of them were there already; the budget is spent\n"
+        "8 runs, 3 of them were there already\n"
         "\n"
         "- Run 4 is the first that fails: keeps-clear by 0.012 m near kitchen_door.\n"
         "- kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m "
