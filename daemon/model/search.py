@@ -148,6 +148,11 @@ class SearchTask:
         )
         return key if key and same == 1 else name
 
+    @property
+    def drawn_word(self) -> str:
+        """What runs are called that were chosen without looking at results."""
+        return "random" if self.method == "random" else "space-filling"
+
     def scenario_of(self, number: int) -> str:
         """Return the name of the scenario that proposal ``number`` is."""
         return f"{self.name}.{number}"

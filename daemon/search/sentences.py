@@ -41,7 +41,7 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         runs = plural(answer.shrunk.runs, "run")
         yield f"shrunk in {runs}: {answer.shrunk.left or answer.shrunk.story[0].strip()}"
     yield from _distinct(answer)
-    yield from _frequency(answer)
+    yield from _frequency(task, answer)
     yield from _influence(task, answer)
     yield from _ending(task, answer)
 
@@ -114,7 +114,7 @@ def finding_words(finding: Finding) -> str:
     return f"{finding.oracle}{near}{way} ({plural(finding.count, 'run')})"
 
 
-def _frequency(answer: SearchAnswer) -> Iterator[str]:
+def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     """Say how much of the space fails: runs that were guided prove nothing about that."""
     drawn, failed = answer.space_filling, answer.space_filling_failed
     if answer.failed == 0 and answer.explored:
@@ -124,14 +124,14 @@ def _frequency(answer: SearchAnswer) -> Iterator[str]:
             yield "no run was drawn without looking at results: how much fails is not known"
     elif failed == 0 and answer.failing_share is not None:
         yield (
-            f"{drawn} of the runs {'is' if drawn == 1 else 'are'} space-filling: with 95 % "
+            f"{drawn} of the runs {'is' if drawn == 1 else 'are'} {task.drawn_word}: with 95 % "
             f"certainty less than {percentage(answer.failing_share)} of the space fails"
         )
     else:
         low, high = proportion_interval(failed, drawn)
         yield (
-            f"{failed} of {drawn} space-filling runs {'fails' if failed == 1 else 'fail'}: with "
-            f"95 % certainty {cut_percentage(low)} to {percentage(high)} of the space"
+            f"{failed} of {drawn} {task.drawn_word} runs {'fails' if failed == 1 else 'fail'}: "
+            f"with 95 % certainty {cut_percentage(low)} to {percentage(high)} of the space"
         )
 
 
@@ -150,7 +150,7 @@ def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         key=lambda one: -abs(one.correlation),
     )
     count = answer.influence[0].runs
-    runs = plural(count, "space-filling run")
+    runs = plural(count, f"{task.drawn_word} run")
     if strong:
         told = [
             f"{task.short_name(one.parameter)} ({rounded(one.correlation)})"

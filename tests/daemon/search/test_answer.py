@@ -123,6 +123,15 @@ def test_failures_beyond_those_asked_for_are_explained() -> None:
     )
 
 
+def test_random_runs_are_not_called_space_filling() -> None:
+    task = replace(TASK, method="random")
+    for margin in (0.1, -0.1):
+        told = "; ".join(make_answer(task, [explored(n, n, margin) for n in range(1, 9)]).sentences)
+        assert "space-filling" not in told
+        assert "in 8 random runs" in told
+    assert "8 of 8 random runs fail" in told
+
+
 def test_nothing_is_said_of_the_space_when_nothing_was_drawn() -> None:
     answer = make_answer(TASK, [explored(0, 5.0, 0.1), explored(1, 6.0, 0.1, guided=True)])
     assert (answer.space_filling, answer.failing_share) == (0, None)
