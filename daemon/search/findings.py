@@ -9,7 +9,14 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from daemon.judging.statistics import chance_correlation
-from daemon.model.search import Finding, Influence, PointResult, PointValue, SearchTask
+from daemon.model.search import (
+    Finding,
+    Influence,
+    PointResult,
+    PointValue,
+    SearchTask,
+    UnsoughtFailure,
+)
 from daemon.search.results import ExploredPoint, smallest_margin
 
 FailureKey: TypeAlias = tuple[str, str, str]
@@ -41,6 +48,17 @@ def distinct_failures(results: Sequence[PointResult]) -> tuple[Finding, ...]:
             evidence = example.verdict.evidence
             found.append(Finding(oracle, about, waypoint, len(members), example, evidence))
     return tuple(sorted(found, key=lambda one: (-one.count, one.example.number)))
+
+
+def unsought_failures(explored: Sequence[ExploredPoint]) -> tuple[UnsoughtFailure, ...]:
+    """Return which oracles fail that the search is not about, in the order they were met."""
+    found: dict[str, UnsoughtFailure] = {}
+    for one in explored:
+        for oracle in one.result.unsought if one.result is not None else ():
+            before = found.get(oracle, UnsoughtFailure(oracle, 0, False))
+            written = before.as_written or one.method == "written"
+            found[oracle] = UnsoughtFailure(oracle, before.runs + 1, written)
+    return tuple(found.values())
 
 
 def drawn_points(explored: Sequence[ExploredPoint]) -> list[ExploredPoint]:

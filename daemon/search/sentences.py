@@ -41,6 +41,7 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         runs = plural(answer.shrunk.runs, "run")
         yield f"shrunk in {runs}: {answer.shrunk.left or answer.shrunk.story[0].strip()}"
     yield from _distinct(answer)
+    yield from _unsought(answer)
     yield from _frequency(task, answer)
     yield from _influence(task, answer)
     yield from _ending(task, answer)
@@ -105,6 +106,17 @@ def _distinct(answer: SearchAnswer) -> Iterator[str]:
     more = len(answer.findings) - len(told)
     words = enumerate_words([*told, f"{more} more"] if more else told)
     yield f"{plural(len(answer.findings), 'distinct failure')}: {words}"
+
+
+def _unsought(answer: SearchAnswer) -> Iterator[str]:
+    if not answer.unsought:
+        return
+    runs = plural(answer.explored - answer.refused, "run")
+    told = [
+        f"{one.oracle} in {one.runs:,} of {runs}{', as written too' if one.as_written else ''}"
+        for one in answer.unsought
+    ]
+    yield f"fails as well, which this search is not about: {'; '.join(told)}"
 
 
 def finding_words(finding: Finding) -> str:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 
 from daemon.model.search import objective
-from daemon.model.verdicts import Outcome
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     NOTHING,
@@ -314,29 +313,6 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     # Why it ended is the last of the sentences.
     told = answer.sentences and answer.ended and row.state != "failed"
     return words if told else f"{words}; {phase_text(row)}"
-
-
-def unsought_failures(task: SearchTask, rows: Sequence[ProposalRow]) -> str:
-    """Say which oracles fail in runs of a search that is not about them; empty where none does."""
-    explored = [
-        row
-        for row in rows
-        if row.proposal.phase == "explore" and not row.proposal.repeat and row.outcome is not None
-    ]
-    sought = {scale.oracle for scale in task.scales}
-    failing: dict[str, list[int]] = {}
-    for row in explored:
-        for verdict in row.verdicts:
-            if verdict.outcome is Outcome.FAIL and verdict.oracle not in sought:
-                failing.setdefault(verdict.oracle, []).append(row.proposal.number)
-    if not failing:
-        return ""
-    told = [
-        f"{oracle} in {len(numbers):,} of {pluralise(len(explored), 'run')}"
-        + (", as written too" if 0 in numbers else "")
-        for oracle, numbers in failing.items()
-    ]
-    return f"fails as well, which this search is not about: {'; '.join(told)}"
 
 
 def nearest_lines(

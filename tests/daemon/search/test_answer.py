@@ -123,6 +123,21 @@ def test_failures_beyond_those_asked_for_are_explained() -> None:
     )
 
 
+def test_failures_that_are_not_searched_for_are_told() -> None:
+    points = [explored(n, 5.0 + n, 0.1) for n in range(8)]
+    assert make_answer(TASK, points).unsought == ()
+
+    def failing(point: ExploredPoint, *oracles: str) -> ExploredPoint:
+        assert point.result is not None
+        return replace(point, result=replace(point.result, unsought=oracles))
+
+    points[:3] = [failing(p, "reached") for p in points[:2]] + [failing(points[2], "in-time")]
+    assert (
+        "fails as well, which this search is not about: reached in 2 of 8 runs, as written too; "
+        "in-time in 1 of 8 runs"
+    ) in make_answer(TASK, points).sentences
+
+
 def test_random_runs_are_not_called_space_filling() -> None:
     task = replace(TASK, method="random")
     for margin in (0.1, -0.1):
