@@ -45,6 +45,19 @@ def proportion_interval(passed: int, n: int, confidence: float = CONFIDENCE) -> 
     return at_least(passed, n, each), at_most(passed, n, each)
 
 
+def chance_correlation(n: int, groups: int = 2, confidence: float = CONFIDENCE) -> float:
+    """Return what chance alone keeps correlations of ``n`` runs below, 0 to 1, on either side.
+
+    With two groups that is the t bound of a correlation coefficient, Spearman's among them; with
+    more it is the F bound of the correlation ratio of a choice among so many. 1 where there are
+    too few runs to tell.
+    """
+    between = max(groups, 2) - 1
+    if n - between <= 1:
+        return 1.0
+    return math.sqrt(beta_quantile(0.5 * between, 0.5 * (n - between - 1), confidence))
+
+
 def runs_needed(passed: int, n: int, rate: float, confidence: float = CONFIDENCE) -> int | None:
     """Return how many more runs, all of them passing, would show ``rate``; 0 when it is shown.
 

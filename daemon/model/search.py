@@ -148,6 +148,11 @@ class SearchTask:
         )
         return key if key and same == 1 else name
 
+    @property
+    def drawn_word(self) -> str:
+        """What runs are called that were chosen without looking at results."""
+        return "random" if self.method == "random" else "space-filling"
+
     def scenario_of(self, number: int) -> str:
         """Return the name of the scenario that proposal ``number`` is."""
         return f"{self.name}.{number}"
@@ -287,6 +292,7 @@ class PointResult:
     """A proposal with what it gave: its verdict, its margin, and the run to look at.
 
     ``outcome`` is that of the oracle in question; an error where the run cannot be trusted.
+    ``unsought`` are the oracles that fail in the run and that the search is not about.
     """
 
     number: int
@@ -298,6 +304,7 @@ class PointResult:
     run: str
     label: str
     digest: str
+    unsought: tuple[str, ...] = ()
 
     @property
     def fails(self) -> bool:
@@ -368,6 +375,18 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class UnsoughtFailure:
+    """An oracle that a search is not about and that fails in ``runs`` of its explored runs.
+
+    Where it fails ``as_written``, what is found may be of a run that had gone wrong before.
+    """
+
+    oracle: str
+    runs: int
+    as_written: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Influence:
     """How much a parameter decides: Spearman's rank correlation with the margin.
 
@@ -405,7 +424,8 @@ class SearchAnswer:
     with a verdict that were drawn without looking at results (the scenario as written was not
     drawn), ``space_filling_failed`` fail; with 95 % certainty at most ``failing_share`` of the
     space does. Of the failures that were explored, ``repeated`` were run with other noise as well,
-    of which ``holding`` fail with most noises. ``sentences`` tell all of it; ``found`` is the text
+    of which ``holding`` fail with most noises. ``unsought`` are failures of other oracles.
+    ``sentences`` tell all of it; ``found`` is the text
     of ``NAME.found.yaml``, empty when nothing fails.
     """
 
@@ -434,6 +454,7 @@ class SearchAnswer:
     refused: int = 0
     repeated: int = 0
     holding: int = 0
+    unsought: tuple[UnsoughtFailure, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,12 @@ from daemon.model.search import (
     ShrunkScenario,
 )
 from daemon.model.verdicts import Outcome
-from daemon.search.findings import distinct_failures, drawn_points, parameter_influence
+from daemon.search.findings import (
+    distinct_failures,
+    drawn_points,
+    parameter_influence,
+    unsought_failures,
+)
 from daemon.search.results import ExploredPoint, first_failure, smallest_margin
 from daemon.search.sentences import answer_sentences
 
@@ -71,6 +76,7 @@ def make_answer(
         refused=len(explored) - len(results),
         repeated=len(holding),
         holding=sum(holding),
+        unsought=unsought_failures(explored),
     )
     return replace(answer, sentences=answer_sentences(task, answer))
 

@@ -8,7 +8,15 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from daemon.model.search import Finding, Influence, PointResult, PointValue, SearchTask
+from daemon.judging.statistics import chance_correlation
+from daemon.model.search import (
+    Finding,
+    Influence,
+    PointResult,
+    PointValue,
+    SearchTask,
+    UnsoughtFailure,
+)
 from daemon.search.results import ExploredPoint, smallest_margin
 
 FailureKey: TypeAlias = tuple[str, str, str]
@@ -42,6 +50,17 @@ def distinct_failures(results: Sequence[PointResult]) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda one: (-one.count, one.example.number)))
 
 
+def unsought_failures(explored: Sequence[ExploredPoint]) -> tuple[UnsoughtFailure, ...]:
+    """Return which oracles fail that the search is not about, in the order they were met."""
+    found: dict[str, UnsoughtFailure] = {}
+    for one in explored:
+        for oracle in one.result.unsought if one.result is not None else ():
+            before = found.get(oracle, UnsoughtFailure(oracle, 0, False))
+            written = before.as_written or one.method == "written"
+            found[oracle] = UnsoughtFailure(oracle, before.runs + 1, written)
+    return tuple(found.values())
+
+
 def drawn_points(explored: Sequence[ExploredPoint]) -> list[ExploredPoint]:
     """Return the points that were drawn without looking at results: only they show frequencies.
 
@@ -72,6 +91,14 @@ def parameter_influence(
             correlation = rank_correlation(np.array(numbers), margins)
         found.append(Influence(parameter.name, correlation, len(pairs)))
     return tuple(found)
+
+
+def is_by_chance(task: SearchTask, influence: Influence) -> bool:
+    """Return whether a parameter that decides nothing gives such a correlation as well."""
+    named = next((p for p in task.parameters if p.name == influence.parameter), None)
+    groups = len(named.choices) if named is not None else 0
+    bound = chance_correlation(influence.runs, max(groups, 2))
+    return not abs(influence.correlation) > bound
 
 
 def rank_correlation(values: np.ndarray[Any, Any], margins: np.ndarray[Any, Any]) -> float:

@@ -54,7 +54,13 @@ def point_result(task: SearchTask, row: ProposalRow) -> PointResult:
         run=row.run,
         label=row.label,
         digest=row.digest,
+        unsought=_unsought(task, row.verdicts),
     )
+
+
+def _unsought(task: SearchTask, verdicts: Sequence[Verdict]) -> tuple[str, ...]:
+    sought = {scale.oracle for scale in task.scales}
+    return tuple(v.oracle for v in verdicts if v.outcome is Outcome.FAIL and v.oracle not in sought)
 
 
 def _decisive_verdict(

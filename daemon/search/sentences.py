@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from daemon.judging.statistics import cut_percentage, proportion_interval
+from daemon.judging.statistics import chance_correlation, cut_percentage, proportion_interval
 from daemon.model.search import Finding, SearchAnswer, SearchTask
+from daemon.search.findings import is_by_chance
 from daemon.search.wording import (
+    AS_WRITTEN,
     confirmation_words,
     enumerate_words,
     failure_words,
@@ -21,8 +23,6 @@ from daemon.search.wording import (
 
 _MOST_TOLD: Final = 3
 """Findings and parameters that are named in a sentence."""
-_WEAK: Final = 0.3
-"""Correlations below this are not told in a sentence: fifteen runs show as much by chance."""
 
 
 def answer_sentences(task: SearchTask, answer: SearchAnswer) -> tuple[str, ...]:
@@ -41,7 +41,8 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         runs = plural(answer.shrunk.runs, "run")
         yield f"shrunk in {runs}: {answer.shrunk.left or answer.shrunk.story[0].strip()}"
     yield from _distinct(answer)
-    yield from _frequency(answer)
+    yield from _unsought(answer)
+    yield from _frequency(task, answer)
     yield from _influence(task, answer)
     yield from _ending(task, answer)
 
@@ -53,7 +54,10 @@ def _first(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     runs = plural(answer.explored - answer.refused, "run")
     failed = f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}"
     yield f"{failed}, the first is run {answer.first.number}: {failure_words(answer.first)}"
-    yield f"run {answer.first.number} has {where}"
+    if where == AS_WRITTEN:
+        yield f"run {answer.first.number} is the scenario as written"
+    else:
+        yield f"run {answer.first.number} has {where}"
 
 
 def _best(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
@@ -80,8 +84,12 @@ def _nearest(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     nearest = answer.nearest
     if nearest is None:
         return
-    yield f"nearest failure: {nearest.sentence}"
-    if nearest.confirmed is not None:
+    first = answer.first
+    # The first failure may be the nearest one: its repeats have been told then.
+    same = first is not None and first.values == nearest.result.values
+    which = f", run {first.number}" if same and first is not None else ""
+    yield f"nearest failure{which}: {nearest.sentence}"
+    if nearest.confirmed is not None and not (same and nearest.confirmed == answer.confirmed):
         yield f"the nearest failure {confirmation_words(nearest.confirmed)}"
     if nearest.unconfirmed is not None:
         smaller = point_words(task, nearest.unconfirmed)
@@ -100,6 +108,17 @@ def _distinct(answer: SearchAnswer) -> Iterator[str]:
     yield f"{plural(len(answer.findings), 'distinct failure')}: {words}"
 
 
+def _unsought(answer: SearchAnswer) -> Iterator[str]:
+    if not answer.unsought:
+        return
+    runs = plural(answer.explored - answer.refused, "run")
+    told = [
+        f"{one.oracle} in {one.runs:,} of {runs}{', as written too' if one.as_written else ''}"
+        for one in answer.unsought
+    ]
+    yield f"fails as well, which this search is not about: {'; '.join(told)}"
+
+
 def finding_words(finding: Finding) -> str:
     """Return ``keeps-clear near kitchen_door on the way to w3 (4 runs)``."""
     near = f" near {finding.object}" if finding.object else ""
@@ -107,7 +126,7 @@ def finding_words(finding: Finding) -> str:
     return f"{finding.oracle}{near}{way} ({plural(finding.count, 'run')})"
 
 
-def _frequency(answer: SearchAnswer) -> Iterator[str]:
+def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     """Say how much of the space fails: runs that were guided prove nothing about that."""
     drawn, failed = answer.space_filling, answer.space_filling_failed
     if answer.failed == 0 and answer.explored:
@@ -117,14 +136,14 @@ def _frequency(answer: SearchAnswer) -> Iterator[str]:
             yield "no run was drawn without looking at results: how much fails is not known"
     elif failed == 0 and answer.failing_share is not None:
         yield (
-            f"{drawn} of the runs {'is' if drawn == 1 else 'are'} space-filling: with 95 % "
+            f"{drawn} of the runs {'is' if drawn == 1 else 'are'} {task.drawn_word}: with 95 % "
             f"certainty less than {percentage(answer.failing_share)} of the space fails"
         )
     else:
         low, high = proportion_interval(failed, drawn)
         yield (
-            f"{failed} of {drawn} space-filling runs {'fails' if failed == 1 else 'fail'}: with "
-            f"95 % certainty {cut_percentage(low)} to {percentage(high)} of the space"
+            f"{failed} of {drawn} {task.drawn_word} runs {'fails' if failed == 1 else 'fail'}: "
+            f"with 95 % certainty {cut_percentage(low)} to {percentage(high)} of the space"
         )
 
 
@@ -136,17 +155,23 @@ def _nothing_below(answer: SearchAnswer) -> str:
 
 
 def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
+    if not answer.influence:
+        return
     strong = sorted(
-        (one for one in answer.influence if abs(one.correlation) >= _WEAK),
+        (one for one in answer.influence if not is_by_chance(task, one)),
         key=lambda one: -abs(one.correlation),
     )
+    count = answer.influence[0].runs
+    runs = plural(count, f"{task.drawn_word} run")
     if strong:
         told = [
             f"{task.short_name(one.parameter)} ({rounded(one.correlation)})"
             for one in strong[:_MOST_TOLD]
         ]
-        runs = plural(strong[0].runs, "space-filling run")
         yield f"what decides most, by rank correlation in {runs}: {enumerate_words(told)}"
+    else:
+        bound = rounded(chance_correlation(count))
+        yield f"nothing decides clearly: in {runs} chance gives rank correlations up to {bound}"
 
 
 def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
@@ -161,7 +186,15 @@ def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         verb = "is" if answer.inconclusive == 1 else "are"
         yield f"{plural(answer.inconclusive, 'run')} {verb} inconclusive"
     if words := ending_words(task, answer.ended):
-        yield words
+        yield words + _late_failures(task, answer)
+
+
+def _late_failures(task: SearchTask, answer: SearchAnswer) -> str:
+    """Say why there are more failures than were asked for: their runs were out already."""
+    more = answer.failed - task.failures
+    if answer.ended != "failures" or more <= 0:
+        return ""
+    return f"; {plural(more, 'other')} came of runs that were out by then"
 
 
 def ending_words(task: SearchTask, ended: str) -> str:

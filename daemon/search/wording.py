@@ -18,6 +18,8 @@ from daemon.model.search import (
 )
 from daemon.search.points import changed_parameters, is_as_written
 
+AS_WRITTEN: Final = "as written"
+"""Said of a point that has every value as the scenario has it."""
 _DIGITS: Final = 3
 _TIMES: Final = frozenset({"s", "ms", "us", "min", "h"})
 _MOMENTS: Final = re.compile(
@@ -91,7 +93,7 @@ def point_words(task: SearchTask, result: PointResult, most: int = 4) -> str:
         if p.written is None or not is_as_written(p, value)
     ]
     if not changed:
-        return "as written"
+        return AS_WRITTEN
     told = [value_words(task, task.parameters[i], result.values[i]) for i in changed[:most]]
     more = len(changed) - len(told)
     return ", ".join(told) + (f" and {more} more" if more else "")

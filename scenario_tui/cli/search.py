@@ -40,19 +40,12 @@ class SearchOutput(Output, schema="search"):
         from scenario_tui.cli.results import print_commands
         from scenario_tui.cli.search_files import file_commands
         from scenario_tui.text.formatting import TERMINAL_STYLES
-        from scenario_tui.text.search_text import (
-            answer_lines,
-            search_commands,
-            unsought_failures,
-        )
+        from scenario_tui.text.search_text import answer_lines, search_commands
 
         console = stdout_console()
         for line in answer_lines(self.search, styles=TERMINAL_STYLES):
             console.print(line, soft_wrap=True)
         console.print()
-        if others := unsought_failures(self.search.task, self.proposals):
-            console.print(others, markup=False, highlight=False, soft_wrap=True)
-            console.print()
         if page := self.written.get("page"):
             console.print(f"a page with figures: {page}", markup=False, soft_wrap=True)
         print_commands(*file_commands(self.written), *search_commands(self.search))

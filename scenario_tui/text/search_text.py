@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 
 from daemon.model.search import objective
-from daemon.model.verdicts import Outcome
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     NOTHING,
@@ -41,8 +40,6 @@ if TYPE_CHECKING:
 
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
 """Signs of a sparkline, the lowest first."""
-CHANCE: Final = 1.96
-"""Divided by the root of the runs less one: what chance keeps rank correlations below, 19 of 20."""
 _HALF: Final = 8
 """Cells on either side of a bar of influence."""
 _PHASES: Final[dict[Phase, str]] = {
@@ -313,30 +310,9 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     if answer.reused:
         verb = "was" if answer.reused == 1 else "were"
         words += f", {answer.reused:,} of them {verb} there already"
-    return f"{words}; {phase_text(row)}"
-
-
-def unsought_failures(task: SearchTask, rows: Sequence[ProposalRow]) -> str:
-    """Say which oracles fail in runs of a search that is not about them; empty where none does."""
-    explored = [
-        row
-        for row in rows
-        if row.proposal.phase == "explore" and not row.proposal.repeat and row.outcome is not None
-    ]
-    sought = {scale.oracle for scale in task.scales}
-    failing: dict[str, list[int]] = {}
-    for row in explored:
-        for verdict in row.verdicts:
-            if verdict.outcome is Outcome.FAIL and verdict.oracle not in sought:
-                failing.setdefault(verdict.oracle, []).append(row.proposal.number)
-    if not failing:
-        return ""
-    told = [
-        f"{oracle} in {len(numbers):,} of {pluralise(len(explored), 'run')}"
-        + (", as written too" if 0 in numbers else "")
-        for oracle, numbers in failing.items()
-    ]
-    return f"fails as well, which this search is not about: {'; '.join(told)}"
+    # Why it ended is the last of the sentences.
+    told = answer.sentences and answer.ended and row.state != "failed"
+    return words if told else f"{words}; {phase_text(row)}"
 
 
 def nearest_lines(
@@ -414,13 +390,15 @@ def influence_lines(
 
     To the left: larger values bring the failure nearer. What chance gives as well is dim.
     """
+    # With numpy: only where there is an answer.
+    from daemon.search.findings import is_by_chance
+
     found = sorted(answer.influence, key=lambda one: (-_weight(one.correlation), one.parameter))
     names = [task.short_name(one.parameter) for one in found]
     width = max(map(len, names), default=0)
     lines = []
     for one, name in zip(found, names, strict=True):
-        chance = _weight(one.correlation) <= CHANCE / math.sqrt(max(1, one.runs - 1))
-        style = quiet_style(styles) if chance else ""
+        style = quiet_style(styles) if is_by_chance(task, one) else ""
         number = f"{one.correlation:+.2f}".replace("-", "−")
         bar = margin_bar(one.correlation, _HALF)
         lines.append(Text(f"  {name:<{width}}  {bar}  {number}", style=style))

@@ -28,12 +28,13 @@ class SpaceFillingRuns:
 
 
 def space_filling_runs(
-    points: Sequence[DrawnPoint], other: Sequence[DrawnPoint]
+    task: SearchTask, points: Sequence[DrawnPoint], other: Sequence[DrawnPoint]
 ) -> SpaceFillingRuns:
     """Return the runs of another search that was not guided, else those of this one."""
     if other:
         return SpaceFillingRuns(f"{other[-1].method} alone, another search", tuple(other))
-    return SpaceFillingRuns("space-filling runs alone", tuple(p for p in points if not p.guided))
+    label = f"{task.drawn_word} runs alone"
+    return SpaceFillingRuns(label, tuple(p for p in points if not p.guided))
 
 
 def plot_margins(
@@ -45,7 +46,7 @@ def plot_margins(
     last = max(len(points), *(p.number + 1 for p in (*points, *filling.points)), 1)
     known = [p for p in points if not math.isnan(p.value)]
     for chosen, colour, label in (
-        ([p for p in known if not p.guided and not p.result.fails], "soft", "space-filling"),
+        ([p for p in known if not p.guided and not p.result.fails], "soft", task.drawn_word),
         ([p for p in known if p.guided and not p.result.fails], "line", "guided"),
     ):
         if chosen:

@@ -58,7 +58,7 @@ def _sheets(
     points = drawn_points(task, proposals)
     nearest = answer.nearest.result.values if answer is not None and answer.nearest else None
     if points:
-        filling = space_filling_runs(points, drawn_points(task, baseline))
+        filling = space_filling_runs(task, points, drawn_points(task, baseline))
         label = "Margin of every run, the smallest so far, and failures over runs"
         yield "margins", label, plot_margins(task, points, filling)
         yield from _of_space(row, points, drawn_points(task, proposals, "nearest"), nearest)

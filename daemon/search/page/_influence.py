@@ -7,10 +7,9 @@ from typing import Final
 
 from daemon.analysis.report import Sheet
 from daemon.model.search import SearchAnswer, SearchTask
+from daemon.search.findings import is_by_chance
 from daemon.search.wording import short_name
 
-_CHANCE: Final = 1.96
-"""Divided by the root of the runs less one: what chance keeps rank correlations below, 19 of 20."""
 _LETTER: Final = 3.8
 
 
@@ -39,8 +38,9 @@ def plot_influence(task: SearchTask, answer: SearchAnswer) -> Sheet | None:
         axes.words(value, 0.15, words, shift=(-0.5 * len(words) * _LETTER, 0.0))
     for row, (one, name) in enumerate(zip(found, names, strict=True)):
         y = -row - 0.5
-        chance = abs(one.correlation) <= _CHANCE / math.sqrt(max(1, one.runs - 1))
-        colour = "wall" if chance else "second" if one.correlation < 0.0 else "line"
+        colour = (
+            "wall" if is_by_chance(task, one) else "second" if one.correlation < 0.0 else "line"
+        )
         axes.line([0.0, one.correlation], [y, y], colour, 8.0, flat=True)
         axes.words(-1.0, y, name, 7.0, colour="ink", anchor="end", shift=(-5.0, -2.5))
         words = f"{one.correlation:+.2f}".replace("-", "−")

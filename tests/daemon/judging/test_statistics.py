@@ -14,6 +14,7 @@ from daemon.judging.statistics import (
     MeanDifference,
     at_least,
     at_most,
+    chance_correlation,
     cliffs_delta,
     cut_percentage,
     effect_magnitude,
@@ -100,6 +101,16 @@ def test_the_runs_needed_are_enough_and_one_less_is_not(
     assert isinstance(more, int)
     assert at_least(passed + more, n + more) >= rate
     assert more == 0 or at_least(passed + more - 1, n + more - 1) < rate
+
+
+def test_correlations_by_chance_are_bounded_by_t_and_f(stats: Any) -> None:
+    for n in (4, 5, 10, 15, 60):
+        t = stats.t.ppf(0.975, n - 2)
+        assert chance_correlation(n) == pytest.approx(t / (n - 2 + t * t) ** 0.5)
+        f = stats.f.ppf(0.95, 2, n - 3)
+        assert chance_correlation(n, 3) == pytest.approx((2 * f / (2 * f + n - 3)) ** 0.5)
+    assert chance_correlation(10) == pytest.approx(0.632, abs=1e-3)
+    assert chance_correlation(2) == chance_correlation(3, 3) == chance_correlation(0) == 1.0
 
 
 def test_no_number_of_runs_shows_certainty() -> None:

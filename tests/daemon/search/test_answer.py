@@ -29,6 +29,8 @@ def test_a_search_that_finds_nothing_says_what_that_is_worth() -> None:
         "the smallest margin is 0.02 m (keeps-clear near kitchen_door), in run 0: as written",
         "20 runs, nothing below 0.02 m",
         "15 of the runs are space-filling: with 95 % certainty less than 18.2 % of the space fails",
+        "nothing decides clearly: in 15 space-filling runs chance gives rank correlations up to "
+        "0.514",
         "the budget of 20 runs is spent",
     )
     assert answer.failing_share == pytest.approx(1.0 - 0.05 ** (1.0 / 15))
@@ -66,9 +68,7 @@ def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
         "the smallest margin is −0.05 m (keeps-clear near kitchen_door), in run 2: "
         "kitchen_opens 7 s",
         "run 1 fails in 5 of 5 repeats with other noise (47.8 % to 100 % with 95 % certainty)",
-        "nearest failure: kitchen_opens 1 s later and …",
-        "the nearest failure fails in 5 of 5 repeats with other noise "
-        "(47.8 % to 100 % with 95 % certainty)",
+        "nearest failure, run 1: kitchen_opens 1 s later and …",
         "there may be a nearer one: 12 runs were spent before nothing could be taken back",
         "shrunk in 31 runs: 1 of 3 objects are left",
         "1 distinct failure: keeps-clear near kitchen_door (3 runs)",
@@ -82,6 +82,69 @@ def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
     assert told_failure(replace(answer, nearest=None)) == answer.first
     assert told_failure(replace(answer, nearest=None, confirmed=None)) == answer.best
     assert codec.from_json(SearchAnswer, codec.to_json(answer)) == answer
+
+
+def test_the_repeats_of_another_nearest_failure_are_told_as_well() -> None:
+    points = [explored(0, 5.0, 0.1), explored(1, 6.0, -0.01)]
+    repeats = [made_result((6.0, 5.0), margin, 1) for margin in (-0.01, -0.01, 0.2)]
+    all_of_them, some = confirmation(repeats[:2]), confirmation(repeats)
+    nearer = made_result((5.5, 5.0), -0.01, 7)
+    nearest = NearestFailure(nearer, (), None, 12, True, "kitchen_opens 0.5 s later", all_of_them)
+    told = make_answer(TASK, points, later=LaterResults(some, nearest)).sentences
+    assert [sentence for sentence in told if "repeats" in sentence or "nearest" in sentence] == [
+        "run 1 fails in 2 of 3 repeats with other noise (9.4 % to 99.2 % with 95 % certainty)",
+        "nearest failure: kitchen_opens 0.5 s later",
+        "the nearest failure fails in 2 of 2 repeats with other noise "
+        "(15.8 % to 100 % with 95 % certainty)",
+    ]
+
+
+def test_a_scenario_that_fails_as_written_is_told_once() -> None:
+    failing = explored(0, 5.0, -0.1)
+    assert failing.result is not None
+    confirmed = confirmation([failing.result] * 4)
+    nearest = NearestFailure(
+        failing.result, (), None, 0, True, "the scenario as written: keeps-clear fails", confirmed
+    )
+    told = make_answer(TASK, [failing], later=LaterResults(confirmed, nearest)).sentences
+    assert told[1] == "run 0 is the scenario as written"
+    assert "nearest failure, run 0: the scenario as written: keeps-clear fails" in told
+    assert sum("repeats" in sentence for sentence in told) == 1
+
+
+def test_failures_beyond_those_asked_for_are_explained() -> None:
+    task = replace(TASK, stop="failures", failures=2)
+    points = [explored(n, 6.0, -0.1) for n in range(1, 6)]
+    assert make_answer(task, points, ended="failures").sentences[-1] == (
+        "it ends after 2 failures, as asked; 3 others came of runs that were out by then"
+    )
+    assert make_answer(task, points[:2], ended="failures").sentences[-1] == (
+        "it ends after 2 failures, as asked"
+    )
+
+
+def test_failures_that_are_not_searched_for_are_told() -> None:
+    points = [explored(n, 5.0 + n, 0.1) for n in range(8)]
+    assert make_answer(TASK, points).unsought == ()
+
+    def failing(point: ExploredPoint, *oracles: str) -> ExploredPoint:
+        assert point.result is not None
+        return replace(point, result=replace(point.result, unsought=oracles))
+
+    points[:3] = [failing(p, "reached") for p in points[:2]] + [failing(points[2], "in-time")]
+    assert (
+        "fails as well, which this search is not about: reached in 2 of 8 runs, as written too; "
+        "in-time in 1 of 8 runs"
+    ) in make_answer(TASK, points).sentences
+
+
+def test_random_runs_are_not_called_space_filling() -> None:
+    task = replace(TASK, method="random")
+    for margin in (0.1, -0.1):
+        told = "; ".join(make_answer(task, [explored(n, n, margin) for n in range(1, 9)]).sentences)
+        assert "space-filling" not in told
+        assert "in 8 random runs" in told
+    assert "8 of 8 random runs fail" in told
 
 
 def test_nothing_is_said_of_the_space_when_nothing_was_drawn() -> None:

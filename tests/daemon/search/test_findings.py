@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from daemon.model.search import Point, PointResult, SearchParameter
+from daemon.model.search import Influence, Point, PointResult, SearchParameter
 from daemon.search.findings import (
     correlation_ratio,
     distinct_failures,
+    is_by_chance,
     parameter_influence,
     rank_correlation,
 )
@@ -56,6 +57,24 @@ def test_the_correlation_ratio_is_one_where_the_choice_decides() -> None:
     assert correlation_ratio(["a", "a", "b", "b"], margins) == pytest.approx(1.0)
     assert correlation_ratio(["a", "b", "a", "b"], margins) == pytest.approx(0.0)
     assert correlation_ratio(["a", "b", "a", "b"], np.zeros(4)) == 0.0
+
+
+def test_fewer_runs_give_larger_correlations_by_chance() -> None:
+    three = SearchParameter("doors.who", "behaviours", 0, "who", choices=("a", "b", "c"))
+    task = make_task(seconds("doors.t"), three)
+
+    def chance(name: str, correlation: float, runs: int) -> bool:
+        return is_by_chance(task, Influence(name, correlation, runs))
+
+    assert chance("doors.t", 0.552, 10)
+    assert chance("doors.t", -0.552, 10)
+    assert not chance("doors.t", -0.552, 16)
+    assert not chance("doors.t", -0.65, 10)
+    # Three groups differ more by chance than two ends of a line.
+    assert chance("doors.who", 0.7, 10)
+    assert not chance("doors.who", 0.8, 10)
+    assert chance("doors.t", 1.0, 2)
+    assert chance("doors.t", float("nan"), 100)
 
 
 def test_influence_is_of_the_points_that_were_drawn() -> None:

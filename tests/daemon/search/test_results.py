@@ -38,6 +38,7 @@ def told(task: SearchTask, found: ProposalRow) -> tuple[Outcome | None, float | 
 def test_only_the_oracle_in_question_counts() -> None:
     found = row(verdict(ORACLE, 0.2), verdict("other", -1.0), outcome=Outcome.FAIL)
     assert told(TASK, found) == (Outcome.PASS, 0.2, ORACLE)
+    assert point_result(TASK, found).unsought == ("other",)
 
 
 def test_of_any_the_smallest_share_counts_and_a_failure_wins() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from daemon.model.search import Confirmation, ObjectiveValue, ParameterChange
 from daemon.model.status import RunState
-from daemon.model.verdicts import Outcome
 from scenario_tui.text.search_text import (
     answer_lines,
     best_text,
@@ -25,7 +24,6 @@ from scenario_tui.text.search_text import (
     share_in_range,
     sparkline,
     tally_search,
-    unsought_failures,
 )
 from tests.scenario_tui.fake_search import (
     MARGINS,
@@ -140,23 +138,12 @@ def test_what_does_not_fail_is_the_oracle_that_was_searched_with() -> None:
     assert "✓ nothing fails" in headline(replace(calm, task=everything)).plain
 
 
-def test_failures_that_are_not_searched_for_are_told() -> None:
-    rows = make_proposals()
-    assert unsought_failures(TASK, rows) == ""
-    lost = replace(rows[0].verdicts[0], oracle="reached", outcome=Outcome.FAIL)
-    failing = [replace(row, verdicts=(*row.verdicts, lost)) for row in rows[:2]]
-    again = replace(failing[0], proposal=replace(rows[0].proposal, repeat=1, phase="confirm"))
-    assert unsought_failures(TASK, [*failing, *rows[2:], again]) == (
-        "fails as well, which this search is not about: reached in 2 of 8 runs, as written too"
-    )
-
-
 def test_the_answer_begins_with_its_sentences() -> None:
     text = "\n".join(line.plain for line in answer_lines(make_search()))
     assert text == (
         "doors-in-time  ✗ it can fail  Doors a little early or late\n"
         "keeps-clear over 3 parameters of busy-house (pilot), method auto, seed 7\n"
-        "8 runs, 3 of them were there already; the budget is spent\n"
+        "8 runs, 3 of them were there already\n"
         "\n"
         "- Run 4 is the first that fails: keeps-clear by 0.012 m near kitchen_door.\n"
         "- kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m "
