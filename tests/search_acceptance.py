@@ -32,13 +32,13 @@ from daemon.model.search import Point, SearchAnswer, SearchRow, SearchTask
 from daemon.model.spec import RunResult
 from daemon.run import execute
 from daemon.search import program
-from daemon.search.composition import SearchCase, load_search_case
-from daemon.search.found import write_found
-from daemon.search.local_runs import LocalRuns
+from daemon.search.answers.found import write_found
+from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.methods import MethodProposal, SearchMethod, make_method
+from daemon.search.preparation.composition import SearchCase, load_search_case
+from daemon.search.preparation.submission import prepare_search
 from daemon.search.program import run_search
 from daemon.search.space import SearchSpace
-from daemon.search.submission import prepare_search
 from grammars.text.diagnostics import InputError
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
 

@@ -1,7 +1,7 @@
 """Searches of a campaign file, checked: what each varies, and within which bounds.
 
 Everything is said where it stands in the file, before the first run. What only shows when a point
-is composed (a door that does not fit any more) is told by :mod:`daemon.search.checks`.
+is composed (a door that does not fit any more) is told by :mod:`daemon.search.preparation.checks`.
 """
 
 from __future__ import annotations

@@ -20,13 +20,13 @@ from daemon.batch.errors import DaemonError
 from daemon.batch.paths import StatePaths
 from daemon.model.search import SearchAnswer, SearchProgress, SearchRow, SearchState, SearchTask
 from daemon.model.status import ChangeEvent
-from daemon.search.daemon_runs import (
+from daemon.search.execution.daemon_runs import (
     LONGEST_NOTE,
     DaemonRuns,
     PatientClient,
     SearchDivergedError,
 )
-from daemon.search.runs import Runs, SearchStoppedError
+from daemon.search.execution.runs import Runs, SearchStoppedError
 from grammars.text.diagnostics import InputError
 
 Searcher: TypeAlias = Callable[[Path, str, SearchTask, Runs], SearchAnswer]
@@ -42,7 +42,7 @@ _LOADING: Final = threading.Lock()
 
 def run_program(folder: Path, file: str, task: SearchTask, runs: Runs) -> SearchAnswer:
     """Run the program of a search on what its campaign file says."""
-    from daemon.search.composition import load_search_case
+    from daemon.search.preparation.composition import load_search_case
     from daemon.search.program import run_search
 
     with _LOADING:

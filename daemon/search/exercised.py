@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from daemon.model.search import PointValue, ProposalRow, SearchParameter, SearchRow
+from daemon.search.execution.results import point_result
 from daemon.search.points import position_in_range, range_text
-from daemon.search.results import point_result
 
 PARTS: Final = 10
 """Equal parts into which a range is divided; with ``log`` their ratios are equal."""

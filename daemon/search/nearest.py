@@ -24,7 +24,9 @@ from daemon.model.search import (
     SearchTask,
 )
 from daemon.model.verdicts import Outcome
-from daemon.search.findings import distinct_failures
+from daemon.search.answers.findings import distinct_failures
+from daemon.search.answers.wording import nearest_sentence, noise_words, short_name, value_text
+from daemon.search.execution.results import first_failure, smallest_margin
 from daemon.search.points import (
     change_size,
     changed_parameters,
@@ -33,8 +35,6 @@ from daemon.search.points import (
     value_between,
     with_value,
 )
-from daemon.search.results import first_failure, smallest_margin
-from daemon.search.wording import nearest_sentence, noise_words, short_name, value_text
 
 NEAREST_POINTS: Final = 60
 """Points that are tried at most to find the nearest failure; one that fails takes several runs."""

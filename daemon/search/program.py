@@ -24,9 +24,12 @@ from daemon.model.search import (
     SearchTask,
 )
 from daemon.model.verdicts import Outcome
-from daemon.search.answer import LaterResults, make_answer, told_failure
-from daemon.search.execution import MEDIAN_OF, BegunPoint, PointRunner, RunPurpose
-from daemon.search.findings import FailureKey, failure_key, parameter_influence
+from daemon.search.answers.answer import LaterResults, make_answer, told_failure
+from daemon.search.answers.findings import FailureKey, failure_key, parameter_influence
+from daemon.search.answers.wording import failure_words, plural, quantity
+from daemon.search.execution.point_runner import MEDIAN_OF, BegunPoint, PointRunner, RunPurpose
+from daemon.search.execution.results import ExploredPoint, confirmation, first_failure
+from daemon.search.execution.runs import Case, Runs, SearchStoppedError
 from daemon.search.methods import MethodProposal, SearchMethod, make_method
 from daemon.search.nearest import (
     NEAREST_POINTS,
@@ -36,11 +39,8 @@ from daemon.search.nearest import (
     larger_changes,
     with_repeats,
 )
-from daemon.search.results import ExploredPoint, confirmation, first_failure
-from daemon.search.runs import Case, Runs, SearchStoppedError
 from daemon.search.shrinking import shrink_failure
 from daemon.search.space import SearchSpace
-from daemon.search.wording import failure_words, plural, quantity
 
 __all__ = ["ERRORS_IN_A_ROW", "Case", "Runs", "SearchStoppedError", "run_search"]
 

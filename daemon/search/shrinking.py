@@ -27,8 +27,8 @@ from daemon.analysis.blame import (
 )
 from daemon.model.search import BundledFile, PointResult, ShrunkScenario
 from daemon.model.status import RunState
-from daemon.search.execution import PointRunner, RunPurpose
-from daemon.search.wording import enumerate_words, plural
+from daemon.search.answers.wording import enumerate_words, plural
+from daemon.search.execution.point_runner import PointRunner, RunPurpose
 from grammars.model.behaviour import Reaction, Walk
 from grammars.text.diagnostics import InputError
 

@@ -285,7 +285,7 @@ def _hand_over(
     fresh: bool,
 ) -> str:
     """Hand a search to the daemon, or let it go on; returns its id."""
-    from daemon.search.submission import prepare_search
+    from daemon.search.preparation.submission import prepare_search
     from scenario_tui.cli.execute import start_daemon_if_needed
     from scenario_tui.cli.progress import ask_patiently
 

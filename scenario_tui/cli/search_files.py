@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError
 from daemon.model.bundles import checked_bundle
-from daemon.search.found import export_found, write_found
+from daemon.search.answers.found import export_found, write_found
 from grammars.text.diagnostics import InputError, Severity
 from scenario_tui.cli.output import report_diagnostics
 from scenario_tui.cli.search_report import daemon_material, write_search_page

@@ -391,7 +391,7 @@ def influence_lines(
     To the left: larger values bring the failure nearer. What chance gives as well is dim.
     """
     # With numpy: only where there is an answer.
-    from daemon.search.findings import is_by_chance
+    from daemon.search.answers.findings import is_by_chance
 
     found = sorted(answer.influence, key=lambda one: (-_weight(one.correlation), one.parameter))
     names = [task.short_name(one.parameter) for one in found]

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from daemon.campaign import examine, expand
-from daemon.search.checks import check_search
-from daemon.search.composition import search_case
+from daemon.search.preparation.checks import check_search
+from daemon.search.preparation.composition import search_case
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import (
     load_floorplan_jsonld,

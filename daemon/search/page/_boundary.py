@@ -10,6 +10,7 @@ import numpy as np
 
 from daemon.analysis.report import Axes, Sheet
 from daemon.model.search import Point, SearchParameter, SearchTask
+from daemon.search.answers.wording import short_name
 from daemon.search.page._points import (
     DrawnPoint,
     axis_title,
@@ -18,7 +19,6 @@ from daemon.search.page._points import (
 )
 from daemon.search.page._spaces import draw_marks, frame_axes, written_point
 from daemon.search.points import position_in_range
-from daemon.search.wording import short_name
 from grammars.model.geometry import Floats
 
 RAMP: Final = (

@@ -8,7 +8,7 @@ from typing import Final
 
 from daemon.analysis.report import Sheet, plot_recorded_moment, plot_recorded_way
 from daemon.model.search import Point, PointResult, ProposalRow, SearchAnswer, SearchRow
-from daemon.search.answer import told_failure
+from daemon.search.answers.answer import told_failure
 from daemon.search.page._boundary import plot_boundary
 from daemon.search.page._curves import plot_margins, space_filling_runs
 from daemon.search.page._influence import plot_influence

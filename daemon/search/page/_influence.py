@@ -7,8 +7,8 @@ from typing import Final
 
 from daemon.analysis.report import Sheet
 from daemon.model.search import SearchAnswer, SearchTask
-from daemon.search.findings import is_by_chance
-from daemon.search.wording import short_name
+from daemon.search.answers.findings import is_by_chance
+from daemon.search.answers.wording import short_name
 
 _LETTER: Final = 3.8
 

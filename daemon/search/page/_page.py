@@ -21,12 +21,12 @@ from daemon.model.search import (
     SearchTask,
 )
 from daemon.model.spec import own_version
+from daemon.search.answers.sentences import ending_words
+from daemon.search.answers.wording import value_words
 from daemon.search.page._figures import search_figures, told_point
 from daemon.search.page._points import DrawnPoint, drawn_points
 from daemon.search.page._spaces import MOST_LINES
 from daemon.search.points import is_as_written, range_text
-from daemon.search.sentences import ending_words
-from daemon.search.wording import value_words
 from templates.report import render_search_report
 
 MOST_LISTED: Final = 60

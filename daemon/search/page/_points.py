@@ -14,7 +14,7 @@ from daemon.model.search import (
     SearchParameter,
     SearchTask,
 )
-from daemon.search.results import median_result, point_result
+from daemon.search.execution.results import median_result, point_result
 
 
 @dataclass(frozen=True, slots=True)

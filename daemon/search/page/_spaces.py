@@ -11,6 +11,7 @@ import numpy as np
 
 from daemon.analysis.report import Axes, Sheet
 from daemon.model.search import Point, SearchParameter, SearchTask
+from daemon.search.answers.wording import short_name
 from daemon.search.page._curves import FULL
 from daemon.search.page._points import (
     DrawnPoint,
@@ -18,7 +19,6 @@ from daemon.search.page._points import (
     coordinate,
 )
 from daemon.search.points import position_in_range
-from daemon.search.wording import short_name
 
 MOST_LINES: Final = 400
 """Points that pass and are drawn as lines at most; of more, some evenly over the search."""

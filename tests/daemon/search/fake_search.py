@@ -30,7 +30,7 @@ from daemon.model.search import (
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot, TraceInfo
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
-from daemon.search.runs import Runs
+from daemon.search.execution.runs import Runs
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.samples import SCENE, make_result, make_spec

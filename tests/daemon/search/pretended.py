@@ -19,7 +19,7 @@ from daemon.model.search import (
 )
 from daemon.model.spec import LeadingMargin, OracleText, RunResult, Timing, TraceInfo
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from daemon.search.local_runs import LocalRuns
+from daemon.search.execution.local_runs import LocalRuns
 from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.samples import SCENE, make_spec
 

@@ -9,7 +9,7 @@ import pytest
 
 from daemon.analysis.blame import Candidate
 from daemon.model.search import Phase, Point, Proposal, ProposalRow, SearchAnswer
-from daemon.search.local_runs import LocalRuns
+from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.program import ERRORS_IN_A_ROW, SearchStoppedError, run_search
 from tests.daemon.search.pretended import PretendedCase, make_task, seconds
 

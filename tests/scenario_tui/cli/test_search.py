@@ -194,7 +194,7 @@ def _handing_over(
         found = SearchSubmission(SEARCH, "house", "", "", prepared[-1], "campaign.yaml", ())
         return found, ()
 
-    monkeypatch.setattr("daemon.search.submission.prepare_search", prepare)
+    monkeypatch.setattr("daemon.search.preparation.submission.prepare_search", prepare)
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
     return prepared, Path("campaign.yaml")
 

@@ -14,7 +14,7 @@ import pytest
 
 from daemon.model.search import ProposalRow, SearchParameter, SearchRow
 from daemon.model.status import RunState
-from daemon.search.local_runs import LocalRuns
+from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.page import search_figures, search_headline, search_page
 from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
 from daemon.search.page._points import drawn_points, smallest_so_far

@@ -10,8 +10,8 @@ from typing import Final
 
 from daemon.campaign import Campaign, bundle_campaign, examine
 from daemon.model.search import SearchSubmission, SearchTask
-from daemon.search.checks import check_search
-from daemon.search.composition import search_case
+from daemon.search.preparation.checks import check_search
+from daemon.search.preparation.composition import search_case
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 

@@ -8,7 +8,7 @@ from daemon.model.search import ANY, OracleScale, Proposal, ProposalRow, SearchT
 from daemon.model.spec import LeadingMargin
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.search.results import confirmation, first_failure, median_result, point_result
+from daemon.search.execution.results import confirmation, first_failure, median_result, point_result
 from tests.daemon.search.pretended import ORACLE, made_result, make_task, seconds
 
 TASK = make_task(seconds("doors.a"))

@@ -15,14 +15,14 @@ from daemon.model.search import (
     ShrunkScenario,
 )
 from daemon.model.verdicts import Outcome
-from daemon.search.findings import (
+from daemon.search.answers.findings import (
     distinct_failures,
     drawn_points,
     parameter_influence,
     unsought_failures,
 )
-from daemon.search.results import ExploredPoint, first_failure, smallest_margin
-from daemon.search.sentences import answer_sentences
+from daemon.search.answers.sentences import answer_sentences
+from daemon.search.execution.results import ExploredPoint, first_failure, smallest_margin
 
 
 @dataclass(frozen=True, slots=True)

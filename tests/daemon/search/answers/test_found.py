@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.search.answer import make_answer
-from daemon.search.found import export_found, write_found
+from daemon.search.answers.answer import make_answer
+from daemon.search.answers.found import export_found, write_found
 from tests.daemon.search.pretended import make_task
 
 FOUND = """\

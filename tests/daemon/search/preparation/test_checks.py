@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from daemon.campaign import Campaign, load_campaign
-from daemon.search.checks import check_search
-from daemon.search.composition import search_case
+from daemon.search.preparation.checks import check_search
+from daemon.search.preparation.composition import search_case
 from grammars.text.diagnostics import Diagnostic
 from scenario_tui.file_check import check_file
 

@@ -17,7 +17,7 @@ from daemon.model.search import (
     SearchTask,
     UnsoughtFailure,
 )
-from daemon.search.results import ExploredPoint, smallest_margin
+from daemon.search.execution.results import ExploredPoint, smallest_margin
 
 FailureKey: TypeAlias = tuple[str, str, str]
 """Oracle, object, and the waypoint that the robot was on its way to."""

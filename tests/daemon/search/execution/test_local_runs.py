@@ -5,8 +5,8 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from daemon.search.composition import load_search_case
-from daemon.search.local_runs import LocalRuns
+from daemon.search.execution.local_runs import LocalRuns
+from daemon.search.preparation.composition import load_search_case
 from daemon.search.program import run_search
 
 CAMPAIGN = """\

@@ -12,7 +12,7 @@ from daemon.campaign import bundle_campaign, expand, load_campaign
 from daemon.model.bundles import unpack_bundle
 from daemon.model.search import Point
 from daemon.model.spec import RunSpec
-from daemon.search.composition import SearchCase, load_search_case
+from daemon.search.preparation.composition import SearchCase, load_search_case
 from grammars.text.diagnostics import InputError
 from tests.daemon.search.pretended import made_result
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from daemon.model.search import NearestFailure, SearchAnswer, ShrunkScenario
-from daemon.search.answer import LaterResults, failing_share, make_answer, told_failure
-from daemon.search.results import ExploredPoint, confirmation
-from daemon.search.sentences import ending_words
+from daemon.search.answers.answer import LaterResults, failing_share, make_answer, told_failure
+from daemon.search.answers.sentences import ending_words
+from daemon.search.execution.results import ExploredPoint, confirmation
 from grammars.text import codec
 from tests.daemon.search.pretended import made_result, make_task, seconds
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from daemon.model.bundles import checked_bundle
-from daemon.search.submission import prepare_search
+from daemon.search.preparation.submission import prepare_search
 from grammars.text.diagnostics import InputError
 
 SEARCHES = """

@@ -14,8 +14,8 @@ import numpy as np
 
 from daemon.campaign import CampaignCell
 from daemon.model.search import Point, PointValue, SearchParameter
-from daemon.search.composition import SearchCase
 from daemon.search.methods import method_misfit, missing_library
+from daemon.search.preparation.composition import SearchCase
 from daemon.search.space import SearchSpace
 from grammars.preflight import check_run, check_scene
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where

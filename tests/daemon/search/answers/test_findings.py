@@ -9,14 +9,14 @@ import pytest
 from scipy import stats
 
 from daemon.model.search import Influence, Point, PointResult, SearchParameter
-from daemon.search.findings import (
+from daemon.search.answers.findings import (
     correlation_ratio,
     distinct_failures,
     is_by_chance,
     parameter_influence,
     rank_correlation,
 )
-from daemon.search.results import ExploredPoint
+from daemon.search.execution.results import ExploredPoint
 from tests.daemon.search.pretended import made_result, make_task, seconds
 
 

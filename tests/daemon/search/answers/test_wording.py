@@ -10,7 +10,7 @@ from daemon.model.search import (
     PointValue,
     SearchParameter,
 )
-from daemon.search.wording import (
+from daemon.search.answers.wording import (
     change_words,
     confirmation_words,
     nearest_sentence,

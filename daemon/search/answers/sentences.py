@@ -7,8 +7,8 @@ from typing import Final
 
 from daemon.judging.statistics import chance_correlation, cut_percentage, proportion_interval
 from daemon.model.search import Finding, SearchAnswer, SearchTask
-from daemon.search.findings import is_by_chance
-from daemon.search.wording import (
+from daemon.search.answers.findings import is_by_chance
+from daemon.search.answers.wording import (
     AS_WRITTEN,
     confirmation_words,
     enumerate_words,

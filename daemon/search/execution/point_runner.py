@@ -8,8 +8,8 @@ from typing import Final
 
 from daemon.analysis.blame import Candidate
 from daemon.model.search import Phase, Point, PointResult, Proposal, ProposalRow
-from daemon.search.results import median_result, point_result
-from daemon.search.runs import Case, Runs
+from daemon.search.execution.results import median_result, point_result
+from daemon.search.execution.runs import Case, Runs
 from grammars.text.diagnostics import InputError
 
 MEDIAN_OF: Final = 3

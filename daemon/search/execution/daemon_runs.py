@@ -30,7 +30,7 @@ from daemon.model.search import (
 from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, RunState, Submission
 from daemon.model.verbs import CAMPAIGNS, EXTEND, PROGRESS, PROPOSALS, SEARCHES, Verb
-from daemon.search.runs import SearchStoppedError
+from daemon.search.execution.runs import SearchStoppedError
 from grammars.model.scene import Scene
 from grammars.text import codec
 

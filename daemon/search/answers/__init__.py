@@ -1,0 +1,1 @@
+"""What a search has found: values, findings, sentences, and the files it leaves."""

@@ -1,0 +1,1 @@
+"""From a campaign file to a search: composed, checked before its first run, handed over."""
