@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 
 _PAST: Final = 10**9
 """Trials that are given are older than those that are asked for, which are numbered from 0."""
+_DRAWN: Final = 128
+"""Places that are drawn for each that is proposed, the most promising of them. Of optuna's own 24
+few lie near the good results where a dozen parameters vary: with 128 the search of the
+demonstration found 22 and 12 failures in 60 runs with two seeds (24: 9 and 10), with 512 of two
+others 8 and 15 (128: 14 and 16).
+"""
 _QUIETLY: Final = threading.Lock()
 
 RankedPlace: TypeAlias = tuple[int, Floats, int]
@@ -113,6 +119,7 @@ class _Sampler(TPESampler):
         super().__init__(
             n_startup_trials=1,
             seed=seed,
+            n_ei_candidates=_DRAWN,
             multivariate=True,
             constant_liar=True,
         )
