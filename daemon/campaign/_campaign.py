@@ -186,6 +186,7 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
             {scenario.name: scenario for scenario in scenarios},
             loader.cells,
             survey.unread_searches,
+            frozenset(pool or ()),
         )
     )
     loader.findings += [one for one in said if one.severity is Severity.ERROR]

@@ -66,7 +66,7 @@ class SearchScope:
     """A campaign as far as searches are about it.
 
     ``named`` are its concrete scenarios, ``cells`` those that runs are made of. Of the searches in
-    ``unread`` something could not be read.
+    ``unread`` something could not be read. ``oracles`` are those of the campaign's files.
     """
 
     text: CampaignFile
@@ -75,6 +75,7 @@ class SearchScope:
     named: Mapping[str, ResolvedScenario]
     cells: Sequence[CampaignCell]
     unread: frozenset[str] = frozenset()
+    oracles: frozenset[str] = frozenset()
 
 
 def read_searches(scope: SearchScope) -> tuple[tuple[SearchTask, ...], tuple[Diagnostic, ...]]:
@@ -220,7 +221,10 @@ class _SearchReader:
             return led
         if len(oracles) < len(picked):
             return ()  # one of them cannot be read, which has been said
-        hint = did_you_mean(wanted, (*(oracle.name for oracle in limited), ANY))
+        if wanted in self.scope.oracles:
+            hint = f"add {wanted} to the oracles: of the scenario"
+        else:
+            hint = did_you_mean(wanted, (*(oracle.name for oracle in limited), ANY))
         self._error(where, f'{cell.name} is not judged by an oracle "{wanted}"', hint)
         return ()
 

@@ -311,6 +311,18 @@ class PointResult:
         """Whether the oracle in question fails."""
         return self.verdict is not None and self.verdict.outcome is Outcome.FAIL
 
+    @property
+    def about(self) -> str:
+        """What it is about: the object of the margin that is told, else that of the verdict.
+
+        They may differ: a mission fails at the waypoint that was never near, its margin is the way
+        that was missing from the first one that was not reached.
+        """
+        value, verdict = self.value, self.verdict
+        if value is not None and value.object and (not verdict or value.oracle == verdict.oracle):
+            return value.object
+        return verdict.evidence.object if verdict is not None else ""
+
 
 @dataclass(frozen=True, slots=True)
 class Confirmation:

@@ -138,6 +138,8 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
     return YamlDocument(file, data, places, text)
 
 
+_REST_OF_VALUE: Final = re.compile(r"[-+]?\.?\d")
+"""How a key begins that is what a comma cut off: {budget: 60 runs, 10 min}."""
 _VALUE: Final = re.compile(r"(?:[^\s:]+\s*:\s+)?([^\s,\]}#]+)")
 
 
@@ -174,7 +176,11 @@ def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str,
     path = tuple(finding["loc"])
     kind = finding["type"]
     if kind == "extra_forbidden":
-        return (path, *_explain_key(_model_at(model, path[:-1]), str(path[-1])))
+        key = str(path[-1])
+        message, hint = _explain_key(_model_at(model, path[:-1]), key)
+        if finding.get("input") is None and _REST_OF_VALUE.match(key):
+            hint = f'inside of {{ }} what has a comma is quoted: "..., {key}"'
+        return path, message, hint
     if kind == "missing":
         return path[:-1], f'key "{path[-1]}" is missing', _example(model, path)
     given = finding.get("input")

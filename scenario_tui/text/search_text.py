@@ -366,7 +366,7 @@ def finding_cells(found: Finding) -> tuple[str, str, str, str, str]:
         filter(
             None,
             (
-                found.object,
+                found.object if found.object != found.waypoint else "",
                 f"on the way to {found.waypoint}" if found.waypoint else "",
                 moment_text(found.evidence.time),
             ),

@@ -29,10 +29,10 @@ def failure_key(result: PointResult) -> FailureKey:
     """Return what makes two failures one."""
     if result.verdict is None:
         return "", "", ""
-    oracle, about, waypoint = result.verdict.oracle, result.verdict.evidence.object, ""
+    oracle, waypoint = result.verdict.oracle, ""
     if result.value is not None and result.value.oracle == oracle:
-        about, waypoint = about or result.value.object, result.value.waypoint
-    return oracle, about, waypoint
+        waypoint = result.value.waypoint
+    return oracle, result.about, waypoint
 
 
 def distinct_failures(results: Sequence[PointResult]) -> tuple[Finding, ...]:

@@ -121,7 +121,9 @@ def _unsought(answer: SearchAnswer) -> Iterator[str]:
 
 def finding_words(finding: Finding) -> str:
     """Return ``keeps-clear near kitchen_door on the way to w3 (4 runs)``."""
-    near = f" near {finding.object}" if finding.object else ""
+    # A mission's failure is about a waypoint, the one that it is on its way to.
+    named = finding.object and finding.object != finding.waypoint
+    near = f" near {finding.object}" if named else ""
     way = f" on the way to {finding.waypoint}" if finding.waypoint else ""
     return f"{finding.oracle}{near}{way} ({plural(finding.count, 'run')})"
 

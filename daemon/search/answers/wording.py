@@ -127,13 +127,12 @@ def _comparative(parameter: SearchParameter, more: bool) -> str:
 
 def failure_words(result: PointResult) -> str:
     """Return ``keeps-clear fails by 0.018 m near kitchen_door``."""
-    oracle, about, margin, unit = "", "", None, ""
+    oracle, about, margin, unit = "", result.about, None, ""
     if result.verdict is not None:
-        oracle, about = result.verdict.oracle, result.verdict.evidence.object
+        oracle = result.verdict.oracle
         margin, unit = result.verdict.margin, result.verdict.unit
     if result.value is not None and result.value.oracle == oracle:
         margin, unit = result.value.margin, result.value.unit
-        about = about or result.value.object
     by = "" if not margin else f" by {quantity(abs(margin), unit)}"
     return f"{oracle} fails{by}{f' near {about}' if about else ''}"
 

@@ -23,8 +23,11 @@ from scenario_tui.dashboard.search_runs import (
     notable_runs,
 )
 from scenario_tui.dashboard.state import DashboardState, Query, TraceSummary, UnavailableTrace
-from scenario_tui.dashboard.widgets.search_curve import LEGEND as CURVE_LEGEND
-from scenario_tui.dashboard.widgets.search_curve import SearchCurveView, search_curve
+from scenario_tui.dashboard.widgets.search_curve import (
+    SearchCurveView,
+    curve_legend,
+    search_curve,
+)
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
@@ -99,7 +102,7 @@ class SearchScreen(SteeringScreen):
         with Horizontal(id="searched"):
             with Vertical(id="course"):
                 yield SearchCurveView(id="curve")
-                yield Static(CURVE_LEGEND, id="curve-legend")
+                yield Static(id="curve-legend")
                 yield KeyedTable(_COLUMNS, id="notable")
                 with VerticalScroll(id="answer"):
                     yield Static(id="answer-text")
@@ -156,6 +159,8 @@ class SearchScreen(SteeringScreen):
             if table.display and self.focused is None:
                 table.focus()
             self.query_one(SearchCurveView).show(search_curve(search))
+            legend = curve_legend(search.row.task.drawn_word)
+            self.query_one("#curve-legend", Static).update(legend)
             answer = Text("\n").join(answer_lines(search.row))
             self.query_one("#answer-text", Static).update(answer)
             self._show_point()

@@ -28,7 +28,6 @@ _STYLES: Final = (
     Style(color=QUIET),
     Style(color=BROKEN, bold=True),
 )
-LEGEND: Final = "• run  ✗ fails  ━ best  ╌ best space-filling  ┈ limit"
 _GUTTER: Final = 11
 """Columns for the margins beside the graph."""
 _FIRST_RUNS: Final = 60
@@ -57,6 +56,11 @@ class SearchCurve:
     baseline: Floats
     unknown: tuple[tuple[int, str], ...] = ()
     phases: tuple[tuple[int, str], ...] = ()
+
+
+def curve_legend(drawn: str) -> str:
+    """Return what the lines are; ``drawn`` is what runs are called that were not guided."""
+    return f"• run  ✗ fails  ━ best  ╌ best {drawn}  ┈ limit"
 
 
 def search_curve(search: SearchRuns) -> SearchCurve:
@@ -228,8 +232,11 @@ class _Graph:
             if column + len(said) <= at + width - len(last) - 1:
                 self._write(row, column, said, _WORDS)
                 free = column + len(said) + 1
+        # Beside the numbers at the ends, not over them.
+        first, end = at + 1, max(at + width - len(last) - 1, at + 1)
         for position, sign in curve.unknown:
-            self._write(row, at + int(self._across(position) // 2), sign, _LOST)
+            column = min(max(at + int(self._across(position) // 2), first), end)
+            self._write(row, column, sign, _LOST)
 
     def _write(self, row: int, column: int, text: str, owner: int) -> None:
         room = text[: max(self.codes.shape[1] - column, 0)]

@@ -49,7 +49,8 @@ def parameters_text(
         for one, value in pairs
     ]
     sizes = [max((len(texts[i]) for texts in said), default=0) for i in (0, 1)]
-    longest = max((len(one.name) for one, _ in pairs), default=0)
+    names = [task.short_name(one.name) for one, _ in pairs]
+    longest = max(map(len, names), default=0)
     most = max((width - _BAR - 7 - _LEAST_NAME) // 2, 4)
     sizes[0] = min(sizes[0], most)
     sizes[1] = min(sizes[1], 2 * most - sizes[0])
@@ -57,10 +58,10 @@ def parameters_text(
     correlations = influence if influence and rest - longest >= _INFLUENCE else {}
     name_cells = max(min(longest, rest), _LEAST_NAME)
     text = Text(no_wrap=True, overflow="ellipsis")
-    for (one, value), (written, now) in zip(pairs, said, strict=True):
+    for name, (one, value), (written, now) in zip(names, pairs, said, strict=True):
         changed = value != one.written
         text.append("≠ " if changed else "  ", style=UNSURE)
-        text.append(_end(one.name, name_cells), style="bold" if changed else QUIET)
+        text.append(_end(name, name_cells), style="bold" if changed else QUIET)
         text.append(f" {_cut(written, sizes[0]):>{sizes[0]}} ", style=QUIET)
         text.append("→ " if changed else "  ", style=QUIET)
         text.append(

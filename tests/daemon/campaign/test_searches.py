@@ -218,6 +218,15 @@ OVER = "    over: {doors_moving.closes: 5 .. 7 s, doors_moving.opens: 20 .. 40 s
         (f"  s:\n    scenario: busy\n    minimise: nearest\n{OVER}", "it measures and never fails"),
         (f"  s:\n    scenario: busy\n    minimise: keep-clear\n{OVER}", 'mean "keeps-clear"'),
         (f"  s:\n    scenario: busy\n    minimise: flat\n{OVER}", "is true or false"),
+        (
+            "  s: {scenario: calm, minimise: keeps-clear, over: {a.b: 1 .. 2 s}, "
+            "budget: 60 runs, 10 min}\n",
+            'inside of { } what has a comma is quoted: "..., 10 min"',
+        ),
+        (
+            f"  s:\n    scenario: busy\n    minimise: localised\n{OVER}",
+            "add localised to the oracles: of the scenario",
+        ),
         (HEAD + "    over: {doors.closes: 5 .. 7 s}\n", 'has no parameter "closes"'),
         (HEAD + "    over: {door_moving.closes: 5 .. 7 s}\n", 'did you mean "doors_moving"?'),
         (HEAD + "    over: {closes: 5 .. 7 s}\n", "write doors_moving.closes"),

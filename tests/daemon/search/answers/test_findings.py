@@ -16,6 +16,8 @@ from daemon.search.answers.findings import (
     parameter_influence,
     rank_correlation,
 )
+from daemon.search.answers.sentences import finding_words
+from daemon.search.answers.wording import failure_words
 from daemon.search.execution.results import ExploredPoint
 from tests.daemon.search.pretended import made_result, make_task, seconds
 
@@ -41,6 +43,21 @@ def test_failures_at_the_same_door_on_the_same_way_are_one() -> None:
         ("keeps-clear", "bedroom_door", "", 1, 4),
         ("keeps-clear", "kitchen_door", "w2", 1, 5),
     ]
+
+
+def test_a_failure_is_about_what_its_margin_is_about() -> None:
+    missed = made_result((1.0,), -8.53, 8, "window")
+    assert missed.value is not None
+    value = replace(missed.value, object="kitchen", waypoint="kitchen")
+    missed = replace(missed, value=value)
+    (found,) = distinct_failures([missed])
+    assert (found.object, found.waypoint) == ("kitchen", "kitchen")
+    assert finding_words(found) == "keeps-clear on the way to kitchen (1 run)"
+    assert failure_words(missed) == "keeps-clear fails by 8.53 m near kitchen"
+    assert replace(missed, value=replace(value, oracle="other")).about == "window"
+    assert replace(missed, value=replace(value, object="")).about == "window"
+    assert replace(missed, value=None).about == "window"
+    assert replace(missed, value=None, verdict=None).about == ""
 
 
 def test_rank_correlation_is_spearmans_with_ties() -> None:
