@@ -15,9 +15,11 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any, Final
 
 import numpy as np
@@ -25,6 +27,7 @@ from pydantic import TypeAdapter
 from scipy.stats import binomtest
 
 from daemon.analysis.report import Axes
+from daemon.analysis.report._svg import text_element
 from daemon.model.search import ProposalRow, SearchParameter, SearchRow
 from daemon.model.verdicts import Outcome
 from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
@@ -152,15 +155,39 @@ def _same_points(
 
 def band_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
     """Yield between which values of each parameter of the springs runs touch something."""
-    yield "| | touches with | mission not done, nothing touched, with | smallest margin [m] |"
-    yield "|---|---|---|---|"
+    yield (
+        "| | touches with | mission not done, nothing touched, with | smallest margin [m] | "
+        "median clearance, nothing touched, mission done [m] |"
+    )
+    yield "|---|---|---|---|---|"
     for space, system, search in _pairs(searches):
         if space not in DRAWN:
             continue
         touching = [r for r in search.drawn if not does_well(r, SAFE)]
         stuck = [r for r in search.drawn if does_well(r, SAFE) and not does_well(r, DONE)]
         margins = [m for r in search.drawn if (m := _margin(r)) is not None]
-        columns = [_ranges(search, touching), _ranges(search, stuck), number(min(margins), 4)]
+        clear = [m for r in search.drawn if does_well(r, DONE) and (m := _margin(r)) is not None]
+        columns = [_ranges(search, touching), _ranges(search, stuck), number(min(margins), 4),
+                   number(median(clear), 3) if clear else NOTHING]  # fmt: skip
+        yield f"| {SPACES[space]}, {system} | {' | '.join(columns)} |"
+
+
+def ending_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield how runs end in which the mission is not done, and what they were on the way to."""
+    yield "| | mission not done | the robot gave up | after [s] | time was up | on the way to |"
+    yield "|---|---|---|---|---|---|"
+    for space, system, search in _pairs(searches):
+        rows = [row for row in search.drawn if not does_well(row, "mission done")]
+        own = [row.simulated for row in rows if row.ended == "finished"]
+        limit = sum(row.ended == "limit" for row in rows)
+        ahead = Counter(
+            lead.waypoint for row in rows for lead in row.leads if lead.oracle == "visited"
+        )
+        columns = (
+            f"{len(rows)} of {len(search.drawn)}", str(len(own)),
+            f"{min(own):.0f} to {max(own):.0f}" if own else NOTHING, str(limit),
+            ", ".join(f"{name} {count}" for name, count in ahead.most_common()) or NOTHING,
+        )  # fmt: skip
         yield f"| {SPACES[space]}, {system} | {' | '.join(columns)} |"
 
 
@@ -262,6 +289,7 @@ def page_tables(searches: Mapping[str, RecordedSearch]) -> dict[str, str]:
     """Return the tables of the page by name."""
     makers: dict[str, Callable[[Mapping[str, RecordedSearch]], Iterator[str]]] = {
         "regions": region_table, "paired": paired_table, "bands": band_table,
+        "endings": ending_table,
         "findings": finding_table, "nearest": nearest_table, "influence": influence_table,
         "cost": cost_table,
     }  # fmt: skip
@@ -275,11 +303,14 @@ def draw_regions(searches: Mapping[str, RecordedSearch]) -> str:
     parts = []
     for down, space in enumerate(rows):
         for across, system in enumerate(SYSTEMS):
-            axes = Axes(34.0 + across * (wide + gap), 28.0 + down * (high + 50.0), wide, high)
+            axes = Axes(34.0 + across * (wide + gap), 30.0 + down * (high + 58.0), wide, high)
             _draw_region(axes, searches[f"{space}-{system}"], words=not down)
-            axes.title = f"{SPACES[space]}, {system}"
+            parts.append(
+                text_element(34.0 + across * (wide + gap), 14.0 + down * (high + 58.0),
+                             f"{system}: {SPACES[space]}", 9.0, "ink")
+            )  # fmt: skip
             parts.append(axes.svg(f"r{down}{across}"))
-    size = 34.0 + 2 * wide + gap + 10.0, 28.0 + len(rows) * (high + 50.0) - 14.0
+    size = 34.0 + 2 * wide + gap + 10.0, 30.0 + len(rows) * (high + 58.0) - 30.0
     label = "Runs that touch a door or a wall over trigger distance and stiffness, by system"
     drawn = "\n".join(parts)
     for name, colour in _COLOURS.items():
@@ -337,7 +368,7 @@ def _draw_marks(
         (spot,) = _on_axes(x, y, [_place((x, y), tuple(v for v in written if v is not None))])
         axes.diamonds([spot[0]], [spot[1]], "near", 8.0, about="as published")
     axes.x_limits, axes.y_limits = (x.low, x.high), (0.0, _decades(y, 1.0))
-    axes.x_label = f"trigger distance [{x.unit}]"
+    axes.x_label, axes.title = f"trigger distance [{x.unit}]", f"spring [{y.unit}]"
     count = math.floor(_decades(y, 1.0) + 1e-9) + 1
     axes.y_names = [f"{y.low * 10.0**k:g}" for k in range(count)]
 

@@ -165,7 +165,7 @@ def test_the_figure_stands_alone(searches: dict[str, RecordedSearch]) -> None:
     drawn = draw_regions(searches)
     ElementTree.fromstring(drawn)
     assert "var(" not in drawn
-    assert all(f"door 17 (S3.2), {system}" in drawn for system in SYSTEMS)
+    assert all(f"{system}: door 17 (S3.2)" in drawn for system in SYSTEMS)
 
 
 def test_searches_are_read_as_the_command_writes_them(
