@@ -1,0 +1,406 @@
+"""The tables and the figure of ``docs/safe-region.md``, made from finished searches.
+
+``python -m tests.safe_region RESULTS`` prints the tables; with ``--write`` they take the place of
+those in the page, between its markers, and its figure is drawn again. RESULTS is a folder with
+what ``scenario search SEARCH --json`` writes of each search of
+``campaigns/ortega2024/safe_region.yaml`` as NAME.json; beside it NAME.seconds may have two numbers:
+by the clock on the wall, how long it explored, and when its answer was there.
+
+How large a region is, is estimated from runs alone that were drawn without looking at results. The
+intervals are 95 % (Clopper, Pearson).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any, Final
+
+import numpy as np
+from pydantic import TypeAdapter
+from scipy.stats import binomtest
+
+from daemon.analysis.report import Axes
+from daemon.analysis.report._svg import text_element
+from daemon.model.search import ProposalRow, SearchParameter, SearchRow
+from daemon.model.verdicts import Outcome
+from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
+from daemon.search.page._boundary import _stretches as stretches
+from daemon.search.page._points import position_in_range
+from tests.ortega2024 import NOTHING, count_text, number, page_with
+
+PAGE: Final = Path(__file__).parents[1] / "docs" / "safe-region.md"
+FIGURE: Final = PAGE.with_name("safe-region.svg")
+SYSTEMS: Final = ("a2s", "fro-omni")
+SPACES: Final = {"door-17": "door 17 (S3.2)", "both-doors": "doors 17 and 12 (S3.3)",
+                 "times": "door times (S2)"}  # fmt: skip
+"""Searches of both systems over the same points, by the beginning of their names."""
+DRAWN: Final = ("door-17", "both-doors")
+WORST: Final = "worst-times-a2s"
+CRITERIA: Final = {
+    "touches nothing": ("no-contact",),
+    "outside of the paper's box": ("no-collision",),
+    "mission done": ("visited",),
+    "touches nothing, mission done": ("no-contact", "visited"),
+}
+"""What a point may do well, by the oracles that have to pass."""
+SAFE, DONE = "touches nothing", "touches nothing, mission done"
+_CELLS: Final = 48
+_MARK: Final = "#000000"
+_STUCK: Final = "#b8860b"
+_COLOURS: Final = {"ink": "#222222", "soft": "#555555", "rule": "#dddddd", "paper": "#ffffff",
+                   "near": "#7b2d8b"}  # fmt: skip
+"""Values of the colours that figures name: this one stands alone and follows no page."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSearch:
+    """A search with its runs in order; ``seconds`` of wall clock for exploring, and for it all."""
+
+    row: SearchRow
+    rows: tuple[ProposalRow, ...]
+    seconds: tuple[float, ...] = ()
+
+    @property
+    def drawn(self) -> tuple[ProposalRow, ...]:
+        """Return the runs that fill the space; the scenario as written was not drawn."""
+        return tuple(
+            r
+            for r in self.rows
+            if r.proposal.phase == "explore" and not r.proposal.guided and r.proposal.number
+        )
+
+    def passed(self, criterion: str) -> int:
+        """Return how many of the drawn runs do well."""
+        return sum(does_well(row, criterion) for row in self.drawn)
+
+
+def read_searches(folder: Path) -> dict[str, RecordedSearch]:
+    """Return the searches of a folder by name."""
+    found = {}
+    for path in sorted(folder.glob("*.json")):
+        written = json.loads(path.read_text("utf-8"))
+        row = TypeAdapter(SearchRow).validate_python(written["search"])
+        rows = TypeAdapter(tuple[ProposalRow, ...]).validate_python(written["proposals"])
+        clock = path.with_suffix(".seconds")
+        seconds = tuple(map(float, clock.read_text("utf-8").split())) if clock.exists() else ()
+        found[row.task.name] = RecordedSearch(row, rows, seconds)
+    return found
+
+
+def does_well(row: ProposalRow, criterion: str) -> bool:
+    """Whether all oracles of a criterion pass in a run; raises ``ValueError`` without a verdict."""
+    outcomes = {verdict.oracle: verdict.outcome for verdict in row.verdicts}
+    found = [outcomes.get(oracle) for oracle in CRITERIA[criterion]]
+    if not set(found) <= {Outcome.PASS, Outcome.FAIL}:
+        raise ValueError(f"{row.run} has no verdict of {' and '.join(CRITERIA[criterion])}")
+    return all(outcome is Outcome.PASS for outcome in found)
+
+
+def region_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield how much of each space goes well, by system."""
+    yield f"| | runs | {' | '.join(CRITERIA)} |"
+    yield f"|---|---|{'---|' * len(CRITERIA)}"
+    for space, system, search in _pairs(searches):
+        n = len(search.drawn)
+        parts = [count_text(search.passed(criterion), n) for criterion in CRITERIA]
+        yield f"| {SPACES[space]}, {system} | {n} | {' | '.join(parts)} |"
+
+
+def paired_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield at how many of the same points one system does well and the other does not.
+
+    The last column is the exact probability of such a split, or one that is less even, if both
+    were equally likely to be the better one (McNemar).
+    """
+    first, second = SYSTEMS
+    yield f"| | | points | both | {first} alone | {second} alone | neither | p |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for space, name in SPACES.items():
+        for criterion in (SAFE, DONE):
+            pairs = _same_points(searches, space, criterion)
+            if not pairs:
+                continue
+            counts = [pairs.count(kind) for kind in
+                      ((True, True), (True, False), (False, True), (False, False))]  # fmt: skip
+            alone = counts[1] + counts[2]
+            p = binomtest(counts[1], alone).pvalue if alone else 1.0
+            words = " | ".join(map(str, counts))
+            yield f"| {name} | {criterion} | {len(pairs)} | {words} | {_probability(p)} |"
+
+
+def _probability(p: float) -> str:
+    return "< 0.0001" if p < 0.0001 else f"{p:.2g}"
+
+
+def _same_points(
+    searches: Mapping[str, RecordedSearch], space: str, criterion: str
+) -> list[tuple[bool, bool]]:
+    sides = [searches.get(f"{space}-{system}") for system in SYSTEMS]
+    found = [
+        {row.proposal.values: does_well(row, criterion) for row in side.drawn}
+        for side in sides
+        if side is not None
+    ]
+    if len(found) < len(SYSTEMS):
+        return []
+    return [(found[0][point], found[1][point]) for point in found[0] if point in found[1]]
+
+
+def band_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield between which values of each parameter of the springs runs touch something."""
+    yield (
+        "| | touches with | mission not done, nothing touched, with | smallest margin [m] | "
+        "median clearance, nothing touched, mission done [m] |"
+    )
+    yield "|---|---|---|---|---|"
+    for space, system, search in _pairs(searches):
+        if space not in DRAWN:
+            continue
+        touching = [r for r in search.drawn if not does_well(r, SAFE)]
+        stuck = [r for r in search.drawn if does_well(r, SAFE) and not does_well(r, DONE)]
+        margins = [m for r in search.drawn if (m := _margin(r)) is not None]
+        clear = [m for r in search.drawn if does_well(r, DONE) and (m := _margin(r)) is not None]
+        columns = [_ranges(search, touching), _ranges(search, stuck), number(min(margins), 4),
+                   number(median(clear), 3) if clear else NOTHING]  # fmt: skip
+        yield f"| {SPACES[space]}, {system} | {' | '.join(columns)} |"
+
+
+def ending_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield how runs end in which the mission is not done, and what they were on the way to."""
+    yield "| | mission not done | the robot gave up | after [s] | time was up | on the way to |"
+    yield "|---|---|---|---|---|---|"
+    for space, system, search in _pairs(searches):
+        rows = [row for row in search.drawn if not does_well(row, "mission done")]
+        own = [row.simulated for row in rows if row.ended == "finished"]
+        limit = sum(row.ended == "limit" for row in rows)
+        ahead = Counter(
+            lead.waypoint for row in rows for lead in row.leads if lead.oracle == "visited"
+        )
+        columns = (
+            f"{len(rows)} of {len(search.drawn)}", str(len(own)),
+            f"{min(own):.0f} to {max(own):.0f}" if own else NOTHING, str(limit),
+            ", ".join(f"{name} {count}" for name, count in ahead.most_common()) or NOTHING,
+        )  # fmt: skip
+        yield f"| {SPACES[space]}, {system} | {' | '.join(columns)} |"
+
+
+def _ranges(search: RecordedSearch, rows: Sequence[ProposalRow]) -> str:
+    if not rows:
+        return NOTHING
+    parts = []
+    for index, parameter in enumerate(search.row.task.parameters):
+        values = [float(row.proposal.values[index]) for row in rows]
+        name = parameter.name.rpartition(".")[2]
+        parts.append(f"{name} {min(values):g} to {max(values):g} {parameter.unit}")
+    return ", ".join(parts)
+
+
+def _margin(row: ProposalRow) -> float | None:
+    return next((lead.margin for lead in row.leads if lead.oracle == "no-contact"), None)
+
+
+def finding_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield the distinct failures of every search, with the run that has the smallest margin."""
+    yield "| search | touches | on the way to | runs | smallest margin [m] | in run |"
+    yield "|---|---|---|---|---|---|"
+    for name, search in _in_order(searches):
+        answer = search.row.answer
+        for finding in answer.findings if answer is not None else ():
+            example = finding.example
+            margin = NOTHING if example.value is None else number(example.value.margin, 4)
+            yield (
+                f"| {name} | {finding.object} | {finding.waypoint} | {finding.count} | {margin} "
+                f"| {example.number} |"
+            )
+
+
+def nearest_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield the sentence of the nearest failure of every search, and how often it is repeated."""
+    yield "| search | nearest failure | runs for it | fails with other noise |"
+    yield "|---|---|---|---|"
+    for name, search in _in_order(searches):
+        nearest = search.row.answer.nearest if search.row.answer is not None else None
+        if nearest is None:
+            yield f"| {name} | {NOTHING} | | |"
+            continue
+        repeated = nearest.confirmed
+        often = count_text(repeated.failed, repeated.runs) if repeated is not None else NOTHING
+        spent = str(nearest.runs) if nearest.complete else f"{nearest.runs}, all there were"
+        yield f"| {name} | {nearest.sentence} | {spent} | {often} |"
+
+
+def cost_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield what every search did and what it took."""
+    yield (
+        "| search | method | explored | fail | of those drawn | all runs | CPU [s] | "
+        "CPU a run [s] | simulated [h] | explored after, answer after [min] |"
+    )
+    yield f"|{'---|' * 10}"
+    for name, search in _in_order(searches):
+        explored = [row for row in search.rows if row.proposal.phase == "explore"]
+        failed = sum(not does_well(row, SAFE) for row in explored)
+        drawn = len(search.drawn)
+        spent, simulated = (sum(getattr(r, k) for r in search.rows) for k in ("cpu", "simulated"))
+        wall = ", ".join(number(seconds / 60.0, 1) for seconds in search.seconds) or NOTHING
+        yield (
+            f"| {name} | {search.row.task.method} | {len(explored)} | {failed} "
+            f"| {drawn - search.passed(SAFE)} of {drawn} | {len(search.rows)} | {spent:.0f} "
+            f"| {spent / len(search.rows):.1f} | {simulated / 3600.0:.1f} | {wall} |"
+        )
+
+
+def influence_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+    """Yield the rank correlation of the door times with the margin, those of both systems."""
+    sides = [searches.get(f"times-{system}") for system in SYSTEMS]
+    found = [
+        {one.parameter: one for one in side.row.answer.influence}
+        for side in sides
+        if side is not None and side.row.answer is not None
+    ]
+    yield f"| door time | {' | '.join(SYSTEMS)} |"
+    yield f"|---|{'---|' * len(SYSTEMS)}"
+    names = dict.fromkeys(name for side in found for name in side)
+    for name in sorted(names, key=lambda n: -max(abs(s[n].correlation) for s in found if n in s)):
+        values = [f"{number(s[name].correlation, 2)}" if name in s else NOTHING for s in found]
+        yield f"| {name.rpartition('.')[2]} | {' | '.join(values)} |"
+
+
+def _pairs(searches: Mapping[str, RecordedSearch]) -> Iterator[tuple[str, str, RecordedSearch]]:
+    for space in SPACES:
+        for system in SYSTEMS:
+            if (search := searches.get(f"{space}-{system}")) is not None:
+                yield space, system, search
+
+
+def _in_order(searches: Mapping[str, RecordedSearch]) -> Iterator[tuple[str, RecordedSearch]]:
+    for name in [f"{space}-{system}" for space in SPACES for system in SYSTEMS] + [WORST]:
+        if name in searches:
+            yield name, searches[name]
+
+
+def page_tables(searches: Mapping[str, RecordedSearch]) -> dict[str, str]:
+    """Return the tables of the page by name."""
+    makers: dict[str, Callable[[Mapping[str, RecordedSearch]], Iterator[str]]] = {
+        "regions": region_table, "paired": paired_table, "bands": band_table,
+        "endings": ending_table,
+        "findings": finding_table, "nearest": nearest_table, "influence": influence_table,
+        "cost": cost_table,
+    }  # fmt: skip
+    return {name: "\n".join(make(searches)) + "\n" for name, make in makers.items()}
+
+
+def draw_regions(searches: Mapping[str, RecordedSearch]) -> str:
+    """Return the safe regions of both systems side by side as SVG, a row for each space."""
+    wide, high, gap = 238.0, 170.0, 42.0
+    rows = [space for space in DRAWN if all(f"{space}-{s}" in searches for s in SYSTEMS)]
+    parts = []
+    for down, space in enumerate(rows):
+        for across, system in enumerate(SYSTEMS):
+            axes = Axes(34.0 + across * (wide + gap), 30.0 + down * (high + 58.0), wide, high)
+            _draw_region(axes, searches[f"{space}-{system}"], words=not down)
+            parts.append(
+                text_element(34.0 + across * (wide + gap), 14.0 + down * (high + 58.0),
+                             f"{system}: {SPACES[space]}", 9.0, "ink")
+            )  # fmt: skip
+            parts.append(axes.svg(f"r{down}{across}"))
+    size = 34.0 + 2 * wide + gap + 10.0, 30.0 + len(rows) * (high + 58.0) - 30.0
+    label = "Runs that touch a door or a wall over trigger distance and stiffness, by system"
+    drawn = "\n".join(parts)
+    for name, colour in _COLOURS.items():
+        drawn = drawn.replace(f"var(--{name})", colour)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size[0]:g} {size[1]:g}" '
+        f'role="img" aria-label="{label}" font-family="sans-serif">\n'
+        f'<rect width="{size[0]:g}" height="{size[1]:g}" fill="#ffffff"/>\n{drawn}\n</svg>\n'
+    )
+
+
+def _draw_region(axes: Axes, search: RecordedSearch, *, words: bool) -> None:
+    """Draw the margin of a search over two ranges, and what its runs did, explained in words."""
+    x, y = search.row.task.parameters
+    rows = [r for r in search.rows if r.proposal.phase == "explore" and _margin(r) is not None]
+    places = np.array([_place((x, y), row.proposal.values) for row in rows])
+    margins = balanced(np.array([_margin(row) for row in rows], float))
+    ends = np.linspace(0.0, 1.0, _CELLS + 1)
+    middles = 0.5 * (ends[:-1] + ends[1:])
+    grid = np.stack(np.meshgrid(middles, middles, indexing="ij"), axis=-1).reshape(-1, 2)
+    levels = ramp_levels(estimate(places, margins, grid).reshape(_CELLS, _CELLS))
+    for level, colour in enumerate(RAMP):
+        rings = [
+            [(ends[a], ends[j]), (ends[b], ends[j]), (ends[b], ends[j + 1]), (ends[a], ends[j + 1])]
+            for j in range(_CELLS)
+            for a, b in stretches(levels[:, j] == level)
+        ]
+        if rings:
+            axes.shapes([_on_axes(x, y, ring) for ring in rings], fill=colour, edge=colour,
+                        width=0.2)  # fmt: skip
+    corners = np.stack(np.meshgrid(ends, ends, indexing="ij"), axis=-1).reshape(-1, 2)
+    at_corners = estimate(places, margins, corners).reshape(_CELLS + 1, _CELLS + 1)
+    lines = zero_lines(at_corners)
+    # One line with gaps between its pieces.
+    pieces = np.concatenate((lines / _CELLS, np.full((len(lines), 1, 2), math.nan)), axis=1)
+    if len(lines):
+        across, up = np.transpose(_on_axes(x, y, pieces.reshape(-1, 2)))
+        axes.line(across, up, _MARK, 1.4)
+    _draw_marks(axes, search, rows, places, words=words)
+
+
+def _draw_marks(
+    axes: Axes, search: RecordedSearch, rows: Sequence[ProposalRow], places: Any, *, words: bool
+) -> None:
+    x, y = search.row.task.parameters
+    touches = np.array([not does_well(row, SAFE) for row in rows])
+    stuck = np.array([does_well(row, SAFE) and not does_well(row, DONE) for row in rows])
+    at = np.asarray(_on_axes(x, y, places))
+    fine = ~touches & ~stuck
+    axes.dots(at[fine, 0], at[fine, 1], _MARK, 2.6, label="all well" if words else "")
+    axes.dots(at[stuck, 0], at[stuck, 1], _STUCK, 4.6, label="not done" if words else "")
+    axes.crosses(at[touches, 0], at[touches, 1], _MARK, 4.4, label="touches" if words else "")
+    written = [p.written for p in (x, y)]
+    if None not in written:
+        (spot,) = _on_axes(x, y, [_place((x, y), tuple(v for v in written if v is not None))])
+        axes.diamonds([spot[0]], [spot[1]], "near", 8.0, about="as published")
+    axes.x_limits, axes.y_limits = (x.low, x.high), (0.0, _decades(y, 1.0))
+    axes.x_label, axes.title = f"trigger distance [{x.unit}]", f"spring [{y.unit}]"
+    count = math.floor(_decades(y, 1.0) + 1e-9) + 1
+    axes.y_names = [f"{y.low * 10.0**k:g}" for k in range(count)]
+
+
+def _place(parameters: Sequence[SearchParameter], values: Sequence[Any]) -> tuple[float, ...]:
+    return tuple(position_in_range(p, v) for p, v in zip(parameters, values, strict=True))
+
+
+def _decades(parameter: SearchParameter, place: float) -> float:
+    """Return how many decades above its lower end a place of a logarithmic range is."""
+    return place * math.log10(parameter.high / parameter.low)
+
+
+def _on_axes(x: SearchParameter, y: SearchParameter, places: Any) -> list[tuple[float, float]]:
+    """Return places of the unit square as they are drawn: a value along x, decades along y."""
+    return [(x.low + u * (x.high - x.low), _decades(y, v)) for u, v in places]
+
+
+def main() -> None:
+    """Print the tables, or write them and the figure."""
+    parser = argparse.ArgumentParser(prog="python -m tests.safe_region")
+    parser.add_argument("results", type=Path, help="a folder with NAME.json of every search")
+    parser.add_argument("--write", action="store_true", help="write them and the figure")
+    options = parser.parse_args()
+    searches = read_searches(options.results)
+    tables = page_tables(searches)
+    for name, text in tables.items():
+        print(f"{name}:\n\n{text}")
+    if options.write:
+        PAGE.write_text(page_with(PAGE.read_text("utf-8"), tables), encoding="utf-8")
+        FIGURE.write_text(draw_regions(searches), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
