@@ -32,7 +32,7 @@ from daemon.model.search import ProposalRow, SearchParameter, SearchRow
 from daemon.model.verdicts import Outcome
 from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
 from daemon.search.page._boundary import _stretches as stretches
-from daemon.search.page._points import position_in_range
+from daemon.search.points import position_in_range
 from tests.ortega2024 import NOTHING, count_text, number, page_with
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "safe-region.md"
