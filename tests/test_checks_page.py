@@ -12,7 +12,7 @@ SOURCES = (
     *sorted((ROOT / "grammars" / "preflight").glob("_*.py")),
     ROOT / "grammars" / "scenery" / "_usage.py",
     ROOT / "daemon" / "campaign" / "_unused.py",
-    ROOT / "daemon" / "search" / "checks.py",
+    ROOT / "daemon" / "search" / "preparation" / "checks.py",
 )
 _ROW = re.compile(r"^\| `(.+?)` \|", re.MULTILINE)
 _PLACEHOLDER = re.compile(r"\b[A-Z]+\b|\bN\b")
