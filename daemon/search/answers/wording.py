@@ -24,7 +24,7 @@ _DIGITS: Final = 3
 _TIMES: Final = frozenset({"s", "ms", "us", "min", "h"})
 _MOMENTS: Final = re.compile(
     r"(opens?|closes?|shuts?|starts?|begins?|ends?|stops?|leaves?|arrives?|comes?|goes|moves?|"
-    r"departs?|enters?|at|time|when|again|back|first|second|third|last)\d*\Z"
+    r"departs?|enters?|at|time|when|again|back|going|returning|first|second|third|last)\d*\Z"
 )
 """The last word of a parameter that is a moment, not how long something takes."""
 _SPREADS: Final = re.compile(r"noise|bias|error|tolerance|deviation|drift|std|sigma")
