@@ -30,8 +30,14 @@ from daemon.analysis.report import Axes
 from daemon.analysis.report._svg import text_element
 from daemon.model.search import ProposalRow, SearchParameter, SearchRow
 from daemon.model.verdicts import Outcome
-from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
-from daemon.search.page._boundary import _stretches as stretches
+from daemon.search.page._boundary import (
+    RAMP,
+    balanced,
+    estimate,
+    ramp_levels,
+    stretches,
+    zero_lines,
+)
 from daemon.search.points import position_in_range
 from tests.ortega2024 import NOTHING, count_text, number, page_with
 

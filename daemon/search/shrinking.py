@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import dataclasses
 import tempfile
 from collections.abc import Collection, Sequence
@@ -25,6 +24,7 @@ from daemon.analysis.blame import (
     story_lines,
     unresolved_candidate,
 )
+from daemon.model.bundles import read_bundle
 from daemon.model.search import BundledFile, PointResult, ShrunkScenario
 from daemon.model.status import RunState
 from daemon.search.answers.wording import enumerate_words, plural
@@ -85,13 +85,7 @@ def _saved_files(
     with tempfile.TemporaryDirectory(prefix="scenario-shrink-") as parent:
         folder = Path(parent) / "minimal"
         save_campaign(case, found, folder, runner)
-        return tuple(
-            BundledFile(
-                path.relative_to(folder).as_posix(), base64.b64encode(path.read_bytes()).decode()
-            )
-            for path in sorted(folder.rglob("*"))
-            if path.is_file()
-        )
+        return read_bundle(folder)
 
 
 @dataclass(slots=True)

@@ -113,7 +113,7 @@ def _draw_margins(
         rings = [
             [(across[a], up[j]), (across[b], up[j]), (across[b], up[j + 1]), (across[a], up[j + 1])]
             for j in range(_CELLS)
-            for a, b in _stretches(levels[:, j] == level)
+            for a, b in stretches(levels[:, j] == level)
         ]
         if rings:
             # Half a hair over its edge: else the page shines through between neighbours.
@@ -169,7 +169,7 @@ def ramp_levels(values: Floats) -> Any:
     return np.clip(levels, 0, len(RAMP) - 1)
 
 
-def _stretches(held: Any) -> list[tuple[int, int]]:
+def stretches(held: Any) -> list[tuple[int, int]]:
     """Return where a row (n,) holds without a gap: first and behind the last."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], held, [False])).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
