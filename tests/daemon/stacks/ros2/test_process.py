@@ -22,6 +22,8 @@ from daemon.stacks.ros2.control import SupervisorWire
 from daemon.stacks.ros2.isolation import DomainTaken, lock_domain
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Container, Ros2Settings
+from daemon.supervision.output_file import OutputFile
+from daemon.supervision.plan import STACK_OUTPUT
 from tests.daemon.stacks.ros2.holder import eventually, holder, marked, supervisor_of
 
 PYTHON = sys.executable
@@ -190,7 +192,8 @@ def test_what_holder_and_supervisor_left_the_next_one_ends(
     launch = f"{program(tmp_path, DAEMONISED)} marked stays"
     with holder(launch=launch) as (process, told):
         folder = Path(told["folder"])
-        eventually(lambda: len(marked(folder.name)) >= 2)
+        # Before it has left its parent it would end together with the supervisor.
+        eventually(lambda: b"daemonised" in OutputFile.read(folder / STACK_OUTPUT))
         supervisor = supervisor_of(folder)
         process.send_signal(signal.SIGSTOP)
         supervisor.kill()
