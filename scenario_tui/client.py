@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Final, TypeAlias
 
-from daemon.model.search import ProposalRow
+from daemon.model.proposals import ProposalRow
 from daemon.model.status import RunRow
 from daemon.model.verbs import Closeable, DaemonClient
 

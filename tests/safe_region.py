@@ -28,7 +28,9 @@ from scipy.stats import binomtest
 
 from daemon.analysis.report import Axes
 from daemon.analysis.report._svg import text_element
-from daemon.model.search import ProposalRow, SearchParameter, SearchRow
+from daemon.model.proposals import ProposalRow
+from daemon.model.search import SearchParameter
+from daemon.model.search_answer import SearchRow
 from daemon.model.verdicts import Outcome
 from daemon.search.page._boundary import (
     RAMP,

@@ -28,7 +28,8 @@ from typing import Any, Final
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
-from daemon.model.search import Point, SearchAnswer, SearchRow, SearchTask
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import RunResult
 from daemon.run import execute
 from daemon.search import program

@@ -13,12 +13,11 @@ import pytest
 from pydantic import TypeAdapter
 
 from daemon.campaign import Campaign, load_campaign
-from daemon.model.search import (
+from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.search_answer import (
     Confirmation,
     NearestFailure,
     PointResult,
-    Proposal,
-    ProposalRow,
     SearchAnswer,
     SearchRow,
 )

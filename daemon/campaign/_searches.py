@@ -41,13 +41,7 @@ from daemon.campaign._search_values import (
 )
 from daemon.campaign._searchable import SearchLayer, search_layers
 from daemon.campaign._steps import step_of
-from daemon.model.search import (
-    ANY,
-    OracleScale,
-    PointValue,
-    SearchParameter,
-    SearchTask,
-)
+from daemon.model.search import ANY, OracleScale, PointValue, SearchParameter, SearchTask
 from daemon.model.spec import SutReference
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle

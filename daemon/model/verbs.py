@@ -48,15 +48,9 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.packed_submission import PackedSubmission
-from daemon.model.search import (
-    ExtendRequest,
-    ProposalQuery,
-    ProposalRow,
-    SearchProgress,
-    SearchQuery,
-    SearchRow,
-    SearchSubmission,
-)
+from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.search import SearchSubmission
+from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.status import (
     CampaignRow,
     ChangeEvent,

@@ -18,7 +18,8 @@ from typing import Final, TypeAlias
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from daemon.batch.paths import StatePaths
-from daemon.model.search import SearchAnswer, SearchProgress, SearchRow, SearchState, SearchTask
+from daemon.model.search import SearchTask
+from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchRow, SearchState
 from daemon.model.status import ChangeEvent
 from daemon.search.execution.daemon_runs import (
     LONGEST_NOTE,

@@ -7,7 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from daemon.model.search import PointValue, ProposalRow, SearchParameter, SearchRow
+from daemon.model.proposals import ProposalRow
+from daemon.model.search import PointValue, SearchParameter
+from daemon.model.search_answer import SearchRow
 from daemon.search.execution.results import point_result
 from daemon.search.points import position_in_range, range_text
 

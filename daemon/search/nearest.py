@@ -14,15 +14,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Protocol
 
-from daemon.model.search import (
-    Confirmation,
-    NearestFailure,
-    ParameterChange,
-    Point,
-    PointResult,
-    PointValue,
-    SearchTask,
-)
+from daemon.model.search import Point, PointValue, SearchTask
+from daemon.model.search_answer import Confirmation, NearestFailure, ParameterChange, PointResult
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.findings import distinct_failures
 from daemon.search.answers.wording import nearest_sentence, noise_words, short_name, value_text

@@ -14,15 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from daemon.model.search import (
-    Confirmation,
-    NearestFailure,
-    Phase,
-    Point,
-    PointResult,
-    SearchAnswer,
-    SearchTask,
-)
+from daemon.model.proposals import Phase
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import Confirmation, NearestFailure, PointResult, SearchAnswer
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.answer import LaterResults, make_answer, told_failure
 from daemon.search.answers.findings import FailureKey, failure_key, parameter_influence

@@ -25,7 +25,8 @@ from daemon.analysis.blame import (
     unresolved_candidate,
 )
 from daemon.model.bundles import read_bundle
-from daemon.model.search import BundledFile, PointResult, ShrunkScenario
+from daemon.model.search import BundledFile
+from daemon.model.search_answer import PointResult, ShrunkScenario
 from daemon.model.status import RunState
 from daemon.search.answers.wording import enumerate_words, plural
 from daemon.search.execution.point_runner import PointRunner, RunPurpose

@@ -134,7 +134,7 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
 def _about_search(run: str, paths: StatePaths) -> str:
     """Return what to name instead of a run of a search, which no campaign file specifies."""
     from daemon.analysis.report import open_ledger
-    from daemon.model.search import SearchQuery
+    from daemon.model.search_answer import SearchQuery
 
     campaign = run.rpartition(".")[0]
     if not campaign or not paths.ledger.is_file():

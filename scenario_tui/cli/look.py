@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from daemon.model.search import Proposal, ProposalRow, SearchRow, SearchTask
+    from daemon.model.proposals import Proposal, ProposalRow
+    from daemon.model.search import SearchTask
+    from daemon.model.search_answer import SearchRow
     from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunRow, WorkerRow
     from daemon.model.verbs import DaemonClient
 
@@ -333,7 +335,7 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
 
 def _with_proposal(daemon: DaemonClient, detail: RunDetail) -> RunOutput:
     """Return a run of a search with the point that it is."""
-    from daemon.model.search import ProposalQuery
+    from daemon.model.proposals import ProposalQuery
     from daemon.model.verbs import PROPOSALS
 
     row = daemon.search_row(detail.row.campaign)

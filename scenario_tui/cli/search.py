@@ -15,7 +15,9 @@ from scenario_tui.cli.options import AsJson, Connect, Slots, State
 from scenario_tui.cli.output import Output, plain_table, report_diagnostics, say, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.model.search import ProposalRow, SearchRow, SearchSubmission, SearchTask
+    from daemon.model.proposals import ProposalRow
+    from daemon.model.search import SearchSubmission, SearchTask
+    from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
     from scenario_tui.cli.target import DaemonTarget
 

@@ -15,7 +15,8 @@ from scenario_tui.cli.output import report_diagnostics
 from scenario_tui.cli.search_report import daemon_material, write_search_page
 
 if TYPE_CHECKING:
-    from daemon.model.search import BundledFile, SearchRow
+    from daemon.model.search import BundledFile
+    from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
 
 _LAYERS: Final = "campaign"

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.batch.errors import Refused
-from daemon.model.search import objective
+from daemon.model.proposals import objective
 from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
 from scenario_tui.cli.progress import (
     WAITING,
@@ -33,7 +33,8 @@ from scenario_tui.text.search_text import (
 )
 
 if TYPE_CHECKING:
-    from daemon.model.search import Phase, ProposalRow, SearchRow
+    from daemon.model.proposals import Phase, ProposalRow
+    from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
 
 _BAR: Final = 16

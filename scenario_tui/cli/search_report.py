@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 from daemon.batch.errors import Refused, TraceUnavailable
 from daemon.model.messages import LARGEST_PAGE
-from daemon.model.search import ProposalQuery, SearchQuery
+from daemon.model.proposals import ProposalQuery
+from daemon.model.search_answer import SearchQuery
 from scenario_tui.cli.target import CampaignSource, DaemonTarget, find_campaign
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import LedgerReader
-    from daemon.model.search import ProposalRow, SearchRow
+    from daemon.model.proposals import ProposalRow
+    from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
     from daemon.search.page import SearchHeadline
 

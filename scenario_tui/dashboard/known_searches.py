@@ -6,7 +6,8 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from daemon.model.search import ProposalQuery, SearchRow
+from daemon.model.proposals import ProposalQuery
+from daemon.model.search_answer import SearchRow
 from daemon.model.status import CampaignRow, ChangeEvent
 from daemon.model.verbs import PROPOSALS, DaemonClient
 from scenario_tui.dashboard.search_runs import SearchedRun, SearchRuns, searched_run

@@ -5,16 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from daemon.model.search import (
-    ObjectiveValue,
-    Phase,
-    Point,
-    PointResult,
-    ProposalRow,
-    SearchRow,
-    SearchTask,
-    objective,
-)
+from daemon.model.proposals import ObjectiveValue, Phase, ProposalRow, objective
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import PointResult, SearchRow
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome, Verdict
 

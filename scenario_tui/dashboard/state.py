@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.model.messages import RunQuery
-from daemon.model.search import SearchRow
+from daemon.model.search_answer import SearchRow
 from daemon.model.spec import Snapshot
 from daemon.model.status import (
     CampaignRow,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
-from daemon.model.search import objective
+from daemon.model.proposals import objective
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     NOTHING,
@@ -24,19 +24,9 @@ from scenario_tui.text.formatting import (
 )
 
 if TYPE_CHECKING:
-    from daemon.model.search import (
-        Confirmation,
-        Finding,
-        ObjectiveValue,
-        Phase,
-        PointValue,
-        Proposal,
-        ProposalRow,
-        SearchAnswer,
-        SearchParameter,
-        SearchRow,
-        SearchTask,
-    )
+    from daemon.model.proposals import ObjectiveValue, Phase, Proposal, ProposalRow
+    from daemon.model.search import PointValue, SearchParameter, SearchTask
+    from daemon.model.search_answer import Confirmation, Finding, SearchAnswer, SearchRow
 
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
 """Signs of a sparkline, the lowest first."""

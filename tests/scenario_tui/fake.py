@@ -23,15 +23,9 @@ from daemon.model.messages import (
     RunQuery,
     TraceDownloadRequest,
 )
-from daemon.model.search import (
-    ExtendRequest,
-    ProposalQuery,
-    ProposalRow,
-    SearchProgress,
-    SearchQuery,
-    SearchRow,
-    SearchSubmission,
-)
+from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.search import SearchSubmission
+from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.spec import (
     MapSettings,
     OracleText,

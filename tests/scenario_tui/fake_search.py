@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from daemon.model.search import (
-    BundledFile,
+from daemon.model.proposals import ObjectiveValue, Phase, Proposal, ProposalRow
+from daemon.model.search import BundledFile, OracleScale, SearchParameter, SearchTask
+from daemon.model.search_answer import (
     Confirmation,
     Finding,
     Influence,
     NearestFailure,
-    ObjectiveValue,
-    OracleScale,
     ParameterChange,
-    Phase,
     PointResult,
-    Proposal,
-    ProposalRow,
     SearchAnswer,
-    SearchParameter,
     SearchRow,
-    SearchTask,
     ShrunkScenario,
 )
 from daemon.model.spec import LeadingMargin

@@ -33,13 +33,9 @@ from daemon.model.messages import (
     RecordQuery,
     RunQuery,
 )
-from daemon.model.search import (
-    ProposalQuery,
-    ProposalRow,
-    SearchQuery,
-    SearchRow,
-    SearchSubmission,
-)
+from daemon.model.proposals import ProposalQuery, ProposalRow
+from daemon.model.search import SearchSubmission
+from daemon.model.search_answer import SearchQuery, SearchRow
 from daemon.model.spec import RunResult
 from daemon.model.status import (
     CampaignRow,

@@ -22,7 +22,9 @@ from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.ledger.transitions import Retried
 from daemon.batch.paths import StatePaths
 from daemon.model.assessments import AssessmentRules
-from daemon.model.search import MOST_SEARCH_RUNS, Proposal, SearchProgress, SearchSubmission
+from daemon.model.proposals import Proposal
+from daemon.model.search import MOST_SEARCH_RUNS, SearchSubmission
+from daemon.model.search_answer import SearchProgress
 from daemon.model.status import SubmissionReceipt
 from grammars.text import codec
 

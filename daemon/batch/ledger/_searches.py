@@ -11,16 +11,9 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger._results import find_trace, missing_trace_text, read_result
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import LARGEST_PAGE, LARGEST_PAGE_BYTES
-from daemon.model.search import (
-    Proposal,
-    ProposalQuery,
-    ProposalRow,
-    SearchAnswer,
-    SearchQuery,
-    SearchRow,
-    SearchState,
-    SearchTask,
-)
+from daemon.model.proposals import Proposal, ProposalQuery, ProposalRow
+from daemon.model.search import SearchTask
+from daemon.model.search_answer import SearchAnswer, SearchQuery, SearchRow, SearchState
 from daemon.model.spec import LARGEST_RESULT
 from daemon.model.status import RunState
 from grammars.text import codec

@@ -9,7 +9,7 @@ from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerReader, read_wal
 from daemon.batch.operation._findings import DoctorFinding, ok, problem, warning
 from daemon.batch.paths import StatePaths
-from daemon.model.search import SearchQuery, SearchRow
+from daemon.model.search_answer import SearchQuery, SearchRow
 
 _SHOWN: Final = 3
 _LONGEST: Final = 300

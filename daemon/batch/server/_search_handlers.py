@@ -16,14 +16,9 @@ from daemon.batch.server._searches import (
 )
 from daemon.model.bundles import read_bundle
 from daemon.model.messages import Count, Empty, IdRequest
-from daemon.model.search import (
-    ProposalQuery,
-    ProposalRow,
-    SearchProgress,
-    SearchQuery,
-    SearchRow,
-    SearchSubmission,
-)
+from daemon.model.proposals import ProposalQuery, ProposalRow
+from daemon.model.search import SearchSubmission
+from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.status import SubmissionReceipt
 from grammars.text import codec
 

@@ -21,11 +21,8 @@ from daemon.batch.server._dispatcher import read_request
 from daemon.batch.server._submissions import LARGE_REQUEST, admit_in_child, admit_submission
 from daemon.model.bundles import unpack_bundle
 from daemon.model.ids import is_id
-from daemon.model.search import (
-    ExtendRequest,
-    Proposal,
-    SearchSubmission,
-)
+from daemon.model.proposals import ExtendRequest, Proposal
+from daemon.model.search import SearchSubmission
 from daemon.model.verbs import EXTEND, SEARCH
 from grammars.text import codec
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from daemon.judging.statistics import at_most
-from daemon.model.search import (
+from daemon.model.search import SearchTask
+from daemon.model.search_answer import (
     Confirmation,
     NearestFailure,
     PointResult,
     SearchAnswer,
-    SearchTask,
     ShrunkScenario,
 )
 from daemon.model.verdicts import Outcome

@@ -9,14 +9,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from daemon.judging.statistics import chance_correlation
-from daemon.model.search import (
-    Finding,
-    Influence,
-    PointResult,
-    PointValue,
-    SearchTask,
-    UnsoughtFailure,
-)
+from daemon.model.search import PointValue, SearchTask
+from daemon.model.search_answer import Finding, Influence, PointResult, UnsoughtFailure
 from daemon.search.execution.results import ExploredPoint, smallest_margin
 
 FailureKey: TypeAlias = tuple[str, str, str]

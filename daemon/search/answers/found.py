@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.analysis.campaign_worlds import worlds_of_campaign
-from daemon.model.search import SearchAnswer
+from daemon.model.search_answer import SearchAnswer
 from grammars.text.files import write_atomically
 from templates.artefacts import ExportResult, export_worlds
 from templates.naming import file_name

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from daemon.judging.statistics import chance_correlation, cut_percentage, proportion_interval
-from daemon.model.search import Finding, SearchAnswer, SearchTask
+from daemon.model.search import SearchTask
+from daemon.model.search_answer import Finding, SearchAnswer
 from daemon.search.answers.findings import is_by_chance
 from daemon.search.answers.wording import (
     AS_WRITTEN,

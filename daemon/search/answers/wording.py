@@ -8,14 +8,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from daemon.judging.statistics import cut_percentage
-from daemon.model.search import (
-    Confirmation,
-    ParameterChange,
-    PointResult,
-    PointValue,
-    SearchParameter,
-    SearchTask,
-)
+from daemon.model.search import PointValue, SearchParameter, SearchTask
+from daemon.model.search_answer import Confirmation, ParameterChange, PointResult
 from daemon.search.points import changed_parameters, is_as_written
 
 AS_WRITTEN: Final = "as written"

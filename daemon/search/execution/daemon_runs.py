@@ -16,17 +16,8 @@ from daemon.batch.client import Client
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.messages import LARGEST_EXTENSION, CampaignQuery
 from daemon.model.packed_submission import pack_submission
-from daemon.model.search import (
-    ExtendRequest,
-    Phase,
-    Proposal,
-    ProposalQuery,
-    ProposalRow,
-    SearchAnswer,
-    SearchProgress,
-    SearchQuery,
-    SearchRow,
-)
+from daemon.model.proposals import ExtendRequest, Phase, Proposal, ProposalQuery, ProposalRow
+from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery, SearchRow
 from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, RunState, Submission
 from daemon.model.verbs import CAMPAIGNS, EXTEND, PROGRESS, PROPOSALS, SEARCHES, Verb

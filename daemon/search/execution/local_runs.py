@@ -9,7 +9,8 @@ from functools import partial
 from typing import TypeAlias
 
 from daemon.analysis.blame import SLOTS, Candidate, run_forked
-from daemon.model.search import Phase, Proposal, ProposalRow, SearchAnswer
+from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.search_answer import SearchAnswer
 from daemon.model.spec import RunResult
 from daemon.model.status import RunState
 from daemon.run import execute

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from daemon.analysis.blame import Candidate
-from daemon.model.search import Phase, Point, PointResult, Proposal, ProposalRow
+from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.search import Point
+from daemon.model.search_answer import PointResult
 from daemon.search.execution.results import median_result, point_result
 from daemon.search.execution.runs import Case, Runs
 from grammars.text.diagnostics import InputError

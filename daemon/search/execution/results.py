@@ -6,15 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from daemon.judging.statistics import proportion_interval
-from daemon.model.search import (
-    Confirmation,
-    ObjectiveValue,
-    Point,
-    PointResult,
-    ProposalRow,
-    SearchTask,
-    objective,
-)
+from daemon.model.proposals import ObjectiveValue, ProposalRow, objective
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import Confirmation, PointResult
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome, Verdict
 

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from daemon.model.search import (
-    Phase,
-    Point,
-    PointResult,
-    Proposal,
-    ProposalRow,
-    SearchAnswer,
-    SearchTask,
-)
+from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import PointResult, SearchAnswer
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Candidate, RunCase

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from daemon.analysis.report import Sheet, plot_recorded_moment, plot_recorded_way
-from daemon.model.search import Point, PointResult, ProposalRow, SearchAnswer, SearchRow
+from daemon.model.proposals import ProposalRow
+from daemon.model.search import Point
+from daemon.model.search_answer import PointResult, SearchAnswer, SearchRow
 from daemon.search.answers.answer import told_failure
 from daemon.search.page._boundary import plot_boundary
 from daemon.search.page._curves import plot_margins, space_filling_runs

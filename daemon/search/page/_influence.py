@@ -6,7 +6,8 @@ import math
 from typing import Final
 
 from daemon.analysis.report import Sheet
-from daemon.model.search import SearchAnswer, SearchTask
+from daemon.model.search import SearchTask
+from daemon.model.search_answer import SearchAnswer
 from daemon.search.answers.findings import is_by_chance
 from daemon.search.answers.wording import short_name
 

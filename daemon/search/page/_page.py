@@ -11,15 +11,9 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from daemon.analysis.report import count_noun, duration_text, format_quantity
-from daemon.model.search import (
-    Point,
-    PointValue,
-    ProposalRow,
-    SearchAnswer,
-    SearchParameter,
-    SearchRow,
-    SearchTask,
-)
+from daemon.model.proposals import ProposalRow
+from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
+from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
 from daemon.search.answers.sentences import ending_words
 from daemon.search.answers.wording import value_words

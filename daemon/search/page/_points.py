@@ -6,14 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from daemon.model.search import (
-    Phase,
-    PointResult,
-    PointValue,
-    ProposalRow,
-    SearchParameter,
-    SearchTask,
-)
+from daemon.model.proposals import Phase, ProposalRow
+from daemon.model.search import PointValue, SearchParameter, SearchTask
+from daemon.model.search_answer import PointResult
 from daemon.search.execution.results import median_result, point_result
 
 

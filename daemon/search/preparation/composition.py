@@ -24,7 +24,8 @@ from daemon.campaign import (
     repeat_seed,
     with_overrides,
 )
-from daemon.model.search import ParameterSlot, Point, PointResult, SearchTask
+from daemon.model.search import ParameterSlot, Point, SearchTask
+from daemon.model.search_answer import PointResult
 from daemon.model.spec import OracleText, RunSpec
 from daemon.search.points import is_as_written
 from grammars.floorplan import FloorPlan

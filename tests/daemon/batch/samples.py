@@ -7,12 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 from daemon.model.packed_submission import pack_submission
+from daemon.model.proposals import ExtendRequest, Phase, Proposal
 from daemon.model.search import (
     BundledFile,
-    ExtendRequest,
     OracleScale,
-    Phase,
-    Proposal,
     SearchParameter,
     SearchSubmission,
     SearchTask,

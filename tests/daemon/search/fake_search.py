@@ -18,15 +18,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from daemon.model.search import (
-    BundledFile,
-    Phase,
-    Proposal,
-    ProposalRow,
-    SearchAnswer,
-    SearchTask,
-    ShrunkScenario,
-)
+from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.search import BundledFile, SearchTask
+from daemon.model.search_answer import SearchAnswer, ShrunkScenario
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot, TraceInfo
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome

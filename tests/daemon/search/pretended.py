@@ -8,15 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from daemon.analysis.blame import Candidate, RunCase
-from daemon.model.search import (
-    ObjectiveValue,
-    OracleScale,
-    Point,
-    PointResult,
-    PointValue,
-    SearchParameter,
-    SearchTask,
-)
+from daemon.model.proposals import ObjectiveValue
+from daemon.model.search import OracleScale, Point, PointValue, SearchParameter, SearchTask
+from daemon.model.search_answer import PointResult
 from daemon.model.spec import LeadingMargin, OracleText, RunResult, Timing, TraceInfo
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.search.execution.local_runs import LocalRuns

@@ -19,7 +19,8 @@ from daemon.batch.client import Client
 from daemon.batch.paths import StatePaths
 from daemon.campaign import bundle_campaign, load_campaign
 from daemon.model.bundles import unpack_bundle
-from daemon.model.search import SearchRow, SearchSubmission
+from daemon.model.search import SearchSubmission
+from daemon.model.search_answer import SearchRow
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec
 from daemon.search.coordinator import run_program
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
@@ -183,6 +184,7 @@ def test_a_search_that_is_deleted_and_submitted_again_begins_anew(
     daemon: DaemonPart, tmp_path: Path
 ) -> None:
     gate = tmp_path / "gate"
+    ended_before = len(daemon.noted("local worker ended"))
     with daemon.client() as client:
         client.submit_search(sought("anew", 12, parameters={"until": str(gate)}))
         eventually(lambda: len(client.proposals("anew")) == TASK.window)
@@ -195,6 +197,7 @@ def test_a_search_that_is_deleted_and_submitted_again_begins_anew(
         os.kill(coordinators(daemon)[-1], signal.SIGCONT)
         row = ended(client, "anew")
         assert (row.state, row.proposed, row.finished) == ("finished", 14, 14)
+        assert len(daemon.noted("local worker ended")) == ended_before
         client.delete(("anew",))
 
 

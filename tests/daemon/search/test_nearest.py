@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from daemon.model.search import NearestFailure, Point, PointResult, SearchTask
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import NearestFailure, PointResult
 from daemon.search.nearest import NEAREST_POINTS, NearestQuestion, find_nearest
 from tests.daemon.search.pretended import made_result, make_task, seconds
 

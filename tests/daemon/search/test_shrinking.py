@@ -12,7 +12,7 @@ import pytest
 from daemon.analysis.blame import Candidate
 from daemon.campaign import bundle_campaign, expand, load_campaign
 from daemon.model.bundles import unpack_bundle
-from daemon.model.search import PointResult
+from daemon.model.search_answer import PointResult
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.coordinator import run_program

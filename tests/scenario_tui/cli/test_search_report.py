@@ -15,15 +15,9 @@ from daemon.batch.stores import file_sha256, file_size
 from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.messages import Completion
 from daemon.model.packed_submission import pack_submission
-from daemon.model.search import (
-    ExtendRequest,
-    OracleScale,
-    PointResult,
-    SearchAnswer,
-    SearchProgress,
-    SearchRow,
-    SearchTask,
-)
+from daemon.model.proposals import ExtendRequest
+from daemon.model.search import OracleScale, SearchTask
+from daemon.model.search_answer import PointResult, SearchAnswer, SearchProgress, SearchRow
 from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
 from daemon.model.status import Submission
 from daemon.trace import read_trace

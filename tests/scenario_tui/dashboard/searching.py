@@ -10,21 +10,16 @@ from typing import Any, Final
 import numpy as np
 
 from daemon.model.messages import IdRequest
-from daemon.model.search import (
+from daemon.model.proposals import ObjectiveValue, Phase, Proposal, ProposalRow
+from daemon.model.search import OracleScale, SearchParameter, SearchTask
+from daemon.model.search_answer import (
     Finding,
     Influence,
     NearestFailure,
-    ObjectiveValue,
-    OracleScale,
     ParameterChange,
-    Phase,
     PointResult,
-    Proposal,
-    ProposalRow,
     SearchAnswer,
-    SearchParameter,
     SearchRow,
-    SearchTask,
 )
 from daemon.model.spec import LeadingMargin, RunResult
 from daemon.model.status import CampaignRow, RunDetail, RunRow, RunState

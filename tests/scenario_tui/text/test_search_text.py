@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.search import Confirmation, ObjectiveValue, ParameterChange
+from daemon.model.proposals import ObjectiveValue
+from daemon.model.search_answer import Confirmation, ParameterChange
 from daemon.model.status import RunState
 from scenario_tui.text.search_text import (
     answer_lines,

@@ -16,14 +16,8 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server import stage_extension
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
 from daemon.model.packed_submission import pack_submission
-from daemon.model.search import (
-    ExtendRequest,
-    ProposalQuery,
-    ProposalRow,
-    SearchAnswer,
-    SearchProgress,
-    SearchQuery,
-)
+from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec
 from daemon.model.status import CampaignRow, RunState, Submission, SubmissionReceipt
 from daemon.model.verdicts import Outcome

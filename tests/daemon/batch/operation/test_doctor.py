@@ -16,7 +16,7 @@ from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.ledger._steps import finish
 from daemon.batch.operation import DoctorFinding, FindingLevel, examine
 from daemon.batch.paths import Endpoint, StatePaths
-from daemon.model.search import SearchProgress
+from daemon.model.search_answer import SearchProgress
 from grammars.text import codec
 from tests.daemon.batch.samples import SCENE, make_search, make_submission
 

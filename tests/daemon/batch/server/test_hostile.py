@@ -50,7 +50,8 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.packed_submission import pack_submission
-from daemon.model.search import ProposalQuery, SearchProgress, SearchQuery
+from daemon.model.proposals import ProposalQuery
+from daemon.model.search_answer import SearchProgress, SearchQuery
 from daemon.model.spec import TraceInfo
 from daemon.model.verbs import VERBS, A, AnyVerb, Verb
 from grammars.text import codec

@@ -14,7 +14,8 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server import _searches as searches
 from daemon.batch.server import stage_extension, stage_search
 from daemon.model.packed_submission import PackedRun
-from daemon.model.search import MOST_PROPOSALS, BundledFile, SearchProgress, SearchSubmission
+from daemon.model.search import MOST_PROPOSALS, BundledFile, SearchSubmission
+from daemon.model.search_answer import SearchProgress
 from daemon.model.verbs import EXTEND, PROGRESS
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.search import NearestFailure, SearchAnswer, ShrunkScenario
+from daemon.model.search_answer import NearestFailure, SearchAnswer, ShrunkScenario
 from daemon.search.answers.answer import LaterResults, failing_share, make_answer, told_failure
 from daemon.search.answers.sentences import ending_words
 from daemon.search.execution.results import ExploredPoint, confirmation

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from daemon.model.search import Influence, Point, PointResult, SearchParameter
+from daemon.model.search import Point, SearchParameter
+from daemon.model.search_answer import Influence, PointResult
 from daemon.search.answers.findings import (
     correlation_ratio,
     distinct_failures,

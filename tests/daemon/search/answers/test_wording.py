@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from daemon.model.search import (
-    Confirmation,
-    ParameterChange,
-    PointValue,
-    SearchParameter,
-)
+from daemon.model.search import PointValue, SearchParameter
+from daemon.model.search_answer import Confirmation, ParameterChange
 from daemon.search.answers.wording import (
     change_words,
     confirmation_words,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from daemon.model.search import ANY, OracleScale, Proposal, ProposalRow, SearchTask
+from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.search import ANY, OracleScale, SearchTask
 from daemon.model.spec import LeadingMargin
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome, Verdict

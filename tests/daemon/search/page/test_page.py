@@ -12,7 +12,9 @@ import html5lib
 import numpy as np
 import pytest
 
-from daemon.model.search import ProposalRow, SearchParameter, SearchRow
+from daemon.model.proposals import ProposalRow
+from daemon.model.search import SearchParameter
+from daemon.model.search_answer import SearchRow
 from daemon.model.status import RunState
 from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.page import search_figures, search_headline, search_page

@@ -1,0 +1,127 @@
+"""The runs of a search: what is proposed, and what a run is worth.
+
+A *proposal* is a point that is to be run; proposal ``n`` of search ``S`` is the scenario ``S.n``,
+so that every run of a search is an ordinary run. What is learnt of a run is its *leading margin*:
+a signed margin that goes down towards a failure also where the verdict's own margin is flat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from daemon.model.messages import IdText, NonNegativeInt
+from daemon.model.packed_submission import PackedSubmission
+from daemon.model.search import Point, SearchTask
+from daemon.model.spec import LeadingMargin
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome, Verdict
+
+Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]
+"""What a run is for: to find failures, to repeat one with other noise, to bring one nearer to the
+scenario as written, to take away from it what it does not need."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What a run of a search is about: a point and a purpose.
+
+    ``number`` counts proposals, ``repeat`` the repeats of one; ``position`` counts runs. What is
+    not ``guided`` was chosen without looking at results: only such runs tell how frequent failures
+    are. ``note`` says in a few words what was tried (``without bedroom_door``), where a point does
+    not.
+    """
+
+    position: int
+    number: int
+    repeat: int
+    phase: Phase
+    method: str
+    guided: bool
+    values: Point
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ExtendRequest:
+    """More runs of a search, ``runs`` in the order of ``proposals``.
+
+    What is there already at its position is left as it is, so that asking twice is harmless.
+    """
+
+    campaign: IdText
+    proposals: Annotated[tuple[Proposal, ...], Field(min_length=1, max_length=1000)]
+    runs: PackedSubmission
+
+
+@dataclass(frozen=True, slots=True)
+class ProposalQuery:
+    """A page of the runs of a search, in order; ``finished`` ones alone, if asked."""
+
+    campaign: IdText
+    offset: NonNegativeInt = 0
+    limit: Annotated[int, Field(ge=0, le=1000)] = 500
+
+
+@dataclass(frozen=True, slots=True)
+class ProposalRow:
+    """A run of a search as the ledger has it; without a result it has no ``outcome``.
+
+    ``run`` is its id, ``label`` its name for people, ``cached`` whether the result was there
+    before; ``ended`` is as in :class:`daemon.model.spec.RunResult`.
+    """
+
+    proposal: Proposal
+    run: str
+    label: str
+    digest: str
+    state: RunState
+    outcome: Outcome | None = None
+    verdicts: tuple[Verdict, ...] = ()
+    leads: tuple[LeadingMargin, ...] = ()
+    ended: str = ""
+    note: str = ""
+    cached: bool = False
+    simulated: float = 0.0
+    wall: float = 0.0
+    cpu: float = 0.0
+    trace: str = ""
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing more comes of it: it has a result, or none ever will."""
+        return self.state in (RunState.DONE, RunState.LOST, RunState.CANCELLED)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectiveValue:
+    """What a run is worth to a search: ``value`` is compared, ``margin`` in ``unit`` is told.
+
+    Both are the same where one oracle is minimised. ``oracle`` is the one that is nearest to
+    failing, ``object`` what it is about, ``waypoint`` the one that the robot was on its way to.
+    """
+
+    value: float
+    margin: float
+    unit: str
+    oracle: str
+    object: str = ""
+    waypoint: str = ""
+
+
+def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValue | None:
+    """Return what a run with these leading margins is worth; ``None`` when it has no value."""
+    best: ObjectiveValue | None = None
+    for lead in leads:
+        scale = next((s for s in task.scales if s.oracle == lead.oracle), None)
+        if scale is None or lead.margin is None:
+            continue
+        value = lead.margin if len(task.scales) == 1 else lead.margin / scale.scale
+        if best is None or value < best.value:
+            best = ObjectiveValue(
+                value, lead.margin, lead.unit, lead.oracle, lead.object, lead.waypoint
+            )
+    return best

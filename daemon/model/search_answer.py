@@ -1,0 +1,237 @@
+"""What comes out of a search: failures, how sure they are, how near, and how the search stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from daemon.model.messages import IdText
+from daemon.model.proposals import ObjectiveValue, Phase
+from daemon.model.search import BundledFile, Point, PointValue, SearchTask
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+
+SearchState: TypeAlias = Literal["running", "finished", "cancelled", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class PointResult:
+    """A proposal with what it gave: its verdict, its margin, and the run to look at.
+
+    ``outcome`` is that of the oracle in question; an error where the run cannot be trusted.
+    ``unsought`` are the oracles that fail in the run and that the search is not about.
+    """
+
+    number: int
+    position: int
+    values: Point
+    outcome: Outcome | None
+    value: ObjectiveValue | None
+    verdict: Verdict | None
+    run: str
+    label: str
+    digest: str
+    unsought: tuple[str, ...] = ()
+
+    @property
+    def fails(self) -> bool:
+        """Whether the oracle in question fails."""
+        return self.verdict is not None and self.verdict.outcome is Outcome.FAIL
+
+    @property
+    def about(self) -> str:
+        """What it is about: the object of the margin that is told, else that of the verdict.
+
+        They may differ: a mission fails at the waypoint that was never near, its margin is the way
+        that was missing from the first one that was not reached.
+        """
+        value, verdict = self.value, self.verdict
+        if value is not None and value.object and (not verdict or value.oracle == verdict.oracle):
+            return value.object
+        return verdict.evidence.object if verdict is not None else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """How many of the repeats of a point fail, with other noise than the run that was found.
+
+    That run does not count: it was chosen for failing. ``low`` and ``high`` bound the rate with
+    95 % certainty (Clopper and Pearson).
+    """
+
+    failed: int
+    runs: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """A parameter that is not as written; ``passing`` is the nearest value that still passes."""
+
+    parameter: str
+    unit: str
+    written: PointValue | None
+    value: PointValue
+    passing: PointValue | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NearestFailure:
+    """The failure with the smallest change from the scenario as written.
+
+    ``complete`` is false when runs were spent before nothing else could be taken back. ``passes``
+    is the last point on the way to the written values that passes. ``sentence`` tells it all:
+    "kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m".
+    ``unconfirmed`` is a smaller change that fails too, but not with most of other noise. Where it
+    ``holds`` it fails with most noises; else no failure that was tried does, and one noise decided.
+    """
+
+    result: PointResult
+    changes: tuple[ParameterChange, ...]
+    passes: PointResult | None
+    runs: int
+    complete: bool
+    sentence: str
+    confirmed: Confirmation | None = None
+    unconfirmed: PointResult | None = None
+    holds: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Failures that are one: the same oracle, the same object, on the way to the same waypoint.
+
+    ``example`` is the one with the smallest margin.
+    """
+
+    oracle: str
+    object: str
+    waypoint: str
+    count: int
+    example: PointResult
+    evidence: Evidence
+
+
+@dataclass(frozen=True, slots=True)
+class UnsoughtFailure:
+    """An oracle that a search is not about and that fails in ``runs`` of its explored runs.
+
+    Where it fails ``as_written``, what is found may be of a run that had gone wrong before.
+    """
+
+    oracle: str
+    runs: int
+    as_written: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Influence:
+    """How much a parameter decides: Spearman's rank correlation with the margin.
+
+    It is of the ``runs`` that were not guided; for choices it is the correlation ratio (0 to 1).
+    """
+
+    parameter: str
+    correlation: float
+    runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class ShrunkScenario:
+    """The least of the nearest failure that still fails, told in lines, with its files.
+
+    ``files`` are those of a campaign that runs by itself, ``campaign.yaml`` among them. ``left``
+    names in a few words what is left.
+    """
+
+    story: tuple[str, ...]
+    minimal: bool
+    runs: int
+    files: tuple[BundledFile, ...] = ()
+    left: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchAnswer:
+    """What a search has found, so far or in the end.
+
+    ``ended`` says why it ended (``budget``, ``time``, ``failures``, ``settled``, ``errors``,
+    ``exhausted``, ``cancelled``), empty while it lasts. Of the ``explored`` proposals ``refused``
+    are points that no run can be made of. ``written`` is the scenario as it stands, ``first`` the
+    failure of the lowest number, ``best`` the smallest margin. Of the ``space_filling`` runs, those
+    with a verdict that were drawn without looking at results (the scenario as written was not
+    drawn), ``space_filling_failed`` fail; with 95 % certainty at most ``failing_share`` of the
+    space does. Of the failures that were explored, ``repeated`` were run with other noise as well,
+    of which ``holding`` fail with most noises. ``unsought`` are failures of other oracles.
+    ``sentences`` tell all of it; ``found`` is the text
+    of ``NAME.found.yaml``, empty when nothing fails.
+    """
+
+    ended: str
+    explored: int
+    executed: int
+    reused: int
+    failed: int
+    errors: int
+    inconclusive: int
+    space_filling: int
+    space_filling_failed: int
+    failing_share: float | None
+    written: PointResult | None = None
+    first: PointResult | None = None
+    best: PointResult | None = None
+    confirmed: Confirmation | None = None
+    nearest: NearestFailure | None = None
+    shrunk: ShrunkScenario | None = None
+    findings: tuple[Finding, ...] = ()
+    influence: tuple[Influence, ...] = ()
+    sentences: tuple[str, ...] = ()
+    found: str = ""
+    found_label: str = ""
+    found_digest: str = ""
+    refused: int = 0
+    repeated: int = 0
+    holding: int = 0
+    unsought: tuple[UnsoughtFailure, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SearchRow:
+    """A search and how it stands; ``note`` says what keeps it or why it failed.
+
+    ``campaign`` is its id in the ledger, ``proposed`` and ``finished`` count runs. ``file`` is the
+    campaign file among its files.
+    """
+
+    campaign: str
+    name: str
+    submitted_at: float
+    task: SearchTask
+    state: SearchState
+    phase: Phase = "explore"
+    proposed: int = 0
+    finished: int = 0
+    note: str = ""
+    answer: SearchAnswer | None = None
+    file: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchQuery:
+    """Searches, the newest first; all of them, or one, or those that still run."""
+
+    campaign: IdText = ""
+    running: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SearchProgress:
+    """What the coordinator says of a search: its phase, a note, the answer so far or in the end."""
+
+    campaign: IdText
+    phase: Phase
+    note: Annotated[str, Field(max_length=2000)] = ""
+    state: SearchState = "running"
+    answer: SearchAnswer | None = None
