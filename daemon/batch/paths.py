@@ -4,7 +4,7 @@ ledger.db  daemon.lock  daemon.json  daemon.log  worker.log  search.log
 socket/daemon.sock
 scenes/<digest>.json  files/<digest>
 traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
-spool/<worker>/<run>/attempt-<k>/
+spool/<worker>/<run>/attempt-<k>.<token>/
 searches/<campaign>/
 incoming/<run>.<token>.<digest>.part|mcap
 marker.json

@@ -94,7 +94,7 @@ class _Side:
 
     def begun(self) -> bool:
         """Whether the run's process is there, and nothing is needed from the daemon any more."""
-        return bool(list(self._folder.glob("away/work/*/spool/*/*/attempt-1/output.txt")))
+        return bool(list(self._folder.glob("away/work/*/spool/*/*/attempt-1.*/output.txt")))
 
     def lapsed(self) -> bool:
         return self.client.overview().running == 0

@@ -1,7 +1,7 @@
 """Attempts: their folders in the spool, and what executes them.
 
-    spool/<worker>/lock                      locked as long as that worker lives; whose it is
-    spool/<worker>/<run>/attempt-<k>/        grant.json, trace.mcap, result.json (last)
+    spool/<worker>/lock                          locked as long as that worker lives; whose it is
+    spool/<worker>/<run>/attempt-<k>.<token>/    grant.json, trace.mcap, result.json (last)
 
 What a dead worker left is adopted by the next one with the same key: results are delivered, and the
 runs that had none yet are given back at once, since their processes died with it.
@@ -122,7 +122,9 @@ class Spool:
         """Make the folder of a leased run; raises ``ValueError`` for a name that is none."""
         if not is_run_id(lease.run):
             raise ValueError(f"{lease.run!r} is not the id of a run")
-        folder = self._folder / lease.run / f"attempt-{lease.attempt}"
+        # With its token: a run that was deleted and submitted again begins with attempt 1 again,
+        # while the one of before may still be ending here.
+        folder = self._folder / lease.run / f"attempt-{lease.attempt}.{lease.token}"
         return Attempt.prepare(folder, lease)
 
     def adopt(self) -> AdoptedWork:

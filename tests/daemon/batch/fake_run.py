@@ -114,7 +114,7 @@ def leave_process(file: Path) -> None:
 
 
 def _attempt(trace_path: Path) -> int:
-    return int(trace_path.parent.name.removeprefix("attempt-"))
+    return int(trace_path.parent.name.removeprefix("attempt-").partition(".")[0])
 
 
 def _wait(

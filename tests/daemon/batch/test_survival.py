@@ -121,7 +121,7 @@ def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path: Path) -> Non
         with worker_for(daemon, 2) as first:
             client.submit(make_submission("c", 4, until=str(gate)))
             spool = daemon.state / "spool"
-            eventually(lambda: len(list(spool.glob("*/*/attempt-1/grant.json"))) == 2)
+            eventually(lambda: len(list(spool.glob("*/*/attempt-1.*/grant.json"))) == 2)
             first.kill()
             eventually(lambda: [row.away for row in client.workers()] == [True])
             assert (client.overview().running, client.overview().workers) == (2, 0)
@@ -187,7 +187,7 @@ def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path: Path) -> 
                 second = psutil.Process(int(log.read_text().splitlines()[1].split()[1]))
                 (tmp_path / "gate-1").touch()
                 spool = daemon.state / "spool"
-                eventually(lambda: list(spool.glob("*/*/attempt-1/result.json")))
+                eventually(lambda: list(spool.glob("*/*/attempt-1.*/result.json")))
                 assert alive([second])
                 frozen.signal(signal.SIGCONT)
                 eventually(lambda: client.overview().done == 1)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import RESULT
+from daemon.batch.run_process import LEASE, RESULT
 from daemon.batch.worker import AdoptedWork, Spool
 from daemon.model.messages import Lease
 from tests.daemon.batch.samples import make_spec
@@ -49,6 +50,17 @@ def test_finished_attempts_and_all_other_leases_are_adopted_once(places: StatePa
         assert [(found.lease, found.finished) for found in adopted.finished] == [(lease(0), True)]
         assert [path.name for path in places.spool.iterdir()] == ["heir"]
         assert heir.adopt() == AdoptedWork()
+
+
+def test_attempts_of_a_run_that_was_deleted_and_submitted_again_keep_apart(
+    places: StatePaths,
+) -> None:
+    with closing(Spool(places, "one")) as spool:
+        before, again = spool.open(lease(0)), spool.open(replace(lease(0), token=9))
+        before.discard()
+        assert (again.folder / LEASE).exists()
+        again.discard()
+        assert not again.folder.parent.exists()
 
 
 def test_what_was_leased_under_another_key_waits_for_that_key(places: StatePaths) -> None:

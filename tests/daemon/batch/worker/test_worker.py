@@ -313,13 +313,13 @@ def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path)
             daemon.freeze()
             gate.touch()
             spool = daemon.state / "spool"
-            eventually(lambda: len(list(spool.glob("*/*/attempt-1/result.json"))) == 2)
+            eventually(lambda: len(list(spool.glob("*/*/attempt-1.*/result.json"))) == 2)
             worker.kill()
             daemon.signal(signal.SIGCONT)
             with worker_for(daemon, 1):
                 eventually(lambda: finished(client, 2))
                 # The dead one may have sent them, and never have learnt that they came.
-                eventually(lambda: not list(spool.glob("*/*/attempt-1")))
+                eventually(lambda: not list(spool.glob("*/*/attempt-1.*")))
             assert [row.attempt for row in client.runs("c").rows] == [1, 1]
             assert len(log.read_text().splitlines()) == 2
             assert list(spool.iterdir()) == []
