@@ -12,13 +12,12 @@ if TYPE_CHECKING:
     from daemon.judging.oracles._clearance import ObstaclePolygons
     from daemon.judging.oracles._judge import judge, overall_outcome, warm_up
     from daemon.judging.oracles._leading import judge_leading, leading_margins
-    from daemon.judging.oracles._leading_kind import LeadingKind, leading_kind, oracle_scale
+    from daemon.judging.oracles._leading_kind import leading_kind, oracle_scale
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
     from daemon.judging.oracles._sampler import SignalSampler
     from daemon.judging.oracles._validity import trace_problems
 
 __all__ = [
-    "LeadingKind",
     "ObstaclePolygons",
     "OracleTimeline",
     "SignalSampler",
@@ -34,7 +33,6 @@ __all__ = [
 ]
 
 _MODULES: Final = {
-    "LeadingKind": "_leading_kind",
     "ObstaclePolygons": "_clearance",
     "OracleTimeline": "_oracle_timeline",
     "SignalSampler": "_sampler",

@@ -15,6 +15,7 @@ import numpy as np
 
 from daemon import trace
 from daemon.judging.oracles._clearance import box_clearance, cos_sin
+from daemon.judging.oracles._leading_kind import leading_unit
 from daemon.judging.oracles._operators import (
     judge_amount,
     judge_reached,
@@ -40,7 +41,6 @@ from grammars.oracle import (
     Until,
     check_references,
     custom_signal_names,
-    kind_of,
     parse_oracle,
 )
 from grammars.text.diagnostics import InputError, Where
@@ -160,15 +160,9 @@ def _unit(oracle: Oracle) -> str:
     match oracle.judgement:
         case Temporal(predicate=predicate) | Until(predicate=predicate):
             return unit_of_margin(predicate)
-        case Amount(operator=operator):
-            return "s" if operator in ("time", "longest") else "1"
-        case Statistic(signal=signal):
-            kind = kind_of(signal)
-            return kind.unit if kind is not None else ""
-        case Reached():
-            return "m"
         case CustomCall() as judgement:
             return plugin_unit(judgement)
+    return leading_unit(oracle)
 
 
 def _bound_or_none(value: float) -> float | None:

@@ -26,8 +26,8 @@ import numpy as np
 from daemon.judging.oracles._judge import bind_oracle, judge, written_oracle
 from daemon.judging.oracles._leading_kind import leading_unit, predicate_scale, predicate_unit
 from daemon.judging.oracles._leading_series import LEAST, leading_series, leads_further
-from daemon.judging.oracles._leading_signals import has_leading_quantity, leading_quantity
-from daemon.judging.oracles._operators import statistic_of, waypoint_distance
+from daemon.judging.oracles._leading_signals import leading_quantity
+from daemon.judging.oracles._operators import statistic_of, waypoint_distance, window_within
 from daemon.judging.oracles._predicate import (
     PredicateSeries,
     SampleMask,
@@ -172,11 +172,8 @@ def _lead_temporal(
         return _own(verdict)
     negated = judgement.operator == "never"
     found = leading_series(judgement.predicate, sampler, negated=negated)
-    window = window_of(oracle, sampler)
-    allowed = scope_of(oracle, sampler, window, found.margin).allowed
-    if judgement.within is not None:
-        horizon = window.start + judgement.within.value
-        allowed = allowed & (sampler.time_base.time <= horizon + 1e-9)
+    window, _, in_time = window_within(oracle, judgement, sampler)
+    allowed = scope_of(oracle, sampler, window, found.margin).allowed & in_time
     return _extreme(found, allowed, largest=judgement.operator == "eventually")
 
 
@@ -187,11 +184,7 @@ def _lead_until(
     negated = judgement.operator == "never"
     held = leading_series(judgement.predicate, sampler, negated=negated)
     release = leading_series(judgement.release, sampler)
-    window = window_of(oracle, sampler)
-    awaited = window.inside
-    if judgement.within is not None:
-        horizon = window.start + judgement.within.value
-        awaited = awaited & (sampler.time_base.time <= horizon + 1e-9)
+    window, _, awaited = window_within(oracle, judgement, sampler)
     came = awaited & (release.margin >= 0.0)
     first = int(came.argmax()) if came.any() else len(came)
     allowed = scope_of(oracle, sampler, window, held.margin).allowed
@@ -235,18 +228,18 @@ def _lead_statistic(
 ) -> _Lead:
     """Lead below the 0 at which a depth or a distance stops."""
     own, limit = _own(verdict), judgement.limit
-    if limit is None or not has_leading_quantity(judgement.signal):
+    led = None if limit is None else leading_quantity(judgement.signal, sampler)
+    if limit is None or led is None:
         return own
     plain = evaluate_quantity(judgement.signal, sampler).values
-    led = leading_quantity(judgement.signal, sampler)
     allowed = scope_of(oracle, sampler, window_of(oracle, sampler), plain).allowed
     operator: str = judgement.operator
     if operator == "mean":
         if plain[allowed].any():
             return own
         # While all of it is 0, the nearest it came to anything else.
-        operator = "max" if (led is not None and (led.values[allowed] <= 0.0).all()) else "min"
-    if led is None or not allowed.any():
+        operator = "max" if (led.values[allowed] <= 0.0).all() else "min"
+    if not allowed.any():
         return own
     value, index = statistic_of(operator, sampler.time_base, allowed, led.values)
     margin = margin_of(limit.operator, np.array([value]), np.array([limit.number.value]))

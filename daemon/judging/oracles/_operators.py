@@ -48,13 +48,9 @@ def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) 
     """Judge ``always``, ``never`` or ``eventually``."""
     time_base = sampler.time_base
     found = evaluate_predicate(judgement.predicate, sampler, negated=judgement.operator == "never")
-    window = window_of(oracle, sampler)
+    window, closed, in_time = window_within(oracle, judgement, sampler)
     scope = scope_of(oracle, sampler, window, found.margin)
-    allowed, closed = scope.allowed, window.closed
-    if judgement.within is not None:
-        horizon = window.start + judgement.within.value
-        closed = closed or window.end >= horizon
-        allowed = allowed & (time_base.time <= horizon + 1e-9)
+    allowed = scope.allowed & in_time
     if not allowed.any():
         return unknown_margin(scope.reason)
     eventually = judgement.operator == "eventually"
@@ -224,7 +220,7 @@ def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> Mar
     judged. Violated before the release: fail, whatever comes.
     """
     time_base = sampler.time_base
-    window, closed, awaited = _release_window(oracle, judgement, sampler)
+    window, closed, awaited = window_within(oracle, judgement, sampler)
     held = evaluate_predicate(judgement.predicate, sampler, negated=judgement.operator == "never")
     release = evaluate_predicate(judgement.release, sampler)
     scope = scope_of(oracle, sampler, window, held.margin)
@@ -247,16 +243,16 @@ def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> Mar
     return MarginInterval(worst if came.any() or closed else -math.inf, worst, evidence)
 
 
-def _release_window(
-    oracle: Oracle, judgement: Until, sampler: SignalSampler
+def window_within(
+    oracle: Oracle, judgement: Temporal | Until, sampler: SignalSampler
 ) -> tuple[JudgedWindow, bool, SampleMask]:
-    """Return the window, whether the release can come no more, and where it would count."""
+    """Return the window, whether what is waited for can come no more, and where it would count."""
     window = window_of(oracle, sampler)
     if judgement.within is None:
         return window, window.closed, window.inside
     horizon = window.start + judgement.within.value
-    awaited = window.inside & (sampler.time_base.time <= horizon + 1e-9)
-    return window, window.closed or window.end >= horizon, awaited
+    in_time = window.inside & (sampler.time_base.time <= horizon + 1e-9)
+    return window, window.closed or window.end >= horizon, in_time
 
 
 def _release_never_came(
