@@ -18,7 +18,12 @@ from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import stage_submission
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
-from daemon.batch.server._submissions import LARGE_REQUEST, admit_in_child, admit_submission
+from daemon.batch.server._submissions import (
+    LARGE_REQUEST,
+    admit_in_child,
+    admit_submission,
+    staged_rows,
+)
 from daemon.model.bundles import unpack_bundle
 from daemon.model.ids import is_id
 from daemon.model.proposals import ExtendRequest, Proposal
@@ -141,13 +146,9 @@ def stage_extension(payload: bytes, paths: StatePaths) -> StagedExtension:
     problems = list(_extension_problems(request))
     if problems:
         raise Refused("\n".join(problems[:10]))
-    admit_submission(request.runs, paths)
-    rows = paths.incoming / f"submission-{uuid.uuid4().hex}.db"
-    try:
+    with staged_rows(paths) as rows:
+        admit_submission(request.runs, paths)
         stage_submission(request.runs, rows)
-    except BaseException:
-        rows.unlink(missing_ok=True)
-        raise
     return StagedExtension(request.campaign, request.proposals, rows)
 
 

@@ -12,6 +12,7 @@ import os
 import subprocess
 import uuid
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -43,18 +44,28 @@ def stage_request(payload: bytes, paths: StatePaths) -> Path:
     Stores its scenes. Raises :class:`Refused` with all that is wrong, and :class:`Unavailable` when
     the disk is full, say.
     """
-    staged = paths.incoming / f"submission-{uuid.uuid4().hex}.db"
-    try:
+    with staged_rows(paths) as staged:
         if len(payload) < LARGE_REQUEST:
             stage_here(payload, staged, paths)
         else:
             admit_in_child(payload, staged, paths, str(SUBMIT))
+    return staged
+
+
+@contextmanager
+def staged_rows(paths: StatePaths) -> Iterator[Path]:
+    """The file in which runs are made ready for the ledger; gone when that fails.
+
+    Raises :class:`Unavailable` in place of ``OSError``.
+    """
+    staged = paths.incoming / f"submission-{uuid.uuid4().hex}.db"
+    try:
+        yield staged
     except BaseException as error:
         staged.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise Unavailable(f"the submission cannot be stored: {error}") from error
         raise
-    return staged
 
 
 def remove_remains(paths: StatePaths) -> None:

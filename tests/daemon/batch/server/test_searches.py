@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.batch.errors import Refused
+from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import _searches as searches
 from daemon.batch.server import stage_extension, stage_search
@@ -200,3 +200,11 @@ def test_a_plain_campaign_is_no_search(tmp_path: Path) -> None:
         ):
             with pytest.raises(Refused, match="no search"):
                 ask()
+
+
+def test_runs_that_find_no_room_are_asked_for_again(places: StatePaths) -> None:
+    shutil.rmtree(places.scenes)
+    places.scenes.touch()  # as good as a disk that takes nothing more
+    with pytest.raises(Unavailable, match="cannot be stored"):
+        stage_extension(codec.to_json(make_extension("s", 0, 1)), places)
+    assert kept(places) == []
