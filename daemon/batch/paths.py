@@ -214,10 +214,15 @@ class StatePaths:
         """What the process wrote to standard error that makes proposals for searches."""
         return self.state / "search.log"
 
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """All folders in which something is kept, itself first."""
+        kept = (self.scenes, self.files, self.traces, self.spool, self.incoming, self.searches)
+        return (self.state, *kept)
+
     def make_folders(self) -> None:
         """Create the directories, readable by their owner only; raises ``OSError``."""
-        kept = (self.scenes, self.files, self.traces, self.spool, self.incoming, self.searches)
-        for folder in (self.state, *kept):
+        for folder in self.folders:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def make_socket_folder(self) -> None:

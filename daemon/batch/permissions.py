@@ -48,8 +48,7 @@ def find_exposure(paths: Iterable[Path]) -> Exposure:
 
 def state_folders(paths: StatePaths) -> tuple[Path, ...]:
     """The folders of a state directory that there are, itself first."""
-    kept = (paths.scenes, paths.files, paths.traces, paths.spool, paths.incoming, paths.searches)
-    return tuple(folder for folder in (paths.state, *kept) if folder.is_dir())
+    return tuple(folder for folder in paths.folders if folder.is_dir())
 
 
 def state_files(paths: StatePaths) -> Iterator[Path]:
