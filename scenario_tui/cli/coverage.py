@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
 
 LISTED: Final = 12
-_BLOCKS: Final = "▁▂▃▄▅▆▇█"
 
 
 class CoverageOutput(Output, schema="coverage"):
@@ -169,19 +167,16 @@ def _print_pairs(found: Coverage) -> None:
 
 def _space_table(space: ExercisedSpace) -> Table:
     """One row per parameter: its range, and how many of its parts have a point, and a failure."""
+    from daemon.analysis.coverage import count_bars
+
     title = f"{space.name} of {space.scenario}: {space.points} points, {space.failed} fail"
     table = plain_table(title, "range", "tried", "points", "fail")
     for one in space.parameters:
         tried = f"{one.met} of {len(one.counts)}"
-        table.add_row(one.parameter, one.range, tried, _bars(one.counts), _bars(one.failed))
+        table.add_row(
+            one.parameter, one.range, tried, count_bars(one.counts), count_bars(one.failed)
+        )
     return table
-
-
-def _bars(counts: Sequence[int]) -> str:
-    """Return a sign for each count: a dot for none, else the higher the more."""
-    most = max(counts, default=0)
-    top = len(_BLOCKS) - 1
-    return "".join(_BLOCKS[top * count // most] if count else "·" for count in counts)
 
 
 def _door_table(found: Coverage) -> Table:

@@ -114,13 +114,17 @@ def _bin_counts(values: Sequence[float], edges: Sequence[float]) -> tuple[int, .
 
 def histogram_bars(histogram: MarginHistogram) -> str:
     """Return a histogram as one line of text; a bar stands at zero, where fail and pass part."""
-    most = max(histogram.counts, default=0)
-    line = ""
-    for edge, count in zip(histogram.edges, (*histogram.counts, None), strict=False):
-        line += "|" if edge == 0.0 else ""
-        if count is not None:
-            line += _BLOCKS[(len(_BLOCKS) - 1) * count // most] if count else "·"
-    return line
+    bars = (*count_bars(histogram.counts), "")
+    return "".join(
+        ("|" if edge == 0.0 else "") + bar for edge, bar in zip(histogram.edges, bars, strict=False)
+    )
+
+
+def count_bars(counts: Sequence[int]) -> str:
+    """Return a sign for each count: a dot for none, else the higher the more."""
+    most = max(counts, default=0)
+    top = len(_BLOCKS) - 1
+    return "".join(_BLOCKS[top * count // most] if count else "·" for count in counts)
 
 
 NEAR: Final = 1.5
