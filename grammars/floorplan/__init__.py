@@ -4,7 +4,6 @@ from grammars.floorplan._compile import check_geometry
 from grammars.floorplan._features import OpeningPrism, opening_at
 from grammars.floorplan._files import (
     ParsedFloorPlan,
-    PlanVariable,
     load_floorplan,
     parse_floorplan,
     read_floorplan,
@@ -35,7 +34,6 @@ __all__ = [
     "OpeningPrism",
     "ParsedFloorPlan",
     "Placement",
-    "PlanVariable",
     "Point3",
     "PolygonNode",
     "RectangleNode",

@@ -23,16 +23,12 @@ from grammars.text.quantity import PLAN_UNITS, PlanDimension, parse_quantity
 from grammars.text.sources import read_text
 
 
-def load_floorplan(
-    path: str | Path, values: Mapping[str, object] | None = None, where: Where | None = None
-) -> FloorPlan:
+def load_floorplan(path: str | Path) -> FloorPlan:
     """Read and compile a ``.fpm`` file (UTF-8).
 
-    ``values`` are other values for variables of the plan, as somebody wrote them (``"0.8 m"``) at
-    ``where``. Raises :class:`InputError` with everything that is wrong with either; warnings are
-    in the plan.
+    Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
     """
-    return read_floorplan(path).compile(values, where)
+    return read_floorplan(path).compile()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,10 +57,11 @@ class ParsedFloorPlan:
     ) -> FloorPlan:
         """Return the plan, as :func:`load_floorplan` does.
 
-        ``places`` says where each of the ``values`` is written, where that is known.
+        ``values`` are other values for variables of the plan, as somebody wrote them (``"0.8 m"``)
+        at ``where``; ``places`` says where each of them is written, where that is known.
         """
-        told = _ValuePlaces(where or Where(self.source.file), places or {})
-        given = _read_values(self._tree, values, told) if values else {}
+        whole = where or Where(self.source.file)
+        given = _read_values(self._tree, values, whole, places or {}) if values else {}
         return compile_plan(self._tree, self.source, given)
 
     @property
@@ -97,16 +94,8 @@ def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
     return compile_plan(parse_syntax(source), source)
 
 
-@dataclass(frozen=True, slots=True)
-class _ValuePlaces:
-    """Where values for variables are written."""
-
-    whole: Where
-    each: Mapping[str, Where]
-
-
 def _read_values(
-    tree: SyntaxNode, values: Mapping[str, object], told: _ValuePlaces
+    tree: SyntaxNode, values: Mapping[str, object], whole: Where, places: Mapping[str, Where]
 ) -> dict[str, float]:
     """Return the values given to variables in SI; raises :class:`InputError` with all faults."""
     variables = {variable.name: variable for variable in tree.variables}
@@ -115,7 +104,7 @@ def _read_values(
     for key, value in values.items():
         # Campaigns are YAML, where names are written with dashes.
         name = str(key).replace("-", "_")
-        where = told.each.get(str(key), told.whole)
+        where = places.get(str(key), whole)
         variable = variables.get(name)
         if variable is None:
             hint = did_you_mean(name, variables) or "the plan has no variables"

@@ -38,7 +38,7 @@ from grammars.variation._load import (
     load_variation,
     parse_variation,
 )
-from grammars.variation._sample import floorplan_variants, sample, source_defects, variant_plans
+from grammars.variation._sample import sample, source_defects, variant_plans
 from grammars.variation._variants import VariantFile, write_variants
 from grammars.variation.designs import METHODS, Method
 
@@ -55,7 +55,6 @@ __all__ = [
     "Variation",
     "draw_unit",
     "fix_draws",
-    "floorplan_variants",
     "load_variation",
     "parse_variation",
     "sample",

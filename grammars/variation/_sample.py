@@ -5,14 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from grammars.floorplan import FloorPlan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.variation._load import Variant, Variation, load_variation
+from grammars.variation._load import Variant, Variation
 from grammars.variation._soundness import defects
 from grammars.variation._variants import Rejections, VariantBuilder
 from grammars.variation.designs import (
@@ -80,22 +79,6 @@ def sample(
     return _design_variants(trials, method, n, levels, tries)
 
 
-def floorplan_variants(
-    path: str | Path,
-    n: int | None = None,
-    *,
-    seed: int,
-    method: Method = "random",
-    check: float | None = None,
-) -> tuple[tuple[str, FloorPlan], ...]:
-    """Return the variants a file describes as compiled plans, each named ``<plan>_<seed>``.
-
-    For campaigns: nothing is written, and every plan carries its own name. Raises
-    :class:`InputError` like :func:`load_variation` and :func:`sample`.
-    """
-    return variant_plans(load_variation(path), n, seed=seed, method=method, check=check)
-
-
 def variant_plans(
     variation: Variation,
     n: int | None = None,
@@ -104,7 +87,11 @@ def variant_plans(
     method: Method = "random",
     check: float | None = None,
 ) -> tuple[tuple[str, FloorPlan], ...]:
-    """Return what :func:`floorplan_variants` does, of a variation that is loaded."""
+    """Return the variants of a variation as compiled plans, each named ``<plan>_<seed>``.
+
+    For campaigns: nothing is written, and every plan carries its own name. Raises
+    :class:`InputError` like :func:`sample`.
+    """
     variants = sample(variation, n, seed=seed, method=method, check=check, suffix=True)
     return tuple((variant.name, variant.plan) for variant in variants)
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.text.diagnostics import InputError
-from grammars.variation import Categorical, Normal, Range, floorplan_variants, sample
+from grammars.variation import Categorical, Normal, Range, load_variation, sample, variant_plans
 from tests.grammars.variation.plans import HOUSE, numbers, one, vary
 
 
@@ -234,7 +234,7 @@ def test_variants_for_campaigns_are_plans_with_their_own_names(tmp_path: Path) -
     (tmp_path / "plan.fpm").write_text(HOUSE)
     path = tmp_path / "house.variation"
     path.write_text('import "plan.fpm" gap: uniform([0.8, 1.0])')
-    found = floorplan_variants(path, 3, seed=20)
+    found = variant_plans(load_variation(path), 3, seed=20)
     assert [name for name, _ in found] == ["house_20", "house_21", "house_22"]
     assert [plan.name for _, plan in found] == ["house_20", "house_21", "house_22"]
     assert all(plan.spaces[0].name == "hall" for _, plan in found)
