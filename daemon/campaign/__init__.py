@@ -9,6 +9,7 @@ from daemon.campaign._campaign import (
     load_campaign,
     noise_seed,
     repeat_seed,
+    run_spec,
 )
 from daemon.campaign._campaign_text import campaign_text
 from daemon.campaign._cells import CampaignCell
@@ -28,13 +29,7 @@ from daemon.campaign._layers import (
     layer_names,
     layer_places,
 )
-from daemon.campaign._overrides import (
-    OverridableValue,
-    find_overridable,
-    layer_at,
-    overridable,
-    with_overrides,
-)
+from daemon.campaign._overrides import find_overridable, overridable, with_overrides
 from daemon.campaign._parameters import (
     ParameterValue,
     ParameterValues,
@@ -44,6 +39,7 @@ from daemon.campaign._parameters import (
 )
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
+from daemon.campaign._searches import LEAST_CONFIRMED
 from daemon.campaign._survey import read_campaign
 from daemon.campaign._sut_files import ROS2, SutFile
 from daemon.campaign._suts import LoadedSut, RefusedSutError, load_sut
@@ -51,6 +47,7 @@ from daemon.campaign._suts import LoadedSut, RefusedSutError, load_sut
 __all__ = [
     "FLOORPLAN",
     "LAYER_KINDS",
+    "LEAST_CONFIRMED",
     "MISSION",
     "ORACLES",
     "ROBOT",
@@ -65,7 +62,6 @@ __all__ = [
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",
-    "OverridableValue",
     "ParameterValue",
     "ParameterValues",
     "RefusedSutError",
@@ -79,7 +75,6 @@ __all__ = [
     "find_layer",
     "find_overridable",
     "flatten_parameters",
-    "layer_at",
     "layer_names",
     "layer_places",
     "load_campaign",
@@ -93,5 +88,6 @@ __all__ = [
     "read_confirm",
     "read_stop",
     "repeat_seed",
+    "run_spec",
     "with_overrides",
 ]

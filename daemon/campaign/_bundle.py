@@ -37,12 +37,12 @@ def bundle_campaign(path: str | Path) -> tuple[str, tuple[BundledFile, ...]]:
     with recording_reads() as read:
         campaign = load_campaign(file)
     places = _places(file, read)
+    _refuse_oversized(file, places)
     files = tuple(
         BundledFile(place, base64.b64encode(_content(source)).decode("ascii"))
         for place, source in sorted(places.items())
     )
     name = next(place for place, source in places.items() if source == file)
-    _refuse_oversized(file, places)
     _verify(file, name, files, campaign)
     return name, files
 
@@ -121,7 +121,7 @@ def _verify(campaign: Path, name: str, files: Sequence[BundledFile], wanted: Cam
                 unpacked = load_campaign(folder / name)
         except InputError as error:
             first = error.diagnostics[0]
-            said = f"{first.message}".replace(f"{folder}/", "")
+            said = first.message.replace(f"{folder}/", "")
             message = f"cannot be handed on: elsewhere {said}"
             hint = "name files by paths relative to the campaign file"
             raise InputError.at(Where(str(campaign)), message, hint) from error

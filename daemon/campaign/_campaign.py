@@ -46,12 +46,13 @@ from daemon.model.assessments import AssessmentRules
 from daemon.model.search import SearchTask
 from daemon.model.spec import OracleText, RunSpec, SutReference
 from grammars.floorplan import FloorPlan
+from grammars.model.behaviour import Behaviour
 from grammars.model.free_space import inscribed_radius
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.oracle import Oracle, check_joint_limits, check_references
 from grammars.preflight import places_of
-from grammars.scenery import SceneryLayer, configure
+from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import (
     ResolvedBehaviours,
     compile_scene,
@@ -308,7 +309,7 @@ def _load_worlds(
     attempt, library = loader.collect_errors, loader.library
     plans = attempt(lambda: _plans(scenario, robot, library)) or []
     references = (*scenario.objects, *scenario.behaviours)
-    layers = [attempt(partial(_configured_layer, library, reference)) for reference in references]
+    layers = [attempt(partial(library.configured_scenery, reference)) for reference in references]
     again = repeated_layers(scenario, layers)
     loader.findings += again.values()
     sound = tuple(layer for n, layer in enumerate(layers) if layer is not None and n not in again)
@@ -361,12 +362,6 @@ def _plans(
         return []
     variants = library.variants(scenario.vary, inscribed_radius(robot.footprint))
     return [(f"{scenario.name}@{name.rpartition('_')[2]}", plan) for name, plan in variants]
-
-
-def _configured_layer(library: LayerLibrary, reference: LayerReference) -> SceneryLayer:
-    """Return a scenery layer as the campaign wants it."""
-    plain = library.scenery(reference)
-    return configure(plain, reference.overrides, reference.where, reference.lines)
 
 
 def _scene(plan: FloorPlan, objects: tuple[SceneryLayer, ...], loader: _CampaignLoader) -> Scene:
@@ -454,17 +449,39 @@ def _specs(campaign: Campaign) -> Iterator[RunSpec]:
             if campaign.repeats is None:
                 behaviours_of = behaviours_of[: campaign.repeats_with(sut)]
             for repeat, behaviours in enumerate(behaviours_of):
-                yield RunSpec(
-                    campaign=campaign.name,
-                    scenario=cell.name,
-                    sut=sut,
-                    repeat=repeat,
-                    scene=digest,
-                    robot=cell.robot,
-                    mission=cell.mission,
+                yield run_spec(
+                    campaign,
+                    cell,
+                    sut,
+                    repeat,
                     behaviours=behaviours,
                     oracles=oracles,
-                    map=cell.map,
-                    seed=noise_seed(campaign.seed, repeat),
-                    limit=cell.limit,
+                    scene=digest,
                 )
+
+
+def run_spec(
+    campaign: Campaign,
+    cell: CampaignCell,
+    sut: SutReference,
+    repeat: int,
+    *,
+    behaviours: tuple[Behaviour, ...],
+    oracles: tuple[OracleText, ...],
+    scene: str,
+) -> RunSpec:
+    """Return a run of a cell; ``scene`` is the digest of its scene, which takes a while to make."""
+    return RunSpec(
+        campaign=campaign.name,
+        scenario=cell.name,
+        sut=sut,
+        repeat=repeat,
+        scene=scene,
+        robot=cell.robot,
+        mission=cell.mission,
+        behaviours=behaviours,
+        oracles=oracles,
+        map=cell.map,
+        seed=noise_seed(campaign.seed, repeat),
+        limit=cell.limit,
+    )

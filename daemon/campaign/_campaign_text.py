@@ -67,10 +67,7 @@ def _filled(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _named(reference: LayerReference | None) -> Any:
-    """Return a layer as it is named, with its overrides if there are any."""
-    if reference is None or not reference.overrides:
-        return reference and reference.name
-    return {reference.name: dict(reference.overrides)}
+    return None if reference is None else reference.as_written()
 
 
 def _list(references: Sequence[LayerReference]) -> list[Any]:

@@ -23,7 +23,7 @@ from grammars.model.map_files import pack_map, read_map
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle, load_oracles
-from grammars.scenery import SceneryLayer, load_scenery
+from grammars.scenery import SceneryLayer, configure, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument, load_yaml
 from grammars.text.overrides import override_document, placed_at
@@ -192,15 +192,13 @@ class LayerLibrary:
 
     def variants(self, vary: PlanVariation, radius: float) -> tuple[tuple[str, FloorPlan], ...]:
         """Draw the variants of a floor plan that a robot of ``radius`` [m] can drive through."""
-        from grammars.variation import fix_draws, variant_plans
+        from grammars.variation import variant_plans
 
         named = vary.floorplan
         path = find_layer(self.folder, named, VARIATION)
 
         def draw(path: Path) -> tuple[tuple[str, FloorPlan], ...]:
-            values = {override.key: override.value for override in named.values}
-            places = {override.key: override.where for override in named.values}
-            variation = fix_draws(self.variation(path), values, named.where, places)
+            variation = self.fixed_variation(named, path)
             return variant_plans(
                 variation, vary.samples, seed=vary.seed, method=vary.cover, check=radius
             )
@@ -214,10 +212,24 @@ class LayerLibrary:
 
         return self._once("variation", path, load_variation)
 
+    def fixed_variation(self, reference: LayerReference, path: Path) -> Variation:
+        """Load a variation with the draws that a reference fixes."""
+        from grammars.variation import fix_draws
+
+        given = reference.values
+        values = {override.key: override.value for override in given}
+        places = {override.key: override.where for override in given}
+        return fix_draws(self.variation(path), values, reference.where, places)
+
     def scenery(self, reference: LayerReference) -> SceneryLayer:
         """Load a scenery layer: objects, places or behaviours."""
         path = find_layer(self.folder, reference, SCENERY)
         return self._once("scenery", path, self._load_scenery)
+
+    def configured_scenery(self, reference: LayerReference) -> SceneryLayer:
+        """Load a scenery layer as the campaign wants it."""
+        plain = self.scenery(reference)
+        return configure(plain, reference.overrides, reference.where, reference.lines)
 
     def mission(self, reference: LayerReference) -> tuple[Mission, YamlDocument]:
         """Load a mission and the document it stands in."""

@@ -17,7 +17,7 @@ from daemon.model.search import ParameterSlot
 from grammars.floorplan import WALLS_ENDING
 from grammars.jsonld import is_jsonld
 from grammars.model.files import MissionText, RobotText
-from grammars.scenery import SceneryLayer, configure
+from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Where
 from grammars.text.documents import KeyPath, QuantityField, YamlDocument
 from grammars.text.overrides import item_names
@@ -114,9 +114,7 @@ def overridable(
         case "vary":
             found = _of_variation(library, reference)
         case "objects" | "behaviours":
-            plain = library.scenery(reference)
-            layer = configure(plain, reference.overrides, reference.where, reference.lines)
-            found = _of_scenery(layer)
+            found = _of_scenery(library.configured_scenery(reference))
         case "mission":
             _, document = library.mission(reference)
             found = _of_document(document, MissionText)
@@ -160,14 +158,11 @@ def _of_plan(library: LayerLibrary, reference: LayerReference) -> Iterator[Overr
 
 
 def _of_variation(library: LayerLibrary, reference: LayerReference) -> Iterator[OverridableValue]:
-    from grammars.variation import Fixed, draw_unit, fix_draws
+    from grammars.variation import Fixed, draw_unit
 
-    variation = library.variation(find_layer(library.folder, reference, VARIATION))
-    given = {override.key: override for override in reference.values}
-    values = {key: override.value for key, override in given.items()}
-    places = {key: override.where for key, override in given.items()}
-    fixed = fix_draws(variation, values, reference.where, places)
-    for draw in fixed.draws:
+    path = find_layer(library.folder, reference, VARIATION)
+    variation = library.variation(path)
+    for draw in library.fixed_variation(reference, path).draws:
         unit = draw_unit(variation, draw)
         quantity = read_quantity(f"1 {unit}") if unit else None
         dimension = quantity.dimension if quantity else ""
@@ -232,9 +227,9 @@ def _of_model(
         if inner is None:
             yield _leaf(document, field, written, below, said)
         elif isinstance(written, list):
-            for index, item in enumerate(written):
-                item_words = (*said, item_names(written, key)[index])
-                yield from _of_model(document, inner, item, (*below, index), item_words)
+            names = item_names(written, key)
+            for index, (item, item_name) in enumerate(zip(written, names, strict=True)):
+                yield from _of_model(document, inner, item, (*below, index), (*said, item_name))
         elif isinstance(written, Mapping):
             # What is not written has parts that must be: it is written as a whole.
             yield from _of_model(document, inner, written, below, said)

@@ -5,12 +5,12 @@ A later layer changes what it names and leaves the rest; ``null`` takes an inher
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.documents import KeyPath, paths_inside
+from grammars.text.documents import KeyPath, leaves, paths_inside
 
 ParameterPath: TypeAlias = tuple[str, ...]
 
@@ -41,20 +41,11 @@ def flatten_parameters(
     """
     found: ParameterValues = {}
     above: set[ParameterPath] = set()
-    for written, value in _leaves(tree, ()):
+    for written, value in leaves(tree):
         path = tuple(p for name in written for p in name.split("/") if p) if namespaces else written
         inside = {below: where((*written, *below)) for below in paths_inside(value)}
         _put(found, above, path, ParameterValue(value, where(written), inside=inside))
     return found
-
-
-def _leaves(tree: Mapping[str, Any], above: ParameterPath) -> Iterator[tuple[ParameterPath, Any]]:
-    for name, value in tree.items():
-        path = (*above, name)
-        if isinstance(value, Mapping) and value:
-            yield from _leaves(value, path)
-        else:
-            yield path, value
 
 
 def under_namespace(settings: ParameterValues, namespace: ParameterPath) -> ParameterValues:

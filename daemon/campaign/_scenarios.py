@@ -50,6 +50,11 @@ class LayerReference:
         """Where each of the overrides stands."""
         return {key: self.place((key,)) for key in self.overrides}
 
+    def as_written(self, name: str = "") -> str | dict[str, Overrides]:
+        """Return it as a campaign names it, or a copy of the layer that is called ``name``."""
+        named = name or self.name
+        return {named: dict(self.overrides)} if self.overrides else named
+
     def place(self, path: KeyPath) -> Where:
         """Return where the override at ``path`` stands, or what it is in."""
         ends = range(len(path), 0, -1)

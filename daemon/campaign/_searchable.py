@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from daemon.campaign._layers import LayerLibrary
 from daemon.campaign._overrides import (
@@ -19,6 +18,7 @@ from daemon.campaign._overrides import (
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.campaign._search_file import ValueChoices, ValueRange
 from daemon.model.search import ParameterSlot
+from grammars.scenery import values_in
 from grammars.scenery.model import Measure, Sentence
 from grammars.text.quantity import read_quantity
 
@@ -106,7 +106,7 @@ def literal_hint(
     meant: list[tuple[int, float, Measure]] = []
     for sentence in layer.sentences:
         about = set(re.split(r"[^a-z0-9]+", str(sentence.subject).lower()))
-        for measure in _measures(sentence):
+        for measure in (one for one in values_in(sentence) if isinstance(one, Measure)):
             fits = measure.dimension == unit.dimension and low <= measure.value <= high
             if fits and (words & about or not named):
                 off = abs(measure.value - (low + high) / 2.0)
@@ -119,14 +119,3 @@ def literal_hint(
         f"only what has a name is searched: write parameter {name} = {literal.text} into "
         f"{Path(layer.file).name}, and {name} in place of {literal.text} at {literal.where}"
     )
-
-
-def _measures(part: Any) -> Iterator[Measure]:
-    if isinstance(part, Measure):
-        yield part
-    elif isinstance(part, tuple | list):
-        for one in part:
-            yield from _measures(one)
-    elif dataclasses.is_dataclass(part):
-        for one in dataclasses.fields(part):
-            yield from _measures(getattr(part, one.name))

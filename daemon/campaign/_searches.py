@@ -51,7 +51,7 @@ from grammars.text.inequalities import read_inequality
 
 _LONGEST_NAMES: Final = 88
 """Characters of the names of a campaign and its search together: both are part of an id."""
-_LEAST_CONFIRMED: Final = 3
+LEAST_CONFIRMED: Final = 3
 """Repeats of what a system that is not repeatable fails: one run of it shows little."""
 
 
@@ -193,11 +193,11 @@ class _SearchReader:
 
     def _confirm(self, sut: SutReference) -> int:
         confirm = read_confirm(self.text.confirm)
-        if sut.repeatable or confirm >= _LEAST_CONFIRMED:
+        if sut.repeatable or confirm >= LEAST_CONFIRMED:
             return confirm
-        message = f"{sut.name} is not repeatable: failures of it are run {_LEAST_CONFIRMED} times"
-        self._warn(self._at("confirm"), message, f"write confirm: {_LEAST_CONFIRMED} repeats")
-        return _LEAST_CONFIRMED
+        message = f"{sut.name} is not repeatable: failures of it are run {LEAST_CONFIRMED} times"
+        self._warn(self._at("confirm"), message, f"write confirm: {LEAST_CONFIRMED} repeats")
+        return LEAST_CONFIRMED
 
     def _minimised(self, cell: CampaignCell) -> tuple[Oracle, ...]:
         """Return the oracles it is about; none after saying what is wrong with the one named."""

@@ -15,7 +15,7 @@ def unused_parameters(layer: SceneryLayer) -> list[Diagnostic]:
 
     No other layer can: parameters are those of their layer alone.
     """
-    said = {found.text for found in _values(layer.sentences) if isinstance(found, Name)}
+    said = {found.text for found in values_in(layer.sentences) if isinstance(found, Name)}
     return [
         Diagnostic(
             parameter.where,
@@ -38,7 +38,7 @@ def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> l
     said = {
         found.object
         for user in (layer, *others)
-        for found in _values((user.sentences, user.settings, user.groups))
+        for found in values_in((user.sentences, user.settings, user.groups))
         if isinstance(found, Path)
     }
     return [
@@ -53,12 +53,12 @@ def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> l
     ]
 
 
-def _values(part: Any) -> Iterator[Any]:
+def values_in(part: Any) -> Iterator[Any]:
     """Yield every value that a part of a layer is made of."""
     if isinstance(part, tuple):
         for one in part:
-            yield from _values(one)
+            yield from values_in(one)
     elif dataclasses.is_dataclass(part):
         yield part
         for entry in dataclasses.fields(part):
-            yield from _values(getattr(part, entry.name))
+            yield from values_in(getattr(part, entry.name))

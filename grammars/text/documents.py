@@ -124,6 +124,18 @@ def paths_inside(value: Any) -> Iterator[KeyPath]:
             yield (key, *path)
 
 
+def leaves(
+    tree: Mapping[str, Any], above: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield every value of nested mappings with the way to it; an empty mapping is a value."""
+    for name, value in tree.items():
+        path = (*above, name)
+        if isinstance(value, Mapping) and value:
+            yield from leaves(value, path)
+        else:
+            yield path, value
+
+
 def load_yaml(path: str | Path) -> YamlDocument:
     """Read a YAML 1.2 file; raises :class:`InputError` with line and column."""
     return parse_yaml(read_text(path), str(path))

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.documents import KeyPath, YamlDocument
+from grammars.text.documents import KeyPath, YamlDocument, leaves
 
 _NAME_KEYS: Final = ("id", "name")
 """Keys by which the items of a list are told apart."""
@@ -36,18 +36,7 @@ def flatten_overrides(
 
     ``{start: {y: 0.1}}`` and ``{start.y: 0.1}`` are the same.
     """
-    return tuple(_flattened(values, (), where))
-
-
-def _flattened(
-    values: Mapping[str, Any], above: KeyPath, where: Callable[[KeyPath], Where]
-) -> Iterator[Override]:
-    for key, value in values.items():
-        path = (*above, str(key))
-        if isinstance(value, Mapping) and value:
-            yield from _flattened(value, path, where)
-        else:
-            yield Override(".".join(map(str, path)), value, where(path))
+    return tuple(Override(".".join(path), value, where(path)) for path, value in leaves(values))
 
 
 def override_document(document: YamlDocument, overrides: Iterable[Override]) -> YamlDocument:
@@ -75,31 +64,6 @@ def override_document(document: YamlDocument, overrides: Iterable[Override]) -> 
 def placed_at(document: YamlDocument, where: Where) -> YamlDocument:
     """Return a document of which that is told at ``where`` which is about it as a whole."""
     return replace(document, places={**document.places, (): where})
-
-
-def key_paths(data: Any, above: KeyPath = ()) -> Iterator[tuple[str, KeyPath]]:
-    """Yield the dotted key of every value in a document, as overrides write it, and its path."""
-    for path in _paths_of_values(data, above):
-        yield _dotted(data, path[len(above) :]), path
-
-
-def _paths_of_values(data: Any, above: KeyPath) -> Iterator[KeyPath]:
-    if isinstance(data, Mapping) and data:
-        for key, value in data.items():
-            yield from _paths_of_values(value, (*above, key))
-    elif _is_named(data):
-        for index, value in enumerate(data):
-            yield from _paths_of_values(value, (*above, index))
-    else:
-        yield above
-
-
-def _dotted(data: Any, path: KeyPath) -> str:
-    words, last = [], ""
-    for part in path:
-        words.append(item_names(data, last)[part] if isinstance(part, int) else str(part))
-        data, last = data[part], str(part)
-    return ".".join(words)
 
 
 def _is_named(data: Any) -> bool:

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-import numpy as np
-
 from daemon.analysis.blame._case import Candidate, RunCase
 from daemon.analysis.blame._elements import Blame
 from daemon.analysis.blame._layer_text import (
@@ -25,12 +23,11 @@ from daemon.campaign import (
     FLOORPLAN,
     ROBOT,
     ROS2,
-    LayerReference,
     expand,
     find_layer,
     load_campaign,
+    noise_seed,
     parameter_tree,
-    repeat_seed,
 )
 from daemon.model.attachments import FILES_PARAMETER, attached_digests, resolve_paths
 from daemon.model.spec import RunSpec, SutReference
@@ -101,7 +98,7 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
         "seed": case.campaign.seed,
         "repeats": repeat + 1,
         "limit": f"{case.spec.limit!r} s",
-        "robot": _with_overrides("robot.yaml", named),
+        "robot": named.as_written("robot.yaml"),
         "oracles": "minimal.oracles.yaml",
         "map": _map(case.spec, folder),
         "scenarios": {SCENARIO: {key: value for key, value in slots.items() if value}},
@@ -121,17 +118,12 @@ def _earliest_repeat(
     smallest, repeat = found.smallest, case.spec.repeat
     if repeat == 0 or found.story.stopped:
         return smallest, repeat
-    seed = int(repeat_seed(case.campaign.seed, 0).generate_state(1, np.uint64)[0])
+    seed = noise_seed(case.campaign.seed, 0)
     first = Candidate(dataclasses.replace(smallest.spec, repeat=0, seed=seed), smallest.scene)
     try:
         return (first, 0) if runner.first_failing([first]) == 0 else (smallest, repeat)
     except (BudgetSpentError, KeyboardInterrupt):
         return smallest, repeat  # what was found is kept
-
-
-def _with_overrides(name: str, reference: LayerReference) -> Any:
-    """Return a layer as a campaign names it that gives it other values."""
-    return {name: dict(reference.overrides)} if reference.overrides else name
 
 
 def _plan(case: RunCase, folder: _Folder) -> Any:
@@ -146,7 +138,7 @@ def _plan(case: RunCase, folder: _Folder) -> Any:
         text = json.dumps(plan_document(case.cell.plan), indent=1)
         return folder.write(f"{case.cell.plan.name}.jsonld", text)
     name = folder.write(source.name, source.read_text(encoding="utf-8"))
-    return _with_overrides(name, _required(scenario.floorplan))
+    return _required(scenario.floorplan).as_written(name)
 
 
 def _objects(case: RunCase, smallest: Candidate, folder: _Folder) -> list[tuple[str, bool]]:

@@ -20,8 +20,8 @@ from daemon.campaign import (
     ResolvedScenario,
     campaign_text,
     load_campaign,
-    noise_seed,
     repeat_seed,
+    run_spec,
     with_overrides,
 )
 from daemon.model.search import ParameterSlot, Point, SearchTask
@@ -31,7 +31,7 @@ from daemon.search.points import is_as_written
 from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
 from grammars.model.scene import Scene
-from grammars.scenery import SceneryLayer, configure
+from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.sources import reading_only_in
@@ -140,7 +140,7 @@ class SearchCase:
         library = self._library
         # Those of the scenario as written have been told; of every point they would pile up.
         library.warnings.clear()
-        changed = {slot for slot, _ in self._values(point)}
+        changed = {parameter.slot for parameter in self.task.parameters}
         cell = self.cell
         robot, mission, suts = cell.robot, cell.mission, cell.suts
         if "robot" in changed:
@@ -209,10 +209,7 @@ class SearchCase:
         if not changed & {"objects", "behaviours"}:
             return self.cell.layers
         references = (*scenario.objects, *scenario.behaviours)
-        return tuple(
-            configure(self._library.scenery(one), one.overrides, one.where, one.lines)
-            for one in references
-        )
+        return tuple(map(self._library.configured_scenery, references))
 
     def _scene(self, plan: FloorPlan, objects: Sequence[SceneryLayer]) -> Scene:
         own = self.cell.layers[: len(self.cell.scenario.objects)]
@@ -227,19 +224,14 @@ class SearchCase:
         return self._scenes[key]
 
     def _spec(self, cell: CampaignCell, repeat: int) -> RunSpec:
-        return RunSpec(
-            campaign=self.campaign.name,
-            scenario=cell.name,
-            sut=cell.suts[self.sut],
-            repeat=repeat,
-            scene=cell.scene.digest,
-            robot=cell.robot,
-            mission=cell.mission,
+        return run_spec(
+            self.campaign,
+            cell,
+            cell.suts[self.sut],
+            repeat,
             behaviours=cell.behaviours[0],
             oracles=self._oracles,
-            map=cell.map,
-            seed=noise_seed(self.campaign.seed, repeat),
-            limit=cell.limit,
+            scene=cell.scene.digest,
         )
 
 
