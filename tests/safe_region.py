@@ -33,12 +33,10 @@ from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
 from daemon.model.verdicts import Outcome
 from daemon.search.page._boundary import (
-    RAMP,
+    CELL_ENDS,
     balanced,
-    estimate,
-    ramp_levels,
-    stretches,
-    zero_lines,
+    coloured_cells,
+    line_of_zero,
 )
 from daemon.search.points import position_in_range
 from tests.ortega2024 import NOTHING, count_text, number, page_with
@@ -59,7 +57,6 @@ CRITERIA: Final = {
 }
 """What a point may do well, by the oracles that have to pass."""
 SAFE, DONE = "touches nothing", "touches nothing, mission done"
-_CELLS: Final = 48
 _MARK: Final = "#000000"
 _STUCK: Final = "#b8860b"
 _COLOURS: Final = {"ink": "#222222", "soft": "#555555", "rule": "#dddddd", "paper": "#ffffff",
@@ -336,26 +333,16 @@ def _draw_region(axes: Axes, search: RecordedSearch, *, words: bool) -> None:
     rows = [r for r in search.rows if r.proposal.phase == "explore" and _margin(r) is not None]
     places = np.array([_place((x, y), row.proposal.values) for row in rows])
     margins = balanced(np.array([_margin(row) for row in rows], float))
-    ends = np.linspace(0.0, 1.0, _CELLS + 1)
-    middles = 0.5 * (ends[:-1] + ends[1:])
-    grid = np.stack(np.meshgrid(middles, middles, indexing="ij"), axis=-1).reshape(-1, 2)
-    levels = ramp_levels(estimate(places, margins, grid).reshape(_CELLS, _CELLS))
-    for level, colour in enumerate(RAMP):
+    ends = CELL_ENDS
+    for colour, cells in coloured_cells(places, margins):
         rings = [
             [(ends[a], ends[j]), (ends[b], ends[j]), (ends[b], ends[j + 1]), (ends[a], ends[j + 1])]
-            for j in range(_CELLS)
-            for a, b in stretches(levels[:, j] == level)
+            for a, b, j in cells
         ]
-        if rings:
-            axes.shapes([_on_axes(x, y, ring) for ring in rings], fill=colour, edge=colour,
-                        width=0.2)  # fmt: skip
-    corners = np.stack(np.meshgrid(ends, ends, indexing="ij"), axis=-1).reshape(-1, 2)
-    at_corners = estimate(places, margins, corners).reshape(_CELLS + 1, _CELLS + 1)
-    lines = zero_lines(at_corners)
-    # One line with gaps between its pieces.
-    pieces = np.concatenate((lines / _CELLS, np.full((len(lines), 1, 2), math.nan)), axis=1)
-    if len(lines):
-        across, up = np.transpose(_on_axes(x, y, pieces.reshape(-1, 2)))
+        axes.shapes([_on_axes(x, y, ring) for ring in rings], fill=colour, edge=colour, width=0.2)
+    line = line_of_zero(places, margins)
+    if len(line):
+        across, up = np.transpose(_on_axes(x, y, line))
         axes.line(across, up, _MARK, 1.4)
     _draw_marks(axes, search, rows, places, words=words)
 

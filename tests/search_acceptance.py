@@ -34,7 +34,6 @@ from daemon.model.spec import RunResult
 from daemon.run import execute
 from daemon.search import program
 from daemon.search.answers.found import write_found
-from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.methods import MethodProposal, SearchMethod, make_method
 from daemon.search.preparation.composition import SearchCase, load_search_case
 from daemon.search.preparation.submission import prepare_search
@@ -42,6 +41,7 @@ from daemon.search.program import run_search
 from daemon.search.space import SearchSpace
 from grammars.text.diagnostics import InputError
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.search.local_runs import LocalRuns
 
 ROOT: Final = Path(__file__).parents[1]
 CAMPAIGN: Final = ROOT / "campaigns" / "demo" / "campaign.yaml"

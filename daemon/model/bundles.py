@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from daemon.model.search import LARGEST_BUNDLE, BundledFile
+from daemon.model.search import LARGEST_BUNDLE, LONGEST_PATH, BundledFile
 
 MOST_FILES: Final = 2_000
-_LONGEST_PATH: Final = 1_000
 _LONGEST_PART: Final = 200
 _DEEPEST: Final = 40
 _WRONG: Final = re.compile(r"[\x00-\x1f\x7f\\]")
@@ -66,7 +65,7 @@ def checked_bundle(files: Sequence[BundledFile]) -> dict[str, bytes]:
 def _check_path(path: str) -> None:
     parts = path.split("/")
     sound = (
-        0 < len(path) <= _LONGEST_PATH
+        0 < len(path) <= LONGEST_PATH
         and len(parts) <= _DEEPEST
         and not _WRONG.search(path)
         and all(part not in ("", ".", "..") for part in parts)

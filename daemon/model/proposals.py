@@ -13,7 +13,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.messages import IdText, NonNegativeInt
+from daemon.model.messages import LARGEST_PAGE, IdText, NonNegativeInt
 from daemon.model.packed_submission import PackedSubmission
 from daemon.model.search import Point, SearchTask
 from daemon.model.spec import LeadingMargin
@@ -59,11 +59,11 @@ class ExtendRequest:
 
 @dataclass(frozen=True, slots=True)
 class ProposalQuery:
-    """A page of the runs of a search, in order; ``finished`` ones alone, if asked."""
+    """A page of the runs of a search, in order."""
 
     campaign: IdText
     offset: NonNegativeInt = 0
-    limit: Annotated[int, Field(ge=0, le=1000)] = 500
+    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 500
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,8 @@ MOST_WINDOW: Final = 1_000
 MOST_REPEATS: Final = 100
 LONGEST_SEARCH: Final = 30 * 86_400.0
 """Seconds of wall clock a search may be asked for."""
+LONGEST_PATH: Final = 1_000
+"""Characters of the path of a file of a search."""
 LARGEST_BUNDLE: Final = 32 * 2**20
 """Bytes of all files of a search together."""
 
@@ -151,7 +153,7 @@ class SearchTask:
 class BundledFile:
     """A file that a campaign is made of; ``path`` is relative and leads nowhere else."""
 
-    path: Annotated[str, Field(max_length=1000)]
+    path: Annotated[str, Field(max_length=LONGEST_PATH)]
     data: str
     """Its bytes in base64."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -12,6 +12,8 @@ from daemon.model.proposals import ObjectiveValue, Phase
 from daemon.model.search import BundledFile, Point, PointValue, SearchTask
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 
+LONGEST_NOTE: Final = 2000
+"""Characters of what is said of a search."""
 SearchState: TypeAlias = Literal["running", "finished", "cancelled", "failed"]
 
 
@@ -64,6 +66,11 @@ class Confirmation:
     runs: int
     low: float
     high: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether at least half of them do."""
+        return 2 * self.failed >= self.runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,6 +239,6 @@ class SearchProgress:
 
     campaign: IdText
     phase: Phase
-    note: Annotated[str, Field(max_length=2000)] = ""
+    note: Annotated[str, Field(max_length=LONGEST_NOTE)] = ""
     state: SearchState = "running"
     answer: SearchAnswer | None = None

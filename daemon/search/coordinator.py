@@ -19,10 +19,15 @@ from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from daemon.batch.paths import StatePaths
 from daemon.model.search import SearchTask
-from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchRow, SearchState
+from daemon.model.search_answer import (
+    LONGEST_NOTE,
+    SearchAnswer,
+    SearchProgress,
+    SearchRow,
+    SearchState,
+)
 from daemon.model.status import ChangeEvent
 from daemon.search.execution.daemon_runs import (
-    LONGEST_NOTE,
     DaemonRuns,
     PatientClient,
     SearchDivergedError,

@@ -22,6 +22,12 @@ def is_as_written(parameter: SearchParameter, value: PointValue) -> bool:
     return math.isclose(value, written, rel_tol=_SAME, abs_tol=1e-12)
 
 
+def written_point(task: SearchTask) -> Point | None:
+    """Return the scenario as written; ``None`` where it does not say a value of each parameter."""
+    values = tuple(p.written for p in task.parameters if p.written is not None)
+    return values if len(values) == len(task.parameters) else None
+
+
 def changed_parameters(task: SearchTask, point: Point) -> tuple[int, ...]:
     """Return the indices of the parameters that are not as written.
 

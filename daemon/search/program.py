@@ -20,7 +20,7 @@ from daemon.model.search_answer import Confirmation, NearestFailure, PointResult
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.answer import LaterResults, make_answer, told_failure
 from daemon.search.answers.findings import FailureKey, failure_key, parameter_influence
-from daemon.search.answers.wording import failure_words, plural, quantity
+from daemon.search.answers.wording import failure_words, quantity
 from daemon.search.execution.point_runner import MEDIAN_OF, BegunPoint, PointRunner, RunPurpose
 from daemon.search.execution.results import ExploredPoint, confirmation, first_failure
 from daemon.search.execution.runs import Case, Runs, SearchStoppedError
@@ -35,6 +35,7 @@ from daemon.search.nearest import (
 )
 from daemon.search.shrinking import shrink_failure
 from daemon.search.space import SearchSpace
+from grammars.text.words import count_noun
 
 __all__ = ["ERRORS_IN_A_ROW", "Case", "Runs", "SearchStoppedError", "run_search"]
 
@@ -45,8 +46,6 @@ _WIDTH: Final = 98
 _SETTLED_RUNS: Final = 20
 _SETTLED_WINDOWS: Final = 3
 """Nothing better and nothing new for so many results, or windows of them if that is more."""
-_DOUBTFUL: Final = 0.5
-"""A failure that a smaller share of its repeats confirms is one of its noise."""
 
 
 def run_search(case: Case, runs: Runs) -> SearchAnswer:
@@ -118,7 +117,6 @@ class _SearchProgram:
     case: Case
     runs: Runs
     explored: list[ExploredPoint] = field(default_factory=list)
-    ended: str = ""
     later: LaterResults = field(default_factory=LaterResults)
     space: SearchSpace = field(init=False)
     points: PointRunner = field(init=False)
@@ -145,18 +143,20 @@ class _SearchProgram:
             holding=self._holding(),
         )
 
+    def _failures(self) -> list[PointResult]:
+        return [r for p in self.explored if (r := p.result) is not None and r.fails]
+
     def _holding(self) -> list[bool]:
         """Return of the explored failures whose repeats tell whether they hold."""
         if not self.task.repeatable:
             return []
-        failures = [r for p in self.explored if (r := p.result) is not None and r.fails]
-        known = [self.points.holds(failure) for failure in failures]
+        known = [self.points.holds(failure) for failure in self._failures()]
         return [holds for holds in known if holds is not None]
 
     def run(self) -> SearchAnswer:
         """Go through all phases."""
-        self.ended = self._explore(make_method(self.task, self.space))
-        failures = [r for p in self.explored if (r := p.result) is not None and r.fails]
+        ended = self._explore(make_method(self.task, self.space))
+        failures = self._failures()
         first = first_failure(failures)
         if first is not None:
             self.later = LaterResults(self._confirm(first))
@@ -166,7 +166,7 @@ class _SearchProgram:
             if "shrink" in self.task.then and told is not None:
                 self._report("shrink", f"shrinking run {told.number}")
                 self.later = replace(self.later, shrunk=shrink_failure(self.points, told))
-        return self.with_found(self.answer(self.ended))
+        return self.with_found(self.answer(ended))
 
     def _explore(self, method: SearchMethod) -> str:
         """Issue proposals in a window, learn from them in order, and return why it ended."""
@@ -215,9 +215,9 @@ class _SearchProgram:
             self.runs.report("explore", self._progress_note(answer), answer)
 
     def _progress_note(self, answer: SearchAnswer) -> str:
-        told = f"{answer.explored} of {plural(self.task.runs, 'run')}"
+        told = f"{answer.explored} of {count_noun(self.task.runs, 'run')}"
         if answer.failed:
-            told += f", {plural(answer.failed, 'failure')}"
+            told += f", {count_noun(answer.failed, 'failure')}"
         value = None if answer.best is None else answer.best.value
         return f"{told}, best {quantity(value.margin, value.unit)}" if value is not None else told
 
@@ -227,7 +227,7 @@ class _SearchProgram:
         if not self.task.repeatable:
             count = max(count, MEDIAN_OF)
         if count and number not in self._confirmed:
-            times = plural(count, "time")
+            times = count_noun(count, "time")
             self._report("confirm", f"run {number} again, {times} with other noise")
             self._confirmed[number] = confirmation(self.points.repeat(failure, count))
         return self._confirmed.get(number)
@@ -278,7 +278,7 @@ class _SearchProgram:
 
 
 def _is_doubtful(confirmed: Confirmation | None) -> bool:
-    return confirmed is not None and confirmed.failed < _DOUBTFUL * confirmed.runs
+    return confirmed is not None and not confirmed.holds
 
 
 @dataclass(frozen=True, slots=True)

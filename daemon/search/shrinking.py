@@ -28,10 +28,10 @@ from daemon.model.bundles import read_bundle
 from daemon.model.search import BundledFile
 from daemon.model.search_answer import PointResult, ShrunkScenario
 from daemon.model.status import RunState
-from daemon.search.answers.wording import enumerate_words, plural
 from daemon.search.execution.point_runner import PointRunner, RunPurpose
 from grammars.model.behaviour import Reaction, Walk
 from grammars.text.diagnostics import InputError
+from grammars.text.words import count_noun, enumerate_words
 
 SHRINK_RUNS: Final = 100
 """Runs that are spent at most to shrink a failure."""
@@ -77,7 +77,7 @@ def _some(names: Sequence[str], whole: int, noun: str) -> str:
     """Return ``2 of 3 objects (kitchen_door, living_room_door)``."""
     shown = [*names[:_NAMED_LEFT], "…"] if len(names) > _NAMED_LEFT else list(names)
     listed = f" ({', '.join(shown)})" if shown else ""
-    return f"{len(names)} of {plural(whole, noun)}{listed}"
+    return f"{len(names)} of {count_noun(whole, noun)}{listed}"
 
 
 def _saved_files(
@@ -171,5 +171,5 @@ def _has_other_values(whole: Candidate, part: Candidate) -> bool:
 def _missing(whole: Sequence[str], part: Collection[str], kind: str) -> list[str]:
     missing = list(dict.fromkeys(name for name in whole if name not in part))
     if len(missing) > _NAMED:
-        return [plural(len(missing), kind or "object")]
+        return [count_noun(len(missing), kind or "object")]
     return [f"{kind} {name}".strip() for name in missing]

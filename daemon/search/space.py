@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
+from daemon.search.points import written_point
 from grammars.model.geometry import Floats
 from grammars.text.inequalities import read_inequality
 
@@ -101,19 +102,12 @@ class SearchSpace:
         self.constraints: Final = tuple(read_inequality(text, units) for text in task.constraints)
         named = {name for constraint in self.constraints for name in constraint.names}
         self._columns: Final = {p.name: k for k, p in enumerate(task.parameters) if p.name in named}
-        values = [p.written for p in task.parameters]
-        written = tuple(value for value in values if value is not None)
-        self.written: Final[Point | None] = written if len(written) == len(values) else None
+        self.written: Final = written_point(task)
 
     @property
     def dimensions(self) -> int:
         """The number of parameters."""
         return len(self.axes)
-
-    @property
-    def all_numbers(self) -> bool:
-        """Whether no parameter is a list of choices."""
-        return all(axis.is_number for axis in self.axes)
 
     @property
     def size(self) -> int:

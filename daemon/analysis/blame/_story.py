@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from daemon.analysis.blame._elements import Blame, Element, Without
+from grammars.text.words import enumerate_words
 
 
 def story_lines(story: Blame, like: str, *, several: bool) -> tuple[str, ...]:
@@ -25,7 +26,7 @@ def _layer_lines(story: Blame, like: str, *, several: bool) -> Iterator[str]:
             yield f"fails in the bare building{bare} as well: no layer is to blame"
         return
     on_top = like if story.parameters else ""
-    names = _join_names([one.element.name for one in story.layers])
+    names = enumerate_words([one.element.name for one in story.layers])
     yield f"fails with {names}{f' on top of {on_top}' if on_top else ''}"
     for one in story.layers:
         yield f"without {_short_name(one.element)}: {_outcome_without(one)}"
@@ -57,7 +58,3 @@ def _part_lines(story: Blame) -> Iterator[str]:
         names = (name.partition(": ")[0] for name in story.parameters)
         parameters = ", ".join(names) or "none"
         yield f"  parameters {parameters} (of {before['parameter']})"
-
-
-def _join_names(names: Sequence[str]) -> str:
-    return " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)

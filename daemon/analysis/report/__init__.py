@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from daemon.analysis.report._data import ReportData, ReportRun, read_report_data
     from daemon.analysis.report._exports import COLUMNS, write_csv, write_parquet
     from daemon.analysis.report._formatting import (
-        count_noun,
+        GLYPHS,
+        NOTHING,
         duration_text,
         format_quantity,
         mean_and_deviation,
@@ -34,7 +35,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COLUMNS",
+    "GLYPHS",
     "MEASURES",
+    "NOTHING",
     "Axes",
     "ReportData",
     "ReportInput",
@@ -42,7 +45,6 @@ __all__ = [
     "Sheet",
     "SuggestedCommand",
     "campaign_input",
-    "count_noun",
     "draw_run",
     "duration_text",
     "folder_input",
@@ -70,7 +72,8 @@ _MODULES: Final = {
     "_data": ("ReportData", "ReportRun", "read_report_data"),
     "_exports": ("COLUMNS", "write_csv", "write_parquet"),
     "_formatting": (
-        "count_noun",
+        "GLYPHS",
+        "NOTHING",
         "duration_text",
         "format_quantity",
         "mean_and_deviation",

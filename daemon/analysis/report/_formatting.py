@@ -68,11 +68,6 @@ def verdict_details(verdict: Verdict) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def count_noun(number: int, noun: str, plural: str = "") -> str:
-    """Return ``1 run`` or ``2 runs``."""
-    return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
-
-
 def duration_text(seconds: float) -> str:
     """Return a span of time: ``8 s``, ``3 min 20 s``, ``2 h 05 min``."""
     whole = round(seconds)

@@ -21,7 +21,6 @@ from daemon.analysis.report._figures import (
 from daemon.analysis.report._formatting import (
     GLYPHS,
     NOTHING,
-    count_noun,
     duration_text,
     format_quantity,
     mean_and_deviation,
@@ -39,6 +38,7 @@ from daemon.model.assessments import (
     ReferenceComparison,
 )
 from daemon.model.verdicts import Outcome
+from grammars.text.words import count_noun
 from templates.report import render_report
 
 _FIGURE_KINDS: Final = (

@@ -9,13 +9,14 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from daemon.analysis.report._formatting import count_noun, format_quantity
+from daemon.analysis.report._formatting import format_quantity
 from daemon.analysis.report._safety_buffer import safety_buffer
 from daemon.analysis.report._tracks import extract_tracks, unbroken_runs
 from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
 from daemon.trace import MotionTrack, PoseTrack, Trace, read_trace
 from grammars.model.geometry import Point2, Pose2
+from grammars.text.words import count_noun
 from templates.picture import RunOverlay, draw_world, write_png
 from templates.rendering import Templates
 from templates.world import ArtefactWorld, BehaviourDraw

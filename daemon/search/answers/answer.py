@@ -96,7 +96,7 @@ def told_failure(answer: SearchAnswer) -> PointResult | None:
     """
     if answer.nearest is not None:
         return answer.nearest.result
-    if answer.confirmed is not None and 2 * answer.confirmed.failed >= answer.confirmed.runs:
+    if answer.confirmed is not None and answer.confirmed.holds:
         return answer.first
     if answer.best is not None and answer.best.fails:
         return answer.best

@@ -12,15 +12,14 @@ from daemon.search.answers.findings import is_by_chance
 from daemon.search.answers.wording import (
     AS_WRITTEN,
     confirmation_words,
-    enumerate_words,
     failure_words,
     margin_words,
     percentage,
-    plural,
     point_words,
     quantity,
     rounded,
 )
+from grammars.text.words import count_noun, enumerate_words
 
 _MOST_TOLD: Final = 3
 """Findings and parameters that are named in a sentence."""
@@ -39,7 +38,7 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     yield from _holding(answer)
     yield from _nearest(task, answer)
     if answer.shrunk is not None:
-        runs = plural(answer.shrunk.runs, "run")
+        runs = count_noun(answer.shrunk.runs, "run")
         yield f"shrunk in {runs}: {answer.shrunk.left or answer.shrunk.story[0].strip()}"
     yield from _distinct(answer)
     yield from _unsought(answer)
@@ -52,7 +51,7 @@ def _first(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if answer.first is None:
         return
     where = point_words(task, answer.first)
-    runs = plural(answer.explored - answer.refused, "run")
+    runs = count_noun(answer.explored - answer.refused, "run")
     failed = f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}"
     yield f"{failed}, the first is run {answer.first.number}: {failure_words(answer.first)}"
     if where == AS_WRITTEN:
@@ -96,7 +95,7 @@ def _nearest(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         smaller = point_words(task, nearest.unconfirmed)
         yield f"with some noises a smaller change is enough: {smaller}"
     if not nearest.complete:
-        runs = plural(nearest.runs, "run")
+        runs = count_noun(nearest.runs, "run")
         yield f"there may be a nearer one: {runs} were spent before nothing could be taken back"
 
 
@@ -106,13 +105,13 @@ def _distinct(answer: SearchAnswer) -> Iterator[str]:
     told = [finding_words(one) for one in answer.findings[:_MOST_TOLD]]
     more = len(answer.findings) - len(told)
     words = enumerate_words([*told, f"{more} more"] if more else told)
-    yield f"{plural(len(answer.findings), 'distinct failure')}: {words}"
+    yield f"{count_noun(len(answer.findings), 'distinct failure')}: {words}"
 
 
 def _unsought(answer: SearchAnswer) -> Iterator[str]:
     if not answer.unsought:
         return
-    runs = plural(answer.explored - answer.refused, "run")
+    runs = count_noun(answer.explored - answer.refused, "run")
     told = [
         f"{one.oracle} in {one.runs:,} of {runs}{', as written too' if one.as_written else ''}"
         for one in answer.unsought
@@ -126,14 +125,14 @@ def finding_words(finding: Finding) -> str:
     named = finding.object and finding.object != finding.waypoint
     near = f" near {finding.object}" if named else ""
     way = f" on the way to {finding.waypoint}" if finding.waypoint else ""
-    return f"{finding.oracle}{near}{way} ({plural(finding.count, 'run')})"
+    return f"{finding.oracle}{near}{way} ({count_noun(finding.count, 'run')})"
 
 
 def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     """Say how much of the space fails: runs that were guided prove nothing about that."""
     drawn, failed = answer.space_filling, answer.space_filling_failed
     if answer.failed == 0 and answer.explored:
-        yield f"{plural(answer.explored - answer.refused, 'run')}, {_nothing_below(answer)}"
+        yield f"{count_noun(answer.explored - answer.refused, 'run')}, {_nothing_below(answer)}"
     if drawn == 0:
         if answer.explored:
             yield "no run was drawn without looking at results: how much fails is not known"
@@ -165,7 +164,7 @@ def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         key=lambda one: -abs(one.correlation),
     )
     count = answer.influence[0].runs
-    runs = plural(count, f"{task.drawn_word} run")
+    runs = count_noun(count, f"{task.drawn_word} run")
     if strong:
         told = [
             f"{task.short_name(one.parameter)} ({rounded(one.correlation)})"
@@ -180,14 +179,14 @@ def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
 def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if answer.refused:
         them = "it" if answer.refused == 1 else "them"
-        points = plural(answer.refused, "point")
+        points = count_noun(answer.refused, "point")
         yield f"{points} could not be composed: no run was made of {them}"
     if answer.errors:
         verb = "is an error" if answer.errors == 1 else "are errors"
-        yield f"{plural(answer.errors, 'run')} {verb} and without a margin"
+        yield f"{count_noun(answer.errors, 'run')} {verb} and without a margin"
     if answer.inconclusive:
         verb = "is" if answer.inconclusive == 1 else "are"
-        yield f"{plural(answer.inconclusive, 'run')} {verb} inconclusive"
+        yield f"{count_noun(answer.inconclusive, 'run')} {verb} inconclusive"
     if words := ending_words(task, answer.ended):
         yield words + _late_failures(task, answer)
 
@@ -197,14 +196,14 @@ def _late_failures(task: SearchTask, answer: SearchAnswer) -> str:
     more = answer.failed - task.failures
     if answer.ended != "failures" or more <= 0:
         return ""
-    return f"; {plural(more, 'other')} came of runs that were out by then"
+    return f"; {count_noun(more, 'other')} came of runs that were out by then"
 
 
 def ending_words(task: SearchTask, ended: str) -> str:
     """Return why a search ended."""
-    failures = plural(task.failures, "failure")
+    failures = count_noun(task.failures, "failure")
     return {
-        "budget": f"the budget of {plural(task.runs, 'run')} is spent",
+        "budget": f"the budget of {count_noun(task.runs, 'run')} is spent",
         "time": f"the time of {rounded(task.seconds)} s is over",
         "failures": f"it ends after {failures}, as asked",
         "settled": "it ends because nothing better and nothing new was found for a while",

@@ -11,6 +11,7 @@ from daemon.judging.statistics import cut_percentage
 from daemon.model.search import PointValue, SearchParameter, SearchTask
 from daemon.model.search_answer import Confirmation, ParameterChange, PointResult
 from daemon.search.points import changed_parameters, is_as_written
+from grammars.text.words import count_noun, enumerate_words
 
 AS_WRITTEN: Final = "as written"
 """Said of a point that has every value as the scenario has it."""
@@ -57,16 +58,6 @@ def quantity(value: float, unit: str) -> str:
 def percentage(share: float) -> str:
     """Return a bound such as ``18.2 %``, rounded up: no less than was shown."""
     return f"{math.ceil(share * 1000 - 1e-9) / 10:g} %"
-
-
-def plural(number: int, noun: str) -> str:
-    """Return ``1 run`` or ``2 runs``."""
-    return f"{number:,} {noun if number == 1 else noun + 's'}"
-
-
-def enumerate_words(words: Sequence[str]) -> str:
-    """Return ``a, b and c``."""
-    return " and ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)
 
 
 def short_name(task: SearchTask, parameter: SearchParameter) -> str:
@@ -185,7 +176,7 @@ def noise_words(confirmed: Confirmation | None) -> str:
     words = "with this noise alone"
     if confirmed is None or not confirmed.failed:
         return words if confirmed is None else f"{words}: none of {confirmed.runs} repeats"
-    return f"{words}: {confirmed.failed} of {plural(confirmed.runs, 'repeat')}"
+    return f"{words}: {confirmed.failed} of {count_noun(confirmed.runs, 'repeat')}"
 
 
 def confirmation_words(confirmed: Confirmation) -> str:

@@ -1,1 +1,1 @@
-"""Having the runs of a search executed, here or by a daemon, and reading what they say."""
+"""Having the runs of a search executed by a daemon, and reading what they say."""

@@ -17,7 +17,13 @@ from daemon.batch.errors import Refused, Unreachable
 from daemon.model.messages import LARGEST_EXTENSION, CampaignQuery
 from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest, Phase, Proposal, ProposalQuery, ProposalRow
-from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery, SearchRow
+from daemon.model.search_answer import (
+    LONGEST_NOTE,
+    SearchAnswer,
+    SearchProgress,
+    SearchQuery,
+    SearchRow,
+)
 from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, RunState, Submission
 from daemon.model.verbs import CAMPAIGNS, EXTEND, PROGRESS, PROPOSALS, SEARCHES, Verb
@@ -39,8 +45,6 @@ _REPORT_EVERY: Final = 1.0
 _FIRST_PAUSE: Final = 0.1
 _LONGEST_PAUSE: Final = 5.0
 """Seconds between two questions to a daemon that does not answer."""
-LONGEST_NOTE: Final = 2000
-"""Characters."""
 _MOST_UNSENT: Final = 64
 _PAGE: Final = 500
 
@@ -265,25 +269,28 @@ class DaemonRuns:
 
     def _fitting(self) -> int:
         """How many of the unsent runs fit into one request, one at least."""
-        size = 0
+        size, counted = 0, set[str]()
         for count, (_, candidate) in enumerate(self._unsent):
-            size += len(codec.to_json(candidate.spec)) + len(codec.to_json(candidate.scene))
+            size += len(codec.to_json(candidate.spec))
+            if candidate.spec.scene not in counted:
+                counted.add(candidate.spec.scene)
+                size += len(codec.to_json(candidate.scene))
             if count and size > LARGEST_EXTENSION // 2:
                 return count
         return len(self._unsent)
 
-    def _new_scenes(self, part: list[tuple[Proposal, Candidate]]) -> tuple[Scene, ...]:
-        return tuple(scene for scene in _scenes(part) if scene.digest not in self._sent)
+    def _new_scenes(self, part: list[tuple[Proposal, Candidate]]) -> dict[str, Scene]:
+        return {key: scene for key, scene in _scenes(part).items() if key not in self._sent}
 
-    def _extend(self, part: list[tuple[Proposal, Candidate]], scenes: tuple[Scene, ...]) -> None:
+    def _extend(self, part: list[tuple[Proposal, Candidate]], scenes: dict[str, Scene]) -> None:
         specs = tuple(candidate.spec for _, candidate in part)
         files = {digest for spec in specs for digest in spec.files}
         if not files <= self._sent:
             self._client.send_files(specs)
-        runs = Submission(self._campaign, "", "", "", specs, scenes)
+        runs = Submission(self._campaign, "", "", "", specs, tuple(scenes.values()))
         proposals = tuple(proposal for proposal, _ in part)
         self._client.ask(EXTEND, ExtendRequest(self._campaign, proposals, pack_submission(runs)))
-        self._sent.update(files, (scene.digest for scene in scenes))
+        self._sent.update(files, scenes)
 
 
 def _has_result(row: ProposalRow) -> bool:
@@ -291,5 +298,6 @@ def _has_result(row: ProposalRow) -> bool:
     return row.settled and row.state is not RunState.CANCELLED
 
 
-def _scenes(part: list[tuple[Proposal, Candidate]]) -> tuple[Scene, ...]:
-    return tuple({candidate.scene.digest: candidate.scene for _, candidate in part}.values())
+def _scenes(part: list[tuple[Proposal, Candidate]]) -> dict[str, Scene]:
+    """Return the scenes of runs by their digests, which the runs have: making one takes a while."""
+    return {candidate.spec.scene: candidate.scene for _, candidate in part}

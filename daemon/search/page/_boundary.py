@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -17,8 +17,8 @@ from daemon.search.page._points import (
     coordinate,
     margin_title,
 )
-from daemon.search.page._spaces import draw_marks, frame_axes, written_point
-from daemon.search.points import position_in_range
+from daemon.search.page._spaces import draw_marks, frame_axes
+from daemon.search.points import position_in_range, written_point
 from grammars.model.geometry import Floats
 
 RAMP: Final = (
@@ -28,6 +28,8 @@ RAMP: Final = (
 Harrower, 2003). Half of it is below zero."""
 _CELLS: Final = 48
 """Cells along each axis between which margins are estimated."""
+CELL_ENDS: Final[Floats] = np.linspace(0.0, 1.0, _CELLS + 1)
+"""Where they begin and end, as places in a range."""
 _POWER: Final = 4.0
 _APART: Final = 0.25
 """Least distance from zero of what passes and of what fails, as a share of the largest."""
@@ -104,27 +106,47 @@ def _draw_margins(
         ]
     )
     values = balanced(np.array([point.value for point in points]))
-    ends = np.linspace(0.0, 1.0, _CELLS + 1)
-    middles = 0.5 * (ends[:-1] + ends[1:])
-    grid = np.stack(np.meshgrid(middles, middles, indexing="ij"), axis=-1).reshape(-1, 2)
-    levels = ramp_levels(estimate(runs, values, grid).reshape(_CELLS, _CELLS))
-    across, up = (_values_at(p, ends) for p in (x, y))
-    for level, colour in enumerate(RAMP):
+    across, up = (_values_at(p, CELL_ENDS) for p in (x, y))
+    for colour, cells in coloured_cells(runs, values):
         rings = [
             [(across[a], up[j]), (across[b], up[j]), (across[b], up[j + 1]), (across[a], up[j + 1])]
-            for j in range(_CELLS)
-            for a, b in stretches(levels[:, j] == level)
+            for a, b, j in cells
         ]
-        if rings:
-            # Half a hair over its edge: else the page shines through between neighbours.
-            axes.shapes(rings, fill=colour, edge=colour, width=0.1)
-    corners = np.stack(np.meshgrid(ends, ends, indexing="ij"), axis=-1).reshape(-1, 2)
-    at_corners = estimate(runs, values, corners).reshape(_CELLS + 1, _CELLS + 1)
+        # Half a hair over its edge: else the page shines through between neighbours.
+        axes.shapes(rings, fill=colour, edge=colour, width=0.1)
+    line = line_of_zero(runs, values)
+    if len(line):
+        axes.line(_values_at(x, line[:, 0]), _values_at(y, line[:, 1]), _MARKS, 1.6)
+
+
+def coloured_cells(
+    runs: Floats, values: Floats
+) -> Iterator[tuple[str, list[tuple[int, int, int]]]]:
+    """Yield each colour with its cells ``(a, b, j)``: row ``j`` from cell ``a`` to before ``b``.
+
+    ``runs`` (n, 2) are places in the ranges of two parameters, ``values`` (n,) their balanced
+    margins; :data:`CELL_ENDS` are where cells begin and end.
+    """
+    middles = 0.5 * (CELL_ENDS[:-1] + CELL_ENDS[1:])
+    levels = ramp_levels(estimate(runs, values, _grid(middles)).reshape(_CELLS, _CELLS))
+    for level, colour in enumerate(RAMP):
+        cells = [(a, b, j) for j in range(_CELLS) for a, b in stretches(levels[:, j] == level)]
+        if cells:
+            yield colour, cells
+
+
+def line_of_zero(runs: Floats, values: Floats) -> Floats:
+    """Return places (m, 2) of one line along which margins are zero, with gaps of NaN."""
+    at_corners = estimate(runs, values, _grid(CELL_ENDS)).reshape(_CELLS + 1, _CELLS + 1)
     lines = zero_lines(at_corners)
-    if len(lines):
-        gaps = np.full((len(lines), 1, 2), math.nan)
-        places = np.concatenate((lines, gaps), axis=1).reshape(-1, 2) / _CELLS
-        axes.line(_values_at(x, places[:, 0]), _values_at(y, places[:, 1]), _MARKS, 1.6)
+    gaps = np.full((len(lines), 1, 2), math.nan)
+    found: Floats = np.concatenate((lines, gaps), axis=1).reshape(-1, 2) / _CELLS
+    return found
+
+
+def _grid(places: Floats) -> Floats:
+    """Return every pair of places (n,) as (n * n, 2)."""
+    return np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _values_at(parameter: SearchParameter, places: Floats) -> Floats:

@@ -19,7 +19,7 @@ from daemon.search.page._spaces import plot_pairs, plot_parallel
 
 MOST_PAIRED: Final = 4
 """Parameters of which every two have a picture; of more, all are drawn side by side."""
-_NO_TRACES: Final[Mapping[str, Path]] = {}
+NO_TRACES: Final[Mapping[str, Path]] = {}
 
 
 def search_figures(
@@ -27,7 +27,7 @@ def search_figures(
     proposals: Sequence[ProposalRow],
     *,
     baseline: Sequence[ProposalRow] = (),
-    traces: Mapping[str, Path] = _NO_TRACES,
+    traces: Mapping[str, Path] = NO_TRACES,
 ) -> dict[str, str]:
     """Return the figures of a search as SVG to stand inside of a page, by what they show.
 
@@ -37,7 +37,21 @@ def search_figures(
     ``baseline`` are the runs of another search of the same parameters that was not guided. Figures
     that have nothing to show are left out.
     """
-    drawn = _sheets(row, proposals, baseline, traces)
+    explored = drawn_points(row.task, proposals)
+    steps = drawn_points(row.task, proposals, "nearest")
+    return point_figures(row, explored, steps, baseline=baseline, traces=traces)
+
+
+def point_figures(
+    row: SearchRow,
+    explored: Sequence[DrawnPoint],
+    steps: Sequence[DrawnPoint],
+    *,
+    baseline: Sequence[ProposalRow],
+    traces: Mapping[str, Path],
+) -> dict[str, str]:
+    """Return what :func:`search_figures` does, of points; ``steps`` lead to the nearest failure."""
+    drawn = _sheets(row, explored, steps, drawn_points(row.task, baseline), traces)
     return {
         name: sheet.svg(f"f{number}", label)
         for number, (name, label, sheet) in enumerate(drawn)
@@ -52,18 +66,18 @@ def told_point(answer: SearchAnswer | None) -> PointResult | None:
 
 def _sheets(
     row: SearchRow,
-    proposals: Sequence[ProposalRow],
-    baseline: Sequence[ProposalRow],
+    points: Sequence[DrawnPoint],
+    steps: Sequence[DrawnPoint],
+    baseline: Sequence[DrawnPoint],
     traces: Mapping[str, Path],
 ) -> Iterator[tuple[str, str, Sheet | None]]:
     task, answer = row.task, row.answer
-    points = drawn_points(task, proposals)
     nearest = answer.nearest.result.values if answer is not None and answer.nearest else None
     if points:
-        filling = space_filling_runs(task, points, drawn_points(task, baseline))
+        filling = space_filling_runs(task, points, baseline)
         label = "Margin of every run, the smallest so far, and failures over runs"
         yield "margins", label, plot_margins(task, points, filling)
-        yield from _of_space(row, points, drawn_points(task, proposals, "nearest"), nearest)
+        yield from _of_space(row, points, steps, nearest)
     if answer is not None:
         yield "influence", "Influence of parameters as bars", plot_influence(task, answer)
     yield from _of_failure(told_point(answer), traces)

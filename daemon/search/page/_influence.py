@@ -9,7 +9,7 @@ from daemon.analysis.report import Sheet
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchAnswer
 from daemon.search.answers.findings import is_by_chance
-from daemon.search.answers.wording import short_name
+from daemon.search.answers.wording import minus, short_name
 
 _LETTER: Final = 3.8
 
@@ -35,7 +35,7 @@ def plot_influence(task: SearchTask, answer: SearchAnswer) -> Sheet | None:
     axes.x_limits, axes.y_limits = (left, 1.35), (-len(found) - 0.3, 0.9)
     for value in (-1.0, -0.5, 0.0, 0.5, 1.0):
         axes.line([value, value], [-len(found), 0.0], "rule" if value else "soft", 0.6)
-        words = f"{value:g}".replace("-", "−")
+        words = minus(f"{value:g}")
         axes.words(value, 0.15, words, shift=(-0.5 * len(words) * _LETTER, 0.0))
     for row, (one, name) in enumerate(zip(found, names, strict=True)):
         y = -row - 0.5
@@ -44,6 +44,6 @@ def plot_influence(task: SearchTask, answer: SearchAnswer) -> Sheet | None:
         )
         axes.line([0.0, one.correlation], [y, y], colour, 8.0, flat=True)
         axes.words(-1.0, y, name, 7.0, colour="ink", anchor="end", shift=(-5.0, -2.5))
-        words = f"{one.correlation:+.2f}".replace("-", "−")
+        words = minus(f"{one.correlation:+.2f}")
         axes.words(1.0, y, words, 6.5, shift=(5.0, -2.2))
     return sheet

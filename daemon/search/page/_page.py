@@ -10,25 +10,23 @@ from typing import Final, Literal
 
 from markupsafe import Markup
 
-from daemon.analysis.report import count_noun, duration_text, format_quantity
+from daemon.analysis.report import GLYPHS, NOTHING, duration_text, format_quantity
 from daemon.model.proposals import ProposalRow
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
 from daemon.search.answers.sentences import ending_words
-from daemon.search.answers.wording import value_words
-from daemon.search.page._figures import search_figures, told_point
+from daemon.search.answers.wording import point_words
+from daemon.search.page._figures import NO_TRACES, point_figures, told_point
 from daemon.search.page._points import DrawnPoint, drawn_points
 from daemon.search.page._spaces import MOST_LINES
 from daemon.search.points import is_as_written, range_text
+from grammars.text.words import count_noun
 from templates.report import render_search_report
 
 MOST_LISTED: Final = 60
 """Points in the table at most: those with the smallest margins."""
-_NOTHING: Final = "–"
 _FIGURES: Final = ("margins", "boundary", "parallel", "influence", "moment", "way")
-_NO_TRACES: Final[Mapping[str, Path]] = {}
-_WORDS: Final = {"pass": "✓", "fail": "✗", "inconclusive": "?", "error": "‼"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,17 +68,19 @@ def search_page(
     proposals: Sequence[ProposalRow],
     *,
     baseline: Sequence[ProposalRow] = (),
-    traces: Mapping[str, Path] = _NO_TRACES,
+    traces: Mapping[str, Path] = NO_TRACES,
     commands: Sequence[tuple[str, str]] = (),
 ) -> str:
     """Return the page of a search as HTML that needs nothing else.
 
     ``proposals`` are all of its runs. ``baseline`` and ``traces`` are as of
-    :func:`search_figures`; ``commands`` is what to type next, each with what it does.
+    :func:`daemon.search.page.search_figures`; ``commands`` is what to type next, each with what it
+    does.
     """
     task, answer = row.task, row.answer
-    figures = search_figures(row, proposals, baseline=baseline, traces=traces)
     explored, steps = drawn_points(task, proposals), drawn_points(task, proposals, "nearest")
+    figures = point_figures(row, explored, steps, baseline=baseline, traces=traces)
+    compared = _compared_points(answer)
     ordered = sorted(explored, key=lambda p: (math.isnan(p.value), p.value, p.number))
     shown = told_point(answer)
     passing = sum(not point.result.fails for point in explored)
@@ -94,8 +94,8 @@ def search_page(
         # Drawn here, from numbers and escaped names, never taken from a file.
         figures={name: Markup(figures.get(name, "")) for name in _FIGURES},
         pairs={n.removeprefix("pair: "): Markup(s) for n, s in figures.items() if "pair: " in n},
-        compared=_compared_points(answer),
-        parameters=_parameter_lines(task, answer),
+        compared=compared,
+        parameters=_parameter_lines(task, [values for _, values in compared]),
         points=[_point_line(task, point) for point in ordered[:MOST_LISTED]],
         left_out=len(ordered) - MOST_LISTED,
         thinned=passing > MOST_LINES,
@@ -103,7 +103,7 @@ def search_page(
         other_baseline=bool(baseline),
         shown=shown,
         commands=commands,
-        nothing=_NOTHING,
+        nothing=NOTHING,
     )
 
 
@@ -176,8 +176,7 @@ def _compared_points(answer: SearchAnswer | None) -> tuple[tuple[str, Point], ..
     return tuple((name, point.values) for name, point in named if point is not None)
 
 
-def _parameter_lines(task: SearchTask, answer: SearchAnswer | None) -> list[_ParameterLine]:
-    compared = [values for _, values in _compared_points(answer)]
+def _parameter_lines(task: SearchTask, compared: Sequence[Point]) -> list[_ParameterLine]:
     return [
         _ParameterLine(
             parameter.name,
@@ -193,26 +192,19 @@ def _parameter_lines(task: SearchTask, answer: SearchAnswer | None) -> list[_Par
 
 
 def _value_text(parameter: SearchParameter, value: PointValue | None) -> str:
-    return _NOTHING if value is None else parameter.text(value)
+    return NOTHING if value is None else parameter.text(value)
 
 
 def _point_line(task: SearchTask, point: DrawnPoint) -> _PointLine:
     result = point.result
     value, outcome = result.value, str(result.outcome or "error")
-    changed = [
-        value_words(task, parameter, given)
-        for parameter, given in zip(task.parameters, result.values, strict=True)
-        if parameter.written is None or not is_as_written(parameter, given)
-    ]
     return _PointLine(
         number=point.number,
         outcome=outcome,
-        glyph=_WORDS.get(outcome, "?"),
-        margin=_NOTHING
-        if value is None
-        else format_quantity(value.margin, value.unit, signed=True),
+        glyph=GLYPHS.get(outcome, "?"),
+        margin=NOTHING if value is None else format_quantity(value.margin, value.unit, signed=True),
         about=" ".join(filter(None, (value.oracle, value.object))) if value else "",
         method=point.method,
-        changed=", ".join(changed) or "as written",
+        changed=point_words(task, result, len(task.parameters)),
         run=result.run,
     )

@@ -19,7 +19,6 @@ class DrawnPoint:
     number: int
     method: str
     guided: bool
-    note: str
     result: PointResult
 
     @property
@@ -42,7 +41,6 @@ def drawn_points(
             number,
             found[0].proposal.method,
             found[0].proposal.guided,
-            found[0].proposal.note,
             median_result([point_result(task, row) for row in found]),
         )
         for number, found in sorted(groups.items())

@@ -18,7 +18,7 @@ from daemon.search.page._points import (
     axis_title,
     coordinate,
 )
-from daemon.search.points import position_in_range
+from daemon.search.points import position_in_range, written_point
 
 MOST_LINES: Final = 400
 """Points that pass and are drawn as lines at most; of more, some evenly over the search."""
@@ -26,12 +26,6 @@ _LETTER: Final = 3.1
 """Width of a letter of a name [points]."""
 _OUTSIDE: Final = 0.06
 """How far beyond its range a written value is drawn, as a share of the range."""
-
-
-def written_point(task: SearchTask) -> Point | None:
-    """Return the scenario as written; ``None`` where it does not say a value of each parameter."""
-    values = tuple(p.written for p in task.parameters if p.written is not None)
-    return values if len(values) == len(task.parameters) else None
 
 
 def plot_parallel(task: SearchTask, points: Sequence[DrawnPoint], nearest: Point | None) -> Sheet:

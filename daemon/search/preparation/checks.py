@@ -15,8 +15,10 @@ import numpy as np
 from daemon.campaign import CampaignCell
 from daemon.model.search import Point, PointValue, SearchParameter
 from daemon.search.methods import method_misfit, missing_library
+from daemon.search.points import with_value
 from daemon.search.preparation.composition import SearchCase
 from daemon.search.space import SearchSpace
+from grammars.model.scene import Scene
 from grammars.preflight import check_run, check_scene
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument, parse_yaml
@@ -102,16 +104,19 @@ class _PointTrial:
         pairs = zip(self._parameters, self._centre, strict=True)
         self._base: Point = tuple(middle if p.written is None else p.written for p, middle in pairs)
         self._known: frozenset[str] = frozenset()
+        self._scene: Scene | None = None
 
     def findings(self) -> Iterator[Diagnostic]:
         """Yield what refuses which values."""
-        as_written = self._refusal(self._base)
-        if as_written:
-            message = f"{self._case.task.name}: the scenario as written makes no run: {as_written}"
+        try:
+            base = self._case.cell_at(self._base, 0, 0)
+        except InputError as error:
+            refusal = _first(error.diagnostics)
+            message = f"{self._case.task.name}: the scenario as written makes no run: {refusal}"
             yield Diagnostic(self._places.at(), message)
             return
         # What is wrong with the scenario as it stands is told of it, not of every value.
-        self._known = frozenset(self._errors(self._base))
+        self._known, self._scene = frozenset(_errors(base)), base.scene
         alone = list(self._ends())
         yield from alone
         refusal = self._tried(self._centre) if self._space.allowed(self._centre) else ""
@@ -125,7 +130,7 @@ class _PointTrial:
         """Yield what refuses a parameter at an end, with the others as written."""
         for index, parameter in enumerate(self._parameters):
             for value in _ends_of(parameter):
-                point = _with(self._base, index, value)
+                point = with_value(self._base, index, value)
                 refusal = self._tried(point) if self._space.allowed(point) else ""
                 if refusal:
                     message = f"{parameter.name} at {parameter.text(value)} makes no run: {refusal}"
@@ -160,7 +165,7 @@ class _PointTrial:
         """Return a point that is refused with as little as possible at the values of ``corner``."""
         point, moved = corner, list(range(len(corner)))
         for index in range(len(corner)):
-            nearer = _with(point, index, self._base[index])
+            nearer = with_value(point, index, self._base[index])
             if self._refusal(nearer):
                 point = nearer
                 moved.remove(index)
@@ -171,11 +176,11 @@ class _PointTrial:
 
     def _tried(self, point: Point) -> str:
         """Return why a point makes no run, or none that means anything."""
-        refusal = self._refusal(point)
-        if refusal:
-            return refusal
-        new = [said for said in self._errors(point) if said not in self._known]
-        return new[0] if new else ""
+        try:
+            cell = self._case.cell_at(point, 0, 0)
+        except InputError as error:
+            return _first(error.diagnostics)
+        return next((said for said in _errors(cell, self._scene) if said not in self._known), "")
 
     def _refusal(self, point: Point) -> str:
         try:
@@ -184,14 +189,12 @@ class _PointTrial:
             return _first(error.diagnostics)
         return ""
 
-    def _errors(self, point: Point) -> list[str]:
-        cell = self._case.cell_at(point, 0, 0)
-        return [d.message for d in _preflight(cell) if d.severity is Severity.ERROR]
 
-
-def _preflight(cell: CampaignCell) -> Iterator[Diagnostic]:
-    yield from check_scene(cell.scene, places=cell.places)
-    yield from check_run(
+def _errors(cell: CampaignCell, checked: Scene | None = None) -> list[str]:
+    """Return what the pre-flight refuses of a cell, less what it says of a scene ``checked``."""
+    # Cells whose plan and objects are the same share a scene, of which all has been said.
+    of_scene = () if cell.scene is checked else check_scene(cell.scene, places=cell.places)
+    of_run = check_run(
         cell.scene,
         cell.robot,
         cell.mission,
@@ -199,15 +202,12 @@ def _preflight(cell: CampaignCell) -> Iterator[Diagnostic]:
         where=cell.mission_where,
         places=cell.places,
     )
+    return [d.message for d in (*of_scene, *of_run) if d.severity is Severity.ERROR]
 
 
 def _first(diagnostics: Sequence[Diagnostic]) -> str:
     one = diagnostics[0]
     return f"{one.message} ({one.where})"
-
-
-def _with(point: Point, index: int, value: PointValue) -> Point:
-    return (*point[:index], value, *point[index + 1 :])
 
 
 def _ends_of(parameter: SearchParameter) -> tuple[PointValue, ...]:

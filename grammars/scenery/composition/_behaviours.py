@@ -21,6 +21,7 @@ from grammars.scenery.composition._compiler import refuse_unapplied
 from grammars.scenery.composition._sentences import SentenceResolver
 from grammars.scenery.model import SceneryLayer, Sentence
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.words import enumerate_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +133,8 @@ def _replaced(joints: Sequence[str], new: Where, old: Where) -> Diagnostic:
     named = list(joints[:_MOST_NAMED])
     if len(joints) > _MOST_NAMED:
         named[-1] = f"{len(joints) - _MOST_NAMED + 1} more"
-    listed = " and ".join(filter(None, (", ".join(named[:-1]), named[-1])))
     follow = "follow" if len(joints) > 1 else "follows"
-    message = f"{listed} {follow} this sentence, not the one at {old}"
+    message = f"{enumerate_words(named)} {follow} this sentence, not the one at {old}"
     return Diagnostic(new, message, severity=Severity.WARNING)
 
 

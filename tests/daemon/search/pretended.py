@@ -13,9 +13,9 @@ from daemon.model.search import OracleScale, Point, PointValue, SearchParameter,
 from daemon.model.search_answer import PointResult
 from daemon.model.spec import LeadingMargin, OracleText, RunResult, Timing, TraceInfo
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from daemon.search.execution.local_runs import LocalRuns
 from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.samples import SCENE, make_spec
+from tests.daemon.search.local_runs import LocalRuns
 
 ORACLE: Final = "keeps-clear"
 MarginFunction = Callable[[Point, int], float | None]

@@ -11,8 +11,8 @@ from daemon.analysis.blame import Candidate
 from daemon.model.proposals import Phase, Proposal, ProposalRow
 from daemon.model.search import Point
 from daemon.model.search_answer import SearchAnswer
-from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.program import ERRORS_IN_A_ROW, SearchStoppedError, run_search
+from tests.daemon.search.local_runs import LocalRuns
 from tests.daemon.search.pretended import PretendedCase, make_task, seconds
 
 KITCHEN = seconds("doors.kitchen_opens", 5.0)

@@ -16,12 +16,12 @@ from daemon.model.search_answer import PointResult
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.coordinator import run_program
-from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.execution.point_runner import PointRunner, RunPurpose
 from daemon.search.preparation.composition import SearchCase, load_search_case
 from daemon.search.program import run_search
 from daemon.search.shrinking import left_out, shrink_failure
 from grammars.model.behaviour import Trigger
+from tests.daemon.search.local_runs import LocalRuns
 
 CAMPAIGN = """\
 campaign: tiny

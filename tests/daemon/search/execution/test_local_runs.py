@@ -5,9 +5,9 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.preparation.composition import load_search_case
 from daemon.search.program import run_search
+from tests.daemon.search.local_runs import LocalRuns
 
 CAMPAIGN = """\
 campaign: tiny

@@ -16,12 +16,12 @@ from daemon.model.proposals import ProposalRow
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
 from daemon.model.status import RunState
-from daemon.search.execution.local_runs import LocalRuns
 from daemon.search.page import search_figures, search_headline, search_page
 from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
 from daemon.search.page._points import drawn_points, smallest_so_far
 from daemon.search.program import run_search
 from tests.daemon.analysis.report.recordings import SHUT, SUTS, record, spec
+from tests.daemon.search.local_runs import LocalRuns
 from tests.daemon.search.pretended import MarginFunction, PretendedCase, make_task, seconds
 
 
