@@ -180,7 +180,7 @@ def results(
     """Show what came out of a campaign: every cell, what is not as expected and why."""
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.results import emit_results, print_summary
-    from scenario_tui.cli.search import ask_search
+    from scenario_tui.cli.search_report import ask_search
     from scenario_tui.cli.target import (
         DaemonTarget,
         find_campaign_or_search,
@@ -195,7 +195,7 @@ def results(
         listed = outcome or text
         if row.search and not listed:
             _refuse_baseline(baseline)
-            answer = ask_search(daemon, row.id)
+            answer = ask_search(daemon, row.id, runs=as_json)
             rows = all_runs(daemon, row.id) if runs else ()
             _show_search(answer, rows, exit_status=exit_status, as_json=as_json)
             return
@@ -326,22 +326,21 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
     target = DaemonTarget(connect, state)
     with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
         detail = find_run(daemon, run)
-        campaign = daemon.campaign(detail.row.campaign)
+        search = daemon.search_row(detail.row.campaign)
         found = RunOutput(detail)
-        if campaign is not None and campaign.search:
-            found = _with_proposal(daemon, detail)
+        if search is not None:
+            found = _with_proposal(daemon, detail, search.task)
     found.show(as_json)
 
 
-def _with_proposal(daemon: DaemonClient, detail: RunDetail) -> RunOutput:
+def _with_proposal(daemon: DaemonClient, detail: RunDetail, task: SearchTask) -> RunOutput:
     """Return a run of a search with the point that it is."""
     from daemon.model.proposals import ProposalQuery
     from daemon.model.verbs import PROPOSALS
 
-    row = daemon.search_row(detail.row.campaign)
     # A run of a search has its position for its number.
     page = daemon.ask(PROPOSALS, ProposalQuery(detail.row.campaign, detail.row.index, 1))
-    return RunOutput(detail, page[0].proposal if page else None, row.task if row else None)
+    return RunOutput(detail, page[0].proposal if page else None, task)
 
 
 def _next_commands(detail: RunDetail, task: SearchTask | None = None) -> Iterable[tuple[str, str]]:

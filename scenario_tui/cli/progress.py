@@ -43,6 +43,8 @@ _POLL: Final = 2.0
 """Seconds between two looks at one that is not known to have changed: events may get lost."""
 PATIENCE: Final = 120.0
 """Seconds a watcher waits for a daemon that went away."""
+SUBMIT_PATIENCE: Final = 10.0
+"""Seconds a daemon that is away is waited for with a submission: one that restarts needs a few."""
 _LOOK: Final = 2.0
 """Seconds between two questions whether the daemon is in trouble."""
 _SHOWN_RUNS: Final = 8
@@ -167,17 +169,16 @@ def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
 
 
 @dataclass(slots=True)
-class _RunRate:
+class RunRate:
     """Measures how fast runs finish while somebody watches."""
 
     started: float
     before: int
 
-    def look(self, row: CampaignRow, now: float) -> tuple[float, float | None]:
-        """Return runs per minute and the seconds left at that pace."""
-        left = row.queued + row.running
+    def look(self, over: int, left: int, now: float) -> tuple[float, float | None]:
+        """Return runs per minute and the seconds left at that pace, when so many are ``over``."""
         # What was over before somebody looked says nothing about the pace: it may be cached.
-        since = row.total - left - self.before
+        since = over - self.before
         elapsed = now - self.started
         if since <= 0 or elapsed <= 0:
             return 0.0, None
@@ -236,12 +237,12 @@ class _WatchedRuns:
     campaign: str
     row: CampaignRow | None = None
     running: tuple[RunRow, ...] = ()
-    pace: _RunRate | None = None
+    pace: RunRate | None = None
 
     def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> CampaignRow:
         row = self.row = ask_campaign(daemon, self.campaign)
         self.running = ask_running(daemon, row) if shown.on_screen else ()
-        self.pace = self.pace or _RunRate(time.monotonic(), row.total - row.queued - row.running)
+        self.pace = self.pace or RunRate(time.monotonic(), row.total - row.queued - row.running)
         return row
 
     @property
@@ -251,7 +252,8 @@ class _WatchedRuns:
     def draw(self, live: Mapping[str, LiveSnapshot], preparing: str, width: int) -> RenderableType:
         if self.row is None or self.pace is None:
             return Text(preparing)
-        per_minute, left = self.pace.look(self.row, time.monotonic())
+        ahead = self.row.queued + self.row.running
+        per_minute, left = self.pace.look(self.row.total - ahead, ahead, time.monotonic())
         found = CampaignProgress(self.row, self.running, live, per_minute, left, preparing)
         return progress_lines(found, width)
 

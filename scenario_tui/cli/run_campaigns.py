@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from daemon.model.status import Submission, SubmissionReceipt
     from grammars.text.diagnostics import Diagnostic
 
-_SUBMIT_PATIENCE: Final = 10.0
-"""Seconds a daemon that is away is waited for with a campaign: one that restarts needs a few."""
 
 Out = Annotated[
     Path | None,
@@ -169,7 +167,7 @@ def submit(
     answers.
     """
     from scenario_tui.cli.execute import start_daemon_if_needed, watch_to_end
-    from scenario_tui.cli.progress import ask_patiently
+    from scenario_tui.cli.progress import SUBMIT_PATIENCE, ask_patiently
     from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.submission import receipt_text
 
@@ -181,7 +179,7 @@ def submit(
     # After starting one: before, there may be no endpoint.
     endpoint = target.endpoint
     # Again, it is the same campaign: the daemon knows it by its id.
-    receipt = ask_patiently(target, lambda daemon: daemon.submit(submission), _SUBMIT_PATIENCE)
+    receipt = ask_patiently(target, lambda daemon: daemon.submit(submission), SUBMIT_PATIENCE)
     say(receipt_text(receipt))
     if watch:
         code = watch_to_end(target, submission.campaign, as_json, baseline, worse_by)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,13 +18,7 @@ if TYPE_CHECKING:
     from daemon.model.proposals import ProposalRow
     from daemon.model.search import SearchSubmission, SearchTask
     from daemon.model.search_answer import SearchRow
-    from daemon.model.verbs import DaemonClient
     from scenario_tui.cli.target import DaemonTarget
-
-_SUBMIT_PATIENCE: Final = 10.0
-"""Seconds a daemon that is away is waited for with a search."""
-_LEAST_CONFIRMED: Final = 3
-"""Repeats of what a system that is not repeatable fails."""
 
 
 class SearchOutput(Output, schema="search"):
@@ -182,8 +176,10 @@ def search(
             raise typer.BadParameter(message, param_hint=given[0])
         found = _find_search(target, campaign)
     if detach:
+        from scenario_tui.cli.search_report import ask_search
+
         with target.open() as daemon:
-            search_output(*ask_search(daemon, found)).show(as_json)
+            search_output(*ask_search(daemon, found, runs=as_json)).show(as_json)
         return
     raise typer.Exit(watch_search(target, found, as_json, out=out, gazebo=gazebo))
 
@@ -193,8 +189,8 @@ def watch_search(
     campaign: str,
     as_json: bool,
     *,
-    out: Path | None = None,
-    gazebo: bool = True,
+    out: Path | None,
+    gazebo: bool,
 ) -> int:
     """Watch a search to its end, write its files, print its answer, return its exit code.
 
@@ -213,7 +209,7 @@ def watch_search(
         return ExitCode.INTERRUPTED
     with target.open() as daemon:
         folder = out or Path("scenario-results") / "search" / campaign
-        written = write_search_files(daemon, row, folder, gazebo=gazebo)
+        written = write_search_files(daemon, row, watched.rows, folder, gazebo=gazebo)
     files = {kind: str(path) for kind, path in written.items()}
     search_output(row, watched.rows, files).show(as_json)
     return search_code(row)
@@ -253,7 +249,7 @@ def _read_changes(
     budget: str, stop: str, method: str, seed: int | None, confirm: int | None
 ) -> Callable[[SearchTask], SearchTask]:
     """Return what options change of a search; raises :class:`typer.BadParameter`."""
-    from daemon.campaign import read_budget, read_stop
+    from daemon.campaign import LEAST_CONFIRMED, read_budget, read_stop
 
     changes: dict[str, object] = {}
     if budget:
@@ -271,7 +267,7 @@ def _read_changes(
     def change(task: SearchTask) -> SearchTask:
         repeats = {} if confirm is None else {"confirm": confirm}
         if confirm is not None and not task.repeatable:
-            repeats = {"confirm": max(confirm, _LEAST_CONFIRMED)}
+            repeats = {"confirm": max(confirm, LEAST_CONFIRMED)}
         return replace(task, **changes, **repeats)  # type: ignore[arg-type]
 
     return change
@@ -289,16 +285,16 @@ def _hand_over(
     """Hand a search to the daemon, or let it go on; returns its id."""
     from daemon.search.preparation.submission import prepare_search
     from scenario_tui.cli.execute import start_daemon_if_needed
-    from scenario_tui.cli.progress import ask_patiently
+    from scenario_tui.cli.progress import SUBMIT_PATIENCE, ask_patiently
 
     submission, warnings = prepare_search(path, name, change=change, fresh=fresh)
     report_diagnostics(warnings)
     start_daemon_if_needed(target, slots)
     # Asked before: afterwards one that was cancelled runs again.
     before = ask_patiently(
-        target, lambda daemon: daemon.search_row(submission.campaign), _SUBMIT_PATIENCE
+        target, lambda daemon: daemon.search_row(submission.campaign), SUBMIT_PATIENCE
     )
-    ask_patiently(target, lambda daemon: daemon.submit_search(submission), _SUBMIT_PATIENCE)
+    ask_patiently(target, lambda daemon: daemon.submit_search(submission), SUBMIT_PATIENCE)
     say(_receipt_text(submission, before))
     return submission.campaign
 
@@ -336,16 +332,6 @@ def _find_search(target: DaemonTarget, wanted: str) -> str:
         hint = f"its results are shown by `scenario results {wanted}`"
         raise Refused(f"{wanted} is no search: {hint}")
     return found
-
-
-def ask_search(daemon: DaemonClient, campaign: str) -> tuple[SearchRow, tuple[ProposalRow, ...]]:
-    """Return a search and its runs; raises :class:`Refused` when there is none."""
-    from daemon.batch.errors import Refused
-
-    row = daemon.search_row(campaign)
-    if row is None:
-        raise Refused(f"there is no search {campaign}")
-    return row, daemon.proposals(campaign)
 
 
 def search_output(

@@ -15,6 +15,7 @@ from scenario_tui.cli.output import report_diagnostics
 from scenario_tui.cli.search_report import daemon_material, write_search_page
 
 if TYPE_CHECKING:
+    from daemon.model.proposals import ProposalRow
     from daemon.model.search import BundledFile
     from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
@@ -26,7 +27,12 @@ _PAGE: Final = "report.html"
 
 
 def write_search_files(
-    daemon: DaemonClient, row: SearchRow, folder: Path, *, gazebo: bool = True
+    daemon: DaemonClient,
+    row: SearchRow,
+    proposals: tuple[ProposalRow, ...],
+    folder: Path,
+    *,
+    gazebo: bool = True,
 ) -> dict[str, Path]:
     """Write what there is about a search that has ended into a folder; return it by its kind.
 
@@ -50,7 +56,7 @@ def write_search_files(
         written["smallest"] = _write_bundle(files, folder / _SMALLEST, "campaign.yaml")
     named = {kind: str(path) for kind, path in written.items()}
     folder.mkdir(parents=True, exist_ok=True)
-    material = daemon_material(daemon, row.campaign)
+    material = daemon_material(daemon, row, proposals)
     write_search_page(material, folder / _PAGE, tuple(file_commands(named)))
     written["page"] = folder / _PAGE
     return written

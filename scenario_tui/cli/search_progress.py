@@ -18,6 +18,7 @@ from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
 from scenario_tui.cli.progress import (
     WAITING,
     ProgressDisplay,
+    RunRate,
     ask_campaign,
     ask_running,
     run_lines,
@@ -54,7 +55,7 @@ class SearchWatch:
     running: tuple[RunRow, ...] = ()
     told_first: bool = False
     told_phase: Phase = "explore"
-    began: tuple[float, int] | None = None
+    pace: RunRate | None = None
 
     def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> SearchRow:
         """Ask how it stands, and tell the first failure and what it goes on with."""
@@ -63,9 +64,10 @@ class SearchWatch:
             raise Refused(f"the daemon does not know the search {self.campaign} (any more)")
         self.rows = newer_proposals(daemon, self.campaign, self.rows)
         self.tally = tally_search(row.task, self.rows)
-        self.campaign_row = ask_campaign(daemon, self.campaign)
-        self.running = ask_running(daemon, self.campaign_row) if shown.on_screen else ()
-        self.began = self.began or (time.monotonic(), self.tally.explored)
+        if shown.on_screen:
+            self.campaign_row = ask_campaign(daemon, self.campaign)
+            self.running = ask_running(daemon, self.campaign_row)
+        self.pace = self.pace or RunRate(time.monotonic(), self.tally.explored)
         self._tell(row, shown)
         self.row = row
         return row
@@ -119,11 +121,10 @@ class SearchWatch:
 
     def _seconds_left(self) -> float | None:
         """Return how long the runs that are left take at the pace of those that were watched."""
-        if self.row is None or self.tally is None or self.began is None:
+        if self.row is None or self.tally is None or self.pace is None:
             return None
-        since, explored = time.monotonic() - self.began[0], self.tally.explored - self.began[1]
-        left = self.row.task.runs - self.tally.explored
-        return left * since / explored if explored > 0 and since > 0 else None
+        over = self.tally.explored
+        return self.pace.look(over, self.row.task.runs - over, time.monotonic())[1]
 
     def _tell(self, row: SearchRow, shown: ProgressDisplay) -> None:
         if self.row is None and row.state != "running":

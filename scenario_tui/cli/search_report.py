@@ -11,7 +11,7 @@ from daemon.batch.errors import Refused, TraceUnavailable
 from daemon.model.messages import LARGEST_PAGE
 from daemon.model.proposals import ProposalQuery
 from daemon.model.search_answer import SearchQuery
-from scenario_tui.cli.target import CampaignSource, DaemonTarget, find_campaign
+from scenario_tui.cli.target import CampaignSource, DaemonTarget, find_campaign_or_search_among
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import LedgerReader
@@ -41,13 +41,7 @@ def find_search_id(
 
     Empty when a campaign is meant. Raises :class:`Refused` when there is neither.
     """
-    try:
-        found = find_campaign(source, wanted)
-    except Refused:
-        called = [row for row in searches() if row.task.name == wanted]
-        if not called:
-            raise
-        return called[0].campaign
+    found = find_campaign_or_search_among(source, wanted, searches)
     return found.id if found.search else ""
 
 
@@ -66,7 +60,9 @@ def choose_search(
     if target.named:
         with target.open() as daemon:
             campaign = find_search_id(daemon, wanted, daemon.searches)
-            return daemon_material(daemon, campaign, drawn=drawn) if campaign else None
+            if not campaign:
+                return None
+            return daemon_material(daemon, *ask_search(daemon, campaign), drawn=drawn)
     if not target.paths.ledger.is_file():
         return None
     with open_ledger(target.paths) as reader:
@@ -74,14 +70,22 @@ def choose_search(
         return _ledger_material(reader, campaign, drawn=drawn) if campaign else None
 
 
-def daemon_material(daemon: DaemonClient, campaign: str, *, drawn: bool = True) -> SearchMaterial:
-    """Return a search that a daemon has; the traces that are drawn are brought here."""
-    from daemon.batch.stores import local_copy, trace_reference
-
+def ask_search(
+    daemon: DaemonClient, campaign: str, *, runs: bool = True
+) -> tuple[SearchRow, tuple[ProposalRow, ...]]:
+    """Return a search, and its ``runs`` if asked; raises :class:`Refused` when there is none."""
     row = daemon.search_row(campaign)
     if row is None:
         raise Refused(f"there is no search {campaign}")
-    proposals = daemon.proposals(campaign)
+    return row, daemon.proposals(campaign) if runs else ()
+
+
+def daemon_material(
+    daemon: DaemonClient, row: SearchRow, proposals: tuple[ProposalRow, ...], *, drawn: bool = True
+) -> SearchMaterial:
+    """Return a search that a daemon has told of; the traces that are drawn are brought here."""
+    from daemon.batch.stores import local_copy, trace_reference
+
     if not drawn:
         return SearchMaterial(row, proposals, (), {})
     base = baseline_search(row, daemon.searches())

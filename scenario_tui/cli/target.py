@@ -6,7 +6,7 @@ Traces are those of this machine, or brought here from where they lie.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +27,7 @@ from scenario_tui.text.formatting import pluralise
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
     from daemon.batch.stores import ByteProgress
+    from daemon.model.search_answer import SearchRow
 
 
 _NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
@@ -200,11 +201,21 @@ def find_campaign_or_search(daemon: DaemonClient, wanted: str) -> CampaignRow:
     That is what its campaign file calls it; the newest of that name is meant. Raises
     :class:`Refused` when there is neither.
     """
+    return find_campaign_or_search_among(daemon, wanted, daemon.searches)
+
+
+def find_campaign_or_search_among(
+    source: CampaignSource, wanted: str, searches: Callable[[], Sequence[SearchRow]]
+) -> CampaignRow:
+    """Return what :func:`find_campaign_or_search` does, from a daemon or a ledger.
+
+    ``searches`` are asked for only when no campaign is meant.
+    """
     try:
-        return find_campaign(daemon, wanted)
+        return find_campaign(source, wanted)
     except Refused:
-        called = [row for row in daemon.searches() if row.task.name == wanted]
-        found = daemon.campaign_page(id=called[0].campaign, limit=1) if called else ()
+        called = [row for row in searches() if row.task.name == wanted]
+        found = source.campaign_page(id=called[0].campaign, limit=1) if called else ()
         if not found:
             raise
         return found[0]

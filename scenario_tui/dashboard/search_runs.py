@@ -10,6 +10,7 @@ from daemon.model.search import Point, SearchTask
 from daemon.model.search_answer import PointResult, SearchRow
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome, Verdict
+from scenario_tui.text.search_text import row_fails
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +90,7 @@ def searched_run(task: SearchTask, row: ProposalRow) -> SearchedRun:
         row.state,
         row.outcome,
         objective(task, row.leads),
-        any(verdict.outcome is Outcome.FAIL for verdict in of_search(task, row.verdicts)),
+        row_fails(task, row),
         row.run,
         row.label,
     )

@@ -265,14 +265,9 @@ def headline(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
     return text
 
 
-def answer_lines(
-    row: SearchRow, answer: SearchAnswer | None = None, styles: Styles = DASHBOARD_STYLES
-) -> list[Text]:
-    """Return a search and its answer, the sentences first, then findings and influence.
-
-    Without ``answer`` it is that of the row.
-    """
-    found = answer or row.answer
+def answer_lines(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> list[Text]:
+    """Return a search and its answer, the sentences first, then findings and influence."""
+    found = row.answer
     lines = list(headline(row, styles).split("\n"))
     if row.note:
         style = styles[_STATES.get(row.state, "inconclusive")]

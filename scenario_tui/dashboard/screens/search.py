@@ -154,6 +154,7 @@ class SearchScreen(SteeringScreen):
         if search is not self._shown:
             self._shown = search
             self._notable = notable_runs(search)
+            self._say(search)
             table = self.query_one(KeyedTable)
             table.fill([_cells(one) for one in self._notable])
             if table.display and self.focused is None:
@@ -165,7 +166,6 @@ class SearchScreen(SteeringScreen):
             self.query_one("#answer-text", Static).update(answer)
             self._show_point()
             self.dashboard.feed.set_query(self.state_query())
-        self._say(search)
         self._show_map(state, search)
 
     def _nothing(self, state: DashboardState) -> str:

@@ -8,7 +8,7 @@ from typing import Final
 from rich.text import Text
 
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
-from scenario_tui.text.formatting import NOTHING, QUIET, UNSURE
+from scenario_tui.text.formatting import QUIET, UNSURE
 from scenario_tui.text.search_text import share_in_range, value_text
 
 _BAR, _LEAST_NAME = 11, 12
@@ -77,8 +77,6 @@ def parameters_text(
 
 def _written(parameter: SearchParameter, value: PointValue) -> str:
     """Return the written value, without its unit where that of the other one follows."""
-    if parameter.written is None:
-        return NOTHING
     words = value_text(parameter, parameter.written)
     numbers = isinstance(value, float | int) and isinstance(parameter.written, float | int)
     return words.removesuffix(f" {parameter.unit}") if numbers and parameter.unit else words
