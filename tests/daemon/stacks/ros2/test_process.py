@@ -24,6 +24,7 @@ from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Container, Ros2Settings
 from daemon.supervision.output_file import OutputFile
 from daemon.supervision.plan import STACK_OUTPUT
+from tests.daemon.batch.harness import alive
 from tests.daemon.stacks.ros2.holder import eventually, holder, marked, supervisor_of
 
 PYTHON = sys.executable
@@ -199,6 +200,8 @@ def test_what_holder_and_supervisor_left_the_next_one_ends(
         supervisor.kill()
         process.send_signal(signal.SIGKILL)
         process.wait()
+    # It has the folder locked until it is really gone, which takes a moment.
+    eventually(lambda: not alive([supervisor]))
     assert marked(folder.name)
     assert folder.exists()
     start().release(keep=False)
