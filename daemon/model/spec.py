@@ -121,7 +121,8 @@ class Snapshot:
     watches: ``spread`` is xx, xy and yy of the estimate's covariance [m²]; laser ``returns``, the
     global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
     and rounded: x, y, x, y, ... [cm]. ``waiting`` says what an external system that is being
-    brought up still lacks, empty once the run goes on.
+    brought up still lacks, empty once the run goes on. ``margin`` in ``unit`` is the least margin
+    so far of the oracles that are not waiting for something, that of ``oracle``.
     """
 
     time: float
@@ -136,6 +137,9 @@ class Snapshot:
     plan: tuple[int, ...] = ()
     contacts: tuple[int, ...] = ()
     waiting: str = ""
+    margin: float | None = None
+    unit: str = ""
+    oracle: str = ""
 
 
 @dataclass(frozen=True, slots=True)

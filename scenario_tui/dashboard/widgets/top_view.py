@@ -58,7 +58,8 @@ class View:
 
     ``returns`` of the laser, the ``plan`` and ``contacts`` are those of this moment; all points in
     the map frame [m]. ``spread`` is how sure the estimate is of its position: xx, xy and yy of the
-    covariance [m²].
+    covariance [m²]. ``clearances`` [m] belong to the points of the ``trail``, as many, NaN where
+    unknown, or there are none; ``limit`` [m] is the clearance an oracle asks for.
     """
 
     scene: Scene
@@ -73,6 +74,8 @@ class View:
     plan: tuple[Point2, ...] = ()
     contacts: tuple[Point2, ...] = ()
     spread: tuple[float, float, float] | None = None
+    clearances: tuple[float, ...] = ()
+    limit: float | None = None
 
     @property
     def where(self) -> Pose2:

@@ -1,0 +1,84 @@
+"""What a run that goes on would be judged by now: signals so far, verdicts so far, its log.
+
+Made only while somebody looks, by the code that judges finished runs, from what is recorded; it
+never enters a trace or a result. Every message tells the whole, so that one that is lost, or a
+watcher who comes late, costs nothing. Times are simulated seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from daemon.model.verdicts import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSignal:
+    """A signal so far, thinned: least and greatest value in equal parts of ``start`` to ``end``.
+
+    ``low`` and ``high`` have the same length; ``None`` where nothing is known (JSON has no NaN).
+    ``unit`` is ``bool`` for what is true or false. ``limits`` [SI] are what oracles compare it
+    with, ``against`` stretches [s] in which the run spoke against an oracle that reads it, and
+    ``readers`` name these oracles.
+    """
+
+    name: str
+    unit: str
+    start: float
+    end: float
+    low: tuple[float | None, ...]
+    high: tuple[float | None, ...]
+    limits: tuple[float, ...] = ()
+    against: tuple[tuple[float, float], ...] = ()
+    readers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ProvisionalVerdict:
+    """What an oracle says of a run so far.
+
+    ``verdict`` is that of the run if it ended now. ``final`` says that nothing that can still
+    happen changes its outcome (a contact is not undone, a waypoint stays reached); what is neither
+    final nor against the run yet is ``open``: the oracle waits for something, and to call it a
+    failure would be wrong.
+    """
+
+    verdict: Verdict
+    final: bool = False
+    open: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """A line of the log of a run, as it came."""
+
+    time: float
+    source: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class DoorMotion:
+    """A joint that leaves (``opens``) or comes back to (not ``opens``) how it is drawn, shut."""
+
+    time: float
+    joint: str
+    opens: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LiveJudgement:
+    """A running run, judged up to ``time`` [s].
+
+    ``reached`` are the moments waypoints were done. ``log`` is the end of the log, in the order of
+    time; ``log_before`` counts the lines before it that are left out.
+    """
+
+    run: str
+    time: float
+    signals: tuple[LiveSignal, ...]
+    verdicts: tuple[ProvisionalVerdict, ...]
+    doors: tuple[DoorMotion, ...]
+    reached: tuple[float, ...]
+    log: tuple[LogLine, ...]
+    log_before: int = 0
