@@ -10,7 +10,8 @@ import io
 import struct
 import zlib
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -102,6 +103,33 @@ def read_mcap(
     return walk.recording
 
 
+class McapFollower:
+    """Reads an MCAP file while its writer, which has flushed it, is still at work.
+
+    Every call takes up where the one before stopped, so that what was read is not read again.
+    """
+
+    def __init__(
+        self, path: Path, topics: Collection[str], layouts: Mapping[str, MessageLayout]
+    ) -> None:
+        self._walk = _McapWalk(McapContents(path), b"", topics, layouts, False)
+        self._read = 0
+
+    def read_on(self, pending: bytes) -> McapContents:
+        """Return everything so far; ``pending`` are message records that no chunk holds yet.
+
+        Raises ``OSError`` and :class:`DamagedTraceError`.
+        """
+        walk = self._walk
+        with walk.recording.path.open("rb") as file:
+            file.seek(self._read)
+            walk.take(file.read(), 0 if self._read else len(MAGIC))
+        with suppress(DamagedTraceError):  # the end, as far as there is one
+            walk.run()
+        self._read += walk.at
+        return walk.with_records(pending)
+
+
 class _McapWalk:
     """One pass over the records of a file."""
 
@@ -122,6 +150,25 @@ class _McapWalk:
         self._schemas: dict[int, str] = {}
         self._total = 0
         self._runs = 0
+
+    def take(self, data: bytes, at: int) -> None:
+        """Go on with other data, which begins ``at`` that byte."""
+        self._data, self.at = data, at
+
+    def with_records(self, data: bytes) -> McapContents:
+        """Return what was read with these records, of which nothing is kept here."""
+        before = self.recording
+        self.recording = replace(
+            before,
+            metadata={**before.metadata},
+            runs={topic: [*rows] for topic, rows in before.runs.items()},
+            packed={topic: [*rows] for topic, rows in before.packed.items()},
+        )
+        try:
+            self._records(data)
+            return self.recording
+        finally:
+            self.recording = before
 
     def run(self) -> None:
         """Read up to the end of the data; raises :class:`DamagedTraceError` when it is cut."""
@@ -181,7 +228,9 @@ class _McapWalk:
     def _chunk(self, content: slice) -> None:
         if not self._wanted(content.stop):
             return
-        data = self._decompressed(content)
+        self._records(self._decompressed(content))
+
+    def _records(self, data: bytes) -> None:
         at = 0
         while at < len(data):
             if at + _RECORD.size > len(data):

@@ -29,6 +29,8 @@ from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import _statics, messages
 from daemon.trace._frames import Correction, MapCorrection
 from daemon.trace._mcap_writer import McapWriter, MessageRecords, SampleColumns
+from daemon.trace._model import Trace
+from daemon.trace._reader import GrowingTrace
 from daemon.trace._signals import SignalBuffers
 from grammars.model.geometry import Floats, Point2, Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
@@ -84,6 +86,7 @@ class TraceWriter:
         self._partial.unlink(missing_ok=True)
         self._file = self._partial.open("xb")
         self._container = McapWriter(self._file)
+        self._growing: GrowingTrace | None = None
         _write_preamble(self._container, spec, packed, versions or {})
 
     def static(self, grid: OccupancyGrid) -> None:
@@ -210,21 +213,27 @@ class TraceWriter:
         """Put text that a system under test printed beside the messages."""
         self._container.add_attachment(f"{messages.OUTPUT_PREFIX}{name}", "text/plain", data)
 
+    def so_far(self, ended: str | None = None, note: str = "") -> Trace:
+        """Return what is recorded by now, as reading the file gives it, and leave that as it is.
+
+        Without scans and plans. With ``ended`` and ``note`` the run is over, otherwise its trace is
+        that of a run that was cut. The first call reads the file, the others what has come since.
+        Raises :class:`TraceError` when another has written into the file.
+        """
+        if self._growing is None:
+            self._growing = GrowingTrace(self._partial, self._spec, self._scene)
+        self._file.flush()
+        pending = [block for block in self._signals.peek_judged() if len(block.times)]
+        last = max([self._container.last, *(int(block.times.max()) for block in pending)])
+        return self._growing.read(pending, {} if ended is None else _outcome(ended, note, last))
+
     def close(self, ended: str, note: str = "") -> TraceInfo:
         """Finish the file and give it its name; ``ended`` and ``note`` say why the run ended."""
         self._signals.joints.keep_last_repeat()
         self._signals.views.flush(0, end=True)
         self._flush()
         container = self._container
-        container.add_metadata(
-            "outcome",
-            {
-                "ended": utf8_text(ended),
-                "complete": "true",
-                "valid_until": repr(container.last / _SECOND),
-                "note": utf8_text(note),
-            },
-        )
+        container.add_metadata("outcome", _outcome(ended, note, container.last))
         container.finish()
         self._file.flush()
         # Before the rename, or a power cut could leave the final name on an empty file.
@@ -280,6 +289,16 @@ class TraceWriter:
         self._container.add_chunk(judged)
         self._container.add_chunk(watched)
         self._file.flush()
+
+
+def _outcome(ended: str, note: str, last: int) -> dict[str, str]:
+    """Return what a trace says of its end; ``last`` [ns] is the time of its latest message."""
+    return {
+        "ended": utf8_text(ended),
+        "complete": "true",
+        "valid_until": repr(last / _SECOND),
+        "note": utf8_text(note),
+    }
 
 
 def _write_preamble(
