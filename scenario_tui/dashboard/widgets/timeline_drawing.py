@@ -171,7 +171,7 @@ class TimelineDrawing:
         for (least, most), layer in zip(curves, (CURVE, OTHER), strict=False):
             x = np.flatnonzero(np.isfinite(least))
             x = x[::2] if layer == OTHER else x  # told from the other one without colour
-            canvas.lines(np.column_stack([x, dots(least[x]), x, dots(most[x])]), layer)
+            canvas.bars(x.astype(np.int32), dots(most[x]), dots(least[x]), layer)
         codes, owners = canvas.cells()
         self._forbid(strip, scale, codes, owners)
         self._shade(strip, codes, owners)
