@@ -30,7 +30,7 @@ from scenario_tui.dashboard.widgets.search_curve import (
 )
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -109,7 +109,7 @@ class SearchScreen(SteeringScreen):
             with Vertical(id="point"):
                 with VerticalScroll(id="parameters"):
                     yield Static(id="parameters-text")
-                yield RunMap(REPLAY_LEGEND)
+                yield RunMap()
 
     def on_mount(self) -> None:
         """Begin with what was found."""
