@@ -274,7 +274,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def _say_live(self, said: Text, track: Track) -> None:
         now, silence = track.snapshot, self.dashboard.tracks.silence(track)
-        far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
+        far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s"
+        if self.has_class("-wide") or now.margin is None:  # else the margin would be cut
+            far += f" of {now.limit:.0f} s"
         if silence > _SILENT:
             said.append(f"  last heard {duration(silence)} ago", style=UNSURE)
         said.append(f"  {now.waiting or far}", style="default not bold")
