@@ -1,6 +1,7 @@
 """The oracle language: what must hold for a run, one line per oracle, with units."""
 
 from grammars.oracle._checks import kind_of, margin_kind
+from grammars.oracle._compared_limits import ComparedLimit, LimitSide, compared_limits
 from grammars.oracle._limits import check_joint_limits
 from grammars.oracle._model import (
     ROBOT,
@@ -54,6 +55,7 @@ __all__ = [
     "SIGNALS",
     "Amount",
     "Arithmetic",
+    "ComparedLimit",
     "Comparison",
     "CustomCall",
     "CustomOracle",
@@ -65,6 +67,7 @@ __all__ = [
     "Judgement",
     "Leg",
     "Limit",
+    "LimitSide",
     "Logic",
     "Not",
     "Number",
@@ -77,6 +80,7 @@ __all__ = [
     "Until",
     "check_joint_limits",
     "check_references",
+    "compared_limits",
     "custom_oracle",
     "custom_oracle_names",
     "custom_signal",

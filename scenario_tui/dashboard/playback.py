@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Final
@@ -25,6 +26,8 @@ from scenario_tui.dashboard.signal_strips import (
     FailureMoment,
     RunTimeline,
     SignalStrip,
+    limits_of,
+    with_limits,
 )
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, STYLES, View, draw_view
@@ -178,7 +181,10 @@ class Playback:
     @cached_property
     def timeline(self) -> RunTimeline:
         """Signals, doors and mission along time."""
-        return sample_timeline(self.trace, self.verdicts)
+        spec = self.trace.spec
+        found = sample_timeline(self.trace, self.verdicts)
+        names = tuple(waypoint.id for waypoint in spec.mission.waypoints)
+        return replace(with_limits(found, limits_of(spec.oracles)), names=names)
 
     @cached_property
     def _kept(self) -> list[int]:

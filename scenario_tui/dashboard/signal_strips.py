@@ -5,13 +5,18 @@ Without what reads traces, which takes a while to load.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from grammars.model.geometry import Floats
+
+if TYPE_CHECKING:
+    from daemon.model.spec import OracleText
+    from grammars.oracle import ComparedLimit
 
 Alignment = Literal["time", "mission"]
 TimeSpan = tuple[float, float]
@@ -19,6 +24,13 @@ SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 5
 """What one goes through when faster or slower is asked for: simulated seconds a second."""
 FLASH: Final = 0.5
 """Seconds a contact stays to be seen."""
+_RAMPS: Final = frozenset(
+    {
+        "elapsed", "path.length", "mission.leg", "mission.leg.elapsed", "mission.reached",
+        "mission.remaining",
+    }
+)  # fmt: skip
+"""Signals that count, or say what the lane of the mission shows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +39,9 @@ class SignalStrip:
 
     ``limits`` [SI] are what oracles compare it with; ``against`` are stretches [s] in which the
     run spoke against an oracle that reads it; ``readers`` name these oracles. ``unit`` is ``bool``
-    for what is true or false.
+    for what is true or false. ``sides`` say for each limit on which side of it the run speaks
+    against an oracle: 1 above, -1 below, 0 neither. A thinned signal has the least of each part of
+    the time in ``values`` and the greatest in ``most``.
     """
 
     name: str
@@ -37,6 +51,21 @@ class SignalStrip:
     limits: tuple[float, ...] = ()
     against: tuple[TimeSpan, ...] = ()
     readers: tuple[str, ...] = ()
+    sides: tuple[int, ...] = ()
+    most: Floats | None = None
+
+    @property
+    def ramp(self) -> bool:
+        """Whether it only counts: a clock or an odometer, whose curve tells nothing."""
+        return self.name in _RAMPS
+
+    def between(self, time: float) -> tuple[float, float]:
+        """Return the least and the greatest value of the part that holds ``time`` [s]."""
+        index = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
+        if index < 0:
+            return math.nan, math.nan
+        values = self.values if self.most is None else self.most
+        return float(self.values[index]), float(values[index])
 
     def at(self, time: float) -> float:
         """Return the value at ``time`` [s]: of the last sample until then, NaN before the first."""
@@ -57,8 +86,9 @@ class DoorEvent:
 class RunTimeline:
     """Everything of a run along time.
 
-    ``reached`` holds the moments waypoints were done [s] of ``waypoints`` in all; ``decided`` those
-    an oracle was decided against.
+    ``reached`` holds the moments waypoints were done [s] of ``waypoints`` in all, called ``names``;
+    ``decided`` those an oracle was decided against. The axis of a run that goes on ends at
+    ``horizon`` [s], later than the run.
     """
 
     start: float
@@ -68,6 +98,43 @@ class RunTimeline:
     reached: tuple[float, ...]
     waypoints: int
     decided: tuple[float, ...]
+    names: tuple[str, ...] = ()
+    horizon: float | None = None
+
+
+def limits_of(oracles: Iterable[OracleText]) -> tuple[ComparedLimit, ...]:
+    """Return what oracles compare signals with; nothing of those that cannot be read here."""
+    # Reading oracles takes longer to load than the first screen.
+    from grammars.oracle import compared_limits, parse_oracle
+    from grammars.text.diagnostics import InputError, Where
+
+    found: list[ComparedLimit] = []
+    for written in oracles:
+        try:
+            oracle = parse_oracle(written.name, written.text, Where(written.name))
+        except InputError:
+            continue
+        found += compared_limits(oracle)
+    return tuple(found)
+
+
+def with_limits(timeline: RunTimeline, limits: Iterable[ComparedLimit]) -> RunTimeline:
+    """Return a timeline whose signals know on which side of their limits is what must not be."""
+    sides: dict[tuple[str, float], set[int]] = {}
+    for limit in limits:
+        side = {"above": 1, "below": -1, "": 0}[limit.against]
+        sides.setdefault((limit.signal, limit.value), set()).add(side)
+
+    def side(name: str, limit: float) -> int:
+        found = sides.get((name, limit), set()) - {0}
+        # Two oracles that want opposite things: neither side is free.
+        return found.pop() if len(found) == 1 else 0
+
+    strips = (
+        replace(strip, sides=tuple(side(strip.name, limit) for limit in strip.limits))
+        for strip in timeline.strips
+    )
+    return replace(timeline, strips=tuple(strips))
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,10 +184,11 @@ def shift_to_clock(timeline: RunTimeline, clock: CommonClock) -> RunTimeline:
     def moved(time: float) -> float:
         return float(clock.to_first(np.array([time]))[0])
 
-    return RunTimeline(
-        moved(timeline.start),
-        moved(timeline.end),
-        tuple(
+    return replace(
+        timeline,
+        start=moved(timeline.start),
+        end=moved(timeline.end),
+        strips=tuple(
             replace(
                 strip,
                 time=clock.to_first(strip.time),
@@ -128,10 +196,9 @@ def shift_to_clock(timeline: RunTimeline, clock: CommonClock) -> RunTimeline:
             )
             for strip in timeline.strips
         ),
-        tuple(replace(event, time=moved(event.time)) for event in timeline.doors),
-        tuple(moved(time) for time in timeline.reached),
-        timeline.waypoints,
-        tuple(moved(time) for time in timeline.decided),
+        doors=tuple(replace(event, time=moved(event.time)) for event in timeline.doors),
+        reached=tuple(moved(time) for time in timeline.reached),
+        decided=tuple(moved(time) for time in timeline.decided),
     )
 
 

@@ -6,7 +6,6 @@ it, also where a limit on the sum (80 % of the time, say) let that pass.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,17 +25,12 @@ from daemon.judging.oracles._sampler import PluginError, SignalSampler
 from daemon.model.spec import OracleText
 from grammars.oracle import (
     Amount,
-    Comparison,
-    Expression,
-    Function,
-    Logic,
-    Not,
-    Number,
     Oracle,
     Signal,
     Statistic,
     Temporal,
     Until,
+    compared_limits,
     render,
     signals_of,
 )
@@ -68,7 +62,8 @@ def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeli
     except (InputError, PluginError):
         return OracleTimeline(written.name, (), (), ())
     named = {render(signal): signal for signal in signals_of(oracle)}
-    return OracleTimeline(written.name, tuple(named.values()), tuple(_limits(oracle)), against)
+    limits = tuple((one.signal, one.value) for one in compared_limits(oracle))
+    return OracleTimeline(written.name, tuple(named.values()), limits, against)
 
 
 def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
@@ -111,36 +106,3 @@ def _time_stretches(sampler: SignalSampler, wrong: SampleMask) -> tuple[Stretch,
         (float(sampler.time_base.time[part.start]), float(ends[part.stop - 1]))
         for part in true_stretches(wrong)
     )
-
-
-def _limits(oracle: Oracle) -> Sequence[tuple[str, float]]:
-    match oracle.judgement:
-        case Statistic(signal=Signal() as signal, limit=limit):
-            return [(render(signal), limit.number.value)] if limit is not None else []
-        case Temporal(predicate=predicate) | Amount(predicate=predicate):
-            return _compared_limits(predicate)
-        case Until(predicate=predicate, release=release):
-            return [*_compared_limits(predicate), *_compared_limits(release)]
-        case _:
-            return []
-
-
-def _compared_limits(expression: Expression) -> list[tuple[str, float]]:
-    """Return which signals a predicate compares with which constants."""
-    match expression:
-        case Comparison(left=left, right=right):
-            found = [_signal_and_limit(left, right), _signal_and_limit(right, left)]
-            return [pair for pair in found if pair is not None]
-        case Not(operand=operand):
-            return _compared_limits(operand)
-        case Logic(operands=operands):
-            return [pair for operand in operands for pair in _compared_limits(operand)]
-        case _:
-            return []
-
-
-def _signal_and_limit(signal: Expression, number: Expression) -> tuple[str, float] | None:
-    value = number.value if isinstance(number, Number) else None
-    if isinstance(number, Function) and isinstance(number.operand, Number) and number.name == "-":
-        value = -number.operand.value
-    return (render(signal), value) if isinstance(signal, Signal) and value is not None else None

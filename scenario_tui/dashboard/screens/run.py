@@ -30,8 +30,8 @@ from scenario_tui.dashboard.state import (
     UnavailableTrace,
 )
 from scenario_tui.dashboard.widgets.tables import VerdictList
-from scenario_tui.dashboard.widgets.timeline import LEGEND as SIGNS
 from scenario_tui.dashboard.widgets.timeline import TimelineView
+from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,

@@ -11,9 +11,10 @@ from daemon.judging.oracles import SignalSampler, oracle_timeline
 from daemon.judging.run_signals import DOOR_CLEARANCE
 from daemon.model.spec import OracleText
 from scenario_tui.dashboard.playback import Playback, open_playback
-from scenario_tui.dashboard.signal_strips import SignalStrip
+from scenario_tui.dashboard.signal_strips import DoorEvent, RunTimeline, SignalStrip
 from scenario_tui.dashboard.widgets.cell_view import Canvas, changed_spans
-from scenario_tui.dashboard.widgets.timeline import TimelineView, at_cursor, fit_heights, ranges
+from scenario_tui.dashboard.widgets.timeline import TimelineView, at_cursor
+from scenario_tui.dashboard.widgets.timeline_drawing import fit_heights, ranges
 from tests.scenario_tui.recorded import TURNED, record_run
 
 
@@ -23,8 +24,14 @@ def playback(tmp_path_factory: pytest.TempPathFactory) -> Playback:
 
 
 def drawn(playback: Playback, columns: int = 80, rows: int = 24, time: float = 2.0) -> list[str]:
+    return drawn_of(playback.timeline, columns, rows, time)
+
+
+def drawn_of(
+    timeline: RunTimeline, columns: int = 80, rows: int = 24, time: float = 2.0
+) -> list[str]:
     view = TimelineView()
-    view._timelines, view._time = (playback.timeline,), time
+    view._timelines, view._time = (timeline,), time
     cells = view.cells(columns, rows)
     assert cells is not None
     assert cells[0].shape == (rows, columns)
@@ -94,10 +101,11 @@ def test_the_timeline_shows_values_limits_violations_doors_and_verdicts(playback
     assert "0.9 rad/s" in text
     assert "limit 0.5 rad/s" in text
     assert "░" in text
-    assert lines[-3].startswith("doors")
-    assert "o" in lines[-3][20:]
+    assert lines[-3].startswith("door-1 ")
+    assert "·━━━" in lines[-3]
     assert lines[-2].startswith("mission")
-    assert "◇2" in lines[-2]
+    assert "─1 w1─◇─" in lines[-2]
+    assert lines[-2].endswith("2 w2")
     assert lines[-1].count("✗") == 2
     assert sum("│" in line for line in lines) > 10
 
@@ -107,8 +115,78 @@ def test_the_timeline_fits_into_any_room(playback: Playback, size: tuple[int, in
     drawn(playback, *size)
 
 
+def test_rows_fill_the_room_there_is(playback: Playback) -> None:
+    strips = playback.timeline.strips
+    assert sum(fit_heights(strips, 60)) == 60
+    assert fit_heights(strips[:1], 30) == [30]
+
+
+def test_limits_are_marked_and_what_lies_beyond_them_is_hatched(playback: Playback) -> None:
+    lines = drawn(playback, 90, 30, time=2.0)
+    at = next(i for i, line in enumerate(lines) if line.startswith("speed.angular"))
+    limit = next(i for i, line in enumerate(lines[at:]) if "0.5┤" in line)
+    beyond = lines[at : at + limit]
+    assert all(line.count("╱") > 40 for line in beyond)
+    assert not any("╱" in line for line in lines[at + limit + 1 : at + limit + 3])
+    assert "limit 0.5 rad/s" in lines[at + 2]
+
+
+def test_a_limit_far_away_is_named_at_the_edge(playback: Playback) -> None:
+    strip = playback.timeline.strips[1]
+    assert strip.name == "clearance"
+    far = replace(strip, limits=(20.0,), sides=(1,))
+    lines = drawn_of(replace(playback.timeline, strips=(far,)))
+    assert "↑20┤" in lines[0]
+    assert not any("╱" in line for line in lines)
+
+
+def test_what_only_counts_is_left_out_unless_it_is_asked_for(playback: Playback) -> None:
+    clock = replace(playback.timeline.strips[0], name="elapsed", readers=("in-time",))
+    view = TimelineView()
+    view._timelines = (replace(playback.timeline, strips=(*playback.timeline.strips, clock)),)
+    assert "elapsed" not in [strip.name for strip in view.signals]
+    view._oracle = "in-time"
+    assert view.signals[0].name == "elapsed"
+    view._oracle, view._ramps = "", True
+    assert "elapsed" in [strip.name for strip in view.signals]
+
+
+def test_signals_that_oracles_read_come_first(playback: Playback) -> None:
+    view = TimelineView()
+    view._timelines = (playback.timeline,)
+    read = [bool(strip.readers) for strip in view.signals]
+    assert read == sorted(read, reverse=True)
+
+
+def test_every_door_that_moved_has_a_lane_until_they_have_to_share_one(playback: Playback) -> None:
+    moves = tuple(DoorEvent(float(i), f"door-{i}.hinge", opens=True) for i in range(5))
+    shut = DoorEvent(6.0, "door-0.hinge", opens=False)
+    timeline = replace(playback.timeline, doors=(*moves, shut))
+    lines = drawn_of(timeline, 90, 36)
+    assert [line.split()[0] for line in lines[-7:-2]] == [f"door-{i}" for i in range(5)]
+    assert lines[-7].partition(" ")[2].strip().strip("━") != ""  # shut again before the end
+    few = drawn_of(timeline, 90, 15)
+    assert few[-4].startswith("door-0 ")
+    assert few[-3].startswith("4 more doors")
+
+
+def test_a_door_that_closes_first_was_open_before(playback: Playback) -> None:
+    timeline = replace(playback.timeline, doors=(DoorEvent(5.0, "door-1.hinge", opens=False),))
+    lane = next(line for line in drawn_of(timeline) if line.startswith("door-1"))
+    assert lane.split()[1].startswith("━━")
+    assert lane.rstrip().endswith("··")
+
+
+def test_a_thinned_signal_says_what_it_knows_of_a_moment() -> None:
+    time = np.array([0.0, 1.0])
+    strip = SignalStrip("it", "m", time, np.array([0.1, 0.2]), most=np.array([0.3, 0.2]))
+    assert [at_cursor(strip, t) for t in (0.5, 1.5)] == ["0.1–0.3 m", "0.2 m"]
+    low, high = ranges(strip, 0.0, 2.0, 2)
+    assert (low[0], high[0]) == (0.1, 0.3)
+
+
 def test_what_does_not_fit_is_counted(playback: Playback) -> None:
-    assert any("> 4 more" in line for line in drawn(playback, 80, 8))
+    assert any("> 3 more" in line for line in drawn(playback, 80, 8))
     few = [replace(playback.timeline.strips[0])] * 3
     assert fit_heights(few, 7) == [3, 2, 2]
     assert fit_heights(few, 3) == [3]
