@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.model.kinematics import WORLD, link_poses
+from grammars.model.kinematics import WORLD, driven_joints, link_poses
 from grammars.model.scene import Joint, Link, SceneObject
-from templates.world import driven_joints
 
 
 @dataclass(frozen=True, slots=True)

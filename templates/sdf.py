@@ -24,10 +24,11 @@ from grammars.model.behaviour import (
     Trigger,
     start_positions,
 )
+from grammars.model.kinematics import driven_joints
 from grammars.model.scene import Scene, SceneObject
 from templates.bodies import Body, BodyJoint, body_of
 from templates.naming import file_name, free_name
-from templates.world import BehaviourDraw, ExportJob, driven_joints
+from templates.world import BehaviourDraw, ExportJob
 
 ERA = "era"
 """Folder of the files as the plugins of 2024 read them: ``pose`` instead of ``position``."""

@@ -13,10 +13,9 @@ from typing import Any, Final, Literal, TypeAlias, TypeVar
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import Behaviour
 from grammars.model.grid import MapRule, OccupancyGrid
-from grammars.model.kinematics import WORLD
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
-from grammars.model.scene import Joint, Scene, SceneObject
+from grammars.model.scene import Scene
 from grammars.scenery import SceneryLayer
 from templates.naming import file_name
 from templates.rendering import Templates
@@ -174,18 +173,3 @@ class ExportJob:
         """Write ``text`` with one kind of line end on every machine."""
         path.write_text(text, encoding="utf-8", newline="\n")
         return path
-
-
-def driven_joints(thing: SceneObject) -> tuple[Joint, ...]:
-    """Return the joints that move one part of an object against another or against the world.
-
-    Others only carry: fixed ones, and those of chains of links without a shape, on which people
-    and other movers walk.
-    """
-    # A carrier of a mover has no shape: nothing one could see moves against it.
-    shapes = {link.name for link in thing.links if link.polygons} | {WORLD}
-    return tuple(
-        joint
-        for joint in thing.joints
-        if {joint.parent, joint.child} <= shapes and not joint.lower == joint.upper == 0.0
-    )

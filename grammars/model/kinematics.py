@@ -187,3 +187,18 @@ def object_rings(
         if is_cut(link, z)
         for ring in rings
     ]
+
+
+def driven_joints(thing: SceneObject) -> tuple[Joint, ...]:
+    """Return the joints that move one part of an object against another or against the world.
+
+    Others only carry: fixed ones, and those of chains of links without a shape, on which people
+    and other movers walk.
+    """
+    # A carrier of a mover has no shape: nothing one could see moves against it.
+    shapes = {link.name for link in thing.links if link.polygons} | {WORLD}
+    return tuple(
+        joint
+        for joint in thing.joints
+        if {joint.parent, joint.child} <= shapes and not joint.lower == joint.upper == 0.0
+    )

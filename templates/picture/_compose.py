@@ -9,7 +9,8 @@ from grammars.model.geometry import Point2
 from templates.picture import _mission, _page, _scene
 from templates.picture._drawing import Drawing, DrawingItem, Labels
 from templates.picture._mission import RunOverlay
-from templates.picture._page import PAPER, is_below, page_around, page_for
+from templates.picture._page import CUT, PAPER, page_around, page_for
+from templates.plan_shapes import is_below
 from templates.world import ArtefactWorld
 
 _BESIDE: Final = 0.9
@@ -74,7 +75,7 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     if closely:
         figure.add("margins", _page.margins(page))
     figure.add("heading", _page.heading(figure))
-    low = any(is_below(s) for s in scene.solids)
+    low = any(is_below(s, CUT) for s in scene.solids)
     doors = ("end" if closely else "start") if scene.objects else ""
     driven = mission is not None
     row = _page.legend(page, doors=doors, low=low, mission=driven, robot=driven and not closely)

@@ -13,6 +13,7 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import FLOOR, FOOT, ROBOT, ROUTE, Page, legend_row
+from templates.plan_shapes import footprint_shape, waypoint_shapes
 
 _RADIUS: Final = 10.0
 _NEAR: Final = 2.0 * _RADIUS
@@ -33,16 +34,16 @@ def route_lines(mission: Mission, page: Page) -> list[DrawingItem]:
 
 def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
     """Return the waypoints with their places in the order, those of one place together."""
-    places: list[tuple[Point2, list[int]]] = []
-    for number, waypoint in enumerate(mission.waypoints, start=1):
-        at = page.point((waypoint.x, waypoint.y))
+    places: list[tuple[Point2, list[str]]] = []
+    for shape in waypoint_shapes(mission):
+        (at,) = page.ring(shape.parts[0])
         for place, numbers in places:
             # A pixel of the page.
             if math.dist(at, place) < 1.0:
-                numbers.append(number)
+                numbers.append(shape.text)
                 break
         else:
-            places.append((at, [number]))
+            places.append((at, [shape.text]))
     shown: list[Point2] = []
     items: list[DrawingItem] = [
         _look(page.point((waypoint.x, waypoint.y)), waypoint.yaw)
@@ -55,7 +56,7 @@ def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
         if spot != at:
             items.append(Disc(at, 3.0, ROUTE))
             items.append(Shape(((at, spot),), line=ROUTE, width=1.0, open=True))
-        text = ", ".join(map(str, numbers))
+        text = ", ".join(numbers)
         radius = _RADIUS + 2.6 * (len(text) - 1)
         items.append(Disc(spot, radius, ROUTE, FLOOR, 2.0))
         items.append(TextLabel(spot, text, _NUMBER, FLOOR, bold=True, centred=True))
@@ -68,8 +69,8 @@ def robot(mission: Mission, machine: Robot | None, page: Page) -> list[DrawingIt
     items: list[DrawingItem] = []
     reach = 0.35
     if machine is not None:
-        ring = page.ring(start.apply_ring(machine.footprint))
-        items.append(Shape((ring,), fill=ROBOT, line=FLOOR, width=1.5))
+        body = page.ring(footprint_shape(start, machine).parts[0])
+        items.append(Shape((body,), fill=ROBOT, line=FLOOR, width=1.5))
         reach = max(max(x for x, _ in machine.footprint), 0.1)
     length = max(reach, 16.0 / page.scale)
     nose, left, right = (

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from grammars.model.geometry import Point2, Ring
+from grammars.model.geometry import Point2
 from grammars.model.kinematics import placed_links
-from grammars.model.scene import Scene, Solid
+from grammars.model.scene import Scene
 from templates.picture._drawing import Disc, Drawing, DrawingItem, Shape, TextLabel
+from templates.plan_shapes import Points
 
 PAPER: Final = "#faf8f4"
 FLOOR: Final = "#ffffff"
@@ -57,9 +58,9 @@ class Page:
         y = self.top + (self.north - at[1]) * self.scale
         return (round(x, 2), round(y, 2))
 
-    def ring(self, ring: Ring) -> tuple[Point2, ...]:
+    def ring(self, ring: Points) -> tuple[Point2, ...]:
         """Return a ring of the map on the page."""
-        return tuple(map(self.point, ring))
+        return tuple(self.point((float(x), float(y))) for x, y in ring)
 
 
 def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] = ()) -> Page:
@@ -110,11 +111,6 @@ def margins(page: Page) -> list[DrawingItem]:
     frame = ((MARGIN, HEAD), (right, HEAD), (right, low), (MARGIN, low))
     # One by one: where two of them lie on each other, together they would be a hole.
     return [*(Shape((ring,), fill=PAPER) for ring in rings), Shape((frame,), line=FAINT)]
-
-
-def is_below(solid: Solid) -> bool:
-    """Return whether something stands below the height at which the plan is cut."""
-    return solid.z_min < CUT and solid.z_max <= CUT
 
 
 def heading(figure: Drawing) -> list[DrawingItem]:

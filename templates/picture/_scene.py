@@ -13,8 +13,8 @@ from shapely.geometry import Polygon
 
 from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Point2
-from grammars.model.kinematics import is_cut, link_poses, placed_links, solid_rings
-from grammars.model.scene import Joint, Link, Region, Scene, SceneObject
+from grammars.model.scene import Scene
+from templates import plan_shapes
 from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import (
     CUT,
@@ -28,27 +28,29 @@ from templates.picture._page import (
     SWING,
     WALL,
     Page,
-    is_below,
 )
-from templates.world import driven_joints
+from templates.plan_shapes import PlanShape, ShapeRole
 
 _GRID: Final = 1e-6
 _ALONG: Final = (0.0, -0.12, 0.12, -0.24, 0.24, -0.34, 0.34)
 _ACROSS: Final = (0.0, -0.2, 0.2, -0.35, 0.35)
 """Where a name may stand, in sides of the space from its middle."""
+_BODIES: Final = {ShapeRole.DOOR: DOOR, ShapeRole.MOVER: DOOR, ShapeRole.POST: POST}
 
 
 def floors(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return the free floor: spaces and the passages between them."""
-    areas = [Polygon(r.outline, r.holes) for r in scene.regions]
-    areas += [Polygon(d.footprint) for d in scene.doorways]
-    return [Shape(_rings(_union(tuple(areas)), page), fill=FLOOR)] if areas else []
+    areas = tuple(map(_polygon, plan_shapes.floor_shapes(scene)))
+    return [Shape(_rings(_union(areas), page), fill=FLOOR)] if areas else []
 
 
 def walls(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return what stands still: low things and sills in light, what is cut in dark."""
-    low = tuple(Polygon(s.polygon) for s in scene.solids if is_below(s))
-    cut = tuple(Polygon(ring) for ring in solid_rings(scene, CUT))
+    standing = list(plan_shapes.solid_shapes(scene, CUT))
+    low, cut = (
+        tuple(_polygon(shape) for shape in standing if shape.role is role)
+        for role in (ShapeRole.LOW, ShapeRole.WALL)
+    )
     items: list[DrawingItem] = []
     if low:
         items.append(Shape(_rings(_union(low), page), fill=LOW, line=SOFT, width=0.6))
@@ -59,17 +61,25 @@ def walls(scene: Scene, page: Page) -> list[DrawingItem]:
 
 def outlines(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return every solid the plan shows by itself, for texts to keep off."""
-    shown = (s for s in scene.solids if is_cut(s, CUT) or is_below(s))
-    return [Shape((page.ring(s.polygon),)) for s in shown]
+    return [Shape(_drawn(shape, page)) for shape in plan_shapes.solid_shapes(scene, CUT)]
 
 
 def space_names(scene: Scene, page: Page, labels: Labels) -> list[DrawingItem]:
     """Return the name of every space, along its longer side, where it has most room."""
-    return [words for region in scene.regions if (words := _name(region, page, labels))]
+    named = plan_shapes.space_names(scene)
+    return [words for shape in named if (words := _name(shape, page, labels))]
 
 
-def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
-    floor = Polygon(region.outline, region.holes)
+def _polygon(shape: PlanShape) -> Polygon:
+    return Polygon(shape.parts[0], shape.parts[1:])
+
+
+def _drawn(shape: PlanShape, page: Page) -> tuple[tuple[Point2, ...], ...]:
+    return tuple(page.ring(part) for part in shape.parts)
+
+
+def _name(space: PlanShape, page: Page, labels: Labels) -> TextLabel | None:
+    floor = _polygon(space)
     corners = shapely.get_coordinates(shapely.oriented_envelope(floor))
     if floor.area <= 0.0 or len(corners) < 4:
         return None
@@ -79,7 +89,7 @@ def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
     # Nearly square rooms keep their name level: it is easier to read.
     turn = math.atan2(long[1], long[0]) if length > 1.15 * breadth else 0.0
     turn = math.remainder(turn, math.pi)
-    text = region.name.replace("_", " ")
+    text = space.text.replace("_", " ")
     room = (0.86 * length * page.scale, 0.7 * breadth * page.scale)
     size = max(min(15.0, room[0] / (LETTER * max(len(text), 1)), room[1]), 6.5)
     middle = corners[:4].mean(axis=0)
@@ -116,21 +126,17 @@ def _rings(area: Any, page: Page) -> tuple[tuple[tuple[float, float], ...], ...]
     return tuple(found)
 
 
-_STEPS = 28
-
-
 def swings(scene: Scene, page: Page, start: Mapping[str, float]) -> list[DrawingItem]:
     """Return the floor each moving link can sweep: sectors of hinges, tracks of sliders."""
     items: list[DrawingItem] = []
-    for thing in scene.objects:
-        if thing.frozen:
-            continue
-        positions = [start[f"{thing.name}.{joint.name}"] for joint in thing.joints]
-        links = {link.name: link for link in thing.links}
-        moving = driven_joints(thing)
-        for index, joint in enumerate(thing.joints):
-            if joint in moving:
-                items += _swing(thing, joint, links[joint.child], positions, index, page)
+    for shape in plan_shapes.swing_shapes(scene, start):
+        rings = _drawn(shape, page)
+        if shape.form == "area":
+            items.append(Shape(rings, fill=SWING, opacity=0.28))
+        elif shape.form == "line":
+            items.append(Shape(rings, line=SWING, width=1.1, dash=(4.0, 3.0), open=True))
+        else:
+            items.append(Shape(rings, line=SWING, width=1.0, dash=(4.0, 3.0)))
     return items
 
 
@@ -148,13 +154,9 @@ def walks(behaviours: Sequence[Behaviour], page: Page) -> list[DrawingItem]:
 def bodies(scene: Scene, page: Page, start: Mapping[str, float]) -> list[DrawingItem]:
     """Return every link of every object where it stands at the start."""
     items: list[DrawingItem] = []
-    for thing in scene.objects:
-        moving = {joint.child for joint in thing.joints} if not thing.frozen else set()
-        for link, rings in placed_links(thing, start):
-            if rings:
-                colour = DOOR if link.name in moving else POST
-                drawn = tuple(map(page.ring, rings))
-                items.append(Shape(drawn, fill=colour, line=colour, width=1.2))
+    for shape in plan_shapes.body_shapes(scene, start):
+        colour = _BODIES[shape.role]
+        items.append(Shape(_drawn(shape, page), fill=colour, line=colour, width=1.2))
     return items
 
 
@@ -164,16 +166,9 @@ def object_names(
     """Return the name of every object, beside it."""
     size = min(12.5, max(9.5, 0.38 * page.scale))
     items: list[DrawingItem] = []
-    for thing in scene.objects:
-        corners = [
-            page.point(corner)
-            for _, rings in placed_links(thing, start)
-            for ring in rings
-            for corner in ring
-        ]
-        if not corners:
-            continue
-        text = thing.name.replace("_", " ")
+    for shape in plan_shapes.object_names(scene, start):
+        corners = [corner for ring in _drawn(shape, page) for corner in ring]
+        text = shape.text.replace("_", " ")
         words = TextLabel(_mean(corners), text, size, DOOR, halo=PAPER, centred=True)
         items.append(labels.place(words, _around(corners, words)))
     return items
@@ -190,44 +185,6 @@ def _around(corners: list[Point2], words: TextLabel) -> list[Point2]:
         (round(x + far * a * wide, 2), round(y + far * b * high, 2))
         for far in (1.0, 1.4)
         for a, b in ways
-    ]
-
-
-def _swing(
-    thing: SceneObject,
-    joint: Joint,
-    link: Link,
-    positions: list[float],
-    index: int,
-    page: Page,
-) -> list[DrawingItem]:
-    def at(position: float, point: Point2) -> Point2:
-        moved = [*positions[:index], position, *positions[index + 1 :]]
-        return link_poses(thing, moved)[link.name].apply(point)
-
-    if not (math.isfinite(joint.lower) and math.isfinite(joint.upper)):
-        return []
-    if joint.kind == "prismatic":
-        ends = (joint.lower, joint.upper)
-        return [
-            Shape(
-                tuple(page.ring(tuple(at(end, c) for c in ring)) for ring in link.polygons),
-                line=SWING,
-                width=1.0,
-                dash=(4.0, 3.0),
-            )
-            for end in ends
-        ]
-    corners = [corner for ring in link.polygons for corner in ring]
-    tip = max(corners, key=lambda c: math.dist(c, joint.anchor))
-    # One turn shows it all.
-    upper = min(joint.upper, joint.lower + math.tau)
-    angles = [joint.lower + (upper - joint.lower) * i / _STEPS for i in range(_STEPS + 1)]
-    arc = page.ring(tuple(at(angle, tip) for angle in angles))
-    hinge = page.point(at(joint.lower, joint.anchor))
-    return [
-        Shape(((hinge, *arc),), fill=SWING, opacity=0.28),
-        Shape((arc,), line=SWING, width=1.1, dash=(4.0, 3.0), open=True),
     ]
 
 

@@ -26,12 +26,11 @@ from daemon.trace import read_trace
 from grammars.model.behaviour import Hold, KeyFrames, Trigger
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OCCUPIED
-from grammars.model.kinematics import link_poses
+from grammars.model.kinematics import driven_joints, link_poses
 from grammars.model.map_files import read_map, write_map
 from grammars.model.scene import Scene, SceneObject
 from scenario_tui.cli import invoke
 from templates.occupancy import occupancy_grid
-from templates.world import driven_joints
 
 SPDX = Namespace("http://spdx.org/rdf/terms#")
 KINDS = ("map", "sdf", "keyframes", "tasks", "launch", "foxglove", "prov")
