@@ -137,12 +137,21 @@ def typed_path(path: Path) -> str:
 
 def start_daemon_if_needed(target: DaemonTarget, slots: int | None) -> None:
     """See to it that the daemon answers; one is started unless people named it themselves."""
-    if target.named:
-        return
+    started = "" if target.named else launch_daemon(target, slots)
+    if started:
+        say(started)
+
+
+def launch_daemon(target: DaemonTarget, slots: int | None = None) -> str:
+    """Start the daemon of this machine if none answers; return what to say, "" if one does.
+
+    Raises :class:`~daemon.batch.errors.LaunchFailed` when it does not come up.
+    """
     state = StatePaths.find(target.state).state
-    if running_daemon(state) is None:
-        where = endpoint_text(ensure_daemon(state, slots=slots))
-        say(f"started a daemon on this machine at {where} (`scenario stop` ends it)")
+    if running_daemon(state) is not None:
+        return ""
+    where = endpoint_text(ensure_daemon(state, slots=slots))
+    return f"started a daemon on this machine at {where} (`scenario stop` ends it)"
 
 
 def watch_to_end(

@@ -6,8 +6,9 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
 import typer
 
@@ -24,6 +25,9 @@ from scenario_tui.cli.options import (
     read_wall,
 )
 from scenario_tui.cli.output import plain_table, say, stay_small, stdout_console
+
+if TYPE_CHECKING:
+    from scenario_tui.cli.target import DaemonTarget
 
 Commands: TypeAlias = Annotated[
     bool | None,
@@ -148,6 +152,7 @@ def tui(
 ) -> None:
     """Open the dashboard; leaving it never stops any work.
 
+    A daemon is started on this machine if none answers, unless --read-only or --connect is given.
     Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
     """
 
@@ -171,12 +176,20 @@ def tui(
         raise typer.Exit(ExitCode.BAD_INPUT)
     # The option can only take rights away: who forbade changes in the file meant it.
     config = replace(config, read_only=config.read_only or read_only)
-    equivalent = CommandLines(connect, state)
+    equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
+    launch = None if target.named or config.read_only else partial(_launch_daemon, target)
     stay_small()
-    code, farewell = run_dashboard(DaemonTarget(connect, state).open, config, equivalent)
+    code, farewell = run_dashboard(target.open, config, equivalent, launch)
     if code:
         raise typer.Exit(ExitCode.BUG)
     say(farewell)
+
+
+def _launch_daemon(target: DaemonTarget) -> str:
+    """Start the daemon of this machine if none answers; return what to say of that."""
+    from scenario_tui.cli.execute import launch_daemon
+
+    return launch_daemon(target)
 
 
 def _why_no_dashboard() -> str:

@@ -37,6 +37,7 @@ class BaseDashboard(LimitedTerminalApp):
         command_lines: CommandLines | None = None,
         run_command: CommandRunner = run_command,
         check_file: FileChecker = check_file_in_child,
+        launch_daemon: Callable[[], str] | None = None,
     ) -> None:
         super().__init__()
         self.feed = feed
@@ -47,6 +48,8 @@ class BaseDashboard(LimitedTerminalApp):
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
         self.running_jobs: set[str] = set()
+        self.launch_daemon = launch_daemon
+        self.launching = self.launched = False
         self.marked_run = ""
         self.clock = clock
         self.daemon_state = DashboardState()

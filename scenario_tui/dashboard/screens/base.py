@@ -124,7 +124,7 @@ class BaseScreen(Screen[None]):
         if not self._composed or not self.app.is_running:
             return
         state, now = self.dashboard.daemon_state, self.dashboard.clock()
-        self.query_one(StatusLine).show(state, now)
+        self.query_one(StatusLine).show(state, now, launching=self.dashboard.launching)
         trail, text = self.query_one("#trail", Static), self._trail()
         if text != trail.content:  # else everything would be laid out again for nothing
             trail.update(text)

@@ -52,6 +52,7 @@ _NOTHING: Final = (
     "or, to see a short one without the daemon,\n\n"
     "    scenario demo"
 )
+_LAUNCHING: Final = "No daemon answers here yet: starting one on this machine."
 _NOBODY: Final = (
     "No daemon answers here. In another terminal, type\n\n"
     "    scenario daemon\n\n"
@@ -97,7 +98,7 @@ class CampaignsScreen(SteeringScreen):
     def show(self, state: DashboardState) -> None:
         """Fill the table."""
         now = self.dashboard.clock()
-        message = "" if state.campaigns else _nothing(state)
+        message = "" if state.campaigns else self._nothing(state)
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
         said, found = state.conclusions, state.searches
@@ -107,6 +108,15 @@ class CampaignsScreen(SteeringScreen):
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()
+
+    def _nothing(self, state: DashboardState) -> str:
+        if state.connected:
+            return _NOTHING
+        if state.refused:
+            return f"{state.problem}\n\n{_OTHERS}"
+        if self.dashboard.launching:
+            return _LAUNCHING
+        return _NOBODY if state.problem else ""
 
     def on_data_table_row_highlighted(self) -> None:
         """Describe the campaign the cursor came to."""
@@ -123,14 +133,6 @@ class CampaignsScreen(SteeringScreen):
     def on_data_table_row_selected(self) -> None:
         """Open the campaign's runs, or the search that it is."""
         self.dashboard.open_campaign(self.query_one(KeyedTable).key)
-
-
-def _nothing(state: DashboardState) -> str:
-    if not state.connected:
-        if state.refused:
-            return f"{state.problem}\n\n{_OTHERS}"
-        return _NOBODY if state.problem else ""
-    return _NOTHING
 
 
 def campaign_cells(

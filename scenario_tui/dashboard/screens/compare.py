@@ -47,11 +47,11 @@ class CompareScreen(StandaloneScreen):
     VIEWS = ("maps", "signals", "differences")
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("a", "align", "Align", id="align",
+        Binding("t", "align", "Align", id="align",
                 tooltip="By simulated time, or by the waypoints both have done"),
-        Binding("x", "swap", "Swap", show=False, id="swap", tooltip="First run and second"),
+        Binding("w", "swap", "Swap", show=False, id="swap", tooltip="First run and second"),
         Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
-        Binding("q,escape", "leave", "Back", id="leave", tooltip="Leave the comparison"),
+        Binding("escape", "leave", "Back", id="leave", tooltip="Leave the comparison"),
     ]  # fmt: skip
 
     def __init__(

@@ -26,8 +26,10 @@ class MatrixScreen(SteeringScreen):
     AUTO_FOCUS = "CellTable"
     IN_FOOTER = ("open", "back", "next-surprise", "all-runs", "retry", "palette", "help", "quit")
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("n", "next", "Next !", id="next-surprise",
+        Binding("n", "next(1)", "Next !", id="next-surprise",
                 tooltip="The next cell that is not as expected"),
+        Binding("N", "next(-1)", "Previous !", show=False, id="previous-surprise",
+                tooltip="The one before"),
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the campaign"),
     ]  # fmt: skip
 
@@ -113,8 +115,8 @@ class MatrixScreen(SteeringScreen):
         """Open all runs of the campaign."""
         self.dashboard.open_runs(self._campaign)
 
-    def action_next(self) -> None:
-        """Go to the next cell that is not as expected, from the last one to the first."""
+    def action_next(self, step: int) -> None:
+        """Go to the next cell that is not as expected, or the one before; round at the end."""
         table = self.query_one(CellTable)
         places = [(cell.scenario, cell.sut) for cell in self._surprising()]
         if not places:
@@ -122,8 +124,8 @@ class MatrixScreen(SteeringScreen):
             return
         order = [(label, sut) for label, sut in table.places if (label, sut) in places]
         here = table.places.index(table.cell) if table.cell else -1
-        after = [place for place in order if table.places.index(place) > here]
-        table.go_to(*(after or order)[0])
+        ahead = [place for place in order if (table.places.index(place) - here) * step > 0]
+        table.go_to(*(ahead or order)[0 if step > 0 else -1])
 
     def _surprising(self) -> list[CellAssessment]:
         results = self._shown

@@ -54,7 +54,7 @@ class ReplayScreen(StandaloneScreen):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
-        Binding("q,escape", "leave", "Quit", id="leave", tooltip="Leave the replay"),
+        Binding("escape", "leave", "Back", id="leave", tooltip="Leave the replay"),
     ]
 
     def __init__(
@@ -121,6 +121,7 @@ class ReplayApp(LimitedTerminalApp):
     CSS_PATH = ["../dashboard.tcss", "../playing.tcss"]  # noqa: RUF012
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("q", "quit", "Quit", id="quit", tooltip="Leave the program"),
         Binding(
             "ctrl+c",
             "quit",

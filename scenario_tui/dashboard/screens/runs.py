@@ -72,11 +72,11 @@ class RunsScreen(SteeringScreen):
                 tooltip="By the column before"),
         Binding("i", "reverse", "Invert", show=False, id="sort-invert",
                 tooltip="Sort the other way round"),
-        Binding("n,right_square_bracket", "page(1)", "Next page", show=False, id="next-page",
+        Binding("right_square_bracket", "page(1)", "Next page", show=False, id="next-page",
                 tooltip="The runs after these"),
-        Binding("p,left_square_bracket", "page(-1)", "Page before", show=False, id="previous-page",
-                tooltip="The runs before these"),
-        Binding("equals_sign", "compare", "Compare", show=False, id="compare",
+        Binding("left_square_bracket", "page(-1)", "Page before", show=False,
+                id="previous-page", tooltip="The runs before these"),
+        Binding("C", "compare", "Compare", show=False, id="compare",
                 tooltip="Mark a run, then another one to see both side by side"),
     ]  # fmt: skip
 
@@ -120,7 +120,7 @@ class RunsScreen(SteeringScreen):
         if wanted.text:
             parts.append(f"/{wanted.text}")
         if self.dashboard.marked_run:
-            parts.append(f"= {self.dashboard.marked_run} marked")
+            parts.append(f"{self.dashboard.marked_run} marked")
         row = self.campaign() if wanted.campaign else None
         parts += schedule_marks(row) if row is not None else []
         return "  ".join(parts)

@@ -50,7 +50,7 @@ class SteeringScreen(BaseScreen):
             for action in KEYED
         ),
         Binding(
-            "J", "judge", "Judge again", show=False, id="judge",
+            "E", "judge", "Judge again", show=False, id="judge",
             tooltip="By other oracles, say",
         ),
         Binding(

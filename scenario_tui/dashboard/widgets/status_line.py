@@ -52,10 +52,12 @@ class _Part:
 class StatusLine(Static):
     """One line: connected or not, counts by word, rate, time left; shorter where it must be."""
 
-    def show(self, state: DashboardState, now: float) -> None:
-        """Show what is known at wall clock time ``now``."""
-        self.set_class(not state.connected, "-gone")
-        text = status_text(state, now, (self.size.width or self.app.size.width - 2))
+    def show(self, state: DashboardState, now: float, *, launching: bool = False) -> None:
+        """Show what is known at wall clock time ``now``; a daemon may be ``launching``."""
+        launching = launching and not state.connected
+        self.set_class(not state.connected and not launching, "-gone")
+        width = self.size.width or self.app.size.width - 2
+        text = Text("… starting a daemon") if launching else status_text(state, now, width)
         if text != self.content:
             self.update(text)
 

@@ -265,9 +265,9 @@ class VerdictList(OptionList, inherit_bindings=False):
     # Without the keys of option lists: Home and End are for the clock of the replay.
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down", "cursor_down", "Next verdict", show=False, id="verdict-next",
+        Binding("down,j", "cursor_down", "Next verdict", show=False, id="verdict-next",
                 tooltip="Go to when it was decided"),
-        Binding("up", "cursor_up", "Verdict before", show=False, id="verdict-before",
+        Binding("up,k", "cursor_up", "Verdict before", show=False, id="verdict-before",
                 tooltip="Go to when it was decided"),
         Binding("enter", "select", "To its moment", show=False, id="verdict-moment",
                 tooltip="Back to when it was decided"),

@@ -13,8 +13,11 @@ from textual.color import Color
 from grammars.text.diagnostics import InputError
 from scenario_tui.dashboard.config import read_config
 from scenario_tui.dashboard.key_bindings import (
+    DRIVING,
+    SHARED_MEANINGS,
     check_config,
     classes_with_bindings,
+    key_meanings,
     list_key_bindings,
 )
 from scenario_tui.dashboard.screens.help import key_groups, own_bindings
@@ -121,6 +124,25 @@ def test_every_key_has_an_id_a_name_and_an_explanation() -> None:
             assert binding.id, (kind, binding)
             assert binding.description, (kind, binding)
             assert binding.tooltip, (kind, binding)
+
+
+def test_a_key_means_one_thing_on_all_screens() -> None:
+    found = key_meanings()
+    assert {key: sorted(meant) for key, meant in found.items() if len(meant) > 1} == {}
+    assert found["n"] == {"next to look at"}
+
+
+def test_a_meaning_has_the_same_keys_on_all_screens() -> None:
+    keys: dict[str, set[str]] = {}
+    for bound in list_key_bindings():
+        if bound.place not in (DRIVING, "dialogs", "help"):
+            keys.setdefault(bound.id, set()).add(bound.keys)
+    assert {id: sorted(found) for id, found in keys.items() if len(found) > 1} == {}
+
+
+def test_shared_meanings_are_those_of_keys_there_are() -> None:
+    ids = {bound.id for bound in list_key_bindings()}
+    assert {id for shared in SHARED_MEANINGS.values() for id in shared} <= ids
 
 
 async def test_footers_fit_and_help_tells_the_rest() -> None:
