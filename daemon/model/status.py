@@ -115,7 +115,8 @@ class CampaignRow:
 
     While it is ``paused`` no more runs start; those of higher ``priority`` start first. ``search``
     says how a search stands (``running``, ``finished``, ``cancelled``, ``failed``) and is empty
-    for all other campaigns. More runs come while it is running.
+    for all other campaigns. More runs come while it is running. ``seconds_left`` is how long what
+    waits and runs probably takes, ``None`` while that is not known or nothing goes on.
     """
 
     id: str
@@ -137,6 +138,7 @@ class CampaignRow:
     paused: bool = False
     priority: int = 0
     search: str = ""
+    seconds_left: float | None = None
 
     @property
     def finished(self) -> bool:
@@ -261,7 +263,8 @@ class DiskUsage:
 
 @dataclass(frozen=True, slots=True)
 class DaemonOverview:
-    """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately.
+    """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately,
+    ``seconds_left`` how long what waits and runs probably takes, ``None`` while nobody knows.
 
     ``trouble`` says why no run can start (the daemon's own worker broke, the disk is full, every
     worker is in trouble), empty when some can. ``troubles`` are all there are, that one first, also

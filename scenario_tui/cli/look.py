@@ -122,14 +122,17 @@ def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:
 
 
 def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) -> Table:
-    from scenario_tui.text.formatting import age_text
+    from scenario_tui.text.formatting import age_text, duration
 
     table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.total - row.queued - row.running}/{row.total}" for row in campaigns]
     # Verdicts wrap between their parts, never inside of one: rich would break at any blank.
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
-        counts = wrap_parts(_tally_parts(row), max(24, room))
+        parts = _tally_parts(row)
+        if row.seconds_left is not None:
+            parts.append(f"{duration(row.seconds_left)} left")
+        counts = wrap_parts(parts, max(24, room))
         marks = ["search"] if row.search else []
         marks += [f"priority {row.priority}"] if row.priority else []
         marks += ["paused"] if row.paused else []

@@ -60,7 +60,6 @@ class CampaignProgress:
     running: tuple[RunRow, ...] = ()
     live: Mapping[str, LiveSnapshot] = field(default_factory=dict)
     per_minute: float = 0.0
-    seconds_left: float | None = None
     preparing: str = ""
 
 
@@ -147,8 +146,8 @@ def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tu
                 f"  {GLYPHS[word]} {count}{' ' + word if words else ''}",
                 style=TERMINAL_STYLES[word],
             )
-    if progress.seconds_left is not None:
-        tail.append(f"  {duration(progress.seconds_left)} left", style="default")
+    if row.seconds_left is not None:
+        tail.append(f"  {duration(row.seconds_left)} left", style="default")
     if pace and progress.per_minute:
         tail.append(f"  {rate_text(progress.per_minute)}", style="default")
     return Text(row.name, style="bold"), tail
@@ -175,14 +174,12 @@ class RunRate:
     started: float
     before: int
 
-    def look(self, over: int, left: int, now: float) -> tuple[float, float | None]:
-        """Return runs per minute and the seconds left at that pace, when so many are ``over``."""
+    def look(self, over: int, now: float) -> float:
+        """Return runs per minute when so many are ``over``."""
         # What was over before somebody looked says nothing about the pace: it may be cached.
         since = over - self.before
         elapsed = now - self.started
-        if since <= 0 or elapsed <= 0:
-            return 0.0, None
-        return 60.0 * since / elapsed, left * elapsed / since
+        return 60.0 * since / elapsed if since > 0 and elapsed > 0 else 0.0
 
 
 @dataclass(slots=True)
@@ -253,8 +250,8 @@ class _WatchedRuns:
         if self.row is None or self.pace is None:
             return Text(preparing)
         ahead = self.row.queued + self.row.running
-        per_minute, left = self.pace.look(self.row.total - ahead, ahead, time.monotonic())
-        found = CampaignProgress(self.row, self.running, live, per_minute, left, preparing)
+        per_minute = self.pace.look(self.row.total - ahead, time.monotonic())
+        found = CampaignProgress(self.row, self.running, live, per_minute, preparing)
         return progress_lines(found, width)
 
 

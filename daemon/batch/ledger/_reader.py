@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
@@ -24,8 +24,10 @@ from daemon.batch.ledger._results import (
     read_result,
 )
 from daemon.batch.ledger._searches import read_proposals, read_searches, read_task
+from daemon.batch.ledger._workload import read_workload
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
+from daemon.batch.time_left import CampaignWork, RunProgress
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import (
     LARGEST_PAGE_BYTES,
@@ -161,6 +163,13 @@ class LedgerReader:
         if len(times) < 2 or now <= times[-1]:
             return 0.0
         return 60.0 * (len(times) - 1) / float(now - times[-1])
+
+    def workload(self, now: float, progress: Mapping[str, RunProgress]) -> tuple[CampaignWork, ...]:
+        """What is left of every open campaign, whose turn it is first.
+
+        ``progress`` is what workers have said of runs that run.
+        """
+        return read_workload(self._db, now, progress)
 
     def runs(self, query: RunQuery) -> RunPage:
         """One page of runs, filtered and sorted; equal values keep the order of submission.

@@ -12,6 +12,8 @@ import zenoh
 from daemon.batch.run_process import WATCHED
 from daemon.batch.worker._attempts import Execution
 from daemon.model.messages import LIVE, OWNER
+from daemon.model.status import LiveSnapshot
+from grammars.text import codec
 
 _LIVE_PERIOD: Final = 0.2
 """Seconds between two snapshots of a run for those who watch all runs, at least."""
@@ -25,6 +27,7 @@ class _WatchedRun:
     folder: Path
     watched: bool = False
     published_at: float = 0.0
+    latest: bytes = b""
 
 
 @dataclass(slots=True)
@@ -52,6 +55,7 @@ class LivePublisher:
         if not live:
             return
         watch = self._watch(execution)
+        watch.latest = live
         now = time.monotonic()
         if watch.watched:
             watch.publisher.put(live)
@@ -75,6 +79,16 @@ class LivePublisher:
             else:
                 mark.unlink(missing_ok=True)
         return watch
+
+    def simulated(self, run: str) -> float:
+        """Return how far a run is, as it last said [s simulated]; 0 while it has said nothing."""
+        watch = self._runs.get(run)
+        if watch is None or not watch.latest:
+            return 0.0
+        try:
+            return max(0.0, codec.from_json(LiveSnapshot, watch.latest).snapshot.time)
+        except ValueError:  # written by the process of a run, which may be anything
+            return 0.0
 
     def forget(self, run: str) -> None:
         """Let go of a run that is over here."""

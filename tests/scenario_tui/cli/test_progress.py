@@ -99,11 +99,9 @@ def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake) -> No
 
 @pytest.mark.parametrize("width", [80, 140])
 def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
-    row = fake.campaigns()[0]
+    row = replace(fake.campaigns()[0], seconds_left=95.0)
     live = make_live(7, time=61.0)
-    sight = CampaignProgress(
-        row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5, 95.0
-    )
+    sight = CampaignProgress(row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5)
     console = Console(width=width)
     with console.capture() as capture:
         console.print(progress_lines(sight, width))
