@@ -142,7 +142,7 @@ def start_daemon_if_needed(target: DaemonTarget, slots: int | None) -> None:
     state = StatePaths.find(target.state).state
     if running_daemon(state) is None:
         where = endpoint_text(ensure_daemon(state, slots=slots))
-        say(f"started a daemon on this machine at {where} (`scenario stop` ends it)")
+        say(f"started a daemon on this machine at {where} (`scenario daemon --stop` ends it)")
 
 
 def watch_to_end(

@@ -15,6 +15,7 @@ from daemon.model.execution import DaskScheduler, RunLimits, decide_on_commands
 from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import (
+    AsJson,
     Connect,
     Keys,
     State,
@@ -97,11 +98,32 @@ def daemon(
     ] = "",
     commands: Commands = None,
     print_unit: PrintUnit = False,
+    end: Annotated[
+        bool,
+        typer.Option(
+            "--stop",
+            help="Ask the daemon that runs to leave: running runs get a while to finish, what is "
+            "queued goes on with the next daemon.",
+        ),
+    ] = False,
+    connect: Connect = "",
+    as_json: AsJson = False,
 ) -> None:  # fmt: skip
-    """Run the daemon in the foreground.
+    """Run the daemon in the foreground, or end it.
 
-    It keeps the queue and the results, and executes runs on this machine.
+    It keeps the queue and the results, and executes runs on this machine. --connect and --json go
+    with --stop.
     """
+    if end:
+        if keys is not None:
+            os.environ["SCENARIO_KEYS"] = str(keys)
+        from scenario_tui.cli.steer import stop
+
+        stop(connect, state, as_json)
+        return
+    for option, given in (("--connect", bool(connect)), ("--json", as_json)):
+        if given:
+            raise typer.BadParameter("goes with --stop only", param_hint=option)
     from daemon.batch.paths import StatePaths
     from daemon.batch.server import DaemonSettings, exposure_warning, serve
 
@@ -288,14 +310,7 @@ def worker(
             "runs by 10, itself not.",
         ),
     ] = None,
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            "--state", metavar="DIR",
-            help="The daemon's state directory, where this machine has it; elsewhere a folder for "
-            "this worker. Default: the daemon's, then your user state folder.",
-        ),
-    ] = None,
+    state: State = None,
     commands: Commands = None,
     print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip

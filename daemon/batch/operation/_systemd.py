@@ -54,7 +54,7 @@ def daemon_unit(
 ) -> str:
     """Return the unit of a daemon; ``command`` is the ``scenario`` executable, absolute.
 
-    It starts again after a failure, not after ``scenario stop``.
+    It starts again after a failure, not after ``scenario daemon --stop``.
     """
     words = [str(command), "daemon", "--state", str(state)]
     words += ["--listen", listen] if listen else []
