@@ -336,15 +336,23 @@ def worker(
     where = endpoint_text(endpoint.address)
     say(f"worker for {where}, Ctrl-C to leave after the running runs")
     stay_small()
-    work(
-        endpoint.address,
-        slots=slots,
-        state=state,
-        limits=limits,
-        scheduler=cluster,
-        nice=nice or 0,
-        commands=commands,
-    )
+    from daemon.batch.errors import Unreachable
+
+    try:
+        work(
+            endpoint.address,
+            slots=slots,
+            state=state,
+            limits=limits,
+            scheduler=cluster,
+            nice=nice or 0,
+            commands=commands,
+        )
+    except Unreachable as error:
+        # Only at its start, later it waits: what was typed is where no daemon is.
+        if connect:
+            raise typer.BadParameter(str(error), param_hint="--connect") from error
+        raise
 
 
 def _cluster(

@@ -38,7 +38,7 @@ from scenario_tui.cli import (
     vary,
     verify,
 )
-from scenario_tui.cli.output import Output, OutputPart, schema_identifier
+from scenario_tui.cli.output import ErrorOutput, Output, OutputPart, schema_identifier
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -88,6 +88,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     import_building.ImportOutput,
     vary.VaryOutput,
     export.ExportOutput,
+    ErrorOutput,
 )
 """In the order they are published in."""
 

@@ -29,7 +29,6 @@ Type=exec
 ExecStart={command}
 Restart={restart}
 RestartSec={pause}
-RestartPreventExitStatus=2
 KillMode=mixed
 TimeoutStopSec={patience:.0f}
 OOMPolicy=continue
@@ -69,7 +68,7 @@ def daemon_unit(
         restart="on-failure",
         pause=2,
         patience=DaemonSettings().patience + STOP_MARGIN + _MARGIN,
-        more="",
+        more="RestartPreventExitStatus=2\n",
     )
 
 
