@@ -151,7 +151,7 @@ def launch_daemon(target: DaemonTarget, slots: int | None = None) -> str:
     if running_daemon(state) is not None:
         return ""
     where = endpoint_text(ensure_daemon(state, slots=slots))
-    return f"started a daemon on this machine at {where} (`scenario stop` ends it)"
+    return f"started a daemon on this machine at {where} (`scenario daemon --stop` ends it)"
 
 
 def watch_to_end(

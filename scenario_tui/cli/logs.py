@@ -1,4 +1,4 @@
-"""The command that tells what happened in a run, and shows what its system under test printed."""
+"""What `show --log` tells: what happened in a run, and what its system under test printed."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class LogsOutput(Output, schema="logs"):
             console.print(f"\n{name}", markup=False, style="dim", soft_wrap=True)
             if hidden:
                 more = f"{pluralise(hidden, 'line')} before these"
-                how = f"scenario logs {quote(typed)} --output {quote(name)}"
+                how = f"scenario show {quote(typed)} --output {quote(name)}"
                 console.print(f"({more}: {how})", markup=False, style="dim", soft_wrap=True)
             for line in lines or ["(nothing)"]:
                 console.print(line, markup=False, soft_wrap=True)

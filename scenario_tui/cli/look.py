@@ -93,8 +93,27 @@ class StatusOutput(Output, schema="status"):
                 console.print(words, markup=False, style="yellow", soft_wrap=True)
 
 
-def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
-    """Say how everything stands: daemon, workers, campaigns."""
+def status(
+    numbers: Annotated[
+        bool,
+        typer.Option(
+            "--metrics", help="Instead the daemon's numbers in the text format of Prometheus."
+        ),
+    ] = False,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say how everything stands: daemon, workers, campaigns.
+
+    Its numbers, runs by state and outcome, workers and their slots, rate, disk, can be had for
+    node_exporter's textfile collector, say.
+    """
+    if numbers:
+        from scenario_tui.cli.operate import metrics
+
+        metrics(connect, state, as_json)
+        return
     from contextlib import suppress
 
     from daemon.batch.errors import Unavailable
@@ -322,8 +341,42 @@ class RunOutput(Output, schema="run"):
         print_commands(*_next_commands(self.run, self.task))
 
 
-def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
-    """Show one run: what each oracle says and why, what it was, where its trace lies."""
+def show(
+    run: RunName,
+    log: Annotated[
+        bool,
+        typer.Option(
+            "--log",
+            help="Tell what happened instead: attempts, mission, contacts, what the SUT said. Of "
+            "a trace (.mcap), too.",
+        ),
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="With the log all lines of all outputs, not the last.")
+    ] = False,
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="NAME",
+            help="Of the log all that the system under test wrote to this output, stack.txt say.",
+        ),
+    ] = "",
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show one run: what each oracle says and why, or what happened in it.
+
+    The log is read from the state directory of this machine; no daemon is needed for it unless one
+    is named.
+    """
+    if log or everything or output:
+        from scenario_tui.cli.logs import logs
+
+        logs(run, output, everything, connect, state, as_json)
+        return
     from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces
 
     target = DaemonTarget(connect, state)
@@ -353,7 +406,7 @@ def _next_commands(detail: RunDetail, task: SearchTask | None = None) -> Iterabl
     if row.trace:
         begin = f" --from {row.oracle}" if row.outcome == "fail" else ""
         yield f"scenario replay {row.id}{begin}", "watch it"
-    yield f"scenario logs {row.id}", "what happened, in order"
+    yield f"scenario show {row.id} --log", "what happened, in order"
     if not row.repeatable and row.trace:
         yield f"scenario verify {row.id}", "how far its outcomes spread"
     if task is not None:

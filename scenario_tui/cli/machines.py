@@ -16,6 +16,7 @@ from daemon.model.execution import DaskScheduler, RunLimits, decide_on_commands
 from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import (
+    AsJson,
     Connect,
     Keys,
     State,
@@ -101,11 +102,32 @@ def daemon(
     ] = "",
     commands: Commands = None,
     print_unit: PrintUnit = False,
+    end: Annotated[
+        bool,
+        typer.Option(
+            "--stop",
+            help="Ask the daemon that runs to leave: running runs get a while to finish, what is "
+            "queued goes on with the next daemon.",
+        ),
+    ] = False,
+    connect: Connect = "",
+    as_json: AsJson = False,
 ) -> None:  # fmt: skip
-    """Run the daemon in the foreground.
+    """Run the daemon in the foreground, or end it.
 
-    It keeps the queue and the results, and executes runs on this machine.
+    It keeps the queue and the results, and executes runs on this machine. --connect and --json go
+    with --stop.
     """
+    if end:
+        if keys is not None:
+            os.environ["SCENARIO_KEYS"] = str(keys)
+        from scenario_tui.cli.steer import stop
+
+        stop(connect, state, as_json)
+        return
+    for option, given in (("--connect", bool(connect)), ("--json", as_json)):
+        if given:
+            raise typer.BadParameter("goes with --stop only", param_hint=option)
     from daemon.batch.paths import StatePaths
     from daemon.batch.server import DaemonSettings, exposure_warning, serve
 
@@ -301,14 +323,7 @@ def worker(
             "runs by 10, itself not.",
         ),
     ] = None,
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            "--state", metavar="DIR",
-            help="The daemon's state directory, where this machine has it; elsewhere a folder for "
-            "this worker. Default: the daemon's, then your user state folder.",
-        ),
-    ] = None,
+    state: State = None,
     commands: Commands = None,
     print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip
@@ -334,15 +349,23 @@ def worker(
     where = endpoint_text(endpoint.address)
     say(f"worker for {where}, Ctrl-C to leave after the running runs")
     stay_small()
-    work(
-        endpoint.address,
-        slots=slots,
-        state=state,
-        limits=limits,
-        scheduler=cluster,
-        nice=nice or 0,
-        commands=commands,
-    )
+    from daemon.batch.errors import Unreachable
+
+    try:
+        work(
+            endpoint.address,
+            slots=slots,
+            state=state,
+            limits=limits,
+            scheduler=cluster,
+            nice=nice or 0,
+            commands=commands,
+        )
+    except Unreachable as error:
+        # Only at its start, later it waits: what was typed is where no daemon is.
+        if connect:
+            raise typer.BadParameter(str(error), param_hint="--connect") from error
+        raise
 
 
 def _cluster(

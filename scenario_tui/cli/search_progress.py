@@ -92,7 +92,7 @@ class SearchWatch:
         note = [] if exploring else self.row.note.strip().splitlines()[-1:]
         waiting = preparing or "".join(note) or (WAITING if idle else "")
         if self.campaign_row is not None and self.campaign_row.paused:
-            waiting = f"paused: `scenario resume {self.campaign}` lets it go on"
+            waiting = f"paused: `scenario pause {self.campaign} --off` lets it go on"
         return Group(line, *run_lines(self.running, live, waiting))
 
     def _tail(self, dispensable: int) -> Text:

@@ -1,4 +1,4 @@
-"""Commands that steer: cancel, retry, pause, resume, priority, delete, stop."""
+"""Commands that steer: cancel, retry, pause, priority, delete; what `daemon --stop` does."""
 
 from __future__ import annotations
 
@@ -63,7 +63,9 @@ def _steer(
     # The sentence is for people and on standard error, so it does no harm beside the JSON.
     if as_json:
         output(found, runs).emit()
-    words = ACTIONS[output.schema].outcome_text(found, runs, until=f"`scenario resume {found}`")
+    words = ACTIONS[output.schema].outcome_text(
+        found, runs, until=f"`scenario pause {found} --off`"
+    )
     if output is CancelOutput and row.search == "running":
         # Between two of its runs there may be none to cancel.
         words += f", which has ended; `scenario search {found}` says what it found"
@@ -103,12 +105,19 @@ def retry(
 
 
 def pause(
-    campaign: CampaignName, connect: Connect = "", state: State = None, as_json: AsJson = False
+    campaign: CampaignName,
+    off: Annotated[bool, typer.Option("--off", help="Go on with a paused campaign.")] = False,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Start no more runs of a campaign until it is resumed.
+    """Start no more runs of a campaign, or go on with it.
 
     Runs that are running finish.
     """
+    if off:
+        resume(campaign, connect, state, as_json)
+        return
     _steer(PauseOutput, lambda daemon, id_: daemon.pause(id_), campaign, connect, state, as_json)
 
 

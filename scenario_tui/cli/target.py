@@ -154,7 +154,7 @@ def pointing_to_traces(command: str, named: str, hint: str) -> Iterator[None]:
         if named.endswith(".mcap") or (named and path.is_dir()):
             readers = "`scenario report` and `scenario judge`"
             if not path.is_dir():
-                readers = "`scenario logs`, `scenario replay` and `scenario judge`"
+                readers = "`scenario show --log`, `scenario replay` and `scenario judge`"
             message = f"`scenario {command}` asks a daemon about its runs; {named} is read by"
             raise typer.BadParameter(f"{message} {readers}", param_hint=hint) from error
         newest = newest_results()

@@ -268,7 +268,7 @@ def _answering(
         yield warning(
             "daemon",
             f"it is version {overview.version}, this is {own}",
-            "`scenario stop` and start it again",
+            "`scenario daemon --stop` and start it again",
         )
     else:
         waiting = f"{overview.queued} runs queued, {overview.running} running"

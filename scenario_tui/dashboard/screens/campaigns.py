@@ -64,7 +64,7 @@ _OTHERS: Final = (
     "Somebody answers, but nothing that is understood here. A daemon and its dashboards are of\n"
     "one version: compare\n\n"
     "    scenario --version\n\n"
-    "on both machines. After an update the daemon must be started again: scenario stop"
+    "on both machines. After an update the daemon must be started again: scenario daemon --stop"
 )
 
 

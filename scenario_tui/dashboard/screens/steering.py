@@ -283,7 +283,7 @@ class SteeringScreen(BaseScreen):
         return [
             ("what this screen shows", self.command()),
             ("its results", self._line("results", row.id)),
-            (f"{other} it", self._line(other, row.id)),
+            (f"{other} it", self._line("pause", row.id, *(["--off"] if row.paused else []))),
             ("cancel it", self._line("cancel", row.id)),
             ("retry what failed", self._line("retry", row.id, "--only", "fail")),
             ("retry what was lost or cancelled", self._line("retry", row.id)),

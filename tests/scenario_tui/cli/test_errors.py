@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import subprocess
 import sys
@@ -13,7 +14,9 @@ import pytest
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import ExitCode, exit_code
+from scenario_tui.cli.steer import PriorityOutput
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
+from tests.scenario_tui.cli.outputs import declared
 
 
 @pytest.fixture
@@ -205,3 +208,46 @@ def test_a_malformed_endpoint_in_the_environment_is_bad_input(
     said = capsys.readouterr().err
     assert said.startswith("SCENARIO_CONNECT: error: 'garbage' is not an endpoint")
     assert "write tcp/<host>:<port>" in said
+
+
+def test_a_command_without_an_answer_writes_why_for_machines(scenario, fake) -> None:
+    fake.reachable = False
+    said = scenario("results", "--json")
+    body = json.loads(said.out)
+    assert body["schema"] == "scenario/error/1"
+    assert body["error"].startswith("no daemon answers")
+    assert body["exit_code"] == said.code == 3
+    assert said.err.startswith("scenario: no daemon answers")
+
+
+def test_wrong_usage_is_for_machines_too(scenario) -> None:
+    said = scenario("results", "--jsn", "--json")
+    assert said.code == json.loads(said.out)["exit_code"] == 2
+    assert "No such option: --jsn" in json.loads(said.out)["error"]
+    assert scenario("results", "--", "--json").out == ""
+
+
+def test_what_is_wrong_in_a_file_has_its_place(scenario, tmp_path: Path) -> None:
+    file = tmp_path / "house.yaml"
+    file.write_text("campaign: house\nlimit: 2 min\nscenarios: {}\nrepeats: fife\n")
+    said = scenario("run", str(file), "--json")
+    body = json.loads(said.out)
+    assert said.code == body["exit_code"] == 2
+    (found,) = (one for one in body["diagnostics"] if one["line"] == 4)
+    assert found["message"].startswith("repeats: must be a whole number")
+    assert (found["file"], found["column"], found["severity"]) == (str(file), 1, "error")
+
+
+def test_a_command_that_has_answered_says_no_more(raising, capsys, monkeypatch) -> None:
+    def answer_and_fail(**_: object) -> None:
+        PriorityOutput("c-1", 3).emit()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(command_line, "app", answer_and_fail)
+    assert command_line.invoke(["priority", "c", "3", "--json"]) == ExitCode.INFRASTRUCTURE
+    assert json.loads(capsys.readouterr().out)["schema"] == "scenario/priority/1"
+
+
+def test_the_error_of_the_docs_is_one(campaigns: Path) -> None:
+    text = (campaigns.parent / "docs" / "command-line.md").read_text("utf-8")
+    declared(text.partition("```json\n")[2].partition("```")[0])

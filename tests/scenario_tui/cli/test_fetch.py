@@ -83,7 +83,7 @@ def cached(here: Path) -> list[Path]:
 def test_a_campaign_is_fetched_once_and_verified(
     here: Path, far: DaemonPart, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert invoke(["fetch", "corr", "-o", "out", "--json"]) == 0
+    assert invoke(["export", "corr", "traces", "-o", "out", "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["missing"] == {}
     assert [trace["run"] for trace in body["traces"]] == ["corr-1.0", "corr-1.1"]
@@ -93,15 +93,15 @@ def test_a_campaign_is_fetched_once_and_verified(
         assert trace["path"] == str(Path("out") / name)
         assert path.read_bytes() == StatePaths(far.state).trace(name).read_bytes()
         before = path.stat().st_mtime_ns
-        assert invoke(["fetch", trace["run"], "-o", "out"]) == 0
+        assert invoke(["export", trace["run"], "traces", "-o", "out"]) == 0
         assert path.stat().st_mtime_ns == before
     assert f"1 trace in out/corr-1, {path.stat().st_size / 1e6:.1f} MB" in capsys.readouterr().out
 
 
 def test_what_cannot_be_fetched_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke(["fetch", "corr-1.2"]) == 3
+    assert invoke(["export", "corr-1.2", "traces"]) == 3
     assert "corr-1.2 has no trace: it is queued" in capsys.readouterr().err
-    assert invoke(["fetch", "cor-2"]) == 2
+    assert invoke(["export", "cor-2", "traces"]) == 2
     assert "cor-2 is no file and no run" in capsys.readouterr().err
 
 

@@ -73,7 +73,7 @@ def test_wrong_words_are_refused(scenario, folder) -> None:
 def test_every_command_that_connects_takes_keys(scenario, folder, monkeypatch, tmp_path) -> None:
     assert scenario("status", "--keys", str(tmp_path)).err == ""
     assert os.environ["SCENARIO_KEYS"] == str(tmp_path)
-    for command in ("submit", "results", "cancel", "doctor", "metrics", "tui", "worker", "daemon"):
+    for command in ("submit", "results", "cancel", "doctor", "export", "tui", "worker", "daemon"):
         assert "--keys" in scenario(command, "--help").out
 
 
