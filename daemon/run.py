@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 
 from daemon.judging.oracles import judge, judge_leading, overall_outcome
+from daemon.model.execution import machine_text
 from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, package_versions
 from daemon.model.sut import TICK_RATE
@@ -84,7 +85,8 @@ def execute(
         verdicts = judge(recorded, spec.oracles)
     outcome = overall_outcome(recorded, verdicts)
     timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated)
-    return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note, margins)
+    found = (spec.digest, outcome, verdicts, ended, info, timing, note, margins)
+    return RunResult(*found, machine_text())
 
 
 def prepare(spec: RunSpec, scene: Scene) -> None:

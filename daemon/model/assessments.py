@@ -145,7 +145,7 @@ class RunRecord:
     :class:`daemon.model.spec.RunResult`, empty without a result. ``trace`` is the path of the trace
     on the machine that keeps it. ``seed`` tells whether runs of two campaigns can be paired.
     ``cached`` is the earlier run this result was taken from. Of a system under test that is not
-    ``repeatable`` the same run gives something else each time.
+    ``repeatable`` the same run gives something else each time. ``machine`` is what executed it.
     """
 
     id: str
@@ -163,6 +163,7 @@ class RunRecord:
     seed: int = 0
     cached: str = ""
     repeatable: bool = True
+    machine: str = ""
 
     def verdict(self, oracle: str) -> Verdict | None:
         """Return the verdict of an oracle, ``None`` when it did not judge this run."""

@@ -182,7 +182,8 @@ class RunResult:
 
     ``ended``: ``finished`` (the SUT says the mission is over), ``limit`` (simulated time is up)
     or ``crashed`` (the SUT raised; ``note`` says what). ``leads`` are there where somebody asked
-    for them: a search.
+    for them: a search. ``machine`` is the processor that executed it, for people; nothing of the
+    result follows from it.
     """
 
     spec: str
@@ -193,6 +194,7 @@ class RunResult:
     timing: Timing
     note: str = ""
     leads: tuple[LeadingMargin, ...] = ()
+    machine: str = ""
 
     @property
     def digest(self) -> str:

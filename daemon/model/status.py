@@ -44,12 +44,31 @@ class RunState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class CampaignOrigin:
+    """Which file a campaign was written in, and the state of its folder under version control.
+
+    ``file`` is a name without folders, ``digest`` the SHA-256 of its text, ``seed`` the one it
+    names. ``commit`` and ``branch`` are git's, empty where there is no repository or no git;
+    ``changed`` says whether something was not committed, ``None`` when that is not known. Of a
+    campaign that was entered before this was kept nothing is known.
+    """
+
+    file: str = ""
+    digest: str = ""
+    seed: int | None = None
+    commit: str = ""
+    branch: str = ""
+    changed: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Submission:
     """A campaign on its way to the daemon; ``campaign`` is a client-made unique id.
 
     Submitting the same id again changes nothing. ``source`` is the campaign file's text. Runs in
     ``reserve`` wait for cells that ``declared`` leaves undecided after the repeats before. Runs
     that have a result in the ledger under another campaign are not run again unless ``fresh``.
+    ``origin`` is no part of what is submitted: from another commit it is the same campaign.
     """
 
     campaign: str
@@ -61,6 +80,7 @@ class Submission:
     declared: AssessmentRules = field(default_factory=AssessmentRules)
     reserve: tuple[RunSpec, ...] = ()
     fresh: bool = False
+    origin: CampaignOrigin = field(default_factory=CampaignOrigin)
 
 
 @dataclass(frozen=True, slots=True)

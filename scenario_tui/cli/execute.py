@@ -21,6 +21,7 @@ from daemon.batch.client import Client
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
 from daemon.batch.paths import StatePaths, endpoint_text
 from daemon.model.assessments import RunRecord
+from daemon.model.execution import machine_text
 from daemon.model.status import RunRow
 from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
 from scenario_tui.cli.exit_codes import ExitCode
@@ -57,7 +58,7 @@ def run_here(
     target = (folder or Path("scenario-results") / submission.campaign).absolute()
     target.mkdir(parents=True, exist_ok=True)
     # First of all: with it the traces of a run that is interrupted can still be reported.
-    write_campaign_note(target, submission)
+    write_campaign_note(target, submission, at=time.time(), machine=machine_text())
     started = time.perf_counter()
     with (
         _temporary_state(target, submission.campaign) as state,

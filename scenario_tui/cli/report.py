@@ -242,9 +242,9 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
                 except TraceUnavailable as error:
                     note = f"{records[position].note} {error}".strip()
                     records[position] = replace(records[position], trace=None, note=note)
-        declared = daemon.declared(row.id)
+        said = (daemon.declared(row.id), daemon.origin(row.id))
     specs = [run.spec for run in runs]
-    return campaign_input(row, target.endpoint, declared, records, specs)
+    return campaign_input(row, target.endpoint, said, records, specs)
 
 
 def _run_commands() -> tuple[SuggestedCommand, ...]:

@@ -57,7 +57,7 @@ def read_report_data(
     Runs that are not judged yet are judged by the oracles inside of their traces. A trace that is
     missing or damaged leaves a run without tracks, never without its verdicts.
     """
-    buffer = safety_buffer(chosen.oracles)
+    buffer = safety_buffer(chosen.oracles, chosen.footprints)
     points = max(_FEWEST, min(_MOST, _SAMPLES // max(len(chosen.records), 1)))
     oracles.warm_up()
     task = partial(_read_run, buffer=buffer, watches=chosen.watches, points=points)

@@ -50,6 +50,7 @@ def _recorded(trace: Path) -> tuple[RunTracks, Scene] | None:
     recorded = sampler.trace
     if oracles.trace_problems(recorded):
         return None
-    buffer = safety_buffer(oracle.text for oracle in recorded.spec.oracles)
+    texts = (oracle.text for oracle in recorded.spec.oracles)
+    buffer = safety_buffer(texts, (recorded.spec.robot.footprint,))
     tracks = extract_tracks(recorded.spec.label, recorded, sampler, buffer, (), _POINTS)
     return (tracks, recorded.scene) if len(tracks.time) > 1 else None

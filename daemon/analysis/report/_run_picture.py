@@ -88,7 +88,8 @@ def _run(trace: Trace, part: _RunPart | None) -> RunOverlay:
         return RunOverlay(way, about=f"not to be trusted: {'; '.join(problems)}")
     sampler = SignalSampler(trace)
     oracles.warm_up()
-    buffer = safety_buffer(oracle.text for oracle in trace.spec.oracles)
+    texts = (oracle.text for oracle in trace.spec.oracles)
+    buffer = safety_buffer(texts, (trace.spec.robot.footprint,))
     # Of a part every sample counts: what is looked at may be a few centimetres.
     points = _POINTS if part is None else 3 * len(sampler.time_base.time)
     found = extract_tracks(trace.spec.label, trace, sampler, buffer, (), points)

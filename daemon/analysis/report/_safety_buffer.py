@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.judging.oracles import SignalSampler
-from grammars.model.geometry import Floats, Point2
+from grammars.model.geometry import Floats, Point2, Ring
 from grammars.oracle import Comparison, Number, Signal, parse_oracle
 from grammars.text.diagnostics import InputError, Where
 
@@ -46,11 +46,12 @@ class SafetyBuffer:
     source: str
 
 
-def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
+def safety_buffer(texts: Iterable[str], footprints: Iterable[Ring] = ()) -> SafetyBuffer:
     """Return the largest box that oracles call clear, ``clearance(hx, hy)``.
 
-    Without one, the largest limit of a plain ``clearance``; without that, the paper's 0.2 m. The
-    largest, since a campaign may also hold the collision box of section 4.2.3 clear.
+    Without one, the largest limit of a plain ``clearance``; without that, the paper's 0.2 m. A
+    buffer is room around the robot: a box that does not reach beyond one of the ``footprints`` on
+    every side is where a collision begins (that of section 4.2.3 is narrower than the robot).
     """
     boxes: dict[Point2, str] = {}
     limits: dict[float, str] = {}
@@ -61,6 +62,8 @@ def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
                     boxes.setdefault((hx.value, hy.value), text)
                 case Comparison(left=Signal(name="clearance", arguments=()), right=Number() as n):
                     limits.setdefault(n.value, text)
+    rings = tuple(footprints)
+    boxes = {half: text for half, text in boxes.items() if not rings or _is_around(half, rings)}
     if boxes:
         half = max(boxes, key=lambda box: box[0] * box[1])
         size = f"{2 * half[0]:g} m × {2 * half[1]:g} m"
@@ -72,6 +75,13 @@ def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
         )
     source = f"{DEFAULT_MARGIN:g} m around the robot, since no oracle names a clearance"
     return SafetyBuffer(None, DEFAULT_MARGIN, source)
+
+
+def _is_around(half: Point2, footprints: Iterable[Ring]) -> bool:
+    """Whether a box leaves room on every side of one of the footprints."""
+    return any(
+        all(abs(x) < half[0] and abs(y) < half[1] for x, y in footprint) for footprint in footprints
+    )
 
 
 # Of hundreds of runs of a campaign the same dozen oracles.

@@ -20,6 +20,7 @@ from daemon.batch.ledger._results import (
     find_trace,
     missing_trace_text,
     read_declared,
+    read_origin,
     read_records,
     read_result,
 )
@@ -40,6 +41,7 @@ from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchQuery, SearchRow
 from daemon.model.spec import RunResult
 from daemon.model.status import (
+    CampaignOrigin,
     CampaignRow,
     KeyDeliveries,
     RunDetail,
@@ -216,6 +218,10 @@ class LedgerReader:
     def declared(self, campaign: str) -> AssessmentRules:
         """What a campaign declares about its results."""
         return read_declared(self._db, campaign)
+
+    def origin(self, campaign: str) -> CampaignOrigin:
+        """Where a campaign was written; nothing is known of those of ledgers before schema 9."""
+        return read_origin(self._db, campaign)
 
     def records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
         """A page of the runs of a campaign as assessments want them, in order.

@@ -54,6 +54,7 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import (
+    CampaignOrigin,
     CampaignRow,
     DaemonOverview,
     DeletedCampaign,
@@ -197,6 +198,9 @@ class Handlers(SearchHandlers):
 
     def declared(self, ledger: LedgerReader, request: IdRequest) -> AssessmentRules:
         return ledger.declared(request.id)
+
+    def origin(self, ledger: LedgerReader, request: IdRequest) -> CampaignOrigin:
+        return ledger.origin(request.id)
 
     def records(self, ledger: LedgerReader, query: RecordQuery) -> tuple[RunRecord, ...]:
         return ledger.records(query)
