@@ -90,6 +90,9 @@ def topics_of(robot: Robot) -> tuple[Topic, ...]:
     return tuple(found)
 
 
+VERDICTS: Final = "verdicts.json"
+"""Name of the attachment with the verdicts of a recorded run."""
+
 OUTPUT_PREFIX: Final = "output/"
 """Begins the names of attachments with what a system under test printed."""
 
