@@ -60,7 +60,7 @@ def execute(
     """
     if scene.digest != spec.scene:
         raise SceneMismatchError(f"scene {scene.digest[:12]} given, {spec.scene[:12]} specified")
-    wall, cpu = time.perf_counter(), time.process_time()
+    started, wall, cpu = time.time(), time.perf_counter(), time.process_time()
     with TraceWriter(trace_path, spec, scene, versions=package_versions()) as trace:
         loop = RunLoop(spec, scene, trace, on_progress, interest)
         try:
@@ -87,7 +87,7 @@ def execute(
         finally:
             # Without verdicts where a judge failed: the recording is worth as much as ever.
             info = trace.publish()
-    timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated)
+    timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated, started)
     return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note, margins)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,7 @@ from scenario_tui.cli.output import Output, OutputPart, say, stay_small, stdout_
 
 if TYPE_CHECKING:
     from daemon.batch.stores import TraceReference
+    from daemon.model.status import RunDetail
     from daemon.model.verdicts import Verdict
     from grammars.model.geometry import Point2, Pose2
     from scenario_tui.dashboard.playback import Playback
@@ -28,6 +30,13 @@ class Brought(OutputPart):
     path: str
     bytes: int
     sha256: str
+
+
+class WallClock(StrEnum):
+    """Where a copy of a trace says when its run began."""
+
+    METADATA = "metadata"
+    STAMPS = "stamps"
 
 
 class FetchOutput(Output, schema="fetch"):
@@ -65,6 +74,14 @@ def fetch(
             help="Folder to write to, one folder per campaign in it.",
         ),
     ] = Path(),
+    wall_clock: Annotated[
+        WallClock | None,
+        typer.Option(
+            "--wall-clock",
+            help="Write NAME.wall.mcap instead, which says when the run began: in its metadata, "
+            "or in every stamp as well, for players that go by those.",
+        ),
+    ] = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
@@ -74,38 +91,62 @@ def fetch(
     Each is verified. What was interrupted goes on where it was; what is here already stays.
     """
     from daemon.batch.errors import TraceUnavailable
-    from daemon.batch.stores import copy_trace, trace_reference
+    from daemon.batch.stores import copy_trace, local_copy, trace_reference
     from daemon.model.ids import trace_name
     from scenario_tui.cli.target import DaemonTarget, recorded_runs, transfer_progress
 
     # All are asked for first, so that the bar knows how much there is to come.
     begun = time.perf_counter()
     wanted: list[tuple[TraceReference, Path]] = []
+    executed: dict[str, RunDetail] = {}
     missing: dict[str, str] = {}
+    brought: list[Brought] = []
     with DaemonTarget(connect, state).open() as daemon:
         for run in recorded_runs(daemon, subject):
             row = run.row
             try:
                 name = trace_name(row.campaign, row.scenario, row.sut, row.repeat)
                 wanted.append((trace_reference(run), folder / name))
+                executed[row.id] = run
             except TraceUnavailable as error:
                 missing[row.id] = str(error)
         with transfer_progress(sum(trace.size for trace, _ in wanted)) as advance:
             for trace, path in wanted:
                 try:
-                    copy_trace(trace, daemon, path, progress=advance)
+                    if wall_clock is None:
+                        copy_trace(trace, daemon, path, progress=advance)
+                        brought.append(Brought(trace.run, str(path), trace.size, trace.sha256))
+                        continue
+                    original = local_copy(trace, daemon, progress=advance)
+                    brought.append(
+                        _with_wall_clock(executed[trace.run], original, path, wall_clock)
+                    )
                 except TraceUnavailable as error:
                     missing[trace.run] = str(error)
     for why in missing.values():
         say(why)
-    brought = [
-        Brought(trace.run, str(path), trace.size, trace.sha256)
-        for trace, path in wanted
-        if trace.run not in missing
-    ]
     size = sum(one.bytes for one in brought)
     FetchOutput(brought, missing, size, time.perf_counter() - begun).show(as_json)
     raise typer.Exit(ExitCode.INFRASTRUCTURE if missing or not brought else ExitCode.EXPECTED)
+
+
+def _with_wall_clock(run: RunDetail, original: Path, path: Path, where: WallClock) -> Brought:
+    """Write the copy of a trace that says when its run began, beside where it would have gone."""
+    from daemon.batch.errors import TraceUnavailable
+    from daemon.batch.stores import file_sha256
+    from daemon.trace import copy_with_wall_clock
+
+    if run.result is None or not run.result.timing.started:
+        raise TraceUnavailable(f"{run.row.id}: nobody kept when it began; run it again to know")
+    copy = path.with_name(f"{path.stem}.wall.mcap")
+    copy_with_wall_clock(
+        original,
+        copy,
+        run.result.timing.started,
+        worker=run.row.worker,
+        stamps=where is WallClock.STAMPS,
+    )
+    return Brought(run.row.id, str(copy), copy.stat().st_size, file_sha256(copy))
 
 
 def replay(
