@@ -153,11 +153,15 @@ class TraceInfo:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What a run cost [s]: wall clock, CPU, and the simulated time it covered."""
+    """What a run cost [s]: wall clock, CPU, and the simulated time it covered.
+
+    ``started`` is when, by the clock of the machine [s since 1970, UTC]; 0 where nobody kept it.
+    """
 
     wall: float
     cpu: float
     simulated: float
+    started: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.export_runs import PICTURE_ENDINGS, export_recorded, is_recorded
+from scenario_tui.cli.export_runs import (
+    PICTURE_ENDINGS,
+    WallClockOption,
+    export_recorded,
+    is_recorded,
+)
 from scenario_tui.cli.options import AsJson, Base, Connect, State, check_writable
 from scenario_tui.cli.output import Output, report_diagnostics
 
@@ -175,6 +180,7 @@ def export(
             "--until", metavar="SECONDS", help="For the picture of a run: closely, up to here."
         ),
     ] = None,
+    wall_clock: WallClockOption = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
@@ -188,12 +194,14 @@ def export(
         from scenario_tui.cli.target import DaemonTarget
 
         target, part = DaemonTarget(connect, state), (since, until)
-        export_recorded(source, kinds, out, target, part, as_json=as_json)
+        export_recorded(source, kinds, out, target, part, wall_clock, as_json=as_json)
         return
     if Artefact.TRACES in kinds:
         raise typer.BadParameter("traces are of recorded runs, not of files", param_hint="KIND")
     if since is not None or until is not None:
         raise typer.BadParameter("goes with a picture of a run", param_hint="--from, --until")
+    if wall_clock is not None:
+        raise typer.BadParameter("goes with traces", param_hint="--wall-clock")
     named = _named_file(out, kinds)
     from daemon.analysis.campaign_worlds import worlds_of_campaign
     from grammars.maps import WALLS_ENDING

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from daemon.batch.stores import TraceReference
+    from daemon.model.status import RunDetail
     from scenario_tui.cli.target import DaemonTarget
 
 RECORDED_KINDS: Final = ("picture", "traces")
@@ -32,6 +34,23 @@ class Brought(OutputPart):
     path: str
     bytes: int
     sha256: str
+
+
+class WallClock(StrEnum):
+    """Where a copy of a trace says when its run began."""
+
+    METADATA = "metadata"
+    STAMPS = "stamps"
+
+
+WallClockOption = Annotated[
+    WallClock | None,
+    typer.Option(
+        "--wall-clock",
+        help="For traces: write NAME.wall.mcap instead, which says when the run began: in its "
+        "metadata, or in every stamp as well, for players that go by those.",
+    ),
+]
 
 
 class FetchOutput(Output, schema="fetch"):
@@ -69,6 +88,7 @@ def fetch(
             help="Folder to write to, one folder per campaign in it.",
         ),
     ] = Path(),
+    wall_clock: WallClockOption = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
@@ -78,38 +98,61 @@ def fetch(
     Each is verified. What was interrupted goes on where it was; what is here already stays.
     """
     from daemon.batch.errors import TraceUnavailable
-    from daemon.batch.stores import copy_trace, trace_reference
+    from daemon.batch.stores import copy_trace, local_copy, trace_reference
     from daemon.model.ids import trace_name
     from scenario_tui.cli.target import DaemonTarget, recorded_runs, transfer_progress
 
     # All are asked for first, so that the bar knows how much there is to come.
     begun = time.perf_counter()
     wanted: list[tuple[TraceReference, Path]] = []
+    executed: dict[str, RunDetail] = {}
     missing: dict[str, str] = {}
+    brought: list[Brought] = []
     with DaemonTarget(connect, state).open() as daemon:
         for run in recorded_runs(daemon, subject):
             row = run.row
             try:
                 name = trace_name(row.campaign, row.scenario, row.sut, row.repeat)
                 wanted.append((trace_reference(run), folder / name))
+                executed[row.id] = run
             except TraceUnavailable as error:
                 missing[row.id] = str(error)
         with transfer_progress(sum(trace.size for trace, _ in wanted)) as advance:
             for trace, path in wanted:
                 try:
-                    copy_trace(trace, daemon, path, progress=advance)
+                    if wall_clock is None:
+                        copy_trace(trace, daemon, path, progress=advance)
+                        brought.append(Brought(trace.run, str(path), trace.size, trace.sha256))
+                        continue
+                    original = local_copy(trace, daemon, progress=advance)
+                    found = _with_wall_clock(executed[trace.run], original, path, wall_clock)
+                    brought.append(found)
                 except TraceUnavailable as error:
                     missing[trace.run] = str(error)
     for why in missing.values():
         say(why)
-    brought = [
-        Brought(trace.run, str(path), trace.size, trace.sha256)
-        for trace, path in wanted
-        if trace.run not in missing
-    ]
     size = sum(one.bytes for one in brought)
     FetchOutput(brought, missing, size, time.perf_counter() - begun).show(as_json)
     raise typer.Exit(ExitCode.INFRASTRUCTURE if missing or not brought else ExitCode.EXPECTED)
+
+
+def _with_wall_clock(run: RunDetail, original: Path, path: Path, where: WallClock) -> Brought:
+    """Write the copy of a trace that says when its run began, beside where it would have gone."""
+    from daemon.batch.errors import TraceUnavailable
+    from daemon.batch.stores import file_sha256
+    from daemon.trace import copy_with_wall_clock
+
+    if run.result is None or not run.result.timing.started:
+        raise TraceUnavailable(f"{run.row.id}: nobody kept when it began; run it again to know")
+    copy = path.with_name(f"{path.stem}.wall.mcap")
+    copy_with_wall_clock(
+        original,
+        copy,
+        run.result.timing.started,
+        worker=run.row.worker,
+        stamps=where is WallClock.STAMPS,
+    )
+    return Brought(run.row.id, str(copy), copy.stat().st_size, file_sha256(copy))
 
 
 class PictureOutput(Output, schema="picture"):
@@ -161,6 +204,7 @@ def export_recorded(
     out: Path,
     target: DaemonTarget,
     part: tuple[float | None, float | None],
+    wall_clock: WallClock | None,
     *,
     as_json: bool,
 ) -> None:
@@ -178,8 +222,10 @@ def export_recorded(
             raise typer.BadParameter("goes with picture only", param_hint="--from, --until")
         if out.exists() and not out.is_dir():
             raise typer.BadParameter(f"{out} is no folder", param_hint="--out")
-        fetch(str(source), out, target.connect, target.state, as_json)
+        fetch(str(source), out, wall_clock, target.connect, target.state, as_json)
         return
+    if wall_clock is not None:
+        raise typer.BadParameter("goes with traces only", param_hint="--wall-clock")
     path = out
     if out.is_dir() or not out.suffix:
         path = out / f"{source.name.removesuffix('.mcap')}.svg"

@@ -122,8 +122,8 @@ def with_limits(timeline: RunTimeline, limits: Iterable[ComparedLimit]) -> RunTi
     """Return a timeline whose signals know on which side of their limits is what must not be."""
     sides: dict[tuple[str, float], set[int]] = {}
     for limit in limits:
-        side = {"above": 1, "below": -1, "": 0}[limit.against]
-        sides.setdefault((limit.signal, limit.value), set()).add(side)
+        wrong = {"above": 1, "below": -1, "": 0}[limit.against]
+        sides.setdefault((limit.signal, limit.value), set()).add(wrong)
 
     def side(name: str, limit: float) -> int:
         found = sides.get((name, limit), set()) - {0}

@@ -16,7 +16,9 @@ from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN
 
-STARTED = "started a daemon on this machine at tcp/127.0.0.1:7447 (`scenario stop` ends it)"
+STARTED = (
+    "started a daemon on this machine at tcp/127.0.0.1:7447 (`scenario daemon --stop` ends it)"
+)
 
 
 async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_stop_it() -> None:
@@ -36,7 +38,7 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
         await settle(pilot)
         assert CAMPAIGN in "\n".join(screen_text(pilot))
         assert STARTED in [notice.message for notice in app._notifications]
-    assert app.farewell().endswith("\nStop the daemon with: scenario stop")
+    assert app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
 
 
 async def test_a_daemon_that_answers_is_left_as_it_is() -> None:
