@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from typing import Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError, Unreachable
-from daemon.model.status import CampaignRow, ChangeEvent, RunState
+from daemon.model.status import CampaignRow, ChangeEvent, RunPage, RunState
 from daemon.model.verbs import DaemonClient
 from scenario_tui.client import ClientOpener
 from scenario_tui.dashboard.known_searches import KnownSearches
@@ -233,9 +233,10 @@ class Feed:
             state = replace(state, workers=daemon.workers())
         if query.runs is not None and not (turned and query.runs == state.wanted):
             state = replace(state, wanted=query.runs, page=daemon.runs(**asdict(query.runs)))
-        if query.running is not None:
+        running = None if query.running is None else RunPage((), 0)
+        if query.running is not None and state.overview and state.overview.running:
             running = daemon.runs(query.running, state=str(RunState.RUNNING), limit=RUNNING_SHOWN)
-            state = replace(state, running=running)
+        state = replace(state, running=running)
         if query.run:
             state = self._run_watch.add_run(daemon, state, query.run)
         if query.search:
