@@ -191,7 +191,9 @@ class Dashboard(BaseDashboard):
         said += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
         said = [f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"]
         if self.launched and self.daemon_state.connected:
-            said.append(f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}")
+            said.append(
+                f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}"
+            )
         return "\n".join(said)
 
 

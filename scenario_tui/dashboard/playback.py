@@ -26,6 +26,7 @@ from scenario_tui.dashboard.signal_strips import (
     FailureMoment,
     RunTimeline,
     SignalStrip,
+    clearance_along,
     limits_of,
     with_limits,
 )
@@ -176,7 +177,17 @@ class Playback:
             self._plan(time),
             self.contacts(time, window),
             self.spread(time),
+            *self._clearances(count),
         )
+
+    def _clearances(self, count: int) -> tuple[tuple[float, ...], float | None]:
+        """Return the clearance at the first points of the trail and at the robot, and its limit."""
+        known, limit = self._clearance_along
+        return ((*known[:count], known[count - 1]) if known and count else ()), limit
+
+    @cached_property
+    def _clearance_along(self) -> tuple[tuple[float, ...], float | None]:
+        return clearance_along(self.timeline.strips, self._trail_times)
 
     @cached_property
     def timeline(self) -> RunTimeline:

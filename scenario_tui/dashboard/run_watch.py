@@ -15,6 +15,7 @@ from grammars.model.scene import Scene
 from scenario_tui.client import ClientOpener
 from scenario_tui.dashboard.state import (
     DashboardState,
+    LiveNews,
     TraceSummary,
     UnavailableTrace,
     can_fetch_trace,
@@ -34,7 +35,7 @@ class RunWatch:
     def __init__(
         self,
         open_daemon: ClientOpener,
-        lives: deque[LiveSnapshot],
+        lives: deque[LiveNews],
         on_problem: Callable[[str], object],
         on_fetched: Callable[[], object],
     ) -> None:
@@ -45,7 +46,8 @@ class RunWatch:
         self._scenes: dict[str, Scene] = {}
         self._recording: tuple[tuple[str, str], TraceSummary | UnavailableTrace] | None = None
         self._subscription: Closeable | None = None
-        self._followed = self._detailed = ""
+        self._followed = ("", False)
+        self._detailed = ""
 
     def add_run(self, daemon: DaemonClient, state: DashboardState, run: str) -> DashboardState:
         """Return a state with all there is to know about a run."""
@@ -54,21 +56,29 @@ class RunWatch:
         recording = self._recorded(daemon, detail)
         return replace(state, detail=detail, scene=scene, recording=recording)
 
-    def follow(self, daemon: DaemonClient, detail: RunDetail | None) -> None:
-        """Have details of the run that is shown sent while it runs, and of no other."""
+    def follow(
+        self, daemon: DaemonClient, detail: RunDetail | None, *, judged: bool = False
+    ) -> None:
+        """Have details of the run that is shown sent while it runs, and of no other.
+
+        ``judged``: also what it would be judged by now.
+        """
         running = detail is not None and detail.row.state is RunState.RUNNING
         run = detail.row.id if detail is not None and running else ""
-        if run == self._followed:
+        wanted = (run, judged and bool(run))
+        if wanted == self._followed:
             return
         self.close()
         if run:
-            self._subscription, self._followed = daemon.watch(run, self._hear_detail), run
+            hear = self._lives.append if judged else None
+            self._subscription = daemon.watch(run, self._hear_detail, hear)
+            self._followed = wanted
 
     def close(self) -> None:
         """Follow no run."""
         if self._subscription is not None:
             self._subscription.close()
-        self._subscription, self._followed, self._detailed = None, "", ""
+        self._subscription, self._followed, self._detailed = None, ("", False), ""
 
     def hear(self, live: LiveSnapshot) -> None:
         """Take in a snapshot sent to everybody."""

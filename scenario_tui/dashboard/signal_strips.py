@@ -6,6 +6,7 @@ Without what reads traces, which takes a while to load.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
@@ -24,6 +25,8 @@ SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 5
 """What one goes through when faster or slower is asked for: simulated seconds a second."""
 FLASH: Final = 0.5
 """Seconds a contact stays to be seen."""
+_CLEARANCE: Final = re.compile(r"clearance(\(\d[^)]*\))?$")
+"""The clearance of the robot as a whole, not that of a thing named."""
 _RAMPS: Final = frozenset(
     {
         "elapsed", "path.length", "mission.leg", "mission.leg.elapsed", "mission.reached",
@@ -41,7 +44,7 @@ class SignalStrip:
     run spoke against an oracle that reads it; ``readers`` name these oracles. ``unit`` is ``bool``
     for what is true or false. ``sides`` say for each limit on which side of it the run speaks
     against an oracle: 1 above, -1 below, 0 neither. A thinned signal has the least of each part of
-    the time in ``values`` and the greatest in ``most``.
+    the time in ``values`` and the greatest in ``most``, the last part ending at ``until`` [s].
     """
 
     name: str
@@ -53,6 +56,13 @@ class SignalStrip:
     readers: tuple[str, ...] = ()
     sides: tuple[int, ...] = ()
     most: Floats | None = None
+    until: float | None = None
+
+    @property
+    def end(self) -> float:
+        """The moment until which it is known [s]."""
+        last = float(self.time[-1]) if len(self.time) else -math.inf
+        return last if self.until is None else self.until
 
     @property
     def ramp(self) -> bool:
@@ -122,8 +132,8 @@ def with_limits(timeline: RunTimeline, limits: Iterable[ComparedLimit]) -> RunTi
     """Return a timeline whose signals know on which side of their limits is what must not be."""
     sides: dict[tuple[str, float], set[int]] = {}
     for limit in limits:
-        wrong = {"above": 1, "below": -1, "": 0}[limit.against]
-        sides.setdefault((limit.signal, limit.value), set()).add(wrong)
+        against = {"above": 1, "below": -1, "": 0}[limit.against]
+        sides.setdefault((limit.signal, limit.value), set()).add(against)
 
     def side(name: str, limit: float) -> int:
         found = sides.get((name, limit), set()) - {0}
@@ -135,6 +145,25 @@ def with_limits(timeline: RunTimeline, limits: Iterable[ComparedLimit]) -> RunTi
         for strip in timeline.strips
     )
     return replace(timeline, strips=tuple(strips))
+
+
+def clearance_along(
+    strips: Iterable[SignalStrip], times: Sequence[float] | Floats
+) -> tuple[tuple[float, ...], float | None]:
+    """Return the clearance at moments ``times`` [s], NaN where unknown, and its limit [m].
+
+    It is the one an oracle reads, with the buffer around the robot, or else the plain one.
+    """
+    found = [strip for strip in strips if _CLEARANCE.match(strip.name)]
+    if not found:
+        return (), None
+    strip = max(found, key=lambda one: (bool(one.readers), bool(one.limits)))
+    at = np.searchsorted(strip.time, np.asarray(times) + 1e-9, side="right") - 1
+    # Behind the end of a thinned signal nothing is known yet.
+    known = (at >= 0) & (np.asarray(times) <= (strip.end + 1e-9))
+    values = np.where(known, strip.values[at], np.nan) if len(strip.time) else known * np.nan
+    asked = [limit for limit, side in zip(strip.limits, strip.sides, strict=False) if side < 0]
+    return tuple(values.tolist()), max(asked, default=None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, TypeAlias
 
 from daemon.batch.errors import DaemonError, Refused
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import RunQuery
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import Snapshot
@@ -34,6 +35,8 @@ from scenario_tui.text.results import (
     gather_results,
 )
 
+LiveNews: TypeAlias = LiveSnapshot | LiveJudgement
+"""What running runs tell of themselves, and no ledger keeps."""
 _TRAIL_POINTS: Final = 4000
 """Points of a way at most: more of them would fall into the same dots of the map."""
 
@@ -154,6 +157,8 @@ ASSESS_SHOWN_EVERY: Final = 1.0
 """Seconds between two looks at the campaign that is shown."""
 ASSESS_OTHERS_EVERY: Final = 5.0
 """Seconds between two looks at another one."""
+RUNNING_SHOWN: Final = 200
+"""Running runs asked for at a time; there are rarely more slots."""
 CAMPAIGNS_SHOWN: Final = 500
 """Campaigns in the table, the newest: a table of thousands is slow to lay out."""
 CAMPAIGNS_ASSESSED: Final = 100
@@ -167,10 +172,16 @@ _State = tuple[CampaignRow, int]
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """What the screen in front shows beyond the overview: nothing else is asked for."""
+    """What the screen in front shows beyond the overview: nothing else is asked for.
+
+    ``judged``: also what the run would be judged by now. ``running``: the runs under way of a
+    campaign, of all when it is empty.
+    """
 
     runs: RunQuery | None = None
     run: str = ""
+    judged: bool = False
+    running: str | None = None
     workers: bool = False
     results: str = ""
     search: str = ""
@@ -193,6 +204,7 @@ class DashboardState:
     workers: tuple[WorkerRow, ...] = ()
     wanted: RunQuery | None = None
     page: RunPage | None = None
+    running: RunPage | None = None
     detail: RunDetail | None = None
     scene: Scene | None = None
     recording: TraceSummary | UnavailableTrace | None = None
@@ -234,22 +246,28 @@ class Notice:
 class Track:
     """A running run: ``snapshot`` is the last one, ``trail`` the way so far [m].
 
-    ``flashes`` are contacts with the moment, by the clock of the tracks, until which they show.
+    ``times`` are the moments [s] of the points of the trail, ``heard`` and ``judgement`` when the
+    last snapshot came, by the clock of the tracks, and what the run would be judged by now.
+    ``flashes`` are contacts with the moment, by the same clock, until which they show.
     """
 
     snapshot: Snapshot
+    heard: float = 0.0
+    judgement: LiveJudgement | None = None
     trail: list[Point2] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
     flashes: dict[Point2, float] = field(default_factory=dict)
     step: float = _TRAIL_STEP
 
-    def add(self, here: Point2) -> None:
+    def add(self, here: Point2, time: float) -> None:
         """Take a place into the trail, once it is some way on."""
         if self.trail and math.dist(self.trail[-1], here) < self.step:
             return
         self.trail.append(here)
+        self.times.append(time)
         if len(self.trail) > _KEPT_POINTS:
             # Coarser, not shorter: the way from the start stays to be seen.
-            del self.trail[1::2]
+            del self.trail[1::2], self.times[1::2]
             self.step *= 2.0
 
 
@@ -260,14 +278,18 @@ class Tracks:
         self._tracks: dict[str, Track] = {}
         self._clock = clock
 
-    def add(self, live: LiveSnapshot) -> None:
+    def add(self, live: LiveNews) -> None:
         """Take a snapshot in; an earlier time than the last means that the run began anew."""
+        if isinstance(live, LiveJudgement):
+            if (judged := self._tracks.get(live.run)) is not None:
+                judged.judgement = live
+            return
         seen, now = live.snapshot, self._clock()
         track = self._tracks.pop(live.run, None)
         if track is None or seen.time < track.snapshot.time:
             track = Track(seen)
-        track.snapshot = seen
-        track.add((seen.pose.x, seen.pose.y))
+        track.snapshot, track.heard = seen, now
+        track.add((seen.pose.x, seen.pose.y), seen.time)
         track.flashes = {at: end for at, end in track.flashes.items() if end > now}
         if seen.contacts:
             # It calculates with arrays, whose library takes longer to load than the first screen.
@@ -278,6 +300,10 @@ class Tracks:
         # Put in anew above, so that the first of the dictionary was heard of least recently.
         while len(self._tracks) > _KEPT_RUNS:
             self._tracks.pop(next(iter(self._tracks)))
+
+    def silence(self, track: Track) -> float:
+        """Return for how long nothing was heard of a run [s]."""
+        return self._clock() - track.heard
 
     def get(self, run: str) -> Track | None:
         """Return the track of a run, if anything was heard of it."""

@@ -39,17 +39,23 @@ def by_severity(verdicts: Iterable[Verdict]) -> list[Verdict]:
     return sorted(verdicts, key=lambda v: SEVERITY.index(v.outcome))
 
 
-def verdict_text(verdict: Verdict, styles: Styles = DASHBOARD_STYLES) -> Text:
-    """Return a verdict in a few lines: margin, bar, evidence."""
-    text = Text()
-    text.append(f"{glyph_word(verdict.outcome)}  ", style=styles[verdict.outcome])
+def verdict_text(
+    verdict: Verdict, styles: Styles = DASHBOARD_STYLES, *, so_far: str = "", style: str = ""
+) -> Text:
+    """Return a verdict in a few lines: margin, bar, evidence.
+
+    That of a run that goes on is called ``so_far``, in a ``style`` of its own.
+    """
+    text, style = Text(), style or styles[verdict.outcome]
+    text.append(f"{so_far or glyph_word(verdict.outcome)}  ", style=style)
     text.append(verdict.oracle, style="bold")
     text.append(f"  {_value(verdict)}")
     first, *rest = (*_evidence_lines(verdict), "")
     if verdict.margin is not None:
         bar = margin_bar(_share(verdict))
-        text.append("\n    ").append(f"{bar}  ", style=styles[verdict.outcome])
-        text.append(first, style=quiet_style(styles))
+        text.append("\n    ").append(f"{bar}  ", style=style)
+        nearest = "nearest " if so_far and first.startswith("at ") else ""
+        text.append(f"{nearest}{first}", style=quiet_style(styles))
     else:
         rest = [first, *rest]
     for line in filter(None, rest):

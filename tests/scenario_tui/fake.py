@@ -9,7 +9,13 @@ from dataclasses import dataclass, field, fields, replace
 
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.assessments import AssessmentRules, RepeatPolicy, RunRecord
-from daemon.model.live_judgement import LiveJudgement
+from daemon.model.live_judgement import (
+    DoorMotion,
+    LiveJudgement,
+    LiveSignal,
+    LogLine,
+    ProvisionalVerdict,
+)
 from daemon.model.messages import (
     CampaignQuery,
     Count,
@@ -212,6 +218,57 @@ def make_live(index: int = 7, time: float = 60.0, waiting: str = "") -> LiveSnap
     return LiveSnapshot(f"{CAMPAIGN}.{index}", snapshot)
 
 
+def make_judgement(index: int = 7, time: float = 60.0, *, contact: bool = False) -> LiveJudgement:
+    """What that run would be judged by now: near to a door once, a waypoint done, one ahead.
+
+    With a ``contact`` it has failed for good.
+    """
+    parts = 60
+    along = [time * part / parts for part in range(parts)]
+    near = [0.11 + 0.9 * abs(math.sin((t - 27.0) / 15.0)) for t in along]
+    nearest = min(27.0, time)
+    error = [0.05 + 0.1 * abs(math.sin(t / 9.0)) for t in along]
+    speed = [0.5 if t < 55.0 else 0.0 for t in along]
+    signals = (
+        _live_signal("loc.error", "m", time, error),
+        _live_signal("clearance", "m", time, near, (0.05,), ("clear",)),
+        _live_signal("speed", "m/s", time, speed),
+        _live_signal("elapsed", "s", time, along, (1200.0,), ("reached",)),
+    )
+    clear = Verdict("clear", "always(clearance >= 0.05 m)", Outcome.PASS, 0.06, 0.06, "m",
+                    Evidence(nearest, 0.11, 0.05, "door-1"))  # fmt: skip
+    reached = Verdict("reached", "reach every waypoint within 20 min", Outcome.FAIL, -1.0, -1.0,
+                      "s", Evidence(note="1 of 3 waypoints reached"))  # fmt: skip
+    touch = Verdict("no-contact", "robot never touches anything", Outcome.PASS, 1.0, 1.0, "")
+    if contact:
+        touch = replace(touch, outcome=Outcome.FAIL, lower=-1.0, upper=-1.0,
+                        evidence=Evidence(nearest, object="door-1"))  # fmt: skip
+    verdicts = (
+        ProvisionalVerdict(reached, open=True),
+        ProvisionalVerdict(touch, final=contact),
+        ProvisionalVerdict(clear),
+    )
+    log = [LogLine(t, "pilot", f"at {t:.0f} s") for t in along[::6]]
+    if contact:
+        log.append(LogLine(nearest, "contact", "robot touches door-1/leaf"))
+    return LiveJudgement(
+        f"{CAMPAIGN}.{index}", time, signals, verdicts,
+        (DoorMotion(min(12.0, time), "door-1.hinge", opens=True),),
+        (40.0,) if time > 40.0 else (), tuple(sorted(log, key=lambda line: line.time)), 3,
+    )  # fmt: skip
+
+
+def _live_signal(
+    name: str,
+    unit: str,
+    end: float,
+    values: list[float],
+    limits: tuple[float, ...] = (),
+    readers: tuple[str, ...] = (),
+) -> LiveSignal:
+    return LiveSignal(name, unit, 0.0, end, tuple(values), tuple(values), limits, (), readers)
+
+
 def campaign_row(name: str, id: str, rows: tuple[RunRow, ...], submitted_at: float) -> CampaignRow:
     def states(state: RunState) -> int:
         return sum(row.state is state for row in rows)
@@ -260,6 +317,7 @@ class FakeDaemon(DaemonClient):
     watchers: dict[str, Callable[[LiveSnapshot], None]] = field(default_factory=dict)
     judges: dict[str, Callable[[LiveJudgement], None]] = field(default_factory=dict)
     live: tuple[LiveSnapshot, ...] = ()
+    judged: dict[str, LiveJudgement] = field(default_factory=dict)
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
     troubles: tuple[str, ...] = ()

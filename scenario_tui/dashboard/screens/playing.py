@@ -21,7 +21,7 @@ from scenario_tui.dashboard.widgets.top_view import TopView
 
 FRAMES: Final = 10
 """How often a second the view is drawn while it plays."""
-_NEEDS_RUN: Final = ("play", "scrub", "edge", "faster", "slower", "next", "previous", "signals")
+_NEEDS_RUN: Final = ("play", "scrub", "edge", "faster", "slower", "next", "previous")
 
 
 class PlayingScreen(Screen[None]):
@@ -63,6 +63,8 @@ class PlayingScreen(Screen[None]):
                 tooltip="Signals further down"),
         Binding("left_square_bracket", "signals(-1)", "Signals back", show=False, id="signals-back",
                 tooltip="Signals further up"),
+        Binding("e", "ramps", "Every signal", show=False, id="every-signal",
+                tooltip="Also clocks and odometers, or without them"),
     ]  # fmt: skip
 
     VIEWS: ClassVar[Sequence[str]] = ()
@@ -202,6 +204,10 @@ class PlayingScreen(Screen[None]):
     def action_signals(self, step: int) -> None:
         """Show signals further down or up."""
         self.query_one(TimelineView).scroll_signals(step)
+
+    def action_ramps(self) -> None:
+        """Show signals that only count, too, or leave them out."""
+        self.query_one(TimelineView).toggle_ramps()
 
 
 def clock_line(transport: ReplayTransport) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -14,14 +14,23 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import OptionList, Static
 
-from daemon.model.spec import RunResult
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.status import CampaignRow, RunDetail, RunState
 from daemon.model.verdicts import Verdict
+from scenario_tui.dashboard.live_timeline import live_timeline
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
+from scenario_tui.dashboard.screens.run_log import log_text
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
-from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
+from scenario_tui.dashboard.signal_strips import (
+    FLASH,
+    FailureMoment,
+    ReplayTransport,
+    RunTimeline,
+    clearance_along,
+    limits_of,
+)
 from scenario_tui.dashboard.state import (
     DashboardState,
     Query,
@@ -37,89 +46,24 @@ from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     QUIET,
     UNSURE,
+    duration,
     glyph_word,
-    pluralise,
     run_label,
     run_word,
 )
-from scenario_tui.text.printed_output import last_lines, printed_lines
-from scenario_tui.text.run_text import append_facts, run_text
+from scenario_tui.text.provisional_text import worst_text
+from scenario_tui.text.run_text import run_text
 
 if TYPE_CHECKING:
+    from grammars.oracle import ComparedLimit
     from scenario_tui.dashboard.playback import Playback
 
-_LINES: Final = 5000
-"""Lines of the log that are laid out at once; `scenario show --log --all` prints all."""
-
-Line = tuple[float, str, str]
 _VAST: Final = 170
 """Columns from which on map and signals stand side by side."""
-
-
-def log_text(detail: RunDetail | None, playback: Playback | None, limit: int = _LINES) -> Text:
-    """Return everything there is to read about a run, at most ``limit`` lines of its log."""
-    text = Text()
-    if detail is not None:
-        for note in _notes(detail.row.remark, detail.result):
-            text.append(f"{note}\n", style=UNSURE)
-        if detail.row.attempt > 1:
-            text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)
-        if detail.row.cached:
-            text.append(f"not executed again: the result is that of {detail.row.cached}\n")
-        append_facts(text, detail)
-    if playback is None:
-        return text
-    if playback.trace.problems:
-        text.append("not to be trusted: ", style=UNSURE)
-        text.append("; ".join(playback.trace.problems) + "\n")
-    text.append("\n")
-    lines = [*log_lines(playback)]
-    for time, source, said in lines[:limit]:
-        text.append(f"{time:8.2f} s  ", style=QUIET)
-        text.append(f"{source:<10} ", style="bold")
-        text.append("\n".join(printed_lines(said)) + "\n")
-    if len(lines) > limit:
-        text.append(f"and {len(lines) - limit} lines more\n", style=QUIET)
-    _append_outputs(text, playback)
-    return text
-
-
-def _append_outputs(text: Text, playback: Playback) -> None:
-    """Add the last lines of what an external system under test printed."""
-    for name, printed in playback.outputs.items():
-        shown, hidden = last_lines(printed)
-        text.append(f"\n{name}\n", style="bold")
-        if hidden:
-            more = pluralise(hidden, "line")
-            text.append(f"{more} before these: scenario show --all prints all\n", style=QUIET)
-        text.append("".join(f"{line}\n" for line in shown or ["(nothing)"]))
-
-
-def log_lines(playback: Playback) -> Iterator[Line]:
-    """Yield what was recorded as words, what oracles decided and what doors did, by time [s]."""
-    trace = playback.trace
-    said = sorted((e.time, e.source, e.text) for e in trace.events)
-    decided = [(m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments]
-    doors = [
-        (event.time, event.name, "opens" if event.opens else "is shut")
-        for event in playback.timeline.doors
-    ]
-    touched = sorted((c.time, "contact", f"{c.first} touches {c.second}") for c in trace.contacts)
-    yield from heapq.merge(said, decided, doors, _first_of_each(touched))
-
-
-def _first_of_each(touched: list[Line], pause: float = 1.0) -> Iterator[Line]:
-    """Leave out contacts that only go on: the same two within a while."""
-    last: dict[str, float] = {}
-    for time, source, words in touched:
-        if time - last.get(words, -pause) >= pause:
-            yield time, source, words
-        last[words] = time
-
-
-def _notes(reason: str, result: RunResult | None) -> list[str]:
-    note = result.note if result is not None else ""
-    return list(dict.fromkeys(filter(None, (reason.strip(), note.strip()))))
+_SILENT: Final = 5.0
+"""Seconds after which a run that says nothing is said to be silent."""
+_PATIENCE: Final = 10.0
+"""Seconds after which somebody who looks is told that no signals come."""
 
 
 class RunScreen(PlayingScreen, SteeringScreen):
@@ -148,6 +92,11 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self._opened: Path | None = None
         self._damage = ""
         self._shown: object = None
+        self._track: Track | None = None
+        self._judgement: LiveJudgement | None = None
+        self._so_far: RunTimeline | None = None
+        self._limits: tuple[ComparedLimit, ...] | None = None
+        self._since = 0.0
 
     def body(self) -> ComposeResult:
         """Words on the left; map and signals on the right, or one of them alone."""
@@ -172,8 +121,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self.call_after_refresh(self.update_from_state)
 
     def state_query(self) -> Query:
-        """This run."""
-        return Query(run=self._run)
+        """This run, and how it is judged while it runs."""
+        return Query(run=self._run, judged=True)
 
     def rejudge_target(self) -> str:
         """This run alone is judged again."""
@@ -205,7 +154,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         detail = self._detail()
         if detail is None:
             return
-        track, seen = track_of(self.dashboard, detail), state.recording_of(self._run)
+        track, seen = self._last_heard(detail), state.recording_of(self._run)
         if (
             isinstance(seen, TraceSummary)
             and detail.result is not None
@@ -218,35 +167,88 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self._show_live(detail, state, track)
         self._say(detail)
 
+    def _last_heard(self, detail: RunDetail) -> Track | None:
+        """Return what was heard of the run, also when it is over, until its trace is read."""
+        track = track_of(self.dashboard, detail)
+        if track is not None or _unfinished(detail):
+            self._track = track
+        if self._limits is None and _runs(detail):
+            self._limits = ()
+            self._read_limits(detail)
+        return self._track
+
+    @work(thread=True)
+    def _read_limits(self, detail: RunDetail) -> None:
+        """Read the oracles of a run outside the thread that draws: their language loads slowly."""
+        self._limits = limits_of(detail.spec.oracles)
+        self._judgement = None
+
     def _words(self, detail: RunDetail, track: Track | None) -> None:
         """Show verdicts once there are any, and the log."""
-        result = detail.result
-        self.set_class(result is not None, "-judged")
-        if result is None:
+        result, judgement = detail.result, track.judgement if track else None
+        so_far = judgement.verdicts if judgement else ()
+        judged = result is not None or bool(so_far)
+        if judged and not self.has_class("-judged"):
+            self.call_after_refresh(self.view_changed)
+        self.set_class(judged, "-judged")
+        if result is not None:
+            self.query_one(VerdictList).show(result.verdicts)
+        elif so_far:
+            self.query_one(VerdictList).show_so_far(so_far)
+        else:
             snapshot = track.snapshot if track else None
             self.query_one("#run-text", Static).update(run_text(detail, snapshot))
-        else:
-            self.query_one(VerdictList).show(result.verdicts)
-        if self._shown != (detail, self._playback):
+        shown = (detail, self._playback, judgement)
+        if self._shown != shown:
             if self._shown is None:
                 # What is going on for a run that runs, why it failed for one that is over.
                 self.show_view(self.VIEWS.index("map") if _runs(detail) else 0)
-            self._shown = (detail, self._playback)
-            self.query_one("#log-text", Static).update(log_text(detail, self._playback))
+                self._since = self.dashboard.clock()
+            self._shown = shown
+            words = log_text(detail, self._playback, judgement=judgement)
+            self.query_one("#log-text", Static).update(words)
+            # While it grows its end stays in view, unless somebody scrolled up.
+            log, grows = self.query_one("#log", VerticalScroll), result is None and judgement
+            if bool(grows) != log.is_anchored:
+                log.anchor(bool(grows))
 
     def _show_live(self, detail: RunDetail, state: DashboardState, track: Track | None) -> None:
-        """Show the map as it is now, or why there is nothing to see."""
+        """Show the map and the signals as they are now, or why there is nothing to see."""
         view, why = top_view_of(state, detail, track)
         why = self._damage or why
         above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
         # Where the words are not beside the map, the first line has no room for all of it.
         starting = track.snapshot.waiting if track and not self.has_class("-wide") else ""
         above.explain(why or starting)
-        waiting = "Signals are drawn when the run is over." if _unfinished(detail) else "Reading."
-        show_message_or(self.query_one("#untold"), signals, why or waiting)
-        self.query_one("#signs").display = False
+        judgement = track.judgement if track else None
+        if judgement is not None and judgement is not self._judgement and judgement.signals:
+            self._judgement = judgement
+            self._so_far = live_timeline(judgement, detail.spec, self._limits or ())
+            signals.show((self._so_far,), judgement.time)
+        if judgement is None and _unfinished(detail):
+            self._so_far = None  # it began anew
+        untold = "" if self._so_far else self._untold(detail, track)
+        show_message_or(self.query_one("#untold"), signals, why or untold)
+        self.query_one("#signs").display = not (why or untold)
         if not why and view is not None:
+            if self._so_far and track:
+                known, limit = clearance_along(self._so_far.strips, track.times)
+                view = replace(view, clearances=known, limit=limit)
             above.show(view)
+
+    def _untold(self, detail: RunDetail, track: Track | None) -> str:
+        """Return why there are no signals (yet)."""
+        if detail.row.state is RunState.QUEUED:
+            return "This run is queued. Its signals are drawn while it runs."
+        if not _runs(detail):
+            return "Its trace is being read."
+        if track is None:
+            return "Nothing was heard of this run yet: its worker prepares it."
+        if track.snapshot.waiting:
+            return f"{track.snapshot.waiting}\n\nSignals begin with simulated time, when it is up."
+        if self.dashboard.clock() - self._since > _PATIENCE:
+            return "Its worker tells no signals: they are drawn when the run is over."
+        return "Signals and verdicts so far come in a moment."
 
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
@@ -257,12 +259,19 @@ class RunScreen(PlayingScreen, SteeringScreen):
             reached = self._playback.reached(self.transport.time)
             said.append(f"  {clock_line(self.transport)}  {reached}/{self._playback.waypoints} wp")
         elif track is not None:
-            now = track.snapshot
-            far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
-            said.append(f"  {now.waiting or far}")
+            self._say_live(said, track)
         tabs = "" if self.has_class("-wide") else self.tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
+
+    def _say_live(self, said: Text, track: Track) -> None:
+        now, silence = track.snapshot, self.dashboard.tracks.silence(track)
+        far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
+        if silence > _SILENT:
+            said.append(f"  last heard {duration(silence)} ago", style=UNSURE)
+        said.append(f"  {now.waiting or far}", style="default not bold")
+        if worst := worst_text(now.margin, now.unit, now.oracle):
+            said.append("  ").append_text(worst)
 
     def show_moment(self, window: float = FLASH) -> None:
         """Show map and cursor at the moment."""
@@ -278,6 +287,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
     def view_changed(self) -> None:
         """Give the keys to what is shown."""
         wanted = {"verdicts": "#decided", "log": "#log"}.get(self.VIEWS[self._part])
+        if wanted is None and self.has_class("-wide"):
+            wanted = "#decided"  # in view as well, and the only part of these that takes keys
         if wanted is not None and self.query(wanted):
             self.query_one(wanted).focus(scroll_visible=False)
         else:
@@ -312,8 +323,12 @@ class RunScreen(PlayingScreen, SteeringScreen):
         signals = self.query_one("#signals", TimelineView)
         signals.display = self.query_one("#signs").display = True
         signals.show((playback.timeline,))
-        self.begin(ReplayTransport(playback.start, playback.end, playback.start, playing=False))
-        self._go_to_chosen()
+        # Who watched it to its end stays there; who opens it sees the moment that tells most.
+        watched = self._so_far is not None
+        now = playback.end if watched else playback.start
+        self.begin(ReplayTransport(playback.start, playback.end, now, playing=False))
+        if not watched:
+            self._go_to_chosen()
         self.update_from_state()
 
     @on(OptionList.OptionHighlighted)

@@ -17,6 +17,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import DashboardState, Query, Track
+from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -88,6 +89,7 @@ class RunsScreen(SteeringScreen):
     def body(self) -> ComposeResult:
         """Filter line, table, and the run beside it."""
         yield Input(placeholder="text in run, oracle or reason", id="filter", compact=True)
+        yield RunningGrid(id="running")
         yield Static(id="empty")
         with Horizontal(id="split"):
             yield KeyedTable(_COLUMNS, id="runs")
@@ -102,7 +104,11 @@ class RunsScreen(SteeringScreen):
     def state_query(self) -> Query:
         """The page; in wide terminals also the run under the cursor."""
         beside = self.query_one("#side").display and self.has_class("-wide")
-        return Query(runs=self._wanted, run=self.query_one(KeyedTable).key if beside else "")
+        return Query(
+            runs=self._wanted,
+            run=self.query_one(KeyedTable).key if beside else "",
+            running=self._wanted.campaign,
+        )
 
     def trail(self) -> str:
         """Where we are, which page, sorted and filtered how."""
@@ -146,6 +152,7 @@ class RunsScreen(SteeringScreen):
 
     def show(self, state: DashboardState) -> None:
         """Fill the table with the page, once it is the one wanted."""
+        self._show_running(state)
         page = self._page()
         if page is None:
             return
@@ -155,12 +162,33 @@ class RunsScreen(SteeringScreen):
         tracks = self.dashboard.tracks
         table.fill([run_cells(row, tracks.get(row.id)) for row in page.rows])
         # A table that was hidden because it was empty has lost the keys to its neighbour.
-        if not message and not self.query_one(Input).has_focus:
+        elsewhere = isinstance(self.focused, Input | RunningGrid)
+        if not message and not elsewhere:
             table.focus(scroll_visible=False)
         # The cursor may be on another run now that the rows are others.
         if self.has_class("-wide"):
             self.dashboard.feed.set_query(self.state_query())
             self.query_one(RunPanel).show(self.dashboard, state.detail_of(table.key))
+
+    def _show_running(self, state: DashboardState) -> None:
+        """Show what is under way of the campaign, whatever page and filter there are."""
+        if state.running is None:
+            return  # not known yet: another screen was in front
+        tracks, wanted = self.dashboard.tracks, self._wanted.campaign
+        found = []
+        for row in state.running.rows:
+            if wanted in ("", row.campaign):
+                track = tracks.get(row.id)
+                seen, silence = (track.snapshot, tracks.silence(track)) if track else (None, 0.0)
+                found.append(RunningRun(row.id, run_label(row), seen, silence))
+        grid = self.query_one(RunningGrid)
+        grid.show(found)
+        if not grid.display and grid.has_focus:
+            self.query_one(KeyedTable).focus(scroll_visible=False)
+
+    def on_running_grid_opened(self, event: RunningGrid.Opened) -> None:
+        """Open a run under way."""
+        self.dashboard.open_run(event.run)
 
     def _nothing(self) -> str:
         if self._only or self._wanted.text:
@@ -266,6 +294,7 @@ class RunsScreen(SteeringScreen):
 def run_cells(row: RunRow, track: Track | None) -> Row:
     """Return a run as a row of the table."""
     word = run_word(row)
+    row = so_far(row, track)
     return row.id, (
         Text(run_label(row)),
         Text(glyph_word(word), style=DASHBOARD_STYLES[word]),
@@ -274,6 +303,14 @@ def run_cells(row: RunRow, track: Track | None) -> Row:
         Text(progress(row, track)),
         Text(row.worker, style=QUIET),
     )
+
+
+def so_far(row: RunRow, track: Track | None) -> RunRow:
+    """Return a run that goes on with its least margin so far and whose it is, as if it decided."""
+    if row.state is not RunState.RUNNING or track is None:
+        return row
+    seen = track.snapshot
+    return replace(row, oracle=seen.oracle, margin=seen.margin, unit=seen.unit)
 
 
 def progress(row: RunRow, track: Track | None) -> str:

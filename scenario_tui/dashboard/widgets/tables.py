@@ -13,7 +13,9 @@ from textual.message import Message
 from textual.widgets import DataTable, OptionList
 from textual.widgets.option_list import Option
 
+from daemon.model.live_judgement import ProvisionalVerdict
 from daemon.model.verdicts import Verdict
+from scenario_tui.text.provisional_text import by_urgency, provisional_text
 from scenario_tui.text.run_text import by_severity, verdict_text
 
 Row = tuple[str, tuple[Text, ...]]
@@ -276,16 +278,37 @@ class VerdictList(OptionList, inherit_bindings=False):
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id, compact=True)
         self._verdicts: tuple[Verdict, ...] = ()
+        self._texts: tuple[Text, ...] = ()
 
     def show(self, verdicts: Sequence[Verdict]) -> None:
-        """Show other verdicts; the first of them is chosen."""
-        ordered = tuple(by_severity(verdicts))
-        if ordered == self._verdicts:
+        """Show other verdicts; the first of them is chosen, unless one of that oracle was."""
+        ordered = by_severity(verdicts)
+        self._fill(ordered, [verdict_text(verdict) for verdict in ordered])
+
+    def show_so_far(self, provisional: Sequence[ProvisionalVerdict]) -> None:
+        """Show what oracles say of a run that goes on."""
+        ordered = by_urgency(provisional)
+        self._fill([one.verdict for one in ordered], [provisional_text(one) for one in ordered])
+
+    def _fill(self, verdicts: Sequence[Verdict], texts: Sequence[Text]) -> None:
+        if (tuple(verdicts), tuple(texts)) == (self._verdicts, self._texts):
             return
-        self._verdicts = ordered
+        before, chosen = self._verdicts, self.chosen()
+        self._verdicts, self._texts = tuple(verdicts), tuple(texts)
+        names = [verdict.oracle for verdict in verdicts]
+        if names == [verdict.oracle for verdict in before]:
+            # In place: a list filled anew every second would jump under the cursor.
+            for place, text in enumerate(texts):
+                if text != self.get_option_at_index(place).prompt:
+                    self.replace_option_prompt_at_index(place, text)
+            return
+        scrolled = self.scroll_y
         self.clear_options()
-        self.add_options([Option(verdict_text(verdict)) for verdict in ordered])
-        self.highlighted = 0 if ordered else None
+        self.add_options([Option(text) for text in texts])
+        kept = names.index(chosen.oracle) if chosen and chosen.oracle in names else 0
+        self.highlighted = kept if names else None
+        if chosen is not None:
+            self.scroll_to(y=scrolled, animate=False)
 
     def chosen(self) -> Verdict | None:
         """Return the highlighted verdict."""

@@ -44,7 +44,7 @@ _LITTLE: Final = 9
 """Of so few rows a signal takes two."""
 _APART: Final = 12
 """Columns from one mark of the time to the next at least."""
-LEGEND: Final = "╱ beyond a limit  ░ against an oracle  ━ door open  ◇ waypoint done  ✗ decided"
+LEGEND: Final = "╱ beyond limit  ░ against oracle  ━ door open  ◇ waypoint  ✗ decided"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def ranges(strip: SignalStrip, start: float, end: float, count: int) -> tuple[Fl
     # What ends before it begins reduces to its first value, and is left out; the value put behind
     # the last one is never part of a stretch.
     stretches = np.column_stack([first, last]).ravel()
-    filled = last > first
+    filled = (last > first) & (edges[:-1] <= strip.end)
     low[filled] = np.minimum.reduceat(np.append(least, np.inf), stretches)[::2][filled]
     high[filled] = np.maximum.reduceat(np.append(most, -np.inf), stretches)[::2][filled]
     return low, high

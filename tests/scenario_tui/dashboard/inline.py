@@ -12,11 +12,10 @@ from typing import Any, TypeVar
 from textual.pilot import Pilot
 
 from daemon.batch.errors import DaemonError
-from daemon.model.status import LiveSnapshot
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.background import BackgroundTasks, Problem
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.state import CampaignAssessor, DashboardState, Notice
+from scenario_tui.dashboard.state import CampaignAssessor, DashboardState, LiveNews, Notice
 from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.fake import FakeDaemon
 from tests.scenario_tui.idle import until_idle
@@ -35,7 +34,7 @@ class InlineFeed(Feed):
     def start(self) -> None:
         """Start no thread."""
 
-    def take_news(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
+    def take_news(self) -> tuple[DashboardState | None, list[LiveNews], list[Notice]]:
         try:
             self.step(self.fake)
             if self.assess(self.fake):
@@ -44,6 +43,9 @@ class InlineFeed(Feed):
             self._lose(error)
         self._lives.extend(self.fake.live)
         self.fake.live = ()
+        for run, judge in list(self.fake.judges.items()):
+            if run in self.fake.judged:
+                judge(self.fake.judged[run])
         return super().take_news()
 
 

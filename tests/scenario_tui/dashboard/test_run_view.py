@@ -150,7 +150,7 @@ async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(trace: Path) 
     ("index", "words", "size"),
     [
         (0, "not on this machine", (80, 24)),
-        (8, "drawn when the run is over", (40, 10)),
+        (8, "Its signals are drawn while it runs", (40, 10)),
         (9, "r queues it again", (120, 40)),
     ],
 )

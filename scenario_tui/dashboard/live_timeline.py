@@ -1,0 +1,74 @@
+"""A run that goes on along time: what it would be judged by now, made ready to be drawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from daemon.model.live_judgement import LiveJudgement, LiveSignal
+from daemon.model.spec import RunSpec
+from daemon.model.verdicts import Outcome
+from grammars.model.geometry import Floats
+from scenario_tui.dashboard.signal_strips import (
+    DoorEvent,
+    RunTimeline,
+    SignalStrip,
+    with_limits,
+)
+from scenario_tui.text.scale import round_step
+
+if TYPE_CHECKING:
+    from grammars.oracle import ComparedLimit
+
+_SHORTEST: Final = 10.0
+"""Seconds the axis of time shows at least."""
+_STEPS: Final = 6
+"""Steps, at least, in which the axis grows to twice its length: it stands still in between."""
+
+
+def live_timeline(
+    judgement: LiveJudgement, spec: RunSpec, limits: Sequence[ComparedLimit]
+) -> RunTimeline:
+    """Return the timeline of a run until now; its axis has some room for what comes."""
+    starts = [signal.start for signal in judgement.signals]
+    timeline = RunTimeline(
+        min(starts, default=0.0),
+        judgement.time,
+        tuple(_strip(signal) for signal in judgement.signals),
+        tuple(DoorEvent(door.time, door.joint, door.opens) for door in judgement.doors),
+        judgement.reached,
+        len(spec.mission.waypoints),
+        tuple(sorted(_decided(judgement))),
+        tuple(waypoint.id for waypoint in spec.mission.waypoints),
+        _horizon(judgement.time),
+    )
+    return with_limits(timeline, limits)
+
+
+def _strip(signal: LiveSignal) -> SignalStrip:
+    count = len(signal.low)
+    time = signal.start + (signal.end - signal.start) * np.arange(count) / max(count, 1)
+    return SignalStrip(
+        signal.name, signal.unit, time, _numbers(signal.low), signal.limits, signal.against,
+        signal.readers, most=_numbers(signal.high), until=signal.end,
+    )  # fmt: skip
+
+
+def _numbers(values: Sequence[float | None]) -> Floats:
+    return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _decided(judgement: LiveJudgement) -> list[float]:
+    """Return when oracles were decided against, for good."""
+    against = [one.verdict for one in judgement.verdicts if one.final]
+    failed = [v.evidence.time for v in against if v.outcome is Outcome.FAIL]
+    return [time for time in failed if time is not None]
+
+
+def _horizon(now: float) -> float:
+    """Return where the axis of time ends: later than now, at a round number."""
+    step = round_step(max(now, _SHORTEST) / _STEPS)
+    return max(_SHORTEST, step * (math.floor(now / step) + 1))

@@ -1,0 +1,174 @@
+"""The runs under way, a line each: how far they are, and the least margin so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+from rich.text import Text
+from textual.binding import Binding, BindingType
+from textual.message import Message
+from textual.widget import Widget
+
+from daemon.model.spec import Snapshot
+from scenario_tui.text.formatting import (
+    BUSY,
+    DASHBOARD_STYLES,
+    QUIET,
+    UNSURE,
+    duration,
+    glyph_word,
+    pluralise,
+)
+from scenario_tui.text.provisional_text import worst_text
+
+_CELL: Final = 76
+"""Columns of a run at least; more than one stand beside each other where there is room."""
+_LABEL: Final = 20
+_BAR: Final = 12
+_SILENT: Final = 5.0
+"""Seconds after which a run that says nothing is said to be silent."""
+_ROOM: Final = 4
+"""Of the screen's rows, one of so many is for runs under way."""
+_FRAME: Final = 2
+"""Rows besides the runs: what they are, and the line below them."""
+_LOWEST: Final = 16
+"""Rows of a screen that has room for them at all."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunningRun:
+    """A run under way: its id, label, last snapshot, if one came, and how old that is [s]."""
+
+    run: str
+    label: str
+    seen: Snapshot | None = None
+    silence: float = 0.0
+
+    @property
+    def trouble(self) -> tuple[bool, float]:
+        """What orders runs, those in trouble first."""
+        least = None if self.seen is None else self.seen.margin
+        return least is None, 0.0 if least is None else least
+
+
+class RunningGrid(Widget, can_focus=True):
+    """Shows runs under way; of more than fit those with the least margin, in their order."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("down,j", "step(1)", "Down", show=False, id="down", tooltip="The next run"),
+        Binding("up,k", "step(-1)", "Up", show=False, id="up", tooltip="The run before"),
+        Binding("enter", "open", "Open", id="open", tooltip="The run, live"),
+    ]
+
+    class Opened(Message):
+        """Somebody wants to see a ``run``."""
+
+        def __init__(self, run: str) -> None:
+            super().__init__()
+            self.run = run
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.display = False
+        self._runs: tuple[RunningRun, ...] = ()
+        self._hidden = 0
+        self._chosen = ""
+        self._drawn = Text()
+
+    @property
+    def chosen(self) -> str:
+        """The run under the cursor, empty without any."""
+        runs = [one.run for one in self._runs]
+        return self._chosen if self._chosen in runs else next(iter(runs), "")
+
+    def show(self, runs: Sequence[RunningRun]) -> None:
+        """Show the runs under way, or nothing without any."""
+        height = self.screen.size.height
+        lines = max(2, height // _ROOM)
+        across = self._across()
+        most = lines * across
+        # Who is in trouble must be in view; beyond that a run stays in its place.
+        worst = sorted(runs, key=lambda one: one.trouble)[:most]
+        self._runs = tuple(one for one in runs if one in worst)
+        self._hidden = len(runs) - len(self._runs)
+        self.display = bool(runs) and height >= _LOWEST
+        if not self.display:
+            return
+        self.styles.height = _FRAME + -(-len(self._runs) // across)
+        drawn = self._draw()
+        if drawn != self._drawn:
+            self._drawn = drawn
+            self.refresh()
+
+    def _across(self) -> int:
+        return max(1, (self.size.width or self.screen.size.width) // _CELL)
+
+    def _draw(self) -> Text:
+        count = len(self._runs) + self._hidden
+        text = Text(no_wrap=True, overflow="ellipsis")
+        text.append(glyph_word("running"), style=DASHBOARD_STYLES["running"])
+        text.append(f"  {pluralise(count, 'run')}, worst margin so far", style=QUIET)
+        if self._hidden:
+            text.append(f"  {self._hidden} more in the table", style=QUIET)
+        text.append("" if self.has_focus else "  tab to choose", style=QUIET)
+        across = self._across()
+        width = (self.size.width or self.screen.size.width) // across
+        for place, one in enumerate(self._runs):
+            text.append("\n" if place % across == 0 else "")
+            cell = run_line(one)
+            cell.truncate(width - 1, overflow="ellipsis", pad=True)
+            if self.has_focus and one.run == self.chosen:
+                cell.stylize("reverse")
+            text.append_text(cell).append(" ")
+        return text
+
+    def render(self) -> Text:
+        """Return the lines."""
+        return self._drawn
+
+    def _redraw(self) -> None:
+        self._drawn = self._draw()
+        self.refresh()
+
+    def on_focus(self) -> None:
+        """Show the cursor."""
+        self._redraw()
+
+    def on_blur(self) -> None:
+        """Hide the cursor."""
+        self._redraw()
+
+    def action_step(self, step: int) -> None:
+        """Move the cursor, as far as there are runs."""
+        runs = [one.run for one in self._runs]
+        if not runs:
+            return
+        place = runs.index(self.chosen) + step
+        if 0 <= place < len(runs):
+            self._chosen = runs[place]
+            self._redraw()
+
+    def action_open(self) -> None:
+        """Open the run under the cursor."""
+        if self.chosen:
+            self.post_message(self.Opened(self.chosen))
+
+
+def run_line(one: RunningRun) -> Text:
+    """Return a run under way: label, bar and time of its limit, waypoints, least margin so far."""
+    text = Text(f"{one.label[:_LABEL]:<{_LABEL}} ", no_wrap=True)
+    seen = one.seen
+    if seen is None:
+        return text.append("starting", style=QUIET)
+    if seen.waiting:
+        return text.append(seen.waiting, style=QUIET)
+    share = min(max(seen.time / seen.limit, 0.0), 1.0) if seen.limit > 0.0 else 1.0
+    done = round(share * _BAR)
+    text.append("━" * done, style=BUSY).append("─" * (_BAR - done), style=QUIET)
+    text.append(f"  {seen.time:.0f} of {seen.limit:.0f} s".ljust(16))
+    text.append(f"{seen.reached}/{seen.waypoints} wp  ")
+    if one.silence > _SILENT:
+        text.append(f"last heard {duration(one.silence)} ago  ", style=UNSURE)
+    return text.append_text(worst_text(seen.margin, seen.unit, seen.oracle))

@@ -1,0 +1,254 @@
+"""A run looked at while it goes on: signals, verdicts and log so far, and what is said without."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from textual.containers import VerticalScroll
+
+from daemon.model.live_judgement import LogLine
+from daemon.model.spec import OracleText
+from daemon.model.status import RunDetail, RunState
+from scenario_tui.dashboard.live_timeline import live_timeline
+from scenario_tui.dashboard.signal_strips import clearance_along, limits_of
+from scenario_tui.dashboard.state import Tracks
+from scenario_tui.dashboard.widgets.tables import VerdictList
+from scenario_tui.dashboard.widgets.timeline import TimelineView
+from scenario_tui.dashboard.widgets.top_view import TopView
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.fake import (
+    CAMPAIGN,
+    WAITING,
+    FakeDaemon,
+    make_judgement,
+    make_live,
+    make_row,
+    make_spec,
+)
+from tests.scenario_tui.recorded import make_run, record_run
+
+RUN = f"{CAMPAIGN}.7"
+SPEC = make_spec(make_row(7), "")
+
+
+def shown(pilot: Any) -> str:
+    return "\n".join(screen_text(pilot))
+
+
+def running(time: float = 60.0) -> FakeDaemon:
+    return FakeDaemon(live=tuple(make_live(7, float(t)) for t in np.arange(0.0, time + 1.0, 2.0)))
+
+
+def opened(fake: FakeDaemon, size: tuple[int, int] = (120, 40)) -> Any:
+    return make_dashboard(fake).run_test(size=size)
+
+
+async def look_at(pilot: Any) -> None:
+    await pilot.pause(0)
+    pilot.app.open_run(RUN)
+    await settle(pilot)
+
+
+async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        for words in (
+            "✓ passing so far  clear  +0.06 m", "nearest at 27.0 s, door-1",
+            "… waiting  reached", "now 1 of 3 waypoints reached",
+            "clearance", "limit 0.05 m", "1 w1─◇─", "54.00 s  pilot", "waypoint ahead",
+        ):  # fmt: skip
+            assert words in shown(pilot)
+        assert "elapsed" not in shown(pilot)
+        await press(pilot, "e")
+        assert "elapsed" in shown(pilot)
+
+
+async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement(contact=True)
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        lines = screen_text(pilot)
+        assert lines[3].startswith(" ✗ fail  no-contact")  # above what passes, and what waits
+        assert "27.00 s  contact    robot touches" in shown(pilot)
+
+
+async def test_a_judgement_is_asked_for_only_while_the_run_is_on_the_screen() -> None:
+    fake = running()
+    async with opened(fake, (140, 40)) as pilot:
+        await pilot.pause(0)
+        pilot.app.open_runs(CAMPAIGN)
+        await settle(pilot)
+        await press(pilot, *["j"] * 7)
+        assert list(fake.watchers) == [RUN]  # the map beside the table is live, and no more
+        assert fake.judges == {}
+        await look_at(pilot)
+        assert list(fake.judges) == [RUN]
+        await press(pilot, "escape")
+        assert fake.judges == {}
+
+
+async def test_the_list_keeps_its_cursor_when_the_order_changes() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        await press(pilot, "down")
+        listed = pilot.app.screen.query_one(VerdictList)
+        chosen = listed.chosen()
+        assert chosen.oracle == "clear"
+        assert pilot.app.screen.query_one(TimelineView).signals[0].name == "clearance"
+        fake.judged[RUN] = make_judgement(time=61.0, contact=True)
+        await settle(pilot)
+        assert listed.chosen().oracle == "clear"
+
+
+async def test_the_log_follows_its_end_unless_somebody_scrolled_up() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        log = pilot.app.screen.query_one("#log", VerticalScroll)
+        lines = make_judgement().log
+
+        async def say(*words: str) -> None:
+            said = tuple(LogLine(60.0, "pilot", word) for word in words)
+            fake.judged[RUN] = replace(make_judgement(time=61.0 + len(words)), log=(*lines, *said))
+            await settle(pilot)
+
+        await say(*[f"line {i}" for i in range(40)])
+        assert log.is_vertical_scroll_end
+        assert "line 39" in shown(pilot)
+        log.scroll_to(y=3, animate=False)
+        await settle(pilot)
+        await say(*[f"line {i}" for i in range(60)])
+        assert log.scroll_offset.y == 3
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50), (40, 10)])
+@pytest.mark.parametrize(
+    ("live", "words"),
+    [
+        ((), "Nothing was heard of this run yet"),
+        ((make_live(7, waiting=WAITING),), "Signals begin with simulated time"),
+        ((make_live(7, 0.5),), "Signals and verdicts so far come in a moment"),
+    ],
+    ids=["unheard", "starting", "first-second"],
+)
+async def test_before_there_are_signals_the_screen_says_what_it_waits_for(
+    size: tuple[int, int], live: Any, words: str
+) -> None:
+    async with opened(FakeDaemon(live=live), size) as pilot:
+        await look_at(pilot)
+        while size[0] < 110 and "[signals]" not in shown(pilot):
+            await press(pilot, "tab")
+        assert words.split()[0] in shown(pilot)
+        told = str(pilot.app.screen.query_one("#untold").content)
+        assert words in told
+
+
+async def test_a_worker_that_tells_no_signals_is_said_to_be_one() -> None:
+    fake = running()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        fake.now += 60.0
+        await settle(pilot)
+        assert "Its worker tells no signals" in shown(pilot)
+
+
+async def test_a_run_nothing_is_heard_of_any_more_says_for_how_long() -> None:
+    fake = running()
+    clock = [0.0]
+    async with opened(fake) as pilot:
+        pilot.app.tracks = Tracks(clock=lambda: clock[0])
+        await look_at(pilot)
+        assert "last heard" not in shown(pilot)
+        clock[0] += 72.0
+        await settle(pilot)
+        assert "last heard 1 min 12 s ago" in shown(pilot)
+
+
+async def test_the_worst_margin_so_far_stands_in_the_first_line() -> None:
+    live = make_live(7, 60.0)
+    snapshot = replace(live.snapshot, margin=-0.02, unit="m", oracle="clear")
+    async with opened(FakeDaemon(live=(replace(live, snapshot=snapshot),))) as pilot:
+        await look_at(pilot)
+        assert "▶ running  1/3 wp  60 s of 1200 s  ✗ −0.02 m clear" in shown(pilot)
+
+
+async def test_a_run_without_oracles_still_shows_signals_and_what_it_is() -> None:
+    fake = running()
+    fake.judged[RUN] = replace(make_judgement(), verdicts=())
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        assert "S2/pilot/2" in shown(pilot)
+        assert "clearance" in shown(pilot)
+        assert "so far" not in shown(pilot)
+
+
+class Ending(FakeDaemon):
+    """Run 7 goes on until it is ``over``, then it is the recorded one."""
+
+    over = False
+    trace: Path = Path()
+
+    def run(self, run: str) -> RunDetail:
+        if self.over:
+            done = make_row(7, state=RunState.DONE, trace=str(self.trace))
+            self.rows = tuple(done if row.index == 7 else row for row in self.rows)
+        found = super().run(run)
+        return replace(found, spec=make_run(7)) if self.over else found
+
+
+async def test_a_run_that_ends_while_it_is_looked_at_stays_where_one_looked(
+    tmp_path: Path,
+) -> None:
+    fake = Ending(live=tuple(make_live(7, float(t)) for t in range(10)))
+    fake.trace = record_run(tmp_path / "run.mcap", index=7)
+    fake.judged[RUN] = make_judgement(time=9.0)
+    async with opened(fake, (80, 24)) as pilot:
+        await look_at(pilot)
+        await press(pilot, "shift+tab")
+        assert "[signals]" in shown(pilot)
+        fake.over = True
+        pilot.app.update_state()
+        await pilot.pause(0)
+        assert "clearance" in shown(pilot)  # no empty screen while the trace is read
+        await settle(pilot)
+        await pilot.app.workers.wait_for_complete()
+        await settle(pilot)
+        assert "[signals]" in shown(pilot)
+        assert pilot.app.screen.transport.time == 10.0
+        assert "10.0 s of 10.0 s" in shown(pilot)
+
+
+async def test_the_trail_is_known_by_its_clearance() -> None:
+    fake = running(120.0)
+    fake.judged[RUN] = make_judgement(time=60.0)
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        view = pilot.app.screen.query_one(TopView)._view
+        assert len(view.clearances) == len(view.trail)
+        assert view.clearances[0] > 0.5
+        assert np.isnan(view.clearances[-1])  # later than what was judged
+
+
+def test_the_limit_of_the_trail_is_that_of_an_oracle_that_reads_clearance() -> None:
+    limits = limits_of((OracleText("clear", "always(clearance >= 0.05 m)"),))
+    timeline = live_timeline(make_judgement(), SPEC, limits)
+    known, limit = clearance_along(timeline.strips, [27.0, -1.0, 1e6])
+    assert limit == 0.05
+    assert known[0] == pytest.approx(0.11)
+    assert np.isnan(known[1:]).all()
+
+
+def test_the_axis_of_time_stands_still_while_a_run_grows() -> None:
+    ends = [live_timeline(make_judgement(time=t), SPEC, ()).horizon for t in np.arange(1.0, 200.0)]
+    assert all(end > now for now, end in zip(np.arange(1.0, 200.0), ends, strict=True))
+    assert len(set(ends)) < 25

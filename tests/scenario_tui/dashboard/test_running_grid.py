@@ -1,0 +1,125 @@
+"""The runs under way of a campaign: how far, how near to failing, and the way to each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from daemon.model.status import LiveSnapshot
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun, run_line
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live, make_row, make_rows
+
+
+def live(index: int, time: float = 300.0, margin: float | None = 0.11) -> LiveSnapshot:
+    found = make_live(index, time)
+    oracle = "" if margin is None else "clear"
+    changed = replace(found.snapshot, margin=margin, unit="m", oracle=oracle)
+    return replace(found, snapshot=changed)
+
+
+def busy(count: int) -> FakeDaemon:
+    rows = make_rows()
+    running = [replace(rows[7], id=f"{CAMPAIGN}.{7 + i}", index=7 + i, repeat=i) for i in
+               range(count)]  # fmt: skip
+    return FakeDaemon(
+        (*rows[:7], *running),
+        live=tuple(live(row.index, margin=0.5 - row.index / 20) for row in running),
+    )
+
+
+def opened(fake: FakeDaemon, size: tuple[int, int] = (80, 24)) -> Any:
+    return make_dashboard(fake).run_test(size=size)
+
+
+async def look_at(pilot: Any, campaign: str = CAMPAIGN) -> list[str]:
+    await pilot.pause(0)
+    pilot.app.open_runs(campaign)
+    await settle(pilot)
+    return screen_text(pilot)
+
+
+async def test_running_runs_stand_above_the_others_with_their_worst_margin() -> None:
+    async with opened(busy(3)) as pilot:
+        lines = await look_at(pilot)
+        assert lines[2].startswith(" ▶ running  3 runs, worst margin so far")
+        assert lines[3].split()[:4] == ["S2/pilot/0", "━━━─────────", "300", "of"]
+        assert "1/3 wp  +0.15 m clear" in lines[3]
+        assert lines[5].startswith(" S2/pilot/2")
+
+
+async def test_of_more_than_fit_those_in_trouble_are_shown_in_their_order() -> None:
+    fake = busy(20)
+    async with opened(fake) as pilot:
+        lines = await look_at(pilot)
+        assert "20 runs" in lines[2]
+        assert "14 more in the table" in lines[2]
+        # The margin goes down with the number of the run.
+        assert [line.split()[0] for line in lines[3:9]] == [f"S2/pilot/{i}" for i in range(14, 20)]
+        assert "✗ −0.8 m clear" in lines[8]
+
+
+async def test_wide_terminals_show_several_beside_each_other() -> None:
+    async with opened(busy(6), (200, 50)) as pilot:
+        lines = await look_at(pilot)
+        assert lines[3].count("━━━─────────") == 2
+
+
+async def test_enter_opens_the_run_one_has_gone_to() -> None:
+    async with opened(busy(3)) as pilot:
+        await look_at(pilot)
+        await press(pilot, "tab", "j", "enter")
+        assert isinstance(pilot.app.screen, RunScreen)
+        assert pilot.app.screen._run == f"{CAMPAIGN}.8"
+        await press(pilot, "escape")
+        assert pilot.app.screen.query_one(RunningGrid).has_focus
+
+
+async def test_the_table_has_the_keys_again_when_nothing_runs_any_more() -> None:
+    fake = busy(1)
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        await press(pilot, "tab")
+        fake.rows = tuple(make_row(i) for i in range(8))
+        await settle(pilot)
+        grid = pilot.app.screen.query_one(RunningGrid)
+        assert not grid.display
+        await press(pilot, "j", "enter")
+        assert pilot.app.screen._run == f"{CAMPAIGN}.1"
+
+
+@pytest.mark.parametrize("size", [(40, 10), (80, 15)])
+async def test_a_low_screen_keeps_its_rows_for_the_table(size: tuple[int, int]) -> None:
+    async with opened(busy(3), size) as pilot:
+        await look_at(pilot)
+        assert not pilot.app.screen.query_one(RunningGrid).display
+
+
+async def test_a_campaign_that_is_over_asks_for_no_running_runs() -> None:
+    fake = busy(0)
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        assert not [call for call in fake.calls if call[0] == "runs" and "running" in call]
+
+
+def test_a_line_says_what_is_waited_for_and_what_is_not_heard_of() -> None:
+    def words(one: RunningRun) -> str:
+        return run_line(one).plain.split(maxsplit=1)[1]
+
+    assert words(RunningRun("a.1", "S1/nav2/0")) == "starting"
+    starting = make_live(7, waiting=WAITING).snapshot
+    assert words(RunningRun("a.1", "S1/nav2/0", starting)) == WAITING
+    silent = run_line(RunningRun("a.1", "S1/nav2/0", live(7).snapshot, silence=65.0)).plain
+    assert "last heard 1 min 05 s ago" in silent
+    assert "wp  " in run_line(RunningRun("a.1", "S1/nav2/0", live(7, margin=None).snapshot)).plain
+
+
+async def test_the_table_tells_the_least_margin_so_far_of_a_run_that_goes_on() -> None:
+    async with opened(busy(1)) as pilot:
+        lines = await look_at(pilot)
+        row = next(line for line in lines if "running" in line and "S2/pilot/0" in line)
+        assert "clear" in row
+        assert "+0.15 m" in row
