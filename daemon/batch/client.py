@@ -17,7 +17,15 @@ from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Credentials, find_credentials
 from daemon.batch.stores import FileUpload
 from daemon.model.attachments import attached_digests, user_files_folder
-from daemon.model.messages import EVENTS, LARGEST_CHUNK, LIVE, FileUploadChunk, UploadProgress
+from daemon.model.live_judgement import LiveJudgement
+from daemon.model.messages import (
+    EVENTS,
+    JUDGED,
+    LARGEST_CHUNK,
+    LIVE,
+    FileUploadChunk,
+    UploadProgress,
+)
 from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, LiveSnapshot, Submission, SubmissionReceipt
@@ -32,6 +40,7 @@ T = TypeVar("T")
 _EVENTS_KEPT: Final = 4096
 _LIVE_KEPT: Final = 256
 _WATCHED_KEPT: Final = 4
+_JUDGED_KEPT: Final = 1
 _SLOW_TIMEOUT: Final = 600.0
 """Seconds to wait for the answer to a slow verb."""
 _FAULTS: Final = 5
@@ -192,10 +201,18 @@ class Client(DaemonClient):
             feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, LiveSnapshot, on_live))
         return subscription
 
-    def watch(self, run: str, on_live: Callable[[LiveSnapshot], None]) -> Subscription:
-        """Call back on detailed snapshots of one run while it runs."""
+    def watch(
+        self,
+        run: str,
+        on_live: Callable[[LiveSnapshot], None],
+        on_judged: Callable[[LiveJudgement], None] | None = None,
+    ) -> Subscription:
+        """Call back on detailed snapshots of one run while it runs, and on how it is judged."""
         subscription = Subscription()
         self._subscriptions.append(subscription)
-        key = f"{LIVE}/*/*/{run}"
-        subscription._feeds.append(_Feed(self._session, key, _WATCHED_KEPT, LiveSnapshot, on_live))
+        feeds, key = subscription._feeds, f"{LIVE}/*/*/{run}"
+        feeds.append(_Feed(self._session, key, _WATCHED_KEPT, LiveSnapshot, on_live))
+        if on_judged is not None:
+            judged = f"{key}/{JUDGED}"
+            feeds.append(_Feed(self._session, judged, _JUDGED_KEPT, LiveJudgement, on_judged))
         return subscription

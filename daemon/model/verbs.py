@@ -16,6 +16,7 @@ from enum import Enum, StrEnum
 from typing import Any, Concatenate, Final, Generic, ParamSpec, Protocol, TypeAlias, TypeVar
 
 from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import (
     LARGEST_EXTENSION,
     LARGEST_PAGE,
@@ -369,8 +370,15 @@ class DaemonClient(ABC):
         """
 
     @abstractmethod
-    def watch(self, run: str, on_live: Callable[[LiveSnapshot], None]) -> Closeable:
-        """Call back on detailed snapshots of one run while it runs, about ten a second.
+    def watch(
+        self,
+        run: str,
+        on_live: Callable[[LiveSnapshot], None],
+        on_judged: Callable[[LiveJudgement], None] | None = None,
+    ) -> Closeable:
+        """Call back on detailed snapshots of one run while it runs, up to ten a second.
 
-        Whoever executes it makes them only while somebody watches. Calls come from another thread.
+        ``on_judged`` is called with what the run would be judged by now, at most once a second.
+        Whoever executes it makes either only while somebody watches. Calls come from other
+        threads, one per kind.
         """

@@ -11,7 +11,8 @@ import itertools
 import struct
 import zlib
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -107,6 +108,33 @@ def read_mcap(
     return walk.recording
 
 
+class McapFollower:
+    """Reads an MCAP file while its writer, which has flushed it, is still at work.
+
+    Every call takes up where the one before stopped, so that what was read is not read again.
+    """
+
+    def __init__(
+        self, path: Path, topics: Collection[str], layouts: Mapping[str, MessageLayout]
+    ) -> None:
+        self._walk = _McapWalk(McapContents(path), b"", topics, layouts, False)
+        self._read = 0
+
+    def read_on(self, pending: bytes) -> McapContents:
+        """Return everything so far; ``pending`` are message records that no chunk holds yet.
+
+        Raises ``OSError`` and :class:`DamagedTraceError`.
+        """
+        walk = self._walk
+        with walk.recording.path.open("rb") as file:
+            file.seek(self._read)
+            walk.take(file.read(), 0 if self._read else len(MAGIC))
+        with suppress(DamagedTraceError):  # the end, as far as there is one
+            walk.run()
+        self._read += walk.at
+        return walk.with_records(pending)
+
+
 class _McapWalk:
     """One pass over the records of a file."""
 
@@ -127,6 +155,25 @@ class _McapWalk:
         self._schemas: dict[int, str] = {}
         self._total = 0
         self._runs = 0
+
+    def take(self, data: bytes, at: int) -> None:
+        """Go on with other data, which begins ``at`` that byte."""
+        self._data, self.at = data, at
+
+    def with_records(self, data: bytes) -> McapContents:
+        """Return what was read with these records, of which nothing is kept here."""
+        before = self.recording
+        self.recording = replace(
+            before,
+            metadata={**before.metadata},
+            runs={topic: [*rows] for topic, rows in before.runs.items()},
+            packed={topic: [*rows] for topic, rows in before.packed.items()},
+        )
+        try:
+            self._records(data, np.empty(0, np.int64))
+            return self.recording
+        finally:
+            self.recording = before
 
     def run(self) -> None:
         """Read up to the end of the data; raises :class:`DamagedTraceError` when it is cut."""
@@ -187,9 +234,12 @@ class _McapWalk:
         index = self._message_index(content.stop)
         if index.channels and not any(map(self._wanted, index.channels)):
             return
-        data = self._decompressed(content)
+        self._records(self._decompressed(content), index.offsets)
+
+    def _records(self, data: bytes, indexed: IntArray) -> None:
+        """Read the records of a chunk, whose messages start at ``indexed`` (n,) if that is so."""
         at = self._declarations(data)
-        offsets = record_offsets(data, at, index.offsets)
+        offsets = record_offsets(data, at, indexed)
         if offsets is None:
             # No index, or one that leaves something out: one record after the other.
             offsets = self._walk(data, at)

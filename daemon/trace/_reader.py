@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -16,7 +17,14 @@ import numpy as np
 
 from daemon.model.spec import RunSpec
 from daemon.trace import _decode, messages
-from daemon.trace._mcap_reader import DamagedTraceError, McapContents, decompress, read_mcap
+from daemon.trace._blocks import MessageBlock
+from daemon.trace._mcap_reader import (
+    DamagedTraceError,
+    McapContents,
+    McapFollower,
+    decompress,
+    read_mcap,
+)
 from daemon.trace._model import JointTrack, MotionTrack, ScanTrack, Trace, TraceError
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
@@ -60,6 +68,27 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
         return _decoded(recording, spec, scene, scans)
     except DamagedTraceError as error:
         raise TraceError(path, f"damaged: {error}", "run the specification again") from error
+
+
+class GrowingTrace:
+    """The trace of a run that goes on, read again and again from the file of its writer."""
+
+    def __init__(self, path: Path, spec: RunSpec, scene: Scene) -> None:
+        self._path, self._spec, self._scene = path, spec, scene
+        self._follower = McapFollower(path, _JUDGED, _decode.known_layouts())
+
+    def read(self, pending: Iterable[MessageBlock], outcome: Mapping[str, str]) -> Trace:
+        """Return what is in the file and what is ``pending``, which its writer still has.
+
+        Without scans and plans, and cut unless ``outcome`` says that the run is over. Raises
+        :class:`TraceError` when the file is not what its writer has written.
+        """
+        try:
+            recording = self._follower.read_on(b"".join(block.data for block in pending))
+            recording.metadata["outcome"] = dict(outcome)
+            return _decoded(recording, self._spec, self._scene, False)
+        except (OSError, DamagedTraceError) as error:
+            raise TraceError(self._path, f"damaged: {error}") from error
 
 
 def read_spec(path: Path) -> RunSpec:

@@ -5,6 +5,7 @@ Signals are judged; what is shown only is in :mod:`daemon.trace._views`.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, TypeAlias
@@ -40,6 +41,9 @@ Columns: TypeAlias = tuple[IntArray, dict[str, npt.NDArray[Any]]]
 """Times (n,) [ns] and the column (n,) of every field that varies."""
 
 _FLOAT32: Final = np.dtype(np.float32)
+_JUDGED_BUFFERS: Final = (
+    "truth", "odometry", "command", "estimate", "cloud", "latency", "events", "status", "goal",
+)  # fmt: skip
 
 
 class JointSamples:
@@ -91,6 +95,13 @@ class JointSamples:
             self._times.append(self._held)
             self._states.append(self._last)
             self._held = -1
+
+    def peek(self) -> tuple[IntArray, Floats]:
+        """Return what :meth:`drain` would if this were the end, and keep it."""
+        other = copy.copy(self)
+        other._times, other._states = [*self._times], [*self._states]
+        other.keep_last_repeat()
+        return other.drain()
 
     def drain(self) -> tuple[IntArray, Floats]:
         """Return times (n,) and states (n, 2 k), positions first, and start anew."""
@@ -161,6 +172,15 @@ class SignalBuffers:
         # of doors. These copies are not recorded separately, so they can never disagree.
         odometry, joints = _with_quaternion(*self.odometry.drain()), self.joints.drain()
         return [*self._judged(odometry, joints), *self._watched(odometry, joints)]
+
+    def peek_judged(self) -> list[MessageBlock]:
+        """Return what is judged as it would be if this were the end, and keep it."""
+        # Draining gives a buffer new lists; those of a shallow copy leave the original as it is.
+        other = copy.copy(self)
+        for name in _JUDGED_BUFFERS:
+            setattr(other, name, copy.copy(getattr(self, name)))
+        other.contacts = {pair: copy.copy(columns) for pair, columns in self.contacts.items()}
+        return other._judged(_with_quaternion(*other.odometry.drain()), self.joints.peek())
 
     def _judged(
         self,

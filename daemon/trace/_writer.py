@@ -31,6 +31,8 @@ from daemon.trace import _statics, messages
 from daemon.trace._blocks import MessageBlock, MessageRecords, SampleColumns, split_blocks
 from daemon.trace._frames import Correction, MapCorrection
 from daemon.trace._mcap_writer import McapWriter
+from daemon.trace._model import Trace
+from daemon.trace._reader import GrowingTrace
 from daemon.trace._signals import SignalBuffers
 from grammars.model.geometry import Floats, Point2, Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
@@ -91,6 +93,7 @@ class TraceWriter:
         self._partial.unlink(missing_ok=True)
         self._file = self._partial.open("xb")
         self._container = McapWriter(self._file)
+        self._growing: GrowingTrace | None = None
         _write_preamble(self._container, spec, packed, versions or {})
 
     def static(self, grid: OccupancyGrid) -> None:
@@ -217,6 +220,21 @@ class TraceWriter:
         """Put text that a system under test printed beside the messages."""
         self._container.add_attachment(f"{messages.OUTPUT_PREFIX}{name}", "text/plain", data)
 
+    def so_far(self, ended: str | None = None, note: str = "") -> Trace:
+        """Return what is recorded by now, as reading the file gives it, and leave that as it is.
+
+        Without scans and plans. With ``ended`` and ``note`` the run is over, otherwise its trace is
+        that of a run that was cut. The first call reads the file, the others what has come since.
+        Raises :class:`TraceError` when another has written into the file.
+        """
+        if self._growing is None:
+            self._growing = GrowingTrace(self._partial, self._spec, self._scene)
+        self._file.flush()
+        blocks = (*self._late, *self._signals.peek_judged())
+        pending = [block for block in blocks if len(block.times)]
+        last = max([self._container.last, *(int(block.times.max()) for block in pending)])
+        return self._growing.read(pending, {} if ended is None else _outcome(ended, note, last))
+
     def finish(self, ended: str, note: str = "") -> Path:
         """Write how the run ended and return where the recording is read until it has its name.
 
@@ -225,15 +243,8 @@ class TraceWriter:
         self._signals.joints.keep_last_repeat()
         self._signals.views.flush(0, end=True)
         self._flush()
-        self._container.add_metadata(
-            "outcome",
-            {
-                "ended": utf8_text(ended),
-                "complete": "true",
-                "valid_until": repr(self._container.last / _SECOND),
-                "note": utf8_text(note),
-            },
-        )
+        outcome = _outcome(ended, note, self._container.last)
+        self._container.add_metadata("outcome", outcome)
         self._container.finish()
         self._file.flush()
         return self._partial
@@ -307,6 +318,16 @@ class TraceWriter:
         early, self._late = split_blocks([*self._late, *self._signals.drain()], before)
         self._container.add_chunk(early)
         self._file.flush()
+
+
+def _outcome(ended: str, note: str, last: int) -> dict[str, str]:
+    """Return what a trace says of its end; ``last`` [ns] is the time of its latest message."""
+    return {
+        "ended": utf8_text(ended),
+        "complete": "true",
+        "valid_until": repr(last / _SECOND),
+        "note": utf8_text(note),
+    }
 
 
 def _write_preamble(

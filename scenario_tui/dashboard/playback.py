@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Final
@@ -12,12 +12,12 @@ from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 
-from daemon.judging.oracles import OracleTimeline, SignalSampler, oracle_timeline, trace_problems
+from daemon.judging.oracles import SignalSampler, trace_problems
+from daemon.judging.run_signals import door_motions, reached_moments, sample_run_signals
 from daemon.model.live_view import scan_returns
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.trace import JointTrack, Trace, TraceError, read_outputs, read_trace
+from daemon.trace import Trace, TraceError, read_outputs, read_trace
 from grammars.model.geometry import Floats, Point2, Pose2
-from grammars.oracle import Signal, kind_of, render
 from grammars.text.diagnostics import did_you_mean
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
@@ -25,18 +25,12 @@ from scenario_tui.dashboard.signal_strips import (
     FailureMoment,
     RunTimeline,
     SignalStrip,
-    TimeSpan,
 )
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, STYLES, View, draw_view
 from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET, pluralise
 from scenario_tui.text.run_text import verdict_lines
 
-DOOR_CLEARANCE: Final = "clearance(doors)"
-"""Name of the signal that is the least clearance of any object that moves."""
-_USUAL: Final = ("loc.error", "clearance", DOOR_CLEARANCE, "speed")
-_AJAR: Final = 0.05
-"""A door this far from how it is drawn, shut, counts as open [rad or m]."""
 RAYS: Final = 120
 """Laser returns shown of one scan at most: more of them fall into the same dots."""
 _STEP: Final = 0.03
@@ -53,80 +47,19 @@ def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
     way = trace.ground_truth.time
     start, end = (float(way[0]), float(way[-1])) if len(way) else (0.0, 0.0)
     against = {v.evidence.time for v in verdicts if v.outcome is Outcome.FAIL}
+    signals = () if trace_problems(trace) else sample_run_signals(SignalSampler(trace))
     return RunTimeline(
         start,
         end,
-        () if trace_problems(trace) else _strips(SignalSampler(trace)),
-        door_events(trace.joints),
-        _reached(trace),
+        tuple(
+            SignalStrip(s.name, s.unit, s.time, s.values, s.limits, s.against, s.readers)
+            for s in signals
+        ),
+        tuple(DoorEvent(m.time, m.joint, m.opens) for m in door_motions(trace.joints)),
+        reached_moments(trace),
         len(trace.spec.mission.waypoints),
         tuple(sorted(time for time in against if time is not None)),
     )
-
-
-def _strips(sampler: SignalSampler) -> tuple[SignalStrip, ...]:
-    oracles = [oracle_timeline(one, sampler) for one in sampler.trace.spec.oracles]
-    asked = {render(signal): signal for oracle in oracles for signal in oracle.signals}
-    usual = {name: Signal(name) for name in _USUAL if name != DOOR_CLEARANCE}
-    found = {name: _strip(name, signal, sampler, oracles) for name, signal in
-             (usual | asked).items()}  # fmt: skip
-    # No signal of the language: the least clearance of every object, each of which is one.
-    found[DOOR_CLEARANCE] = _nearest_door(sampler)
-    order = [*_USUAL, *(name for name in asked if name not in _USUAL)]
-    known = (found[name] for name in order)
-    return tuple(s for s in known if s.name in asked or np.isfinite(s.values).any())
-
-
-def _strip(
-    name: str, signal: Signal, sampler: SignalSampler, oracles: Iterable[OracleTimeline]
-) -> SignalStrip:
-    kind = kind_of(signal)
-    readers = [o for o in oracles if name in {render(read) for read in o.signals}]
-    limits = {limit for o in readers for read, limit in o.limits if read == name}
-    against = [span for o in readers for span in o.against]
-    values = sampler.sample(signal).values
-    unit = "bool" if kind is None else kind.unit
-    return SignalStrip(
-        name, unit, sampler.time_base.time, values, tuple(sorted(limits)), merge_spans(against),
-        tuple(reader.oracle for reader in readers),
-    )  # fmt: skip
-
-
-def _nearest_door(sampler: SignalSampler) -> SignalStrip:
-    time = sampler.time_base.time
-    least = np.full(len(time), np.nan)
-    for item in sampler.trace.scene.objects:
-        one = sampler.sample(Signal("clearance", (Signal(item.name),))).values
-        least = np.fmin(least, np.where(np.isfinite(one), one, np.nan))
-    return SignalStrip(DOOR_CLEARANCE, "m", time, least)
-
-
-def merge_spans(stretches: Iterable[TimeSpan]) -> tuple[TimeSpan, ...]:
-    """Return stretches of time as few, ascending and disjoint ones."""
-    found: list[TimeSpan] = []
-    for start, end in sorted(stretches):
-        if found and start <= found[-1][1]:
-            found[-1] = (found[-1][0], max(end, found[-1][1]))
-        else:
-            found.append((start, end))
-    return tuple(found)
-
-
-def door_events(joints: JointTrack) -> tuple[DoorEvent, ...]:
-    """Return when every joint left or came back to how it is drawn, by time."""
-    found = []
-    for column, name in enumerate(joints.names):
-        open_ = np.abs(joints.position[:, column]) > _AJAR
-        turns = (np.flatnonzero(np.diff(open_)) + 1).tolist()
-        found += [DoorEvent(float(joints.time[i]), name, bool(open_[i])) for i in turns]
-    return tuple(sorted(found, key=lambda event: (event.time, event.name)))
-
-
-def _reached(trace: Trace) -> tuple[float, ...]:
-    moments: list[float] = []
-    for record in trace.progress:
-        moments += [record.time] * (record.reached - len(moments))
-    return tuple(moments)
 
 
 class Playback:

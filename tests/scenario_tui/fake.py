@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.assessments import AssessmentRules, RepeatPolicy, RunRecord
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import (
     CampaignQuery,
     Count,
@@ -241,6 +242,7 @@ class FakeWatch:
 
     def close(self) -> None:
         del self._daemon.watchers[self._run]
+        self._daemon.judges.pop(self._run, None)
 
 
 @dataclass
@@ -255,6 +257,7 @@ class FakeDaemon(DaemonClient):
         field(default_factory=list)
     )
     watchers: dict[str, Callable[[LiveSnapshot], None]] = field(default_factory=dict)
+    judges: dict[str, Callable[[LiveJudgement], None]] = field(default_factory=dict)
     live: tuple[LiveSnapshot, ...] = ()
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
@@ -442,8 +445,15 @@ class FakeDaemon(DaemonClient):
                 on_live(live)
         return FakeSubscription(self)
 
-    def watch(self, run: str, on_live: Callable[[LiveSnapshot], None]) -> FakeWatch:
+    def watch(
+        self,
+        run: str,
+        on_live: Callable[[LiveSnapshot], None],
+        on_judged: Callable[[LiveJudgement], None] | None = None,
+    ) -> FakeWatch:
         self.watchers[run] = on_live
+        if on_judged is not None:
+            self.judges[run] = on_judged
         return FakeWatch(self, run)
 
 

@@ -14,17 +14,21 @@ if TYPE_CHECKING:
     from daemon.judging.oracles._leading import judge_leading, leading_margins
     from daemon.judging.oracles._leading_kind import leading_kind, oracle_scale
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
+    from daemon.judging.oracles._provisional import LeastMargin, judge_so_far, least_margin
     from daemon.judging.oracles._sampler import SignalSampler
     from daemon.judging.oracles._validity import trace_problems
 
 __all__ = [
+    "LeastMargin",
     "ObstaclePolygons",
     "OracleTimeline",
     "SignalSampler",
     "judge",
     "judge_leading",
+    "judge_so_far",
     "leading_kind",
     "leading_margins",
+    "least_margin",
     "oracle_scale",
     "oracle_timeline",
     "overall_outcome",
@@ -33,12 +37,15 @@ __all__ = [
 ]
 
 _MODULES: Final = {
+    "LeastMargin": "_provisional",
     "ObstaclePolygons": "_clearance",
     "OracleTimeline": "_oracle_timeline",
     "SignalSampler": "_sampler",
     "judge_leading": "_leading",
+    "judge_so_far": "_provisional",
     "leading_kind": "_leading_kind",
     "leading_margins": "_leading",
+    "least_margin": "_provisional",
     "oracle_scale": "_leading_kind",
     "oracle_timeline": "_oracle_timeline",
     "trace_problems": "_validity",

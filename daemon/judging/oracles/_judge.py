@@ -61,7 +61,7 @@ def judge(
     return tuple(
         _error_verdict(oracle, f"invalid trace: {'; '.join(problems)}")
         if sampler is None
-        else _judge_one(oracle, sampler)
+        else judge_one(oracle, sampler)
         for oracle in oracles
     )
 
@@ -76,7 +76,7 @@ def overall_outcome(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
     return combine(verdicts, valid=valid)
 
 
-def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
+def judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
     try:
         oracle = bind_oracle(written, sampler.trace)
         interval = _evaluate(oracle, sampler)

@@ -5,6 +5,7 @@ Also running signals and oracles of other people: read-only in, checked values o
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 from collections.abc import Callable
@@ -198,6 +199,16 @@ class SignalSampler:
         if key not in self._cache:
             self._cache[key] = self._compute(signal.name, thing, arguments)
         return self._cache[key]
+
+    def with_trace(self, trace: Trace) -> SignalSampler:
+        """Return a sampler of ``trace``, which differs in nothing but how its run ended.
+
+        What either samples, the other has sampled as well.
+        """
+        other = copy.copy(self)
+        other.trace, other.time_base = trace, time_base_of(trace)
+        other.__dict__.pop("read_only_trace", None)
+        return other
 
     @functools.cached_property
     def read_only_trace(self) -> Trace:

@@ -88,12 +88,12 @@ def _leaps(trace: Trace) -> list[str]:
 
 def _without_effect(trace: Trace) -> list[str]:
     """Tell commands that moved nothing: then the world stood still, not the robot's stack."""
-    if not _never_moved(trace) or trace.contacts or not _was_told_to_move(trace):
+    if not never_moved(trace) or trace.contacts or not _was_told_to_move(trace):
         return []
     return [f"the robot never moved and touched nothing, though {_command_summary(trace)}"]
 
 
-def _never_moved(trace: Trace) -> bool:
+def never_moved(trace: Trace) -> bool:
     """Judge whole runs only: as long as a run goes on, the robot may still set off."""
     truth, waypoints = trace.ground_truth, trace.spec.mission.waypoints
     if not trace.complete or not len(truth.time):
@@ -158,7 +158,7 @@ def _command_summary(trace: Trace) -> str:
 
 def standstill_note(trace: Trace) -> str:
     """Say why a robot that never moved did not, as far as its stack said; empty for any other."""
-    if not _never_moved(trace):
+    if not never_moved(trace):
         return ""
     said = f"the robot never moved: {_command_summary(trace)}"
     last = trace.progress[-1] if trace.progress else None

@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 
 from daemon.judging.oracles import SignalSampler, oracle_timeline
+from daemon.judging.run_signals import DOOR_CLEARANCE
 from daemon.model.spec import OracleText
-from daemon.trace import JointTrack
-from scenario_tui.dashboard.playback import (
-    DOOR_CLEARANCE,
-    Playback,
-    door_events,
-    merge_spans,
-    open_playback,
-)
+from scenario_tui.dashboard.playback import Playback, open_playback
 from scenario_tui.dashboard.signal_strips import SignalStrip
 from scenario_tui.dashboard.widgets.cell_view import Canvas, changed_spans
 from scenario_tui.dashboard.widgets.timeline import TimelineView, at_cursor, fit_heights, ranges
@@ -83,17 +77,6 @@ def test_until_counts_before_its_release_only(playback: Playback) -> None:
     )
     assert before.against == ((pytest.approx(3.0), pytest.approx(5.0)),)
     assert after.against == ()
-
-
-def test_doors_open_when_they_leave_how_they_are_drawn() -> None:
-    position = np.array([[0.0], [0.04], [0.5], [0.5], [0.01], [-0.2]])
-    track = JointTrack(("door-1.hinge",), np.arange(6.0), position, np.zeros((6, 1)))
-    found = [(event.time, event.opens) for event in door_events(track)]
-    assert found == [(2.0, True), (4.0, False), (5.0, True)]
-
-
-def test_stretches_that_touch_become_one() -> None:
-    assert merge_spans([(3.0, 4.0), (0.0, 1.0), (1.0, 2.0), (3.5, 3.6)]) == ((0.0, 2.0), (3.0, 4.0))
 
 
 def test_a_spike_of_one_sample_is_seen_however_long_the_run() -> None:

@@ -1,0 +1,38 @@
+"""Signals of a run along time, its doors and its mission."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from daemon.judging.run_signals import RunSignal, door_motions, merge_spans, thin_signal
+from daemon.trace import JointTrack
+
+
+def test_doors_open_when_they_leave_how_they_are_drawn() -> None:
+    position = np.array([[0.0], [0.04], [0.5], [0.5], [0.01], [-0.2]])
+    track = JointTrack(("door-1.hinge",), np.arange(6.0), position, np.zeros((6, 1)))
+    found = [(event.time, event.opens) for event in door_motions(track)]
+    assert found == [(2.0, True), (4.0, False), (5.0, True)]
+
+
+def test_stretches_that_touch_become_one() -> None:
+    assert merge_spans([(3.0, 4.0), (0.0, 1.0), (1.0, 2.0), (3.5, 3.6)]) == ((0.0, 2.0), (3.0, 4.0))
+
+
+def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known() -> None:
+    time = np.arange(0.0, 10.0, 0.01)
+    values = np.sin(time)
+    values[777] = 5.123456
+    values[:100] = np.nan
+    thin = thin_signal(RunSignal("it", "m", time, values, (0.5,)), 0.0, 10.0, 50)
+    assert (len(thin.low), len(thin.high), thin.limits) == (50, 50, (0.5,))
+    assert thin.low[:5] == (None,) * 5
+    assert thin.high[38] == 5.123
+    assert thin.low[38] is not None
+    assert thin.low[38] < 1.0
+
+
+def test_a_part_without_samples_holds_the_value_before_it() -> None:
+    signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), np.array([2.0, 3.0, 4.0]))
+    thin = thin_signal(signal, 0.0, 10.0, 10)
+    assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
