@@ -170,7 +170,7 @@ class _McapWalk:
             packed={topic: [*rows] for topic, rows in before.packed.items()},
         )
         try:
-            self._records(data)
+            self._records(data, np.empty(0, np.int64))
             return self.recording
         finally:
             self.recording = before
@@ -234,18 +234,15 @@ class _McapWalk:
         index = self._message_index(content.stop)
         if index.channels and not any(map(self._wanted, index.channels)):
             return
-        data = self._decompressed(content)
+        self._records(self._decompressed(content), index.offsets)
+
+    def _records(self, data: bytes, indexed: IntArray) -> None:
+        """Read the records of a chunk, whose messages start at ``indexed`` (n,) if that is so."""
         at = self._declarations(data)
-        offsets = record_offsets(data, at, index.offsets)
+        offsets = record_offsets(data, at, indexed)
         if offsets is None:
             # No index, or one that leaves something out: one record after the other.
             offsets = self._walk(data, at)
-        if len(offsets):
-            self._messages(data, offsets)
-
-    def _records(self, data: bytes) -> None:
-        """Read message records that are in no chunk yet."""
-        offsets = self._walk(data, 0)
         if len(offsets):
             self._messages(data, offsets)
 

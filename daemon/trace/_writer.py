@@ -230,8 +230,7 @@ class TraceWriter:
         if self._growing is None:
             self._growing = GrowingTrace(self._partial, self._spec, self._scene)
         self._file.flush()
-        # What waits for its place in the order of time was recorded before what is in the buffers.
-        blocks = [*self._late, *self._signals.peek_judged()]
+        blocks = (*self._late, *self._signals.peek_judged())
         pending = [block for block in blocks if len(block.times)]
         last = max([self._container.last, *(int(block.times.max()) for block in pending)])
         return self._growing.read(pending, {} if ended is None else _outcome(ended, note, last))
@@ -244,9 +243,9 @@ class TraceWriter:
         self._signals.joints.keep_last_repeat()
         self._signals.views.flush(0, end=True)
         self._flush()
-        container = self._container
-        container.add_metadata("outcome", _outcome(ended, note, container.last))
-        container.finish()
+        outcome = _outcome(ended, note, self._container.last)
+        self._container.add_metadata("outcome", outcome)
+        self._container.finish()
         self._file.flush()
         return self._partial
 

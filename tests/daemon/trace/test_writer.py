@@ -137,6 +137,26 @@ def test_a_player_that_reads_a_pipe_gets_messages_in_order(tmp_path: Path) -> No
     assert times == sorted(times)
 
 
+def test_what_is_recorded_so_far_has_what_waits_for_its_chunk(tmp_path: Path) -> None:
+    world = scene()
+    with TraceWriter(tmp_path / "asked.mcap", specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(420):
+            time = step / 20
+            trace.clock(time)
+            trace.ground_truth(time, pose_at(time), twist_at(time))
+            trace.joints(time, *joints_at(time, 3))
+            trace.contact(time, "robot", "wall", (time, 2.0), (0.0, -1.0), 0.003)
+            # Right before a chunk is written, right after, and between.
+            if step in (0, 60, 199, 200, 201, 330):
+                found = trace.so_far()
+                np.testing.assert_array_equal(found.ground_truth.time, np.arange(step + 1) / 20)
+                assert [c.time for c in found.contacts] == [i / 20 for i in range(step + 1)]
+                assert found.joints.time[-1] == time
+        trace.close("limit")
+    assert complaints(tmp_path / "asked.mcap") == []
+
+
 def test_verdicts_lie_behind_the_recording_for_any_reader(tmp_path: Path) -> None:
     world, path = scene(), tmp_path / "run.mcap"
     with TraceWriter(path, specification(world), world) as trace:
