@@ -18,6 +18,7 @@ from daemon.model.execution import machine_text
 from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, package_versions
 from daemon.model.sut import TICK_RATE
+from daemon.run_judge import JudgementReceiver, WatchedRun
 from daemon.run_loop import Interest, ProgressCallback, RunLoop
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.scene import Scene
@@ -48,13 +49,15 @@ def execute(
     on_progress: ProgressCallback | None = None,
     interest: Interest | None = None,
     leads: bool = False,
+    judgements: JudgementReceiver | None = None,
 ) -> RunResult:
     """Run ``spec`` in ``scene``, write the trace to ``trace_path``, judge it.
 
     Same specification, same bytes: nothing but ``timing`` in the result depends on the machine's
     speed. A system under test that raises ends the run as ``crashed``; that is an error verdict,
     never a failure of the robot. ``on_progress`` is called once a simulated second, with
-    ``interest`` up to ten times, as often as that wants it; neither has any influence on the run.
+    ``interest`` up to ten times, as often as that wants it; ``judgements`` is told what the run
+    would be judged by now, while it wants that. None of them has any influence on the run.
     With ``leads`` the result has leading margins as well; verdicts and trace are the same.
 
     Raises :class:`SceneMismatchError` when ``scene`` is not the specified one.
@@ -63,15 +66,20 @@ def execute(
         raise SceneMismatchError(f"scene {scene.digest[:12]} given, {spec.scene[:12]} specified")
     started, wall, cpu = time.time(), time.perf_counter(), time.process_time()
     with TraceWriter(trace_path, spec, scene, versions=package_versions()) as trace:
+        watched = None
+        if on_progress is not None and judgements is not None:
+            on_progress = watched = WatchedRun(trace, on_progress, judgements)
         loop = RunLoop(spec, scene, trace, on_progress, interest)
         try:
             ended, note = loop.run()
         finally:
             outputs = loop.close()
+        if watched is not None:
+            watched.finish(ended, note)
         simulated = loop.world.time
         # Its maps, and what a stack makes of them, take 55 MB in the published building: they go
         # before the trace is read and judged, which takes memory of its own.
-        del loop
+        del loop, watched, on_progress
         for name, data in outputs.items():
             trace.attach(name, data)
         try:

@@ -14,10 +14,10 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import Refused
 from daemon.batch.paths import is_encrypted
-from daemon.batch.security import Credentials, find_credentials
+from daemon.batch.security import Credentials, find_credentials, strip_control_characters
 from daemon.batch.stores import FileUpload
 from daemon.model.attachments import attached_digests, user_files_folder
-from daemon.model.live_judgement import LiveJudgement
+from daemon.model.live_judgement import LiveJudgement, unpack_judgement
 from daemon.model.messages import (
     EVENTS,
     JUDGED,
@@ -47,6 +47,15 @@ _FAULTS: Final = 5
 """Parts of a file that may not be taken (damaged, or sent by two at once) until it is given up."""
 
 
+def _from_json(kind: type[T]) -> Callable[[bytes], T]:
+    return lambda payload: codec.from_json(kind, payload)
+
+
+def _read_judgement(payload: bytes) -> LiveJudgement:
+    # It has not come through the daemon, which cleans what it takes.
+    return unpack_judgement(payload, strip_control_characters)
+
+
 class _Feed(threading.Thread, Generic[T]):
     """One key's samples, passed on in order; the oldest are dropped when calls take long.
 
@@ -55,10 +64,15 @@ class _Feed(threading.Thread, Generic[T]):
     """
 
     def __init__(
-        self, session: zenoh.Session, key: str, kept: int, kind: type[T], call: Callable[[T], None]
+        self,
+        session: zenoh.Session,
+        key: str,
+        kept: int,
+        read: Callable[[bytes], T],
+        call: Callable[[T], None],
     ) -> None:
         super().__init__(name=f"listens to {key}", daemon=True)
-        self._kind = kind
+        self._read = read
         self._call = call
         self._waiting: deque[bytes] = deque(maxlen=kept)
         self._arrived = threading.Condition()
@@ -75,7 +89,7 @@ class _Feed(threading.Thread, Generic[T]):
         """Pass on what arrives until closed."""
         while (payload := self._next()) is not None:
             try:
-                value = codec.from_json(self._kind, payload)
+                value = self._read(payload)
             except ValueError:
                 continue  # not from our daemon; what is published is never relied on
             self._call(value)
@@ -196,9 +210,11 @@ class Client(DaemonClient):
         subscription = Subscription()
         self._subscriptions.append(subscription)
         feeds = subscription._feeds
-        feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, ChangeEvent, on_event))
+        changes = _from_json(ChangeEvent)
+        feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, changes, on_event))
         if on_live is not None:
-            feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, LiveSnapshot, on_live))
+            read = _from_json(LiveSnapshot)
+            feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, read, on_live))
         return subscription
 
     def watch(
@@ -211,8 +227,9 @@ class Client(DaemonClient):
         subscription = Subscription()
         self._subscriptions.append(subscription)
         feeds, key = subscription._feeds, f"{LIVE}/*/*/{run}"
-        feeds.append(_Feed(self._session, key, _WATCHED_KEPT, LiveSnapshot, on_live))
+        read = _from_json(LiveSnapshot)
+        feeds.append(_Feed(self._session, key, _WATCHED_KEPT, read, on_live))
         if on_judged is not None:
             judged = f"{key}/{JUDGED}"
-            feeds.append(_Feed(self._session, judged, _JUDGED_KEPT, LiveJudgement, on_judged))
+            feeds.append(_Feed(self._session, judged, _JUDGED_KEPT, _read_judgement, on_judged))
         return subscription

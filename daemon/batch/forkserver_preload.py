@@ -27,6 +27,7 @@ from daemon.model.execution import (
     PREPARATION_VARIABLE,
     forget_safe_path,
 )
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, RunSpec
 from daemon.model.status import LiveSnapshot
@@ -70,7 +71,7 @@ def _prepare() -> None:
     warnings.filterwarnings("ignore", "forkserver: waitpid returned unexpected")
     # Decoders are built once here, not once in every child; that of a specification, which its
     # digest asks for, takes 15 ms.
-    codec.warm_up(Lease, RunSpec, Scene, RunResult, LiveSnapshot)
+    codec.warm_up(Lease, RunSpec, Scene, RunResult, LiveSnapshot, LiveJudgement)
     try:
         execute = _load(os.environ[EXECUTOR_VARIABLE])
     except Exception:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import errno
 import faulthandler
+import inspect
 import os
 import resource
 import select
@@ -19,6 +20,7 @@ import time
 import traceback
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final, Literal, NoReturn
@@ -26,6 +28,7 @@ from typing import Final, Literal, NoReturn
 from daemon.batch.freed_memory import return_freed_memory
 from daemon.model.attachments import FILES_VARIABLE, SutMissing
 from daemon.model.deadline import spare_time, wall_clock_limit
+from daemon.model.live_judgement import LiveJudgement, pack_judgement
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, Snapshot, bound_result
 from daemon.model.status import LiveSnapshot
@@ -43,10 +46,27 @@ RESULT: Final = "result.json"
 FILES: Final = "files"
 """Leads to the files of systems under test, where one needs any."""
 WATCHED: Final = "watched"
-"""Lies in the folder of an attempt while somebody watches it."""
+"""Lies in the folder of an attempt while somebody watches; what is wanted stands in it."""
+JUDGED_FILE: Final = "judged.json.z"
+"""Holds what the run is judged by now, a packed ``LiveJudgement``, while that is wanted."""
+
+
+class Wanted(StrEnum):
+    """What is wanted of a run beside how far it is, a word each.
+
+    ``MARGIN`` by those who watch all runs, the least so far; ``DETAILS`` and ``JUDGEMENT`` by those
+    who watch this one.
+    """
+
+    MARGIN = "margin"
+    DETAILS = "details"
+    JUDGEMENT = "judgement"
+
 
 # The first byte of what a run's process tells its worker.
 LIVE: Final = b"L"
+JUDGEMENT: Final = b"J"
+"""There is another judgement: it does not fit through the pipe, so it is in a file."""
 FAILED: Final = b"F"
 DISK_FULL: Final = b"N"
 SUT_MISSING: Final = b"K"
@@ -58,6 +78,8 @@ _DISK_FULL_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT)
 # Seconds between two snapshots: five a second are enough for a list, ten for a picture that moves.
 _LIVE_PERIOD: Final = 0.2
 _WATCHED_PERIOD: Final = 0.1
+_LENGTH_BYTES: Final = 8
+"""So many bytes multiprocessing puts before a message, at most."""
 _LONGEST_WORDS: Final = 16_000
 """Characters of the reason why there is no result: an exception may have megabytes of them."""
 _OOM_SCORE: Final = "500"
@@ -110,9 +132,11 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
         lease = codec.from_json(Lease, (task.folder / LEASE).read_bytes())
         scene = codec.from_json(Scene, task.scene.read_bytes())
         trace = task.folder / TRACE
-        reporter = SnapshotSender(lease.run, wire, task.folder / WATCHED)
+        reporter = SnapshotSender(lease.run, wire, task.folder)
         # Only where they are asked for: executors that plug in need not know of them.
-        asked = {"leads": True} if lease.leads else {}
+        asked: dict[str, object] = {"leads": True} if lease.leads else {}
+        if "judgements" in inspect.signature(forkserver_preload.execute).parameters:
+            asked["judgements"] = reporter
         with wall_clock_limit(task.wall):
             result: RunResult = forkserver_preload.execute(
                 lease.spec,
@@ -186,13 +210,15 @@ class SnapshotSender:
     """Sends snapshots to the worker and never waits for it.
 
     A few a second, twice as many and with all there is to see while the worker says, by a file in
-    the attempt's folder, that somebody watches this run.
+    the attempt's ``folder``, that somebody watches this run; and what it is judged by now, in
+    another file there.
     """
 
-    def __init__(self, run: str, wire: Connection, watched: Path) -> None:
+    def __init__(self, run: str, wire: Connection, folder: Path) -> None:
         self._run = run
         self._wire = wire
-        self._watched = watched
+        self._folder = folder
+        self._wanted: frozenset[str] = frozenset()
         self._next = 0.0
 
     def interest(self) -> Literal["nothing", "progress", "everything"]:
@@ -200,9 +226,27 @@ class SnapshotSender:
         now = time.monotonic()
         if now < self._next:
             return "nothing"
-        watched = self._watched.exists()
+        try:
+            self._wanted = frozenset((self._folder / WATCHED).read_text("ascii").split())
+        except (OSError, ValueError):
+            self._wanted = frozenset()
+        watched = Wanted.DETAILS in self._wanted
         self._next = now + (_WATCHED_PERIOD if watched else _LIVE_PERIOD)
         return "everything" if watched else "progress"
+
+    def wanted(self) -> Literal["nothing", "margin", "everything"]:
+        """Say how much of a judgement is wanted, as it was when a snapshot last was due."""
+        if Wanted.JUDGEMENT in self._wanted:
+            return "everything"
+        return "margin" if Wanted.MARGIN in self._wanted else "nothing"
+
+    def tell(self, judgement: LiveJudgement) -> None:
+        """Put a judgement where the worker finds it, and tell it so."""
+        data = pack_judgement(replace(judgement, run=self._run))
+        # No room for it, which others will say: then it is not told.
+        with suppress(OSError):
+            write_atomically(self._folder / JUDGED_FILE, data, durable=False)
+            self._send(JUDGEMENT)
 
     def __call__(self, snapshot: Snapshot) -> None:
         """Send a snapshot, without what makes it too long for the pipe, or not at all."""
@@ -213,9 +257,11 @@ class SnapshotSender:
             pictures.append(replace(bare, joints=()))
         for picture in pictures:
             message = LIVE + codec.to_json(LiveSnapshot(self._run, picture))
-            # A pipe that is ready takes PIPE_BUF bytes at once, so this never blocks the run; up
-            # to 8 of them are the length that multiprocessing puts before a message.
-            if len(message) + 8 <= select.PIPE_BUF:
-                if select.select([], [self._wire], [], 0)[1]:
-                    self._wire.send_bytes(message)
+            if len(message) + _LENGTH_BYTES <= select.PIPE_BUF:
+                self._send(message)
                 return
+
+    def _send(self, message: bytes) -> None:
+        # A pipe that is ready takes PIPE_BUF bytes at once, so this never blocks the run.
+        if select.select([], [self._wire], [], 0)[1]:
+            self._wire.send_bytes(message)

@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import fcntl
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -23,12 +24,13 @@ from socket import socket
 from typing import IO, Final, Protocol, TypeAlias
 
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import FILES, LEASE, RESULT, read_output
+from daemon.batch.run_process import FILES, LEASE, RESULT, WATCHED, Wanted, read_output
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import LARGEST_REQUEST, Lease
 from daemon.model.spec import RunResult, SutReference, bound_result
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _LOCK: Final = "lock"
 _OWNER: Final = "owner"
@@ -65,6 +67,11 @@ class Attempt:
     def link_files(self, folder: Path) -> None:
         """Put the files of systems under test in ``folder`` within reach of the run."""
         (self.folder / FILES).symlink_to(folder)
+
+    def mark_watched(self, wanted: Iterable[str]) -> None:
+        """Leave word for the run of what those who watch it want; nothing if that is no more."""
+        with suppress(OSError):  # a full disk, say: then it is not watched
+            write_atomically(self.folder / WATCHED, " ".join(wanted).encode(), durable=False)
 
     @property
     def finished(self) -> bool:
@@ -223,6 +230,8 @@ class Execution(Protocol):
     attempt: Attempt
     live: bytes
     """The last :class:`daemon.model.status.LiveSnapshot` it sent, in JSON, or nothing."""
+    judged: bytes
+    """The last :class:`daemon.model.live_judgement.LiveJudgement` it made, packed, or nothing."""
     deadline: float
     """When it has to be listened to at the latest, by the monotonic clock [s]."""
 
@@ -236,6 +245,9 @@ class Execution(Protocol):
 
     def listen(self) -> None:
         """Take in what it has sent."""
+
+    def watch(self, wanted: frozenset[Wanted]) -> None:
+        """Have it tell what those who watch want; called when that changes."""
 
     def kill(self, why: str = "") -> None:
         """End it at once, for that reason; it has ended afterwards."""

@@ -86,6 +86,7 @@ class ForkedExecution:
     sweep: Callable[[], None]
     ended: Callable[[], None]
     live: bytes = b""
+    judged: bytes = b""
     _reason: str = ""
     _failure: bytes = run_process.FAILED
     _swept: bool = False
@@ -121,6 +122,9 @@ class ForkedExecution:
             message = self.wire.recv_bytes()
             if message[:1] == run_process.LIVE:
                 self.live = message[1:]
+            elif message[:1] == run_process.JUDGEMENT:
+                with suppress(OSError):  # the folder went with its run
+                    self.judged = (self.attempt.folder / run_process.JUDGED_FILE).read_bytes()
             elif message[:1] in run_process.FAILURES:
                 self._failure = message[:1]
                 self._reason = message[1:].decode("utf-8", "replace")[-_LONGEST_REASON:]
@@ -138,6 +142,10 @@ class ForkedExecution:
             counts=self._failure == run_process.FAILED,
             sut_missing=self._failure == run_process.SUT_MISSING,
         )
+
+    def watch(self, wanted: frozenset[run_process.Wanted]) -> None:
+        """Leave word for the run."""
+        self.attempt.mark_watched(wanted)
 
     def kill(self, why: str = "") -> None:
         """End the run at once, with all it has started."""

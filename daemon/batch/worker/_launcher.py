@@ -7,6 +7,7 @@ closes, and takes its temporary folder with it.
 
 from __future__ import annotations
 
+import base64
 import os
 import signal
 import sys
@@ -20,6 +21,7 @@ from typing import Any, Final
 from daemon.batch.errors import DaemonError, WorkerBroken
 from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
+from daemon.batch.run_process import Wanted
 from daemon.batch.worker._attempts import Attempt, AttemptEnd
 from daemon.batch.worker._forkserver import ForkedExecution, ForkServerPool, prepare_environment
 from daemon.model.execution import RunLimits
@@ -31,20 +33,25 @@ BROKEN: Final = b"B"
 
 @dataclass(frozen=True, slots=True)
 class LaunchRequest:
-    """Start the attempt in ``folder`` within ``limits``; without limits: stop it."""
+    """Start the attempt in ``folder`` within ``limits``; without limits: stop it.
+
+    With ``wanted`` only leave word for it of what those who watch it want.
+    """
 
     key: str
     folder: str = ""
     scene: str = ""
     limits: RunLimits | None = None
+    wanted: tuple[Wanted, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class LaunchReport:
-    """What an attempt said of itself, or how it ended."""
+    """What an attempt said of itself, or how it ended; ``judged`` is in base64."""
 
     key: str
     live: str = ""
+    judged: str = ""
     end: AttemptEnd | None = None
 
 
@@ -83,7 +90,10 @@ class Launcher:
         wait(things, max(0.001, min(moments)) if moments else None)
 
     def _handle(self, request: LaunchRequest) -> None:
-        if request.limits is not None:
+        if request.wanted is not None:
+            if request.key in self._children:
+                self._children[request.key].watch(frozenset(request.wanted))
+        elif request.limits is not None:
             self._waiting[request.key] = request, request.limits
         elif self._waiting.pop(request.key, None) is not None:
             self._report(LaunchReport(request.key, end=AttemptEnd("stopped")))
@@ -112,9 +122,10 @@ class Launcher:
     def _poll_children(self) -> None:
         for key, child in tuple(self._children.items()):
             child.listen()
-            if child.live:
-                self._report(LaunchReport(key, live=child.live.decode()))
-                child.live = b""
+            if child.live or child.judged:
+                judged = base64.b64encode(child.judged).decode()
+                self._report(LaunchReport(key, live=child.live.decode(), judged=judged))
+                child.live = child.judged = b""
             if child.end is not None:
                 child.listen()  # its last words may have come after the ones just read
                 self._report(LaunchReport(key, end=child.end))

@@ -2,30 +2,54 @@
 
 from __future__ import annotations
 
+import math
 import time
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import zenoh
 
-from daemon.batch.run_process import WATCHED
+from daemon.batch.run_process import Wanted
 from daemon.batch.worker._attempts import Execution
-from daemon.model.messages import LIVE, OWNER
+from daemon.model.messages import JUDGED, LIVE, OWNER
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
 
 _LIVE_PERIOD: Final = 0.2
 """Seconds between two snapshots of a run for those who watch all runs, at least."""
+LINE_RATE: Final = 40_000.0
+"""Bytes a second that are published of a run at most, on average over some seconds."""
+_BURST: Final = 20_000.0
+"""Bytes that may be published at once after a pause."""
+
+
+@dataclass(slots=True)
+class LineBudget:
+    """A token bucket: :data:`LINE_RATE` bytes a second, and what exceeds it is owed."""
+
+    left: float = _BURST
+    filled_at: float = -math.inf
+
+    def allows(self, now: float, owed: float = 0.0) -> bool:
+        """Whether no more than ``owed`` bytes are owed at ``now`` [s]."""
+        self.left = min(_BURST, self.left + (now - self.filled_at) * LINE_RATE)
+        self.filled_at = now
+        return self.left > -owed
+
+    def spend(self, size: int) -> None:
+        """Take so many bytes."""
+        self.left -= size
 
 
 @dataclass(slots=True)
 class _WatchedRun:
-    """One run under way: its own publisher, and whether its folder says that it is watched."""
+    """One run under way: its own publishers, and what is wanted of it as far as it knows."""
 
-    publisher: zenoh.Publisher
-    folder: Path
-    watched: bool = False
+    execution: Execution
+    details: zenoh.Publisher
+    judgements: zenoh.Publisher
+    budget: LineBudget = field(default_factory=LineBudget)
+    wanted: frozenset[Wanted] = frozenset()
     published_at: float = 0.0
     latest: bytes = b""
 
@@ -52,32 +76,43 @@ class LivePublisher:
     def publish(self, execution: Execution) -> None:
         """Pass on what an execution last said of itself, to those who want it."""
         live, execution.live = execution.live, b""
-        if not live:
+        judged, execution.judged = execution.judged, b""
+        if not live and not judged:
             return
         watch = self._watch(execution)
-        watch.latest = live
+        watch.latest = live or watch.latest
         now = time.monotonic()
-        if watch.watched:
-            watch.publisher.put(live)
+        # Rather snapshots are left out than a judgement, of which there is one a second.
+        if judged and Wanted.JUDGEMENT in watch.wanted and watch.budget.allows(now, LINE_RATE / 2):
+            watch.budget.spend(len(judged))
+            watch.judgements.put(judged)
+        if not live:
+            return
+        if Wanted.DETAILS in watch.wanted and watch.budget.allows(now):
+            watch.budget.spend(len(live))
+            watch.details.put(live)
         if now - watch.published_at >= _LIVE_PERIOD and _has_subscribers(self._all):
             watch.published_at = now
-            self._all.put(live)
+            self._all.put(_without_details(live) if Wanted.DETAILS in watch.wanted else live)
 
     def _watch(self, execution: Execution) -> _WatchedRun:
-        run, folder = execution.attempt.lease.run, execution.attempt.folder
+        run = execution.attempt.lease.run
         watch = self._runs.get(run)
-        if watch is None or watch.folder != folder:
+        if watch is None or watch.execution is not execution:
             self.forget(run)
             key = f"{LIVE}/{self.name}/{self.worker}/{run}"
-            watch = self._runs[run] = _WatchedRun(self._publisher(key), folder)
-        watched = _has_subscribers(watch.publisher)
-        if watched != watch.watched:
-            watch.watched = watched
-            mark = folder / WATCHED
-            if watched:
-                mark.touch()
-            else:
-                mark.unlink(missing_ok=True)
+            watch = self._runs[run] = _WatchedRun(
+                execution, self._publisher(key), self._publisher(f"{key}/{JUDGED}")
+            )
+        listened = {
+            Wanted.MARGIN: self._all,
+            Wanted.DETAILS: watch.details,
+            Wanted.JUDGEMENT: watch.judgements,
+        }
+        wanted = frozenset(what for what, where in listened.items() if _has_subscribers(where))
+        if wanted != watch.wanted:
+            watch.wanted = wanted
+            execution.watch(wanted)
         return watch
 
     def simulated(self, run: str) -> float:
@@ -94,7 +129,15 @@ class LivePublisher:
         """Let go of a run that is over here."""
         watch = self._runs.pop(run, None)
         if watch is not None:
-            watch.publisher.undeclare()  # type: ignore[no-untyped-call]
+            watch.details.undeclare()  # type: ignore[no-untyped-call]
+            watch.judgements.undeclare()  # type: ignore[no-untyped-call]
+
+
+def _without_details(live: bytes) -> bytes:
+    """Return a snapshot as those see it who watch all runs: of that one, others see the details."""
+    told = codec.from_json(LiveSnapshot, live)
+    bare = replace(told.snapshot, spread=None, returns=(), plan=(), contacts=())
+    return codec.to_json(replace(told, snapshot=bare))
 
 
 def _has_subscribers(publisher: zenoh.Publisher) -> bool:

@@ -177,9 +177,10 @@ class WorkerLoop:
 
     def _take_ended(self, execution: Execution) -> None:
         self._executions.remove(execution)
-        self._live.forget(execution.attempt.lease.run)
         self._lease_at = 0.0
         execution.listen()  # its last words may have come after the ones just read
+        self._live.publish(execution)
+        self._live.forget(execution.attempt.lease.run)
         end = execution.end or AttemptEnd()
         begun = self._begun.pop(execution.attempt.lease.token, time.monotonic())
         if execution.attempt.finished:

@@ -24,15 +24,20 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import psutil
 
 from daemon.model.attachments import SutMissing, resolve_paths
+from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot, TraceInfo
 from daemon.model.verdicts import Evidence, Outcome
 from grammars.model.geometry import Pose2
 from grammars.model.scene import Scene
 from tests.daemon.batch.samples import make_result
+
+if TYPE_CHECKING:
+    from daemon.run_judge import JudgementReceiver
 
 
 def execute(
@@ -43,6 +48,7 @@ def execute(
     on_progress: Callable[[Snapshot], None] | None = None,
     interest: Callable[[], str] | None = None,
     leads: bool = False,
+    judgements: JudgementReceiver | None = None,
 ) -> RunResult:
     asked = spec.sut.parameters
     if spec.sut.kind == "absent":
@@ -69,7 +75,7 @@ def execute(
     ballast = bytearray(asked.get("allocate", 0) * 2**20)
     gate = asked.get("until", "").replace("{attempt}", str(_attempt(trace_path)))
     seconds = asked.get("sleep", 0.0)
-    _wait(seconds, gate, spec, on_progress, interest or (lambda: "progress"))
+    _wait(seconds, gate, spec, on_progress, interest or (lambda: "progress"), judgements)
     data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
     if "reads" in asked:
         file = Path(resolve_paths(asked)["files"][asked["reads"]])
@@ -123,11 +129,22 @@ def _wait(
     spec: RunSpec,
     on_progress: Callable[[Snapshot], None] | None,
     interest: Callable[[], str],
+    judgements: JudgementReceiver | None,
 ) -> None:
     start = time.monotonic()
     while (passed := time.monotonic() - start) < seconds or (gate and not Path(gate).exists()):
         wanted = interest()
         if on_progress is not None and wanted != "nothing":
             seen = (100, 200) if wanted == "everything" else ()
-            on_progress(Snapshot(passed, spec.limit, Pose2(passed), None, 0, 1, (), returns=seen))
+            judged = "nothing" if judgements is None else judgements.wanted()
+            margin = None if judged == "nothing" else 0.25
+            on_progress(
+                Snapshot(
+                    passed, spec.limit, Pose2(passed), None, 0, 1, (), returns=seen, margin=margin
+                )
+            )
+            if judgements is not None and judged == "everything":
+                # Of more bytes than fit into a pipe.
+                lines = tuple(LogLine(passed, "sut", f"{i * 7919:x}") for i in range(2000))
+                judgements.tell(LiveJudgement("", passed, (), (), (), (), lines))
         time.sleep(0.01 if gate else min(0.01, seconds))

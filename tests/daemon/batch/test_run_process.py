@@ -33,7 +33,7 @@ def sent(snapshot: Snapshot, folder: Path) -> tuple[int, Snapshot] | None:
     """Return the length of what went through the pipe, and what was in it."""
     ours, theirs = Pipe(duplex=False)
     with ours, theirs:
-        SnapshotSender(RUN, theirs, folder / "watched")(snapshot)
+        SnapshotSender(RUN, theirs, folder)(snapshot)
         if not ours.poll():
             return None
         message = ours.recv_bytes()

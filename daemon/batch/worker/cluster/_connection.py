@@ -6,6 +6,7 @@ import logging
 import threading
 import uuid
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -166,6 +167,22 @@ class ClusterConnection:
         except (RuntimeError, TypeError) as error:  # it was closed in the meantime
             raise ConnectionError(f"the Dask client is gone: {error}") from error
         return future, workers
+
+    def watch(self, worker: str, key: str, wanted: Sequence[str]) -> None:
+        """Tell a job on a Dask worker what those who watch it want; lost when that is gone."""
+        client = self._client
+        if client is None or not self.connected:
+            return
+
+        def tell() -> None:
+            with suppress(*_NO_CONNECTION):
+                client.run(
+                    _remote.watch_job, self._executor, key, tuple(wanted),
+                    workers=[worker], on_error="ignore",
+                )  # fmt: skip
+
+        # It asks the scheduler, and a frozen one must not stop who keeps leases.
+        threading.Thread(target=tell, name="watch", daemon=True).start()
 
     def has_no_worker(self, workers: frozenset[str]) -> bool:
         """Whether a job that only these workers may execute waits for ever."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import math
 import threading
@@ -14,7 +15,7 @@ from typing import Final
 from distributed import Future, KilledWorker
 from distributed.client import FutureCancelledError
 
-from daemon.batch.run_process import FILES, RESULT, TRACE
+from daemon.batch.run_process import FILES, RESULT, TRACE, Wanted
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.batch.worker._signals import WakeupSocket
 from daemon.batch.worker.cluster._connection import ClusterConnection
@@ -27,6 +28,7 @@ from daemon.batch.worker.cluster._remote import (
     JobStatus,
 )
 from daemon.model.execution import DaskScheduler, RunLimits
+from daemon.model.live_judgement import LiveJudgement, pack_judgement, unpack_judgement
 from daemon.model.messages import LARGEST_REQUEST
 from daemon.model.spec import RunResult, SutReference
 from daemon.model.status import LiveSnapshot
@@ -53,6 +55,9 @@ class RemoteExecution:
     ) -> None:
         self.attempt = attempt
         self.live = b""
+        self.judged = b""
+        self.where = ""
+        """The Dask worker that it last told of itself from."""
         self.end: AttemptEnd | None = None
         self._scene = scene
         self._job = job
@@ -83,6 +88,11 @@ class RemoteExecution:
         """Give up when no worker that may execute it is left; all else comes by itself."""
         if self._cluster.has_no_worker(self._workers):
             self.kill("the Dask workers that could execute it are gone")
+
+    def watch(self, wanted: frozenset[Wanted]) -> None:
+        """Have the Dask worker leave word for it."""
+        # What is published was told before, so it is known where it executes.
+        self._cluster.watch(self.where, self._key, sorted(wanted))
 
     def kill(self, why: str = "") -> None:
         """Give it up; the cluster stops it within a fraction of a second."""
@@ -304,9 +314,18 @@ class Gateway:
         try:
             progress = codec.from_json(JobProgress, message)
             live = codec.from_json(LiveSnapshot, progress.live)
+            judged = _judgement(progress.judged)
         except ValueError:
             return
         run = self._runs.get(progress.key)
-        if run is not None and run.attempt.lease.run == live.run:
-            run.live = codec.to_json(live)
-            self.wake()
+        if run is None or run.attempt.lease.run != live.run:
+            return
+        run.live, run.where = codec.to_json(live), progress.worker
+        if judged is not None and judged.run == live.run:
+            run.judged = pack_judgement(judged)
+        self.wake()
+
+
+def _judgement(text: str) -> LiveJudgement | None:
+    """Read a judgement in base64; raises ``ValueError`` for what is none."""
+    return unpack_judgement(base64.b64decode(text, validate=True)) if text else None

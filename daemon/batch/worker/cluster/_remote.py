@@ -26,7 +26,7 @@ from distributed.core import Status
 
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import RESULT, TRACE
+from daemon.batch.run_process import RESULT, TRACE, Wanted
 from daemon.batch.worker._attempts import Attempt, AttemptEnd
 from daemon.batch.worker._launcher import READY, LaunchReport, LaunchRequest
 from daemon.model.execution import RunLimits, python_command
@@ -82,10 +82,16 @@ class JobReport:
 
 @dataclass(frozen=True, slots=True)
 class JobProgress:
-    """What a job under way says: a :class:`daemon.model.status.LiveSnapshot` in JSON."""
+    """What a job under way says: a :class:`daemon.model.status.LiveSnapshot` in JSON.
+
+    ``judged`` is a :class:`daemon.model.live_judgement.LiveJudgement`, packed and in base64, or
+    nothing; ``worker`` the Dask worker.
+    """
 
     key: str
     live: str
+    judged: str = ""
+    worker: str = ""
 
 
 _WARM_UP_LIMIT: Final = 330.0
@@ -124,6 +130,7 @@ class RemoteLauncher:
         self._paths.make_folders()
         self._sending = threading.Lock()
         self._inboxes: dict[str, SimpleQueue[LaunchReport]] = {}
+        self._names: dict[str, str] = {}
         self.ended = False
         threading.Thread(target=self._read, name="launcher", daemon=True).start()
 
@@ -178,13 +185,15 @@ class RemoteLauncher:
         lease: Lease,
         limits: RunLimits,
         wanted: Callable[[], bool],
-        tell: Callable[[str], None],
+        tell: Callable[[LaunchReport], None],
+        name: str,
     ) -> AttemptOutput:
         """Run an attempt to its end, or stop it as soon as it is not ``wanted`` any more.
 
-        ``tell`` is given what it tells about itself. Raises ``OSError`` when there is no room.
+        ``tell`` is given what it tells about itself; :meth:`watch` knows it by ``name``. Raises
+        ``OSError`` when there is no room.
         """
-        key = uuid.uuid4().hex
+        key = self._names[name] = uuid.uuid4().hex
         folder = self._paths.spool / key / f"attempt-{lease.attempt}"
         inbox = self._inboxes[key] = SimpleQueue()
         try:
@@ -195,15 +204,21 @@ class RemoteLauncher:
             self._send(LaunchRequest(key, str(folder), str(scene), limits))
             return _read_output(self._await(key, inbox, wanted, tell), attempt)
         finally:
-            del self._inboxes[key]
+            del self._inboxes[key], self._names[name]
             shutil.rmtree(folder.parent, ignore_errors=True)
+
+    def watch(self, name: str, wanted: tuple[Wanted, ...]) -> None:
+        """Tell an attempt what those who watch it want, unless it is over."""
+        key = self._names.get(name)
+        if key is not None:
+            self._send(LaunchRequest(key, wanted=wanted))
 
     def _await(
         self,
         key: str,
         inbox: SimpleQueue[LaunchReport],
         wanted: Callable[[], bool],
-        tell: Callable[[str], None],
+        tell: Callable[[LaunchReport], None],
     ) -> AttemptEnd:
         while True:
             try:
@@ -217,7 +232,7 @@ class RemoteLauncher:
                 continue
             if report.end is not None:
                 return report.end
-            tell(report.live)
+            tell(report)
 
     def _send(self, request: LaunchRequest) -> None:
         with self._sending:
@@ -306,6 +321,7 @@ def _execute_here(
         job.limits,
         lambda: _is_wanted(worker, key),
         _progress_publisher(worker, job.topic, key),
+        key,
     )
     if output.result:
         return JobReport(JobStatus.DONE, where), output.result, output.trace
@@ -326,14 +342,24 @@ def _is_wanted(worker: Any, key: str) -> bool:
     return task is not None and task.state in ("executing", "long-running")
 
 
-def _progress_publisher(worker: Any, topic: str, key: str) -> Callable[[str], None]:
+def _progress_publisher(worker: Any, topic: str, key: str) -> Callable[[LaunchReport], None]:
     following = 0.0
+    judged = ""
 
-    def tell(live: str) -> None:
-        nonlocal following
-        now = time.monotonic()
-        if now >= following:
+    def tell(report: LaunchReport) -> None:
+        nonlocal following, judged
+        now, judged = time.monotonic(), report.judged or judged
+        if report.live and now >= following:
             following = now + _LIVE_PERIOD
-            worker.log_event(topic, codec.to_json(JobProgress(key, live)).decode())
+            progress = JobProgress(key, report.live, judged, worker.address)
+            judged = ""
+            worker.log_event(topic, codec.to_json(progress).decode())
 
     return tell
+
+
+def watch_job(executor: str, key: str, wanted: tuple[str, ...]) -> None:
+    """Tell the job that this Dask worker knows as ``key`` what those who watch it want."""
+    launcher = _launchers.get(executor)
+    if launcher is not None and not launcher.ended:
+        launcher.watch(key, tuple(Wanted(word) for word in wanted))

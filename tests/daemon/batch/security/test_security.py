@@ -31,7 +31,8 @@ from daemon.batch.security import (
 from daemon.batch.security.authority import create_authority, issue_key, pack_key, revoke_key
 from daemon.batch.server import exposure_warning, prepare_endpoints
 from daemon.model import verbs
-from daemon.model.messages import ALIVE, ASK, EVENTS, LIVE, WORK
+from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
+from daemon.model.messages import ALIVE, ASK, EVENTS, JUDGED, LIVE, WORK
 from daemon.model.spec import Snapshot
 from daemon.model.status import ChangeEvent, LiveSnapshot
 from daemon.model.verbs import VERBS, Role
@@ -182,6 +183,27 @@ def test_a_viewer_watches_a_run_and_its_worker_knows(daemon: DaemonPart, keys: P
             eventually(lambda: told)
         assert told == [picture]
         eventually(lambda: not mine.matching_status.matching)
+
+
+def test_a_viewer_is_told_what_a_run_is_judged_by_without_control_characters(
+    daemon: DaemonPart, keys: Path
+) -> None:
+    told: list[LiveJudgement] = []
+    line = LogLine(1.0, "sut", "\x1b[2Jgone")
+    said = LiveJudgement("first.1", 1.0, (), (), (), (), (line,))
+    with as_role(daemon, keys, "viewer") as watcher, raw(daemon, keys, "worker") as worker:
+        key = f"{LIVE}/worker/worker-1/first.1"
+        pictures, mine = worker.declare_publisher(key), worker.declare_publisher(f"{key}/{JUDGED}")
+        with watcher.watch("first.1", lambda _: None):
+            eventually(lambda: pictures.matching_status.matching)
+            assert not mine.matching_status.matching
+        with watcher.watch("first.1", lambda _: None, told.append):
+            eventually(lambda: mine.matching_status.matching)
+            for forged in (b"", b"forged", codec.to_json(said)):
+                mine.put(forged)
+            mine.put(pack_judgement(said))
+            eventually(lambda: told)
+        assert [one.log[0].text for one in told] == ["\N{REPLACEMENT CHARACTER}[2Jgone"]
 
 
 def owner(daemon: DaemonPart) -> Client:

@@ -12,6 +12,7 @@ from daemon.batch.client import Client
 from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import attach_files
 from daemon.model.execution import DEFAULT_EXECUTOR
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.spec import SutReference
 from daemon.model.status import LiveSnapshot, RunState, Submission
 from daemon.model.verdicts import Outcome
@@ -138,6 +139,18 @@ def test_running_runs_are_seen_live(client: Client) -> None:
         client.cancel("live")
     times = [live.snapshot.time for live in seen if live.run == "live.0"]
     assert times == sorted(times)
+
+
+def test_a_run_in_the_cluster_is_watched_and_judged(client: Client) -> None:
+    seen: list[LiveSnapshot] = []
+    judged: list[LiveJudgement] = []
+    client.submit(make_submission("watched", 1, sleep=600.0))
+    with client.watch("watched.0", seen.append, judged.append):
+        eventually(lambda: any(live.snapshot.returns == (100, 200) for live in seen))
+        eventually(lambda: judged)
+        client.cancel("watched")
+    assert {one.run for one in judged} == {"watched.0"}
+    assert len(judged[-1].log) == 2000
 
 
 def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_path: Path) -> None:

@@ -13,7 +13,9 @@ import pytest
 from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused
+from daemon.batch.run_process import WATCHED
 from daemon.model import verbs
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import LeaseRequest, WorkerInfo
 from daemon.model.spec import SutReference
 from daemon.model.status import LiveSnapshot, RunState
@@ -394,6 +396,39 @@ def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> 
         # Nobody watches any more: after a while nothing but the progress is made.
         eventually(lambda: little[-1].snapshot.returns == ())
     client.cancel("watched")
+
+
+def test_a_run_is_judged_while_somebody_wants_to_know(client: Client, daemon: DaemonPart) -> None:
+    client.submit(make_submission("judged", 1, sleep=600.0))
+    (row,) = client.runs("judged").rows
+    told: list[LiveSnapshot] = []
+    judged: list[LiveJudgement] = []
+    with client.watch(row.id, told.append):
+        eventually(lambda: told)
+        # Who looks at a run only wants no judgement, and nobody looks at all of them.
+        assert {live.snapshot.margin for live in told} == {None}
+        with client.watch(row.id, told.append, judged.append):
+            eventually(lambda: len(judged) > 1)
+    assert {judgement.run for judgement in judged} == {row.id}
+    assert len(judged[-1].log) == 2000
+    (mark,) = daemon.state.rglob(WATCHED)
+    eventually(lambda: mark.read_text() == "")
+    count = len(judged)
+    client.cancel("judged")
+    assert len(judged) == count
+
+
+def test_margins_are_told_to_who_watches_all_runs(client: Client) -> None:
+    client.submit(make_submission("margins", 1, sleep=600.0))
+    little: list[LiveSnapshot] = []
+    with client.events(lambda _: None, little.append):
+        eventually(lambda: little and little[-1].snapshot.margin == 0.25)
+        (row,) = client.runs("margins").rows
+        with client.watch(row.id, lambda _: None):
+            # Only who watches this one is told what fills the line.
+            eventually(lambda: len(little) > 20)
+            assert {live.snapshot.returns for live in little} == {()}
+    client.cancel("margins")
 
 
 @pytest.mark.parametrize("different", [{"engine": "0"}, {"version": "0.0.1"}])

@@ -1,0 +1,120 @@
+"""A run that goes on, judged by what is recorded of it: signals, verdicts, doors, mission, log.
+
+By the code that judges finished runs, so that the last of these judgements says what the run's
+verdicts will be.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from daemon.judging.oracles import SignalSampler, judge_so_far, oracle_timeline, trace_problems
+from daemon.judging.run_signals import (
+    door_motions,
+    reached_moments,
+    sample_run_signals,
+    thin_signal,
+)
+from daemon.model.live_judgement import LiveJudgement, LiveSignal, LogLine, ProvisionalVerdict
+from daemon.model.verdicts import Outcome
+from daemon.trace import Trace
+from grammars.oracle import ROBOT
+from grammars.text.terminal_text import printable
+
+MOST_COLUMNS: Final = 200
+"""Parts of the time in which a signal is told at most."""
+_COLUMNS_IN_ALL: Final = 1600
+"""Where there are more than eight signals, each is told in fewer parts."""
+_FEWEST_COLUMNS: Final = 40
+MOST_LINES: Final = 200
+"""Lines of the log at most."""
+_LINE_LENGTH: Final = 200
+_SAME_TOUCH: Final = 0.5
+"""Contacts of two bodies that are not farther apart [s] are one touch."""
+
+
+class RunningJudge:
+    """Judges one run again and again while it goes on; remembers when oracles were decided."""
+
+    def __init__(self) -> None:
+        self._decided: dict[str, LogLine] = {}
+
+    def judge(self, trace: Trace) -> LiveJudgement:
+        """Return what the run is judged by ``trace``, which is that of all until now.
+
+        ``run`` is left empty: a trace does not know its name in a queue. Nothing is raised.
+        """
+        problems = trace_problems(trace)
+        sampler = None if problems else SignalSampler(trace)
+        signals = () if sampler is None else _thinned_signals(sampler)
+        verdicts = judge_so_far(trace, trace.spec.oracles, sampler=sampler)
+        if sampler is not None:
+            self._note_decided(verdicts, sampler)
+        lines = [*heapq.merge(*_log(trace), self._decisions(), key=lambda line: line.time)]
+        return LiveJudgement(
+            "",
+            trace.valid_until,
+            signals,
+            verdicts,
+            door_motions(trace.joints),
+            reached_moments(trace),
+            tuple(lines[-MOST_LINES:]),
+            max(0, len(lines) - MOST_LINES),
+        )
+
+    def _note_decided(self, verdicts: Sequence[ProvisionalVerdict], sampler: SignalSampler) -> None:
+        """Note when oracles were decided: once, since what is most telling may change later."""
+        for one, written in zip(verdicts, sampler.trace.spec.oracles, strict=True):
+            verdict = one.verdict
+            if not one.final or verdict.oracle in self._decided:
+                continue
+            time = verdict.evidence.time
+            if verdict.outcome is Outcome.FAIL:
+                against = oracle_timeline(written, sampler).against
+                time = against[0][0] if against else time
+            about = f" ({verdict.evidence.object})" if verdict.evidence.object else ""
+            text = f"decided: {verdict.outcome}{about}"
+            line = _log_line(sampler.time_base.end if time is None else time, verdict.oracle, text)
+            self._decided[verdict.oracle] = line
+
+    def _decisions(self) -> list[LogLine]:
+        return sorted(self._decided.values(), key=lambda line: line.time)
+
+
+def _thinned_signals(sampler: SignalSampler) -> tuple[LiveSignal, ...]:
+    found = sample_run_signals(sampler)
+    share = _COLUMNS_IN_ALL // max(len(found), 1)
+    columns = min(MOST_COLUMNS, max(_FEWEST_COLUMNS, share))
+    start, end = sampler.time_base.start, sampler.time_base.end
+    return tuple(thin_signal(signal, start, end, columns) for signal in found)
+
+
+def _log(trace: Trace) -> tuple[Iterator[LogLine], ...]:
+    """Return what happened, by kind, each in the order of time."""
+    events = (_log_line(event.time, event.source, event.text) for event in trace.events)
+    return events, _touches(trace), _reached(trace)
+
+
+def _touches(trace: Trace) -> Iterator[LogLine]:
+    last: dict[str, float] = {}
+    for record in trace.contacts:
+        if ROBOT not in (record.first, record.second):
+            continue
+        other = record.second if record.first == ROBOT else record.first
+        if record.time - last.get(other, -2.0 * _SAME_TOUCH) > _SAME_TOUCH:
+            yield _log_line(record.time, ROBOT, f"touches {other}")
+        last[other] = record.time
+
+
+def _reached(trace: Trace) -> Iterator[LogLine]:
+    waypoints = trace.spec.mission.waypoints
+    for number, time in enumerate(reached_moments(trace), start=1):
+        name = waypoints[number - 1].id if number <= len(waypoints) else str(number)
+        yield _log_line(time, "mission", f"reached {name}, {number} of {len(waypoints)}")
+
+
+def _log_line(time: float, source: str, text: str) -> LogLine:
+    short = printable(" ".join(text[: 2 * _LINE_LENGTH].split())[:_LINE_LENGTH])
+    return LogLine(time, printable(source[:_LINE_LENGTH]), short)

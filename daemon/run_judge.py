@@ -1,0 +1,91 @@
+"""Judging a run while somebody watches it, as often as the clock on the wall allows.
+
+Nothing of this has any influence on the run: what is recorded is read, never written.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from dataclasses import replace
+from typing import Final, Literal, Protocol
+
+from daemon.judging.oracles import LeastMargin, judge_so_far, least_margin
+from daemon.judging.running import RunningJudge
+from daemon.model.deadline import OutOfTime, interruptible
+from daemon.model.live_judgement import LiveJudgement
+from daemon.model.spec import Snapshot
+from daemon.run_loop import ProgressCallback
+from daemon.trace import TraceWriter
+
+JudgingWanted = Literal["nothing", "margin", "everything"]
+
+_PERIODS: Final = {"margin": 2.0, "everything": 1.0}
+"""Seconds of the wall's clock between two judgements, at least."""
+_SHARES: Final = {"margin": 0.05, "everything": 0.1}
+"""Share of the run's time that judging takes, at most."""
+
+
+class JudgementReceiver(Protocol):
+    """Who watches a run, through whatever lies in between."""
+
+    def wanted(self) -> JudgingWanted:
+        """Say what is wanted right now; asked with every snapshot."""
+
+    def tell(self, judgement: LiveJudgement) -> None:
+        """Take a judgement; must not wait for anybody."""
+
+
+class WatchedRun:
+    """Passes the snapshots of a run on, with its least margin; judges the run in between."""
+
+    def __init__(
+        self, trace: TraceWriter, on_progress: ProgressCallback, receiver: JudgementReceiver
+    ) -> None:
+        self._trace, self._on_progress, self._receiver = trace, on_progress, receiver
+        self._judge = RunningJudge()
+        self._next = self._rested = 0.0
+        self._failed = False
+        self._wanted: JudgingWanted = "nothing"
+        self._least: LeastMargin | None = None
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        """Take a snapshot of the run."""
+        wanted = self._receiver.wanted()
+        if wanted == "nothing" or self._failed:
+            self._least = None
+        if self._least is not None:
+            least = self._least
+            snapshot = replace(snapshot, margin=least.margin, unit=least.unit, oracle=least.oracle)
+        # First what is seen, then what is made of it: that may take longer.
+        self._on_progress(snapshot)
+        now = time.perf_counter()
+        # Who opens a run does not wait for the rest of a period in which less was wanted.
+        due = self._next if wanted == self._wanted else self._rested
+        if wanted != "nothing" and now >= due:
+            self._look(wanted)
+            self._rested = now + (time.perf_counter() - now) / _SHARES[wanted]
+            self._next = max(self._rested, now + _PERIODS[wanted])
+        self._wanted = wanted
+
+    def finish(self, ended: str, note: str) -> None:
+        """Tell the last judgement, that of the run as it ended, if anybody still watches."""
+        if self._wanted == "everything":
+            self._look("everything", ended, note)
+
+    def _look(self, wanted: JudgingWanted, ended: str | None = None, note: str = "") -> None:
+        if self._failed:
+            return
+        try:
+            with interruptible("the judging of a run that is watched"):
+                trace = self._trace.so_far(ended, note)
+                judgement = self._judge.judge(trace) if wanted == "everything" else None
+                found = judgement.verdicts if judgement else judge_so_far(trace, trace.spec.oracles)
+                self._least = least_margin(found, trace)
+        except (Exception, OutOfTime):
+            # Whatever it is, the run goes on; at its end the same is judged, and told, once more.
+            traceback.print_exc()
+            self._failed = True
+            return
+        if judgement is not None:
+            self._receiver.tell(judgement)
