@@ -11,13 +11,14 @@ import numpy as np
 from daemon.model.live_judgement import LiveJudgement, LiveSignal
 from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome
-from grammars.model.geometry import Floats
+from grammars.model.geometry import Floats, Point2, Pose2
 from scenario_tui.dashboard.signal_strips import (
     DoorEvent,
     RunTimeline,
     SignalStrip,
     with_limits,
 )
+from scenario_tui.dashboard.state import HeardMoment
 from scenario_tui.text.scale import round_step
 
 if TYPE_CHECKING:
@@ -46,6 +47,42 @@ def live_timeline(
         _horizon(judgement.time),
     )
     return with_limits(timeline, limits)
+
+
+def heard_timeline(heard: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline | None:
+    """Return what snapshots alone tell of a run along time, as long as nobody has judged it.
+
+    ``None`` for less than two moments.
+    """
+    if len(heard) < 2:
+        return None
+    time = np.array([one.time for one in heard])
+    x, y = (np.array([getattr(one.pose, axis) for one in heard]) for axis in ("x", "y"))
+    way = np.hypot(np.diff(x), np.diff(y))
+    speed = way / np.diff(time)
+    error = np.array(
+        [
+            math.nan if one.estimate is None else math.dist(_place(one.pose), _place(one.estimate))
+            for one in heard
+        ]
+    )
+    strips = (
+        SignalStrip("loc.error", "m", time, error),
+        SignalStrip("speed", "m/s", time, np.append(speed, speed[-1])),
+    )
+    moments: list[float] = []
+    for one in heard:
+        moments += [one.time] * (one.reached - len(moments))
+    return RunTimeline(
+        heard[0].time, heard[-1].time,
+        tuple(strip for strip in strips if np.isfinite(strip.values).any()),
+        None, tuple(moments), len(spec.mission.waypoints), (),
+        tuple(waypoint.id for waypoint in spec.mission.waypoints), _horizon(heard[-1].time),
+    )  # fmt: skip
+
+
+def _place(pose: Pose2) -> Point2:
+    return pose.x, pose.y
 
 
 def _strip(signal: LiveSignal) -> SignalStrip:

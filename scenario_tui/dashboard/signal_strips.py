@@ -97,6 +97,7 @@ class RunTimeline:
     """Everything of a run along time.
 
     ``reached`` holds the moments waypoints were done [s] of ``waypoints`` in all, called ``names``;
+    ``doors`` is ``None`` when nothing is known of them;
     ``decided`` those an oracle was decided against. The axis of a run that goes on ends at
     ``horizon`` [s], later than the run.
     """
@@ -104,7 +105,7 @@ class RunTimeline:
     start: float
     end: float
     strips: tuple[SignalStrip, ...]
-    doors: tuple[DoorEvent, ...]
+    doors: tuple[DoorEvent, ...] | None
     reached: tuple[float, ...]
     waypoints: int
     decided: tuple[float, ...]
@@ -225,7 +226,8 @@ def shift_to_clock(timeline: RunTimeline, clock: CommonClock) -> RunTimeline:
             )
             for strip in timeline.strips
         ),
-        doors=tuple(replace(event, time=moved(event.time)) for event in timeline.doors),
+        doors=timeline.doors
+        and tuple(replace(event, time=moved(event.time)) for event in timeline.doors),
         reached=tuple(moved(time) for time in timeline.reached),
         decided=tuple(moved(time) for time in timeline.decided),
     )

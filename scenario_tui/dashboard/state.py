@@ -147,6 +147,8 @@ def read_trace_summary(
 
 _KEPT_RUNS: Final = 64
 """Running runs whose tracks are kept; nobody looks at more of them at a time."""
+_KEPT_MOMENTS: Final = 600
+"""Moments of a running run that are remembered; of more, every other one is forgotten."""
 _KEPT_POINTS: Final = 2000
 """Points of a trail; of a longer one every other point is forgotten."""
 _TRAIL_STEP: Final = 0.03
@@ -242,12 +244,23 @@ class Notice:
     severity: Literal["information", "error"] = "information"
 
 
+@dataclass(frozen=True, slots=True)
+class HeardMoment:
+    """A moment of a running run, as its snapshot told it."""
+
+    time: float
+    pose: Pose2
+    estimate: Pose2 | None
+    reached: int
+
+
 @dataclass(slots=True)
 class Track:
     """A running run: ``snapshot`` is the last one, ``trail`` the way so far [m].
 
     ``times`` are the moments [s] of the points of the trail, ``heard`` and ``judgement`` when the
     last snapshot came, by the clock of the tracks, and what the run would be judged by now.
+    ``heard_of`` is what all snapshots said of moments, thinned: there before any judgement.
     ``flashes`` are contacts with the moment, by the same clock, until which they show.
     """
 
@@ -256,8 +269,18 @@ class Track:
     judgement: LiveJudgement | None = None
     trail: list[Point2] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
+    heard_of: list[HeardMoment] = field(default_factory=list)
     flashes: dict[Point2, float] = field(default_factory=dict)
     step: float = _TRAIL_STEP
+
+    def note(self) -> None:
+        """Take what the snapshot says of its moment into what was heard."""
+        now = self.snapshot
+        if now.waiting or (self.heard_of and now.time <= self.heard_of[-1].time):
+            return
+        self.heard_of.append(HeardMoment(now.time, now.pose, now.estimate, now.reached))
+        if len(self.heard_of) > _KEPT_MOMENTS:
+            del self.heard_of[1:-1:2]
 
     def add(self, here: Point2, time: float) -> None:
         """Take a place into the trail, once it is some way on."""
@@ -289,6 +312,7 @@ class Tracks:
         if track is None or seen.time < track.snapshot.time:
             track = Track(seen)
         track.snapshot, track.heard = seen, now
+        track.note()
         track.add((seen.pose.x, seen.pose.y), seen.time)
         track.flashes = {at: end for at, end in track.flashes.items() if end > now}
         if seen.contacts:

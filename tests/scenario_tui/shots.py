@@ -34,7 +34,14 @@ from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.dashboard.searching import SEARCH, SearchingDaemon
-from tests.scenario_tui.fake import FakeDaemon, make_live, make_result, make_rows
+from tests.scenario_tui.fake import (
+    CAMPAIGN,
+    FakeDaemon,
+    make_judgement,
+    make_live,
+    make_result,
+    make_rows,
+)
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 ROOT: Final = Path(__file__).parents[2]
@@ -67,6 +74,7 @@ class Corridor(FakeDaemon):
         return cls(
             (*rows[:5], failing, *rows[6:]),
             live=tuple(make_live(7, float(t)) for t in range(0, 61, 2)),
+            judged={f"{CAMPAIGN}.7": make_judgement()},
             failed=replace(result, verdicts=found),
         )
 
@@ -159,7 +167,7 @@ SHOTS: Final[Mapping[str, Shot]] = {
     "runs": Shot(("enter", *"jjjjj"), WIDE),
     "run": Shot(("enter", *"jjjjj", "enter"), before=_read),
     "timeline": Shot(("enter", *"jjjjj", "enter", "tab"), before=_read),
-    "live": Shot(("enter", *"jjjjjjj", "enter")),
+    "live": Shot(("enter", *"jjjjjjj", "enter"), (126, 40)),
     "replay": Shot(open=_replay),
     "comparison": Shot(("n",), (112, 27), open=_compared),
     "searches": Shot(open=_searching),

@@ -17,7 +17,7 @@ from textual.widgets import OptionList, Static
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.status import CampaignRow, RunDetail, RunState
 from daemon.model.verdicts import Verdict
-from scenario_tui.dashboard.live_timeline import live_timeline
+from scenario_tui.dashboard.live_timeline import heard_timeline, live_timeline
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
 from scenario_tui.dashboard.screens.run_log import log_text
@@ -62,7 +62,7 @@ _VAST: Final = 170
 """Columns from which on map and signals stand side by side."""
 _SILENT: Final = 5.0
 """Seconds after which a run that says nothing is said to be silent."""
-_PATIENCE: Final = 10.0
+_PATIENCE: Final = 30.0
 """Seconds after which somebody who looks is told that no signals come."""
 
 
@@ -191,6 +191,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         if judged and not self.has_class("-judged"):
             self.call_after_refresh(self.view_changed)
         self.set_class(judged, "-judged")
+        self.set_class(result is None and judgement is None, "-unlogged")
         if result is not None:
             self.query_one(VerdictList).show(result.verdicts)
         elif so_far:
@@ -226,12 +227,19 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self._so_far = live_timeline(judgement, detail.spec, self._limits or ())
             signals.show((self._so_far,), judgement.time)
         if judgement is None and _unfinished(detail):
-            self._so_far = None  # it began anew
+            # Before the first one, and where none comes, snapshots tell something, too.
+            before = self._so_far
+            self._so_far = heard_timeline(track.heard_of, detail.spec) if track else None
+            if self._so_far and (before is None or before.end != self._so_far.end):
+                signals.show((self._so_far,), self._so_far.end)
         untold = "" if self._so_far else self._untold(detail, track)
         show_message_or(self.query_one("#untold"), signals, why or untold)
-        self.query_one("#signs").display = not (why or untold)
+        told = not (why or untold)
+        soon = "" if judgement or not _runs(detail) else self._untold(detail, track)
+        self.query_one("#signs").display = told
+        self.query_one("#signs", Static).update(soon or SIGNS)
         if not why and view is not None:
-            if self._so_far and track:
+            if self._so_far and track and judgement:
                 known, limit = clearance_along(self._so_far.strips, track.times)
                 view = replace(view, clearances=known, limit=limit)
             above.show(view)

@@ -43,6 +43,8 @@ def log_text(
             text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)
         if detail.row.cached:
             text.append(f"not executed again: the result is that of {detail.row.cached}\n")
+        if detail.result is None and judgement is None:
+            return text.append("Its log comes while it runs.\n", style=QUIET)
         append_facts(text, detail)
     if playback is None:
         if judgement is not None:
@@ -94,7 +96,7 @@ def log_lines(playback: Playback) -> Iterator[Line]:
     decided = [(m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments]
     doors = [
         (event.time, event.name, "opens" if event.opens else "is shut")
-        for event in playback.timeline.doors
+        for event in playback.timeline.doors or ()
     ]
     touched = sorted((c.time, "contact", f"{c.first} touches {c.second}") for c in trace.contacts)
     yield from heapq.merge(said, decided, doors, _first_of_each(touched))

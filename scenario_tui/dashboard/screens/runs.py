@@ -79,6 +79,8 @@ class RunsScreen(SteeringScreen):
                 id="previous-page", tooltip="The runs before these"),
         Binding("C", "compare", "Compare", show=False, id="compare",
                 tooltip="Mark a run, then another one to see both side by side"),
+        Binding("tab", "part", "Under way", show=False, id="view",
+                tooltip="To the runs under way, and back to the table"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
@@ -244,6 +246,11 @@ class RunsScreen(SteeringScreen):
             self.query_one(KeyedTable).focus()
             return
         super().action_back()
+
+    def action_part(self) -> None:
+        """Give the keys to the runs under way, or back to the table."""
+        grid, table = self.query_one(RunningGrid), self.query_one(KeyedTable)
+        (grid if grid.display and not grid.has_focus else table).focus(scroll_visible=False)
 
     def action_only(self) -> None:
         """Show runs of the next verdict or state only."""

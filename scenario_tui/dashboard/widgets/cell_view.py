@@ -80,6 +80,18 @@ class Canvas:
         along = (np.arange(len(line)) - first) / np.maximum(steps[line] - 1, 1)
         self.points(start[line] + along[:, None] * way[line], layer)
 
+    def bars(self, columns: Codes, tops: Floats, bottoms: Floats, layer: int) -> None:
+        """Fill columns of dots (n,) from ``tops`` to ``bottoms`` (n,), the rows of both included.
+
+        What ``lines`` would draw, upright only, in a third of the time.
+        """
+        rows = np.arange(self.height)[:, None]
+        filled = np.zeros((self.height, self.width), dtype=np.uint8)
+        filled[:, columns] = (rows >= np.rint(tops)) & (rows <= np.rint(bottoms))
+        dots = self._dots[layer]
+        for (row, column), bit in np.ndenumerate(_BITS):
+            dots |= filled[row::4, column::2] * bit
+
     def glyph(self, x: float, y: float, character: str, layer: int) -> None:
         """Put a character into the cell that holds the dot (x, y), over all dots."""
         column, row = int(x // 2), int(y // 4)
@@ -107,7 +119,7 @@ def segments(codes: Codes, owners: Codes, styles: Sequence[Style], base: Style) 
 
     ``owners`` index into ``styles``; negative ones have no style of their own.
     """
-    text = "".join(map(chr, codes.tolist()))
+    text = codes.astype("<i4").tobytes().decode("utf-32-le")
     cuts = [0, *(np.flatnonzero(owners[1:] != owners[:-1]) + 1).tolist(), len(text)]
     over = _over(tuple(styles), base)
     return [Segment(text[a:b], over[owners[a]]) for a, b in itertools.pairwise(cuts)]

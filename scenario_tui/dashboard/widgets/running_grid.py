@@ -167,7 +167,7 @@ def run_line(one: RunningRun) -> Text:
     share = min(max(seen.time / seen.limit, 0.0), 1.0) if seen.limit > 0.0 else 1.0
     done = round(share * _BAR)
     text.append("━" * done, style=BUSY).append("─" * (_BAR - done), style=QUIET)
-    text.append(f"  {seen.time:.0f} of {seen.limit:.0f} s".ljust(16))
+    text.append(f"  {seen.time:.0f} of {seen.limit:.0f} s".ljust(18))
     text.append(f"{seen.reached}/{seen.waypoints} wp  ")
     if one.silence > _SILENT:
         text.append(f"last heard {duration(one.silence)} ago  ", style=UNSURE)

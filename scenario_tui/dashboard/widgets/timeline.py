@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from rich.style import Style
@@ -24,6 +24,9 @@ from scenario_tui.dashboard.widgets.timeline_drawing import (
 )
 from scenario_tui.text.formatting import NOTHING, quantity
 
+_LEAST_ROWS: Final = 3
+"""Rows that name, value and limit of a signal take; a long name takes one more."""
+
 
 def at_cursor(strip: SignalStrip, time: float) -> str:
     """Return the value at a moment, for people: ``0.123 m``, ``yes``, ``0.1–0.3 m``, ``∞ m``."""
@@ -37,6 +40,10 @@ def at_cursor(strip: SignalStrip, time: float) -> str:
         return greatest
     # A thinned signal knows no more than that. A dash beside a minus sign would be read as one.
     return f"{least} to {greatest}" if min(value, most) < 0.0 else f"{least}–{greatest}"
+
+
+def _brief(value: float, unit: str = "") -> str:
+    return quantity(float(f"{value:.2g}"), unit)
 
 
 class TimelineView(CellView):
@@ -147,7 +154,10 @@ class TimelineView(CellView):
         said = " ┊ ".join(values)
         if height == 1:
             return [(f"{strip.name[: width - len(said) - 1]} {said}", NAME)]
-        words = [(strip.name, NAME)]
+        named = [strip.name]
+        if len(strip.name) > width and height > _LEAST_ROWS:
+            named = [strip.name[:width], strip.name[width:]]
+        words = [(name, NAME) for name in named]
         if len(said) > width and height > 2 and len(values) > 1:
             words += [(values[0], CURVE), (f"┊ {values[1]}", OTHER)]
         else:
@@ -159,6 +169,6 @@ class TimelineView(CellView):
         if known.any():
             most = strip.values if strip.most is None else strip.most
             least, greatest = strip.values[known].min(), most[known].max()
-            if greatest > least:
-                words.append((f"{quantity(least, '')}…{quantity(greatest, strip.unit)}", FAINT))
+            if _brief(least) != _brief(greatest):
+                words.append((f"{_brief(least)}…{_brief(greatest, strip.unit)}", FAINT))
         return words

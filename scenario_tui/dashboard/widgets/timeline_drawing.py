@@ -171,7 +171,7 @@ class TimelineDrawing:
         for (least, most), layer in zip(curves, (CURVE, OTHER), strict=False):
             x = np.flatnonzero(np.isfinite(least))
             x = x[::2] if layer == OTHER else x  # told from the other one without colour
-            canvas.lines(np.column_stack([x, dots(least[x]), x, dots(most[x])]), layer)
+            canvas.bars(x.astype(np.int32), dots(most[x]), dots(least[x]), layer)
         codes, owners = canvas.cells()
         self._forbid(strip, scale, codes, owners)
         self._shade(strip, codes, owners)
@@ -316,11 +316,15 @@ class TimelineDrawing:
                 self.write(row, at + column, text, FAINT)
 
 
-def _door_lanes(events: Sequence[DoorEvent], most: int) -> list[tuple[str, tuple[DoorEvent, ...]]]:
+def _door_lanes(
+    events: Sequence[DoorEvent] | None, most: int
+) -> list[tuple[str, tuple[DoorEvent, ...]]]:
     """Return doors that moved, by when they first did, each with its events.
 
     Of more than ``most`` of them the last ones share a lane.
     """
+    if events is None:
+        return []
     names = list(dict.fromkeys(event.name for event in events))
     own = names if len(names) <= most else names[: most - 1]
     lanes = [(name, tuple(e for e in events if e.name == name)) for name in own]

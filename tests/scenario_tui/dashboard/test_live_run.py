@@ -153,6 +153,30 @@ async def test_before_there_are_signals_the_screen_says_what_it_waits_for(
         assert words in told
 
 
+async def test_before_the_first_judgement_signals_are_those_that_snapshots_tell() -> None:
+    fake = running()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        for words in ("loc.error", "0.141 m", "speed", "0.05 m/s", "come in a moment", "2 w2"):
+            assert words in shown(pilot)
+        assert "│ doors" not in shown(pilot)  # nothing is known of them yet
+        fake.judged[RUN] = make_judgement()
+        await settle(pilot)
+        assert "clearance" in shown(pilot)
+        assert "come in a moment" not in shown(pilot)
+
+
+def test_of_a_long_run_moments_all_along_are_remembered() -> None:
+    tracks = Tracks()
+    for step in range(5000):
+        tracks.add(make_live(7, step * 2.0))
+    track = tracks.get(RUN)
+    assert track is not None
+    assert 200 < len(track.heard_of) <= 600
+    assert track.heard_of[0].time == 0.0
+    assert track.heard_of[-1].time == 9998.0
+
+
 async def test_a_worker_that_tells_no_signals_is_said_to_be_one() -> None:
     fake = running()
     async with opened(fake) as pilot:

@@ -273,7 +273,9 @@ async def test_the_table_of_runs_tells_a_start_from_a_run_that_drives(fake: Fake
         fake.live = (make_live(7, waiting=WAITING),)
         await settle(pilot)
         await press(pilot, *["j"] * 7)
-        row = next(line for line in screen_text(pilot) if line.startswith(" S2/pilot/2"))
+        rows = [line for line in screen_text(pilot) if line.startswith(" S2/pilot/2")]
+        assert WAITING in rows[0]  # above the table, where there is room
+        row = rows[-1]
         assert row.partition("│")[0].split()[-1] == "starting"
         told = " ".join(shown(pilot).split())
         assert "simulated time begins when it is up" in told

@@ -68,8 +68,9 @@ async def test_wide_terminals_show_several_beside_each_other() -> None:
         assert lines[3].count("━━━─────────") == 2
 
 
-async def test_enter_opens_the_run_one_has_gone_to() -> None:
-    async with opened(busy(3)) as pilot:
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+async def test_enter_opens_the_run_one_has_gone_to(size: tuple[int, int]) -> None:
+    async with opened(busy(3), size) as pilot:
         await look_at(pilot)
         await press(pilot, "tab", "j", "enter")
         assert isinstance(pilot.app.screen, RunScreen)
