@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,13 +125,19 @@ def _print_frame(playback: Playback, time: float, *, as_json: bool) -> None:
     import shutil
 
     from scenario_tui.dashboard.playback import render_frame
+    from scenario_tui.terminal.capabilities import area_blocks
+    from scenario_tui.terminal.filters import text_in_ascii
 
     if as_json:
         FrameOutput.of(playback, time).emit()
         return
     size = shutil.get_terminal_size((80, 24))
-    for line in render_frame(playback, time, size.columns, size.lines - 1):
-        stdout_console().print(line, no_wrap=True, soft_wrap=True)
+    # Asked for in so many words: what is printed may go anywhere, so no terminal is asked.
+    plain = os.environ.get("SCENARIO_GLYPHS") == "ascii"
+    blocks = "cells" if plain else area_blocks(os.environ)
+    for line in render_frame(playback, time, size.columns, size.lines - 1, blocks=blocks):
+        shown = text_in_ascii(line) if plain else line
+        stdout_console().print(shown, no_wrap=True, soft_wrap=True)
 
 
 class FrameOutput(Output, schema="frame"):

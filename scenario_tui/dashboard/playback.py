@@ -31,7 +31,9 @@ from scenario_tui.dashboard.signal_strips import (
     with_limits,
 )
 from scenario_tui.dashboard.widgets.cell_view import segments
-from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, STYLES, View, draw_view
+from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
+from scenario_tui.dashboard.widgets.top_view import View, draw_view
+from scenario_tui.terminal.capabilities import Blocks
 from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET, pluralise
 from scenario_tui.text.run_text import verdict_lines
 
@@ -39,8 +41,8 @@ RAYS: Final = 120
 """Laser returns shown of one scan at most: more of them fall into the same dots."""
 _STEP: Final = 0.03
 """Metres between two points of the trail."""
-_CHROME: Final = 3
-"""Lines of a frame that are neither map nor verdicts: headline, timeline and legend."""
+_CHROME: Final = 2
+"""Lines of a frame that are neither map nor verdicts nor legend: headline and timeline."""
 
 
 def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
@@ -283,17 +285,23 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
 
 
 def render_frame(
-    playback: Playback, time: float, width: int, height: int, *, zoom: int = 1
-) -> list[Text]:
+    playback: Playback, time: float, width: int, height: int, *, zoom: int = 1,
+    blocks: Blocks = "quadrants",
+) -> list[Text]:  # fmt: skip
     """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells."""
     verdicts = verdict_lines(playback.verdicts, time)
-    rows = max(3, height - _CHROME - len(verdicts))
-    codes, owners = draw_view(playback.view(time), width, rows, zoom=zoom).cells()
+    view = playback.view(time)
+    # Drawn once to know what its legend has to say, and how many lines that takes.
+    rows = max(3, height - _CHROME - len(verdicts) - 1)
+    signs = MapSigns(draw_view(view, width, rows, zoom=zoom, blocks=blocks).layers, view.limit)
+    legend = legend_lines([signs], width, legend_height(height))
+    rows = max(3, rows - (len(legend) - 1))
+    codes, owners = draw_view(view, width, rows, zoom=zoom, blocks=blocks).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]
     lines += [
         _segments_text(segments(codes[row], owners[row], STYLES, Style())) for row in range(rows)
     ]
-    lines += [*verdicts, Text(REPLAY_LEGEND, style=QUIET)]
+    lines += [*verdicts, *legend]
     for line in lines:
         line.truncate(width, overflow="ellipsis")
     return lines

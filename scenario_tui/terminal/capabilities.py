@@ -13,7 +13,7 @@ import time
 import tty
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, TypeAlias
 
 _PATIENCE: Final = 0.5
 """Seconds a terminal or tmux gets to answer: some never do, and the first screen waits for it."""
@@ -25,12 +25,23 @@ _TMUX_PATIENCE: Final = 2.0
 """Seconds; in a thread of its own, so that nobody waits."""
 
 
+# Terminals that draw sextants themselves, whatever their font has: by TERM and by TERM_PROGRAM.
+_DRAW_SEXTANTS: Final = re.compile(r"xterm-kitty|xterm-ghostty|foot(-.*)?|contour(-.*)?|wezterm")
+_SEXTANT_PROGRAMS: Final = ("WezTerm", "ghostty")
+_VTE_WITH_SEXTANTS: Final = 6200
+"""Version of VTE (GNOME's terminals) that draws them, as it says itself: 0.62.0."""
+
+Blocks: TypeAlias = Literal["cells", "quadrants", "sextants"]
+"""What areas are filled with: whole cells, quarters of cells, or sixths."""
+
+
 @dataclass(frozen=True, slots=True)
 class TerminalLimits:
-    """How few colours there are, and whether only ASCII can be shown."""
+    """How few colours there are, whether only ASCII can be shown, what areas are filled with."""
 
     colours: Literal["all", "few", "none"] = "all"
     ascii_only: bool = False
+    blocks: Blocks = "quadrants"
 
 
 def why_undrawable(environ: Mapping[str, str] = os.environ) -> str:
@@ -48,7 +59,31 @@ def terminal_limits(
     colour_system: str | None, environ: Mapping[str, str] = os.environ
 ) -> TerminalLimits:
     """Find out about the terminal of this process; ``colour_system`` is what rich thinks of it."""
-    return TerminalLimits(_colours(colour_system, environ), ascii_only(environ))
+    colours = _colours(colour_system, environ)
+    return TerminalLimits(colours, ascii_only(environ), area_blocks(environ))
+
+
+def area_blocks(environ: Mapping[str, str]) -> Blocks:
+    """Return what areas are filled with on a terminal that has more than ASCII.
+
+    ``SCENARIO_GLYPHS=sextants`` or ``quadrants`` settles it. Sextants are of 2020, and most fonts
+    have none: they are used only where the terminal is known to draw them by itself.
+    """
+    chosen = environ.get("SCENARIO_GLYPHS", "")
+    if chosen == "sextants":
+        return "sextants"
+    if chosen == "quadrants":
+        return "quadrants"
+    # What is shown inside of tmux or screen goes to a terminal that may be another tomorrow.
+    if environ.get("TMUX") or environ.get("STY"):
+        return "quadrants"
+    version = environ.get("VTE_VERSION", "")
+    known = (
+        _DRAW_SEXTANTS.fullmatch(environ.get("TERM", "")) is not None
+        or environ.get("TERM_PROGRAM", "") in _SEXTANT_PROGRAMS
+        or (version.isdecimal() and int(version) >= _VTE_WITH_SEXTANTS)
+    )
+    return "sextants" if known else "quadrants"
 
 
 def _colours(system: str | None, environ: Mapping[str, str]) -> Literal["all", "few", "none"]:
@@ -64,11 +99,12 @@ def ascii_only(
 ) -> bool:
     """Whether nothing but ASCII can be shown.
 
-    ``SCENARIO_GLYPHS=ascii`` or ``unicode`` settles it, then the locale. A locale that says
-    nothing of characters (``C``, as in many containers) settles nothing: the terminal is asked.
+    ``SCENARIO_GLYPHS=ascii`` or ``unicode`` (or what :func:`area_blocks` takes) settles it, then
+    the locale. A locale that says nothing of characters (``C``, as in many containers) settles
+    nothing: the terminal is asked.
     """
     chosen = environ.get("SCENARIO_GLYPHS", "")
-    if chosen in ("ascii", "unicode"):
+    if chosen in ("ascii", "unicode", "quadrants", "sextants"):
         return chosen == "ascii"
     # Textual draws on standard error, not on standard output.
     if (sys.stderr.encoding or "").lower().replace("-", "") != "utf8":

@@ -19,11 +19,12 @@ from rich.color import Color as TerminalColor
 from rich.color_triplet import ColorTriplet
 from rich.segment import Segment
 from rich.style import Style
+from rich.text import Text
 from textual.color import Color
 from textual.filter import LineFilter
 
 from grammars.text.terminal_text import printable
-from scenario_tui.text.formatting import BAD, BROKEN, BUSY, FACT, GOOD, QUIET, UNSURE
+from scenario_tui.text.formatting import BAD, BROKEN, BUSY, DOORS, FACT, GOOD, QUIET, UNSURE
 
 _LIT: Final = 0.1
 """Relative luminance from which on a background is there to be seen, over a dark one."""
@@ -151,6 +152,7 @@ def _named(colour: ColorTriplet) -> str | None:
 
 
 _BRAILLE: Final = range(0x2800, 0x2900)
+_SEXTANTS: Final = range(0x1FB00, 0x1FB3C)
 _DENSITY: Final = " ..::::##"
 """How the number of dots of a braille cell looks."""
 # One character for each: a sign that took another number of cells would shift all behind it.
@@ -170,6 +172,7 @@ _BLOCKS: Final = {
 _REST: Final = {
     **dict.fromkeys(range(0x2500, 0x2580), "+"),
     **dict.fromkeys(range(0x2580, 0x25A0), "#"),
+    **dict.fromkeys(_SEXTANTS, "#"),
     **{code: _DENSITY[(code - _BRAILLE.start).bit_count()] for code in _BRAILLE},
 }
 _TABLE: Final[dict[int, str | int]] = {**_REST, **_LINES, **_BLOCKS, **_SIGNS}
@@ -192,6 +195,13 @@ def to_ascii(text: str) -> str:
     return "".join(map(_ascii_character, text.translate(_TABLE)))
 
 
+def text_in_ascii(text: Text) -> Text:
+    """Return a text with its styles in ASCII, as :func:`to_ascii`."""
+    shown = text.copy()
+    shown.plain = to_ascii(text.plain)
+    return shown
+
+
 def _ascii_character(character: str) -> str:
     if character.isascii():
         return character
@@ -205,7 +215,7 @@ _DARK_LIGHTNESS: Final = 0.27
 """Lightness that gives each of them a contrast of 4.5 to 1 to a bright grey at least."""
 _OUR_COLOURS: Final = frozenset(
     Color.parse(colour).rich_color.get_truecolor()
-    for colour in (GOOD, BAD, UNSURE, BROKEN, BUSY, FACT, QUIET)
+    for colour in (GOOD, BAD, UNSURE, BROKEN, BUSY, FACT, QUIET, DOORS)
 )
 
 

@@ -25,6 +25,7 @@ BROKEN: Final = "#e29bff"
 BUSY: Final = "#8ab8ff"
 FACT: Final = "#7fd5e0"
 QUIET: Final = "#a0a4ad"
+DOORS: Final = "#f0a070"
 
 _WORDS: Final = (
     ("fail", "✗", "bold red", f"bold {BAD}"),

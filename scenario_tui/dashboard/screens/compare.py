@@ -28,8 +28,9 @@ from scenario_tui.dashboard.signal_strips import (
 )
 from scenario_tui.dashboard.state import UnavailableTrace, local_trace
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
+from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.timeline import TimelineView
-from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.comparison_text import comparison_text
 from scenario_tui.text.formatting import QUIET
 
@@ -81,7 +82,7 @@ class CompareScreen(StandaloneScreen):
             yield TimelineView(id="signals")
             with VerticalScroll(id="differences"):
                 yield Static(id="table")
-        yield Static(REPLAY_LEGEND, id="legend")
+        yield MapLegend("TopView")
         yield KeyFooter()
 
     def on_mount(self) -> None:

@@ -21,7 +21,8 @@ from scenario_tui.dashboard.screens.run_panel import tracked_view
 from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
-from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.capabilities import copy_to_tmux
 from scenario_tui.text.formatting import BAD, QUIET, UNSURE
 
@@ -64,6 +65,7 @@ class LiveScreen(Screen[None]):
         Binding("x", "stop", "Stop", show=False, id="live-stop",
                 tooltip="At once, whatever key is held"),
         Binding("z", "zoom", "Zoom", id="live-zoom", tooltip="Nearer to the robot, then all of it"),
+        Binding("Z", "fit", "Fit", show=False, id="live-fit", tooltip="All of the map again"),
         Binding("F", "follow", "Follow", show=False, id="live-follow",
                 tooltip="Follow the robot when zoomed, or stay"),
         Binding("H", "pan(-1, 0)", "Pan left", show=False, id="live-pan-left",
@@ -100,7 +102,7 @@ class LiveScreen(Screen[None]):
         yield Static(id="status")
         yield TopView(id="map")
         yield Static(id="serving")
-        yield Static(REPLAY_LEGEND, id="legend")
+        yield MapLegend()
         yield KeyFooter()
 
     def on_mount(self) -> None:
@@ -177,6 +179,10 @@ class LiveScreen(Screen[None]):
     def action_zoom(self) -> None:
         """Come nearer to the robot on the map."""
         self.query_one(TopView).zoom()
+
+    def action_fit(self) -> None:
+        """Show all of the map again."""
+        self.query_one(TopView).fit()
 
     def action_follow(self) -> None:
         """Follow the robot on the map, or stay where it is now."""

@@ -53,6 +53,7 @@ class PlayingScreen(Screen[None]):
         Binding("shift+tab,V", "view(-1)", "View before", show=False, id="view-before",
                 tooltip="The part before"),
         Binding("z", "zoom", "Zoom", id="zoom", tooltip="Nearer to the robot, then all of it"),
+        Binding("Z", "fit", "Fit", show=False, id="fit", tooltip="All of the map again"),
         Binding("F", "follow", "Follow", show=False, id="follow",
                 tooltip="Follow the robot when zoomed, or stay"),
         Binding("H", "pan(-1, 0)", "Pan left", show=False, id="pan-left", tooltip="When zoomed"),
@@ -189,6 +190,11 @@ class PlayingScreen(Screen[None]):
         """Come nearer to the robot on the map."""
         for top in self.query(TopView):
             top.zoom()
+
+    def action_fit(self) -> None:
+        """Show all of the map again."""
+        for top in self.query(TopView):
+            top.fit()
 
     def action_follow(self) -> None:
         """Follow the robot on the map, or stay where it is now."""

@@ -18,8 +18,9 @@ from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.playing import PlayingScreen
 from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
+from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.timeline import TimelineView
-from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from scenario_tui.text.run_text import verdict_lines
 
@@ -79,7 +80,7 @@ class ReplayScreen(StandaloneScreen):
             yield TopView(id="map")
             yield TimelineView(id="signals")
         yield Static(id="verdicts")
-        yield Static(REPLAY_LEGEND, id="legend")
+        yield MapLegend()
         yield KeyFooter()
 
     def on_mount(self) -> None:

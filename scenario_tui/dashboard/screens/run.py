@@ -41,7 +41,7 @@ from scenario_tui.dashboard.state import (
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS
-from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     QUIET,
@@ -109,7 +109,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
                 with VerticalScroll(id="log"):
                     yield Static(id="log-text")
             with Vertical(id="right"):
-                yield RunMap(REPLAY_LEGEND)
+                yield RunMap()
                 with Vertical(id="along"):
                     yield Static(id="untold")
                     yield TimelineView(id="signals")

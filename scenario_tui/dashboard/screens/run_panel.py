@@ -14,7 +14,8 @@ from daemon.model.status import RunDetail, RunState
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.state import DashboardState, TraceSummary, Track, UnavailableTrace
-from scenario_tui.dashboard.widgets.top_view import LEGEND, TopView, View
+from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.top_view import TopView, View
 from scenario_tui.text.run_text import run_text
 
 if TYPE_CHECKING:
@@ -24,15 +25,14 @@ if TYPE_CHECKING:
 class RunMap(Vertical):
     """The top view of a run with its legend, or why there is none."""
 
-    def __init__(self, legend: str = LEGEND) -> None:
+    def __init__(self) -> None:
         super().__init__(id="above")
-        self._legend = legend
 
     def compose(self) -> ComposeResult:
         """Lay out map, legend, and what is said instead of them."""
         yield Static(id="unseen")
         yield TopView(id="map")
-        yield Static(self._legend, id="legend")
+        yield MapLegend()
 
     def show(self, view: View | None) -> None:
         """Show another view, or nothing."""

@@ -30,7 +30,7 @@ from scenario_tui.dashboard.widgets.search_curve import (
 )
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -81,6 +81,7 @@ class SearchScreen(SteeringScreen):
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the search"),
         Binding("z", "zoom", "Zoom", show=False, id="zoom",
                 tooltip="Nearer to the robot, then all of it"),
+        Binding("Z", "fit", "Fit", show=False, id="fit", tooltip="All of the map again"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str) -> None:
@@ -109,7 +110,7 @@ class SearchScreen(SteeringScreen):
             with Vertical(id="point"):
                 with VerticalScroll(id="parameters"):
                     yield Static(id="parameters-text")
-                yield RunMap(REPLAY_LEGEND)
+                yield RunMap()
 
     def on_mount(self) -> None:
         """Begin with what was found."""
@@ -330,6 +331,10 @@ class SearchScreen(SteeringScreen):
         if self._notable:
             row = (table.cursor_row + step) % len(self._notable)
             table.move_cursor(row=row, animate=False)
+
+    def action_fit(self) -> None:
+        """Show all of the map again."""
+        self.query_one(TopView).fit()
 
     def action_zoom(self) -> None:
         """Come nearer to the robot on the map."""

@@ -27,7 +27,7 @@ from grammars.model.geometry import Floats
 
 BLANK: Final = 0x2800
 """The braille cell without dots; the bits of a code behind it are its dots, by row and column."""
-_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
+DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
 
 Cells = npt.NDArray[np.uint8]
 Codes = npt.NDArray[np.int32]
@@ -56,16 +56,21 @@ class Canvas:
         """Dots down."""
         return 4 * self.rows
 
-    def copy_layer(self, other: Canvas, layer: int) -> None:
-        """Take a layer over from a canvas of the same size."""
-        self._dots[layer] = other._dots[layer]
+    def layer(self, layer: int) -> Cells:
+        """Return the dots of a layer, shape (rows, columns), as bits of a braille cell."""
+        dots: Cells = self._dots[layer]
+        return dots
+
+    def merge(self, dots: Cells, layer: int) -> None:
+        """Set the dots (rows, columns) besides those that are set."""
+        self._dots[layer] |= dots
 
     def points(self, dots: Floats, layer: int) -> None:
         """Set dots, shape (n, 2) as x, y; what lies outside is left out."""
         whole = np.rint(dots).astype(np.int64)
         inside = np.all((whole >= 0) & (whole < (self.width, self.height)), axis=1)
         x, y = whole[inside].T
-        bits = _BITS[y % 4, x % 2]
+        bits = DOT_BITS[y % 4, x % 2]
         # With .at every dot counts: of several in one cell plain indexing would keep the last.
         np.bitwise_or.at(self._dots[layer], (y // 4, x // 2), bits)
 
@@ -89,7 +94,7 @@ class Canvas:
         filled = np.zeros((self.height, self.width), dtype=np.uint8)
         filled[:, columns] = (rows >= np.rint(tops)) & (rows <= np.rint(bottoms))
         dots = self._dots[layer]
-        for (row, column), bit in np.ndenumerate(_BITS):
+        for (row, column), bit in np.ndenumerate(DOT_BITS):
             dots |= filled[row::4, column::2] * bit
 
     def glyph(self, x: float, y: float, character: str, layer: int) -> None:

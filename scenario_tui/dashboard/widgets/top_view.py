@@ -2,54 +2,59 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
 from rich.style import Style
+from textual.reactive import reactive
 
-from grammars.model.geometry import Floats, Point2, Pose2, Ring
-from grammars.model.kinematics import object_rings, solid_rings
+from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
-from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes
-from scenario_tui.text.formatting import BAD, BROKEN, BUSY, FACT, GOOD, QUIET, UNSURE
+from scenario_tui.dashboard.widgets.block_cells import area_dots, ring_edges
+from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, CellView, Codes
+from scenario_tui.dashboard.widgets.map_names import MapName, Place
+from scenario_tui.dashboard.widgets.map_style import (
+    AHEAD,
+    ARROWS,
+    CONTACT,
+    ESTIMATE,
+    LAYER_OF,
+    REACHED,
+    STYLES,
+    TOUCHING,
+    Layer,
+    MapSigns,
+)
+from scenario_tui.dashboard.widgets.still_map import EYE_HEIGHT, StillMap, still_map
+from scenario_tui.terminal.capabilities import Blocks
+from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
+from templates import plan_shapes
+from templates.plan_shapes import PlanShape, ShapeRole
 
-_WALLS, _RETURNS, _PLAN, _TRAIL, _DOORS, _SPREAD, _DONE, _AHEAD, _BELIEF, _ROBOT, _CONTACT = range(
-    11
-)
-STYLES: Final = (
-    Style(color=QUIET),
-    Style(color=BAD),
-    Style(color=FACT),
-    Style(color=BUSY),
-    Style(color=UNSURE),
-    Style(color=BROKEN),
-    Style(color=GOOD),
-    Style(color=FACT, bold=True),
-    Style(color=BROKEN),
-    Style(color=BAD, bold=True),
-    Style(color=BAD, bold=True, reverse=True),
-)
 _ZOOMS: Final = (1, 2, 4, 8)
-_ARROWS: Final = "→↗↑↖←↙↓↘"
-_EYE_HEIGHT: Final = 0.3
-"""The view is cut at this height [m], about where laser scanners look."""
 _DOT_GAP: Final = 3.0
 """Dots of the canvas from one dot of a plan to the next."""
-_SIGMAS: Final = 2.0
-"""The ellipse around the estimate holds what lies within so many standard deviations."""
 _MARGIN: Final = 0.3
 """A view that follows moves on when the robot comes this near to its edge, a share of its size:
 moving it less often keeps the terminal quiet.
 """
 _STRIDE: Final = 0.25
 """How far one key pans, a share of the view."""
-LEGEND: Final = "↑ robot  + estimate  ◆ waypoint ahead  ◇ reached"
-REPLAY_LEGEND: Final = f"{LEGEND}  ✱ contact  ⡀ ⡀ plan"
+_THICK: Final = ((0.001, 0.001), (1.001, 0.001), (0.001, 1.001), (1.001, 1.001))
+"""Where the four dots of a thick line lie, seen from the dot of a thin one.
+
+Not whole numbers: halves are rounded to even ones, and two lines could fall on each other.
+"""
+_LEAST_BODY: Final = 4.0
+"""Dots a robot is long at least to be shown with a line to its nose."""
+_MOST_NUMBERS: Final = 7
+"""Letters beside a waypoint at most: several may lie in one cell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,117 +88,214 @@ class View:
         return self.robot_pose or self.mission.start
 
 
-class _Projection:
-    """Metres to dots, y upwards: everything as large as fits, or a part around ``middle`` [m]."""
+def shapes_of(view: View) -> Iterator[PlanShape]:
+    """Yield the shapes of what moves or changes in a run, those painted over others later."""
+    positions = dict(zip(view.scene.joint_names, view.joints, strict=True))
+    yield PlanShape(ShapeRole.RETURN, "dots", (view.returns,))
+    yield PlanShape(ShapeRole.PLAN, "line", (view.plan,))
+    yield from plan_shapes.trail_shapes(view.trail, view.clearances, view.limit)
+    bodies = plan_shapes.body_shapes(view.scene, positions, EYE_HEIGHT)
+    yield from sorted(bodies, key=lambda shape: LAYER_OF[shape.role])
+    yield from plan_shapes.waypoint_shapes(view.mission, view.reached)
+    if view.estimate is not None and view.spread is not None:
+        yield plan_shapes.spread_shape(view.estimate, view.spread)
+    if view.estimate is not None:
+        where = (view.estimate.x, view.estimate.y)
+        yield PlanShape(ShapeRole.ESTIMATE, "dots", ((where,),))
+    yield plan_shapes.footprint_shape(view.where, view.robot)
+    yield plan_shapes.heading_shape(view.where, view.robot)
+    yield PlanShape(ShapeRole.CONTACT, "dots", (view.contacts,))
 
-    def __init__(
-        self, view: View, width: int, height: int, zoom: int, middle: Point2 | None
-    ) -> None:
-        scene, mission = view.scene, view.mission
-        points = [p for solid in scene.solids for p in solid.polygon]
-        points.extend(p for region in scene.regions for p in region.outline)
-        points.extend((w.x, w.y) for w in mission.waypoints)
-        points.append((mission.start.x, mission.start.y))
-        corners = np.array(points)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        extent = np.maximum(high - low, 0.1)
-        self.scale = zoom * min((width - 1) / extent[0], (height - 1) / extent[1])
-        # Dots are about square: a cell is twice as high as wide, and has four dots by two.
-        self._middle = (low + high) / 2
-        if zoom > 1:
-            self._middle = np.array(middle or (view.where.x, view.where.y))
-        self._centre = np.array([(width - 1) / 2, (height - 1) / 2])
 
-    def dots(self, points: Iterable[Point2] | Floats) -> Floats:
-        """Return points (n, 2) [m] as dots (n, 2)."""
-        listed = points if isinstance(points, np.ndarray | tuple) else list(points)
-        metres = np.asarray(listed, dtype=float).reshape(-1, 2)
-        turned: Floats = self._centre + (metres - self._middle) * (self.scale, -self.scale)
-        return turned
+class MapFrame:
+    """A map at one moment: what moves, drawn over what stands still."""
 
-    def edges(self, rings: Iterable[Ring]) -> Floats:
-        """Return the edges of closed rings as segments (n, 4) in dots."""
-        found = [np.hstack([d, np.roll(d, -1, axis=0)]) for d in map(self.dots, rings)]
-        return np.vstack(found) if found else np.empty((0, 4))
+    def __init__(self, still: StillMap) -> None:
+        self.still = still
+        self.canvas = Canvas(still.columns, still.rows, len(Layer))
+        self.canvas.merge(still.low.layer(0), Layer.LOW)
+        self._glyphs: dict[Place, tuple[str, Layer]] = {}
+        self._numbers: dict[Place, dict[str, Layer]] = {}
+        self._shown: set[Layer] = set()
+
+    @property
+    def layers(self) -> frozenset[Layer]:
+        """What is to be seen, for the legend."""
+        return frozenset(self._shown)
+
+    def draw(self, shape: PlanShape) -> None:
+        """Draw a shape that moves."""
+        layer = LAYER_OF[shape.role]
+        points = [np.asarray(part, dtype=np.float64) for part in shape.parts if len(part)]
+        if not points:
+            return
+        # All at once: each call of numpy takes its time.
+        dots = self.still.projection.dots(np.vstack(points))
+        parts = np.split(dots, np.cumsum([len(part) for part in points])[:-1])
+        before = self._shown.copy()
+        self._shown.add(layer)
+        if shape.form == "dots":
+            self._mark(shape, layer, dots)
+        elif shape.role is ShapeRole.HEADING:
+            self._head(parts[0], layer)
+        elif shape.role is ShapeRole.TOUCHING_TRAIL:
+            for x, y in np.vstack([_along(part, 1.0) for part in parts]).tolist():
+                self._glyph(x, y, TOUCHING, layer)
+        elif shape.role is ShapeRole.PLAN:
+            self.canvas.points(np.vstack([_along(part, _DOT_GAP) for part in parts]), layer)
+        elif shape.form == "line":
+            lines = np.vstack([np.hstack((part[:-1], part[1:])) for part in parts])
+            # Told from the rest without colours by twice the thickness.
+            for off in _THICK if shape.role is ShapeRole.NEAR_TRAIL else _THICK[:1]:
+                self.canvas.lines(lines + np.array(off * 2), layer)
+        else:
+            edges = ring_edges(parts)
+            self.canvas.lines(edges, layer)
+            if shape.form == "area" and shape.role is not ShapeRole.ROBOT:
+                self.canvas.merge(area_dots(edges, self.canvas.columns, self.canvas.rows), layer)
+        if not self.canvas.layer(layer).any() and all(
+            owner is not layer for _, owner in self._glyphs.values()
+        ):
+            self._shown = before
+
+    def _mark(self, shape: PlanShape, layer: Layer, dots: Floats) -> None:
+        sign = _GLYPHS.get(shape.role)
+        if sign is None:
+            self.canvas.points(dots, layer)
+            return
+        for x, y in dots.tolist():
+            self._glyph(x, y, sign, layer)
+            if shape.text:
+                self._numbers.setdefault(_cell_of(x, y), {})[shape.text] = layer
+
+    def _head(self, line: Floats, layer: Layer) -> None:
+        """Draw the way a robot looks: a line to its nose where it is large, and an arrow."""
+        (x, y), (nose_x, nose_y) = line.tolist()
+        if math.dist((x, y), (nose_x, nose_y)) > _LEAST_BODY:
+            self.canvas.lines(line.reshape(1, 4), Layer.ROBOT)
+        angle = math.atan2(y - nose_y, nose_x - x)
+        self._glyph(x, y, ARROWS[round(angle / (math.pi / 4)) % 8], layer)
+
+    def _glyph(self, x: float, y: float, sign: str, layer: Layer) -> None:
+        """Put a sign into the cell that holds a dot, over those of lower layers."""
+        place = _cell_of(x, y)
+        inside = 0 <= place[0] < self.canvas.rows and 0 <= place[1] < self.canvas.columns
+        if inside and (place not in self._glyphs or self._glyphs[place][1] <= layer):
+            self._glyphs[place] = (sign, layer)
+
+    def cells(self, names: dict[MapName, Place] | None = None) -> tuple[Codes, Codes]:
+        """Return code points and styles, shape (rows, columns) each; style -1 is empty.
+
+        ``names`` remembers where each name stood last: it stays there as long as it can.
+        """
+        walls = self.still.walls
+        shape = (self.canvas.rows, self.canvas.columns)
+        dots, owners = np.zeros(shape, dtype=np.uint8), np.full(shape, -1, dtype=np.int32)
+        for layer in Layer:
+            here = self.canvas.layer(layer)
+            if layer in self._shown or layer is Layer.LOW:
+                dots |= here
+                owners[here > 0] = layer
+        solid = walls.dots > 0
+        # A wall with something before it is dots as well; where the laser meets it, it is lit.
+        lit = solid & (owners == Layer.RETURN)
+        plain = lit | (solid & (owners <= Layer.LOW))
+        codes = (dots | walls.dots).astype(np.int32) + BLANK
+        codes[(owners < 0) & ~solid] = ord(" ")
+        codes[plain] = walls.codes[plain]
+        owners[plain] = Layer.WALL
+        owners[lit] = Layer.LIT
+        self._write_names(codes, owners, {} if names is None else names)
+        self._write_signs(codes, owners)
+        for text in self.still.texts:
+            _write(codes, owners, text.row, text.column, text.text, Layer.SCALE)
+        return codes, owners
+
+    def _write_names(self, codes: Codes, owners: Codes, names: dict[MapName, Place]) -> None:
+        """Write every name at the first of its places that nothing of the run is in."""
+        taken = owners >= Layer.TRAIL
+        for row, column in self._glyphs:
+            taken[row, column] = True
+        for name in self.still.names:
+            before = names.get(name)
+            for row, column in (*((before,) if before in name.spots else ()), *name.spots):
+                if not taken[row : row + len(name.lines), column : column + name.width].any():
+                    names[name] = (row, column)
+                    # With a cell on either side, as where it was found room for.
+                    beside = slice(max(column - 1, 0), column + name.width + 1)
+                    taken[row : row + len(name.lines), beside] = True
+                    for below, line in enumerate(name.lines):
+                        shift = (name.width - len(line)) // 2
+                        _write(codes, owners, row + below, column + shift, line, name.layer)
+                    break
+
+    def _write_signs(self, codes: Codes, owners: Codes) -> None:
+        """Write the numbers of waypoints beside them, then the signs, higher layers last."""
+        solid = self.still.walls.dots > 0
+        for (row, column), numbers in self._numbers.items():
+            if not (0 <= row < self.canvas.rows and 0 <= column < self.canvas.columns):
+                continue
+            text = ",".join(numbers)
+            text = text if len(text) <= _MOST_NUMBERS else f"{text[: _MOST_NUMBERS - 1]}…"
+            left, right = column - len(text), column + 1
+            # On the other side where a wall would be covered, if that has room.
+            full = right + len(text) > codes.shape[1] or solid[row, right : right + len(text)].any()
+            aside = full and left >= 0 and not solid[row, left:column].any()
+            _write(codes, owners, row, left if aside else right, text, max(numbers.values()))
+        for place, (sign, layer) in sorted(self._glyphs.items(), key=lambda item: item[1][1]):
+            codes[place], owners[place] = ord(sign), layer
+
+
+_GLYPHS: Final = {
+    ShapeRole.WAYPOINT: AHEAD,
+    ShapeRole.REACHED: REACHED,
+    ShapeRole.ESTIMATE: ESTIMATE,
+    ShapeRole.CONTACT: CONTACT,
+}
+
+
+def _cell_of(x: float, y: float) -> Place:
+    """Return the row and column of the cell that holds a dot."""
+    return int((y + 0.5) // 4), int((x + 0.5) // 2)
+
+
+def _write(codes: Codes, owners: Codes, row: int, column: int, text: str, layer: int) -> None:
+    """Write a text, cut at the edge of the map."""
+    shown = text[: max(codes.shape[1] - column, 0)]
+    if 0 <= row < codes.shape[0] and shown:
+        codes[row, column : column + len(shown)] = [ord(sign) for sign in shown]
+        owners[row, column : column + len(shown)] = layer
+
+
+def _along(dots: Floats, gap: float) -> Floats:
+    """Return dots every ``gap`` dots along a line (n, 2)."""
+    if len(dots) < 2:
+        return dots
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(dots, axis=0).T))))
+    at = np.arange(0.0, along[-1], gap)
+    return np.column_stack([np.interp(at, along, dots[:, axis]) for axis in (0, 1)])
+
+
+def _joined(shapes: Iterable[PlanShape]) -> Iterator[PlanShape]:
+    """Yield neighbours without a text that are alike as one: every drawing takes its time."""
+    for (role, form, text), same in itertools.groupby(
+        shapes, key=lambda one: (one.role, one.form, one.text if one.form == "dots" else "")
+    ):
+        yield PlanShape(role, form, tuple(part for one in same for part in one.parts), text)
 
 
 def draw_view(
     view: View, columns: int, rows: int, *, zoom: int = 1, middle: Point2 | None = None,
-    walls: Canvas | None = None,
-) -> Canvas:  # fmt: skip
-    """Return the canvas of a view, when zoomed the part around ``middle`` [m], else the robot.
-
-    ``walls`` is one of the same scene, size, zoom and middle, to copy the walls from.
-    """
-    canvas = Canvas(columns, rows, len(STYLES))
-    project = _Projection(view, canvas.width, canvas.height, zoom, middle)
-    # Walls are most of the work, and stand still.
-    if walls is not None:
-        canvas.copy_layer(walls, _WALLS)
-    else:
-        canvas.lines(project.edges(solid_rings(view.scene, _EYE_HEIGHT)), _WALLS)
-    positions = dict(zip(view.scene.joint_names, view.joints, strict=True))
-    # Lines in any order: a cell takes the style of its highest layer. Of characters the last stays.
-    canvas.lines(project.edges(object_rings(view.scene, _EYE_HEIGHT, positions)), _DOORS)
-    canvas.points(project.dots(view.returns), _RETURNS)
-    canvas.points(_dotted(project.dots(view.plan)), _PLAN)
-    if len(view.trail) > 1:
-        dots = project.dots(view.trail)
-        canvas.lines(np.hstack([dots[:-1], dots[1:]]), _TRAIL)
-    for index, (x, y) in enumerate(project.dots((w.x, w.y) for w in view.mission.waypoints)):
-        done = index < view.reached
-        canvas.glyph(x, y, "◇" if done else "◆", _DONE if done else _AHEAD)
-    _draw_robot(canvas, project, view)
-    for x, y in project.dots(view.contacts):
-        canvas.glyph(x, y, "✱", _CONTACT)
-    return canvas
-
-
-def _dotted(dots: Floats) -> Floats:
-    """Return dots every few along a line (n, 2): told from the unbroken trail without colour."""
-    if len(dots) < 2:
-        return dots
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(dots, axis=0).T))))
-    at = np.arange(0.0, along[-1], _DOT_GAP)
-    return np.column_stack([np.interp(at, along, dots[:, axis]) for axis in (0, 1)])
-
-
-def _draw_robot(canvas: Canvas, project: _Projection, view: View) -> None:
-    pose = view.where
-    canvas.lines(project.edges([pose.apply_ring(view.robot.footprint)]), _ROBOT)
-    if view.estimate is not None and view.spread is not None:
-        canvas.points(project.dots(ellipse(view.estimate, view.spread)), _SPREAD)
-    if view.estimate is not None:
-        ((x, y),) = project.dots([(view.estimate.x, view.estimate.y)])
-        canvas.glyph(x, y, "+", _BELIEF)
-    ((x, y),) = project.dots([(pose.x, pose.y)])
-    canvas.glyph(x, y, _ARROWS[round(pose.yaw / (math.pi / 4)) % 8], _ROBOT)
-
-
-def ellipse(centre: Pose2, spread: tuple[float, float, float], count: int = 48) -> Floats:
-    """Return points (count, 2) [m] two standard deviations around a centre.
-
-    ``spread`` is xx, xy and yy of the covariance [m²].
-    """
-    xx, xy, yy = spread
-    # Axes of the covariance; rounding may make the smaller of two variances negative.
-    sizes, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
-    angles = np.linspace(0.0, math.tau, count, endpoint=False)
-    unit = np.column_stack([np.cos(angles), np.sin(angles)])
-    around: Floats = (centre.x, centre.y) + _SIGMAS * (
-        unit * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
+    blocks: Blocks = "quadrants",
+) -> MapFrame:  # fmt: skip
+    """Return the map of a view, when zoomed the part around ``middle`` [m], else the robot."""
+    around = middle or (view.where.x, view.where.y)
+    frame = MapFrame(
+        still_map(view.scene, view.mission, columns, rows, zoom=zoom, middle=around, blocks=blocks)
     )
-    return around
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Same:
-    """A scene that equals itself only: comparing all of it would take as long as drawing it."""
-
-    scene: Scene
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.scene is other.scene
+    for shape in _joined(shapes_of(view)):
+        frame.draw(shape)
+    return frame
 
 
 class TopView(CellView):
@@ -201,17 +303,24 @@ class TopView(CellView):
 
     STYLES: ClassVar[Sequence[Style]] = STYLES
 
+    signs: reactive[MapSigns] = reactive(MapSigns(), layout=False, repaint=False)
+    """What is on the map, for its legend."""
+
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)
         self._view: View | None = None
         self._zoom = 1
         self._middle: Point2 | None = None
         self._follows = True
-        self._walls: tuple[tuple[object, ...], Canvas] | None = None
+        self._names: dict[MapName, Place] = {}
 
     def show(self, view: View | None) -> None:
         """Show another view, or nothing."""
+        other = view is None or self._view is None or view.mission is not self._view.mission
         self._view = view
+        if other:
+            self._names.clear()
+            self.signs = MapSigns()
         self.redraw()
 
     def zoom(self) -> int:
@@ -220,6 +329,11 @@ class TopView(CellView):
         self._follows, self._middle = True, None
         self.redraw()
         return self._zoom
+
+    def fit(self) -> None:
+        """Show all of the map again."""
+        self._zoom, self._follows, self._middle = 1, True, None
+        self.redraw()
 
     def follow(self) -> bool:
         """Follow the robot, or stop following it; return whether it is followed now."""
@@ -230,21 +344,35 @@ class TopView(CellView):
         return self._follows
 
     def pan(self, right: int, up: int) -> bool:
-        """Look further to one side when zoomed; return whether there is anything to pan."""
+        """Look further to one side of the screen; return whether there is anything to pan."""
         if self._zoom == 1 or self._view is None or not self.size:
             return False
-        reach = self._reach(self._view)
+        width, height = 2 * self.size.width, 4 * self.size.height
+        way = self._still(self._view).projection.metres(
+            _STRIDE * right * width, _STRIDE * up * height
+        )
         x, y = self._middle or (self._view.where.x, self._view.where.y)
-        self._middle = (x + 2 * _STRIDE * right * reach[0], y + 2 * _STRIDE * up * reach[1])
+        self._middle = (x + way[0], y + way[1])
         self._follows = False
         self.redraw()
         return True
 
-    def _reach(self, view: View) -> Point2:
-        """Return half the width and height of what is seen [m]."""
-        width, height = 2 * self.size.width, 4 * self.size.height
-        scale = _Projection(view, width, height, self._zoom, None).scale
-        return width / scale / 2, height / scale / 2
+    @property
+    def blocks(self) -> Blocks:
+        """What walls are filled with."""
+        app = self.app
+        return app.blocks if isinstance(app, LimitedTerminalApp) else "quadrants"
+
+    def _still(self, view: View) -> StillMap:
+        return still_map(
+            view.scene,
+            view.mission,
+            self.size.width,
+            self.size.height,
+            zoom=self._zoom,
+            middle=self._middle or (view.where.x, view.where.y),
+            blocks=self.blocks,
+        )
 
     def _keep_up(self, view: View) -> None:
         """Have the part seen hold the robot when it is to be followed."""
@@ -255,9 +383,10 @@ class TopView(CellView):
         if self._middle is None:
             self._middle = here
             return
-        free = [(1.0 - 2 * _MARGIN) * reach for reach in self._reach(view)]
-        off = (abs(a - b) for a, b in zip(here, self._middle, strict=True))
-        if any(distance > most for distance, most in zip(off, free, strict=True)):
+        off = (here[0] - self._middle[0], here[1] - self._middle[1])
+        right, up = self._still(view).projection.screen_way(off)
+        free = 0.5 - _MARGIN
+        if abs(right) > 2 * free * self.size.width or abs(up) > 4 * free * self.size.height:
             self._middle = here
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
@@ -266,9 +395,10 @@ class TopView(CellView):
         if view is None:
             return None
         self._keep_up(view)
-        middle = self._middle if self._zoom > 1 else None
-        key = (_Same(view.scene), columns, rows, self._zoom, middle)
-        walls = self._walls[1] if self._walls is not None and self._walls[0] == key else None
-        canvas = draw_view(view, columns, rows, zoom=self._zoom, middle=middle, walls=walls)
-        self._walls = (key, canvas)
-        return canvas.cells()
+        frame = draw_view(
+            view, columns, rows, zoom=self._zoom, middle=self._middle, blocks=self.blocks
+        )
+        # What was there once stays in the legend: a map that changes its height with every contact
+        # could not be watched.
+        self.signs = MapSigns(self.signs.layers | frame.layers, view.limit)
+        return frame.cells(self._names)

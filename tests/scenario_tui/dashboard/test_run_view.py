@@ -88,7 +88,7 @@ async def test_parts_follow_each_other_where_there_is_room_for_one(trace: Path) 
     async with opened(Recorded(trace)) as pilot:
         await look_at(pilot)
         for name, words in (
-            ("verdicts", "✓ pass  slow"), ("signals", "loc.error"), ("map", "waypoint ahead"),
+            ("verdicts", "✓ pass  slow"), ("signals", "loc.error"), ("map", "◆ waypoint"),
             ("log", "parameters without effect: a, b"),
         ):  # fmt: skip
             assert f"[{name}]" in shown(pilot)
@@ -117,7 +117,7 @@ async def test_the_log_ends_with_what_an_external_system_printed(tmp_path: Path)
 async def test_wide_terminals_show_everything_at_once(trace: Path) -> None:
     async with opened(Recorded(trace), (200, 50)) as pilot:
         await look_at(pilot)
-        for words in ("✗ fail  no-contact", "waypoint ahead", "speed.angular", "seed 2024"):
+        for words in ("✗ fail  no-contact", "◆ waypoint", "speed.angular", "seed 2024"):
             assert words in shown(pilot)
 
 

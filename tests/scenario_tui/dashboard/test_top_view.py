@@ -13,7 +13,7 @@ from grammars.model.geometry import Pose2
 from grammars.model.kinematics import object_rings
 from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.widgets.cell_view import Canvas
-from scenario_tui.dashboard.widgets.top_view import View, draw_view
+from scenario_tui.dashboard.widgets.top_view import MapFrame, View, draw_view
 from tests.scenario_tui.fake import MISSION, ROBOT, make_live, make_scene
 
 # Dot positions of a braille cell by Unicode's own numbering: bit k is dot k+1.
@@ -36,8 +36,8 @@ def view(**changes: object) -> View:
     return View(make_scene(), ROBOT, MISSION, (0.0,), **changes)  # type: ignore[arg-type]
 
 
-def text(canvas: Canvas) -> str:
-    codes, _ = canvas.cells()
+def text(frame: MapFrame) -> str:
+    codes, _ = frame.cells()
     return "\n".join("".join(map(chr, row)) for row in codes)
 
 
@@ -75,15 +75,14 @@ def test_a_cell_belongs_to_its_highest_layer_and_a_glyph_hides_dots() -> None:
 
 
 def test_lintels_are_above_the_eye_and_leave_the_doorway_open() -> None:
-    canvas = draw_view(view(), 76, 20)
-    scale = 151 / 12.4
-    doorway = round(75.5 + (5.5 - 6.0) * scale)
-    walls = {x for x, _ in dots_of(canvas)}
-    assert walls
-    wall_dots = canvas._dots[0]
-    top = np.flatnonzero(wall_dots.any(axis=1))[0]
-    assert wall_dots[top, doorway // 2] == 0
-    assert wall_dots[top, 10] != 0
+    frame = draw_view(view(), 76, 20)
+    walls = frame.still.walls.dots > 0
+    ((x, y),) = frame.still.projection.dots(np.array([[5.5, 4.1]]))
+    top = int(y // 4)
+    wall = walls[top - 1 : top + 2].any(axis=0)
+    assert not wall[int(x // 2)]
+    assert wall[int(x // 2) - 10]
+    assert wall[int(x // 2) + 10]
 
 
 def test_a_door_is_drawn_at_its_angle() -> None:
@@ -114,13 +113,6 @@ def test_zoom_keeps_the_robot_in_the_middle() -> None:
     canvas = draw_view(view(robot_pose=Pose2(9.0, 1.0, 0.0)), 76, 20, zoom=4)
     rows = text(canvas).splitlines()
     assert rows[9][37] == "→" or rows[10][38] == "→" or rows[9][38] == "→" or rows[10][37] == "→"
-
-
-def test_copied_walls_are_the_walls() -> None:
-    first = draw_view(view(), 60, 18)
-    again = draw_view(view(robot_pose=Pose2(8.0, 2.0)), 60, 18, walls=first)
-    fresh = draw_view(view(robot_pose=Pose2(8.0, 2.0)), 60, 18)
-    assert text(again) == text(fresh)
 
 
 def test_a_trail_grows_with_the_way_and_starts_anew_with_a_new_attempt() -> None:

@@ -1,0 +1,162 @@
+"""Filled areas in terminal cells: masks of small squares, and the block characters that show them.
+
+A cell is split into 2 x 2 quadrants, or 2 x 3 sextants where a terminal is known to have them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from grammars.model.geometry import Floats
+from scenario_tui.dashboard.widgets.cell_view import DOT_BITS, Cells, Codes
+from scenario_tui.terminal.capabilities import Blocks
+
+Mask = npt.NDArray[np.bool_]
+_QUADRANTS: Final = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
+_HALVES: Final = {0: ord(" "), 21: ord("▌"), 42: ord("▐"), 63: ord("█")}
+_SEXTANT: Final = 0x1FB00
+"""First of the sextants (Unicode 13), in the order of their bits; those of before are left out."""
+ROWS: Final[dict[Blocks, int]] = {"cells": 1, "quadrants": 2, "sextants": 3}
+"""How many squares a cell is high; it is two wide, or one as a whole."""
+
+
+def _sextant(bits: int) -> int:
+    return _HALVES.get(bits) or _SEXTANT + bits - 1 - (bits > 21) - (bits > 42)
+
+
+_CODES: Final[dict[Blocks, Codes]] = {
+    "cells": np.array([ord(" "), ord("█")], dtype=np.int32),
+    "quadrants": np.array([*map(ord, _QUADRANTS)], dtype=np.int32),
+    "sextants": np.array([_sextant(bits) for bits in range(64)], dtype=np.int32),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockLayer:
+    """Cells (rows, columns): the block character of each, and the braille dots that are like it."""
+
+    codes: Codes
+    dots: Cells
+
+
+def fill_areas(edges: Floats, width: int, height: int, *, even_odd: bool = False) -> Mask:
+    """Return the squares (height, width) whose middle lies in an area.
+
+    ``edges`` (n, 4) are x0, y0, x1, y1 of closed rings, in squares from the upper left corner. All
+    rings turn the same way around, and what lies in any of them is filled; or, ``even_odd``, what
+    lies in an odd number of them.
+    """
+    x0, y0, x1, y1 = edges.T
+    down = np.where(y1 > y0, 1, -1)
+    top = np.ceil(np.minimum(y0, y1) - 0.5).clip(0, height).astype(np.int64)
+    end = np.ceil(np.maximum(y0, y1) - 0.5).clip(0, height).astype(np.int64)
+    # One crossing for every row of middles that an edge goes through.
+    count = end - top
+    edge = np.repeat(np.arange(len(edges)), count)
+    row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count - top, count)
+    slope = (x1 - x0)[edge] / (y1 - y0)[edge]
+    at = x0[edge] + (row + 0.5 - y0[edge]) * slope
+    column = np.ceil(at - 0.5).clip(0, width).astype(np.int64)
+    turns = np.zeros((height, width + 1), dtype=np.int16)
+    np.add.at(turns, (row, column), 1 if even_odd else down[edge].astype(np.int16))
+    wound = np.cumsum(turns[:, :width], axis=1, dtype=np.int16)
+    inside: Mask = (wound & 1) == 1 if even_odd else wound != 0
+    return inside
+
+
+def area_dots(edges: Floats, columns: int, rows: int) -> Cells:
+    """Return the braille dots (rows, columns) in the areas whose ``edges`` (n, 4) are in dots."""
+    # Dots are counted from their middles.
+    mask = fill_areas(edges + 0.5, 2 * columns, 4 * rows)
+    return mask_dots(mask, 4)
+
+
+def draw_strokes(mask: Mask, lines: Floats) -> None:
+    """Set the squares along straight lines (n, 4) as x0, y0, x1, y1, one square thick."""
+    if len(lines) == 0:
+        return
+    height, width = mask.shape
+    lines = lines[_may_be_seen(lines, width, height)]
+    start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]
+    steps = np.ceil(np.max(np.abs(way), axis=1)).astype(np.int64) + 1
+    line = np.repeat(np.arange(len(lines)), steps)
+    first = np.repeat(np.cumsum(steps) - steps, steps)
+    along = (np.arange(len(line)) - first) / np.maximum(steps[line] - 1, 1)
+    x, y = np.floor(start[line] + along[:, None] * way[line]).astype(np.int64).T
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    mask[y[inside], x[inside]] = True
+
+
+def _may_be_seen(lines: Floats, width: int, height: int) -> Mask:
+    """Return which lines have something of their box on the screen: zoomed, most have not."""
+    low = np.minimum(lines[:, :2], lines[:, 2:])
+    high = np.maximum(lines[:, :2], lines[:, 2:])
+    seen: Mask = np.all((high >= 0) & (low <= (width, height)), axis=1)
+    return seen
+
+
+def ring_edges(rings: Sequence[Floats]) -> Floats:
+    """Return the edges (n, 4) of closed rings, each (k, 2), all turned the same way around."""
+    if not rings:
+        return np.empty((0, 4))
+    points, lengths = np.vstack(rings), np.array([len(ring) for ring in rings])
+    ends = np.cumsum(lengths)
+    following = np.arange(1, len(points) + 1)
+    following[ends - 1] = ends - lengths
+    after = points[following]
+    areas = np.add.reduceat(points[:, 0] * after[:, 1] - after[:, 0] * points[:, 1], ends - lengths)
+    back = np.repeat(areas < 0.0, lengths)[:, None]
+    return np.hstack([np.where(back, after, points), np.where(back, points, after)])
+
+
+def middle_line(ring: Floats) -> Floats:
+    """Return the line (4,) along the middle of a convex ring (k, 2), in its longest direction."""
+    after = np.roll(ring, -1, axis=0)
+    lengths = np.hypot(*(after - ring).T)
+    longest = int(np.argmax(lengths))
+    along = (after - ring)[longest] / max(float(lengths[longest]), 1e-12)
+    across = np.array([-along[1], along[0]])
+    reach, breadth = ring @ along, ring @ across
+    off = breadth - (breadth.min() + breadth.max()) / 2.0
+    # It ends where it crosses the ring: walls are cut aslant where they meet.
+    crossing = off * np.roll(off, -1) < 0.0
+    share = np.zeros(len(ring))
+    np.divide(off, off - np.roll(off, -1), out=share, where=crossing)
+    at = (reach + share * (np.roll(reach, -1) - reach))[crossing]
+    if len(at) < 2:
+        at = reach
+    middle = (breadth.min() + breadth.max()) / 2.0 * across
+    ends: Floats = np.concatenate([at.min() * along + middle, at.max() * along + middle])
+    return ends
+
+
+def to_blocks(mask: Mask, blocks: Blocks) -> BlockLayer:
+    """Return a mask of squares (rows x squares high, columns x 2) as cells."""
+    high = ROWS[blocks]
+    rows, columns = mask.shape[0] // high, mask.shape[1] // 2
+    if blocks == "cells":
+        whole = mask.reshape(rows, columns, 2).any(axis=2)
+        dots = np.where(whole, 0xFF, 0).astype(np.uint8)
+        return BlockLayer(_CODES[blocks][whole.astype(int)], dots)
+    squares = mask.reshape(rows, high, columns, 2)
+    bits = np.zeros((rows, columns), dtype=np.int64)
+    for row in range(high):
+        for column in range(2):
+            bits |= squares[:, row, :, column].astype(np.int64) << (2 * row + column)
+    return BlockLayer(_CODES[blocks][bits], mask_dots(mask, high))
+
+
+def mask_dots(mask: Mask, high: int) -> Cells:
+    """Return the braille dots that are like a mask with ``high`` squares in a cell."""
+    squares = mask.reshape(mask.shape[0] // high, high, mask.shape[1] // 2, 2)
+    dots = np.zeros((squares.shape[0], squares.shape[2]), dtype=np.uint8)
+    for row in range(4):
+        for column in range(2):
+            here = squares[:, row * high // 4, :, column]
+            dots |= np.where(here, DOT_BITS[row, column], 0).astype(np.uint8)
+    return dots

@@ -1,0 +1,100 @@
+"""Where the metres of a map lie on the dots of a canvas: turned so that it fills the pane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from grammars.model.geometry import Floats, Point2
+
+_BETTER: Final = 1.15
+"""A map is turned when it becomes larger by this: people know their map as it is drawn."""
+_BINS: Final = 90
+"""Directions of walls are counted by the degree, from 0 to 90: all four sides of a room are one."""
+_NEAR: Final = math.radians(2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class MapProjection:
+    """Dots (x to the right, y down) of points: ``middle`` [m] lies on the dot ``centre``.
+
+    ``turn`` [rad] is how far the map is turned to the left on the screen, ``scale`` dots a metre.
+    Dots are about square: a cell is twice as high as wide, and has four dots by two.
+    """
+
+    middle: Point2
+    centre: Point2
+    scale: float
+    turn: float = 0.0
+
+    def dots(self, points: Floats) -> Floats:
+        """Return points (n, 2) [m] as dots (n, 2)."""
+        along, across = self.scale * math.cos(self.turn), self.scale * math.sin(self.turn)
+        moved = points - np.array(self.middle)
+        x, y = moved.T
+        return np.column_stack(
+            (
+                self.centre[0] + along * x - across * y,
+                self.centre[1] - across * x - along * y,
+            )
+        )
+
+    def metres(self, right: float, up: float) -> Point2:
+        """Return a way on the screen, in dots, as a way on the map [m]."""
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        return ((c * right + s * up) / self.scale, (c * up - s * right) / self.scale)
+
+    def screen_way(self, off: Point2) -> Point2:
+        """Return a way on the map [m] as a way on the screen, in dots to the right and up."""
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        return (self.scale * (c * off[0] - s * off[1]), self.scale * (s * off[0] + c * off[1]))
+
+
+def fit(points: Floats, axis: float, width: int, height: int) -> MapProjection:
+    """Return the projection that has all ``points`` (n, 2) [m] on ``width`` x ``height`` dots.
+
+    Along ``axis`` [rad], or across, where the map becomes notably larger by that; else as it is.
+    """
+    best = _fit(points, 0.0, width, height)
+    turns = {math.remainder(quarter - axis, math.pi) for quarter in (0.0, math.pi / 2)}
+    for turn in sorted(turns, key=abs):
+        other = _fit(points, turn, width, height)
+        if other.scale > best.scale * (_BETTER if best.turn == 0.0 else 1.001):
+            best = other
+    return best
+
+
+def _fit(points: Floats, turn: float, width: int, height: int) -> MapProjection:
+    c, s = math.cos(turn), math.sin(turn)
+    turned = points @ np.array([[c, s], [-s, c]])
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    extent = np.maximum(high - low, 0.1)
+    scale = float(min((width - 1) / extent[0], (height - 1) / extent[1]))
+    x, y = ((low + high) / 2).tolist()
+    middle = (c * x + s * y, c * y - s * x)
+    return MapProjection(middle, ((width - 1) / 2, (height - 1) / 2), scale, turn)
+
+
+def main_axis(edges: Floats) -> float:
+    """Return the direction [rad, -pi/4 to pi/4] most of the walls have, or stand square to.
+
+    ``edges`` (n, 4) [m] are x0, y0, x1, y1.
+    """
+    ways = edges[:, 2:] - edges[:, :2]
+    lengths = np.hypot(*ways.T)
+    angles = np.arctan2(ways[:, 1], ways[:, 0]) % (math.pi / 2)
+    if not lengths.any():
+        return 0.0
+    # The mean of all directions would be none of them where a wing stands askew.
+    bins = np.rint(np.degrees(angles)).astype(np.int64) % _BINS
+    counts = np.bincount(bins, lengths, minlength=_BINS)
+    # A bin with its neighbours: walls at a half degree fall into two.
+    around = counts + np.roll(counts, 1) + np.roll(counts, -1)
+    peak = math.radians(int(np.argmax(around)))
+    off = (angles - peak + math.pi / 4) % (math.pi / 2) - math.pi / 4
+    near = np.abs(off) <= _NEAR
+    axis = peak + float(np.average(off[near], weights=lengths[near]))
+    return math.remainder(axis, math.pi / 2)
