@@ -302,11 +302,15 @@ RunName: TypeAlias = Annotated[
 
 
 class RunOutput(Output, schema="run"):
-    """Everything about one run; of a search also the ``proposal`` that it is."""
+    """Everything about one run; of a search also the ``proposal`` that it is.
+
+    ``standing`` says why there is no trace of it (yet), empty when there is one.
+    """
 
     run: RunDetail
     proposal: Proposal | None = None
     task: SearchTask | None = None
+    standing: str = ""
 
     def print(self) -> None:
         """Print what it was and what each oracle says, then what to type next."""
@@ -316,6 +320,8 @@ class RunOutput(Output, schema="run"):
         from scenario_tui.text.search_text import proposal_lines
 
         stdout_console().print(run_text(self.run, None, TERMINAL_STYLES), soft_wrap=True)
+        if self.run.row.state == "queued" and not self.run.row.remark:
+            stdout_console().print(f"{self.standing}\n", markup=False, soft_wrap=True)
         if self.proposal is not None and self.task is not None:
             for line in proposal_lines(self.task, self.proposal, TERMINAL_STYLES):
                 stdout_console().print(line, soft_wrap=True)
@@ -324,7 +330,7 @@ class RunOutput(Output, schema="run"):
 
 def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
     """Show one run: what each oracle says and why, what it was, where its trace lies."""
-    from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces
+    from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces, why_no_trace
 
     target = DaemonTarget(connect, state)
     with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
@@ -333,6 +339,9 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
         found = RunOutput(detail)
         if search is not None:
             found = _with_proposal(daemon, detail, search.task)
+        if not detail.row.trace:
+            standing = why_no_trace(detail.row, daemon.campaign(detail.row.campaign), daemon.runs)
+            found = replace(found, standing=standing)
     found.show(as_json)
 
 

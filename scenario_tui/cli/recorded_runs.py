@@ -83,7 +83,7 @@ def fetch(
     wanted: list[tuple[TraceReference, Path]] = []
     missing: dict[str, str] = {}
     with DaemonTarget(connect, state).open() as daemon:
-        for run in recorded_runs(daemon, subject):
+        for run in recorded_runs(daemon, subject, "CAMPAIGN|RUN"):
             row = run.row
             try:
                 name = trace_name(row.campaign, row.scenario, row.sut, row.repeat)

@@ -99,8 +99,8 @@ def test_a_campaign_is_fetched_once_and_verified(
 
 
 def test_what_cannot_be_fetched_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke(["fetch", "corr-1.2"]) == 3
-    assert "corr-1.2 has no trace: it is queued" in capsys.readouterr().err
+    assert invoke(["fetch", "corr-1.2"]) == 2
+    assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err
     assert invoke(["fetch", "cor-2"]) == 2
     assert "cor-2 is no file and no run" in capsys.readouterr().err
 
