@@ -20,7 +20,14 @@ if TYPE_CHECKING:
     from daemon.model.proposals import Proposal, ProposalRow
     from daemon.model.search import SearchTask
     from daemon.model.search_answer import SearchRow
-    from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunRow, WorkerRow
+    from daemon.model.spec import Snapshot
+    from daemon.model.status import (
+        CampaignRow,
+        DaemonOverview,
+        RunDetail,
+        RunRow,
+        WorkerRow,
+    )
     from daemon.model.verbs import DaemonClient
 
 
@@ -304,13 +311,15 @@ RunName: TypeAlias = Annotated[
 class RunOutput(Output, schema="run"):
     """Everything about one run; of a search also the ``proposal`` that it is.
 
-    ``standing`` says why there is no trace of it (yet), empty when there is one.
+    ``standing`` says why there is no trace of it (yet), empty when there is one; ``live`` is how
+    far one is that runs, if it told within half a second.
     """
 
     run: RunDetail
     proposal: Proposal | None = None
     task: SearchTask | None = None
     standing: str = ""
+    live: Snapshot | None = None
 
     def print(self) -> None:
         """Print what it was and what each oracle says, then what to type next."""
@@ -319,7 +328,7 @@ class RunOutput(Output, schema="run"):
         from scenario_tui.text.run_text import run_text
         from scenario_tui.text.search_text import proposal_lines
 
-        stdout_console().print(run_text(self.run, None, TERMINAL_STYLES), soft_wrap=True)
+        stdout_console().print(run_text(self.run, self.live, TERMINAL_STYLES), soft_wrap=True)
         if self.run.row.state == "queued" and not self.run.row.remark:
             stdout_console().print(f"{self.standing}\n", markup=False, soft_wrap=True)
         if self.proposal is not None and self.task is not None:
@@ -331,6 +340,7 @@ class RunOutput(Output, schema="run"):
 def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
     """Show one run: what each oracle says and why, what it was, where its trace lies."""
     from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces, why_no_trace
+    from scenario_tui.client import latest_snapshot
 
     target = DaemonTarget(connect, state)
     with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
@@ -342,6 +352,8 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
         if not detail.row.trace:
             standing = why_no_trace(detail.row, daemon.campaign(detail.row.campaign), daemon.runs)
             found = replace(found, standing=standing)
+        if detail.row.state == "running":
+            found = replace(found, live=latest_snapshot(daemon, detail.row.id))
     found.show(as_json)
 
 

@@ -170,7 +170,7 @@ def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOAR
 
 def _running(text: Text, seen: Snapshot | None, styles: Styles) -> None:
     if seen is None:
-        text.append("waiting for its first sign of life\n", style=quiet_style(styles))
+        text.append("starting, it has said nothing yet\n", style=quiet_style(styles))
         return
     if seen.waiting:
         text.append(f"{seen.waiting}\n", style=styles["running"])

@@ -116,7 +116,7 @@ def test_the_conclusion_is_about_what_was_judged(
         ({"state": RunState.QUEUED}, ("… queued", "has not started yet", "will be judged by")),
         ({"state": RunState.QUEUED, "not_before": 1e9, "setbacks": 2, "reason": "it broke"},
          ("waits until", "after 2 failed attempts: it broke", "will be judged by")),
-        ({"state": RunState.RUNNING}, ("▶ running", "waiting for its first sign of life")),
+        ({"state": RunState.RUNNING}, ("▶ running", "starting, it has said nothing yet")),
         ({"state": RunState.CANCELLED}, ("was cancelled before it ended", "was to be judged by")),
         ({"state": RunState.LOST}, ("! lost", "no attempt left a result", "was to be judged by")),
         ({"state": RunState.LOST, "reason": "it broke"}, ("it broke", "was to be judged by")),
