@@ -109,7 +109,7 @@ def fetch(
     missing: dict[str, str] = {}
     brought: list[Brought] = []
     with DaemonTarget(connect, state).open() as daemon:
-        for run in recorded_runs(daemon, subject):
+        for run in recorded_runs(daemon, subject, "SOURCE"):
             row = run.row
             try:
                 name = trace_name(row.campaign, row.scenario, row.sut, row.repeat)

@@ -20,7 +20,14 @@ if TYPE_CHECKING:
     from daemon.model.proposals import Proposal, ProposalRow
     from daemon.model.search import SearchTask
     from daemon.model.search_answer import SearchRow
-    from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunRow, WorkerRow
+    from daemon.model.spec import Snapshot
+    from daemon.model.status import (
+        CampaignRow,
+        DaemonOverview,
+        RunDetail,
+        RunRow,
+        WorkerRow,
+    )
     from daemon.model.verbs import DaemonClient
 
 
@@ -321,11 +328,17 @@ RunName: TypeAlias = Annotated[
 
 
 class RunOutput(Output, schema="run"):
-    """Everything about one run; of a search also the ``proposal`` that it is."""
+    """Everything about one run; of a search also the ``proposal`` that it is.
+
+    ``standing`` says why there is no trace of it (yet), empty when there is one; ``live`` is how
+    far one is that runs, if it told within half a second.
+    """
 
     run: RunDetail
     proposal: Proposal | None = None
     task: SearchTask | None = None
+    standing: str = ""
+    live: Snapshot | None = None
 
     def print(self) -> None:
         """Print what it was and what each oracle says, then what to type next."""
@@ -334,7 +347,9 @@ class RunOutput(Output, schema="run"):
         from scenario_tui.text.run_text import run_text
         from scenario_tui.text.search_text import proposal_lines
 
-        stdout_console().print(run_text(self.run, None, TERMINAL_STYLES), soft_wrap=True)
+        stdout_console().print(run_text(self.run, self.live, TERMINAL_STYLES), soft_wrap=True)
+        if self.run.row.state == "queued" and not self.run.row.remark:
+            stdout_console().print(f"{self.standing}\n", markup=False, soft_wrap=True)
         if self.proposal is not None and self.task is not None:
             for line in proposal_lines(self.task, self.proposal, TERMINAL_STYLES):
                 stdout_console().print(line, soft_wrap=True)
@@ -377,7 +392,8 @@ def show(
 
         logs(run, output, everything, connect, state, as_json)
         return
-    from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces
+    from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces, why_no_trace
+    from scenario_tui.client import latest_snapshot
 
     target = DaemonTarget(connect, state)
     with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
@@ -386,6 +402,11 @@ def show(
         found = RunOutput(detail)
         if search is not None:
             found = _with_proposal(daemon, detail, search.task)
+        if not detail.row.trace:
+            standing = why_no_trace(detail.row, daemon.campaign(detail.row.campaign), daemon.runs)
+            found = replace(found, standing=standing)
+        if detail.row.state == "running":
+            found = replace(found, live=latest_snapshot(daemon, detail.row.id))
     found.show(as_json)
 
 

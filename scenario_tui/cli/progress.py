@@ -49,7 +49,8 @@ _LOOK: Final = 2.0
 """Seconds between two questions whether the daemon is in trouble."""
 _SHOWN_RUNS: Final = 8
 _BAR: Final = 16
-WAITING: Final = "waiting for a worker; the first runs on a machine compile for a while"
+WAITING: Final = "waiting for a free slot"
+_NO_WORKER: Final = "waiting for a worker: none is connected"
 
 
 @dataclass(slots=True)
@@ -117,8 +118,11 @@ def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     finished = row.total - row.queued - row.running
     bar = ProgressBar(total=max(1, row.total), completed=finished, width=_BAR)
     line.add_row(head, bar, tail)
-    idle = not (finished or progress.running)
-    waiting = progress.preparing or (WAITING if idle else "")
+    waiting = progress.preparing
+    if row.paused:
+        waiting = f"paused: `scenario resume {row.id}` lets it go on"
+    elif not progress.running and not waiting and not row.finished:
+        waiting = WAITING
     return Group(line, *run_lines(progress.running, progress.live, waiting))
 
 
@@ -164,6 +168,8 @@ def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
         seen = live.snapshot
         text.append(f"  waypoint {min(seen.reached + 1, seen.waypoints)} of {seen.waypoints}")
         text.append(f"  {seen.time:.0f} s simulated, limit {seen.limit:.0f} s", style="dim")
+    else:
+        text.append("  starting", style="dim")
     return text
 
 
@@ -192,6 +198,7 @@ class _TroubleReporter:
     since: float = 0.0
     look_at: float = 0.0
     preparing: str = ""
+    phase: str = ""
 
     def look(self, daemon: DaemonClient, now: float) -> None:
         """Ask every now and then; raises :class:`DaemonError` when endurance is at its end."""
@@ -200,9 +207,11 @@ class _TroubleReporter:
         self.look_at = now + _LOOK
         overview = daemon.overview()
         words = overview.trouble.strip()
-        if overview.preparing and not self.preparing and not self.shown.on_screen:
+        if _phase(overview.preparing) not in ("", self.phase) and not self.shown.on_screen:
             self.shown.note(overview.preparing)  # a screen shows it as it goes on
-        self.preparing = overview.preparing
+        self.phase = _phase(overview.preparing)
+        waits = overview.queued and not overview.workers and not overview.trouble
+        self.preparing = overview.preparing or (_NO_WORKER if waits else "")
         if words and not self.words:
             self.since = now
         if words != self.words:
@@ -211,6 +220,11 @@ class _TroubleReporter:
         self.words = words
         if words and now - self.since > self.endurance:
             raise DaemonError(words)
+
+
+def _phase(preparing: str) -> str:
+    """Return what a worker does, without how far it is."""
+    return preparing.partition(" (")[0].rstrip("0123456789/ ")
 
 
 class WatchedWork(Protocol[T_co]):

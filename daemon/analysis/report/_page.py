@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -32,10 +33,13 @@ from daemon.analysis.report._svg import SERIES
 from daemon.analysis.report._tracks import MEASURES, RunMeasure
 from daemon.judging.statistics import cut_percentage
 from daemon.model.assessments import (
+    MISSING_STATES,
+    UNFINISHED_STATES,
     Assessment,
     CellAssessment,
     CellVerdict,
     ReferenceComparison,
+    state_of,
 )
 from daemon.model.verdicts import Outcome
 from grammars.text.words import count_noun
@@ -171,6 +175,12 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
         verb = "is" if count == 1 else "are"
         return Headline("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
     # Neither as expected nor unexpected: say what is missing, the most basic first.
+    state = state_of(run.record for run in runs)
+    if state in UNFINISHED_STATES or state == "cancelled":
+        counts = Counter(run.record.state for run in runs)
+        missing = ", ".join(f"{counts[one]} {one}" for one in MISSING_STATES if counts[one])
+        word = "Not yet" if state in UNFINISHED_STATES else "Not known"
+        return Headline("open", word, f"{missing} of {count_noun(len(runs), 'run')}.")
     judged = sum(run.record.outcome not in (None, Outcome.ERROR) for run in runs)
     broken = len(runs) - judged
     if broken:

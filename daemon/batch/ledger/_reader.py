@@ -195,6 +195,10 @@ class LedgerReader:
         total = query.offset + len(found) if last else self._total(query, where, values)
         return RunPage(tuple(found), total)
 
+    def run_page(self, **fields: Any) -> RunPage:
+        """A page of runs by the fields of a :class:`RunQuery`, as clients ask."""
+        return self.runs(RunQuery(**fields))
+
     def _total(self, query: RunQuery, where: str, values: list[Any]) -> int:
         """How many runs the filter admits."""
         # The tally knows how many of a state there are; 100,000 runs need not be counted.

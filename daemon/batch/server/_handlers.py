@@ -116,6 +116,7 @@ class Handlers(SearchHandlers):
     troubles: Callable[[], tuple[str, ...]]
     marker: Marker
     search_trouble: Callable[[], str]
+    starting: Callable[[], str]
     damage: str = ""
     draining: bool = False
 
@@ -160,7 +161,7 @@ class Handlers(SearchHandlers):
             seconds_left=self._time_left.of_all(ledger, now),
             trouble=trouble,
             troubles=troubles,
-            preparing=next((row.preparing for row in workers if row.preparing), ""),
+            preparing=next((row.preparing for row in workers if row.preparing), self.starting()),
         )
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:

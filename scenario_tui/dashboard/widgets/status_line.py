@@ -148,12 +148,12 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         count = len(overview.troubles)
         words = f"! {count} trouble{'s' if count > 1 else ''}"
         yield _Part((words, words, f"! {count}"), DASHBOARD_STYLES["lost"], 8)
-    elif overview.workers == 0:
+    elif overview.workers == 0 and not overview.preparing:
         yield _Part(("! no worker",), DASHBOARD_STYLES["lost"], 8)
     if overview.preparing:
         short = overview.preparing.partition(" (")[0]
-        # The worker's words end with how far it is: "...: 7 of 42 kernels".
-        progress = short.rpartition(": ")[2]
+        # The worker's words may end with how far it is: "compiling kernels 7/42".
+        progress = short.rpartition(" ")[2] if "/" in short else short.partition(" ")[0]
         yield _Part((overview.preparing, short, f"… {progress}"), QUIET, 7)
 
 

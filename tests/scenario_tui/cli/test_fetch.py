@@ -124,8 +124,8 @@ def test_a_run_of_which_nobody_kept_the_start_has_no_such_copy(
 
 
 def test_what_cannot_be_fetched_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke(["export", "corr-1.2", "traces"]) == 3
-    assert "corr-1.2 has no trace: it is queued" in capsys.readouterr().err
+    assert invoke(["export", "corr-1.2", "traces"]) == 2
+    assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err
     assert invoke(["export", "cor-2", "traces"]) == 2
     assert "cor-2 is no file and no run" in capsys.readouterr().err
 

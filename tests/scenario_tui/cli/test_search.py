@@ -282,10 +282,10 @@ def test_a_search_before_its_first_run_says_what_it_waits_for(fake) -> None:
     watched.look(fake, ProgressDisplay(None))
     console = Console(width=100, record=True)
     console.print(watched.draw({}, "", 100))
-    console.print(watched.draw({}, "compiling machine code", 100))
+    console.print(watched.draw({}, "compiling kernels 7/42", 100))
     text = console.export_text()
-    assert "waiting for a worker" in text
-    assert "compiling machine code" in text
+    assert "waiting for a free slot" in text
+    assert "compiling kernels 7/42" in text
 
 
 def test_only_runs_that_may_have_changed_are_asked_for_again(fake) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +13,12 @@ import pytest
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import ReleaseRequest
-from daemon.model.status import RunState
+from daemon.model.status import LiveSnapshot, RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.target import resolve_recorded
 from tests.daemon.batch.samples import make_submission
-from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
+from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, FakeWatch, make_live
 from tests.scenario_tui.recorded import record_run
 
 NOW = 1_000_000.0
@@ -245,3 +246,17 @@ def test_where_there_never_was_a_daemon_nobody_waits(scenario, away) -> None:
     (away / "ledger.db").touch()
     assert scenario("wait", "first", "--timeout", "0s").code == 3
     assert scenario("wait", "first").code == 1
+
+
+def test_a_run_that_runs_is_shown_with_how_far_it_is(scenario, fake, monkeypatch) -> None:
+    live = make_live(7, time=61.0)
+    watch = fake.watch
+
+    def told(run: str, on_live: Callable[[LiveSnapshot], None]) -> FakeWatch:
+        on_live(live)
+        return watch(run, on_live)
+
+    monkeypatch.setattr(fake, "watch", told)
+    said = scenario("show", f"{CAMPAIGN}.7").out
+    assert "61 s of 1200 s simulated" in said
+    assert fake.watchers == {}
