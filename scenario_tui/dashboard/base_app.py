@@ -19,7 +19,7 @@ from scenario_tui.dashboard.background import (
 )
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
-from scenario_tui.dashboard.state import DashboardState, Tracks
+from scenario_tui.dashboard.state import DashboardState, RunsView, Tracks
 from scenario_tui.submission import FileChecker, check_file_in_child
 from scenario_tui.terminal.capabilities import copy_to_tmux
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
@@ -48,6 +48,7 @@ class BaseDashboard(LimitedTerminalApp):
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
         self.running_jobs: set[str] = set()
+        self.run_views: dict[tuple[str, str, str], RunsView] = {}
         self.launch_daemon = launch_daemon
         self.launching = self.launched = False
         self.marked_run = ""

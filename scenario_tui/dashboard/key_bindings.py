@@ -24,7 +24,8 @@ from scenario_tui.dashboard.screens.help import (
     our_classes,
     own_bindings,
 )
-from scenario_tui.dashboard.widgets.tables import CellTable, KeyedTable
+from scenario_tui.dashboard.widgets.cell_table import CellTable
+from scenario_tui.dashboard.widgets.tables import KeyedTable
 
 _ROOMS: Final = ("screens", "widgets")
 SHARED_MEANINGS: Final[Mapping[str, tuple[str, ...]]] = {

@@ -15,7 +15,7 @@ from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import DashboardState, Query
-from scenario_tui.dashboard.widgets.tables import CellTable
+from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes, matrix_rows
 from scenario_tui.text.results import CampaignResults
 
@@ -55,6 +55,18 @@ class MatrixScreen(SteeringScreen):
         """Return the campaign shown."""
         return self.dashboard.daemon_state.campaign(self._campaign)
 
+    def cursor_command(self) -> str:
+        """Return what to type for the runs of the cell."""
+        cell = self._cell()
+        if cell is None:
+            return self.command()
+        runs = f"{cell.scenario}/{cell.sut}/"
+        return self._line("results", self._campaign, "--filter", runs)
+
+    def cursor_lines(self) -> list[tuple[str, str]]:
+        """Return what can be typed about the cell."""
+        return [("runs of the cell", self.cursor_command())]
+
     def trail(self) -> str:
         """Where we are, how it stands, how far it is."""
         parts = [f"campaigns › {self._campaign} › matrix"]
@@ -81,10 +93,20 @@ class MatrixScreen(SteeringScreen):
         self._shown = results
         notes, table = Footnotes(), self.query_one(CellTable)
         table.fill(*matrix_rows(results, notes))
+        self._arrange()
         self._rest = campaign_notes(results, notes)
         self._describe()
         if self.focused is None:
             table.focus()
+
+    def on_resize(self) -> None:
+        """Put the words below the matrix, or beside it, as there is room."""
+        self._arrange()
+
+    def _arrange(self) -> None:
+        # Beside it they take two fifths; only from -wide on is there room for that at all.
+        needed = self.query_one(CellTable).needed()
+        self.set_class(needed > self.size.width * 3 // 5, "-stacked")
 
     def _nothing(self, results: CampaignResults | None) -> str:
         if results is not None:

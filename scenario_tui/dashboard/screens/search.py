@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 
 _COLUMNS: Final = (
     Column("what to look at", 15),
-    Column("margin", 10, right=True),
-    Column("decided by", 0),
+    Column("margin", 11, right=True),
+    Column("decided by", 9, share=1),
     Column("run", 6, right=True),
 )
 _TABS: Final = 66
@@ -136,6 +136,16 @@ class SearchScreen(SteeringScreen):
     def command(self) -> str:
         """Return what to type to be told the same."""
         return self._line("search", self._campaign)
+
+    def cursor_command(self) -> str:
+        """Return what to type about the run in front."""
+        front = self._front()
+        return self.command() if front is None else self._line("show", front.run)
+
+    def cursor_lines(self) -> list[tuple[str, str]]:
+        """Return what can be typed about the run in front."""
+        front = self._front()
+        return [] if front is None else self.run_lines(front.run)
 
     def trail(self) -> str:
         """Where we are, and what is going on."""
@@ -349,16 +359,6 @@ class SearchScreen(SteeringScreen):
     def _show_part(self) -> None:
         others = {f"-{name}" for name in self.VIEWS}
         self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
-
-    def _lines(self, row: CampaignRow) -> list[tuple[str, str]]:
-        front, lines = self._front(), super()._lines(row)
-        if front is None:
-            return lines
-        return [
-            ("watch the run in front", self._line("replay", front.run)),
-            ("execute it again", self._line("verify", front.run)),
-            *lines,
-        ]
 
 
 def _cells(one: NotableRun) -> Row:

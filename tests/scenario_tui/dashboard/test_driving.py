@@ -96,7 +96,7 @@ async def test_only_whole_numbers_in_range_are_priorities(fake) -> None:
         await settle(pilot)
         assert f"scenario priority {CAMPAIGN} -- -5" in shown(pilot)
         await press(pilot, "enter")
-        assert "priority -5" in shown(pilot)
+        assert "priority −5" in shown(pilot)
     assert fake.told("prioritise") == [(CAMPAIGN, -5)]
 
 
