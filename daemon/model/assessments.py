@@ -252,8 +252,9 @@ class CellAssessment:
 class ComparisonVerdict:
     """A comparison with one system under test: ``mean`` of left minus right [``unit``].
 
-    ``low`` and ``high`` are one-sided 95 % bounds of the mean; ``method`` is ``paired`` or
-    ``welch`` (no pairs), empty when there is too little to say. ``n`` counts the pairs, or the
+    ``low`` and ``high`` are one-sided 95 % bounds of the mean, by which it is judged, ``interval``
+    is the two-sided one; ``method`` is ``paired`` or ``welch`` (no pairs), empty when there is too
+    little to say. ``n`` counts the pairs, or the
     runs of the smaller side; ``left_out`` those that have no such value because a run did not
     end its mission. ``note`` says what stands in the way of a verdict.
     """
@@ -275,6 +276,7 @@ class ComparisonVerdict:
     expected: ExpectedVerdict
     met: bool
     why: str
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from daemon.judging.assessment._cell_verdicts import (
     status_of,
     trusted_verdicts,
 )
-from daemon.judging.statistics import MeanDifference, mean_difference
+from daemon.judging.statistics import EACH_SIDE, MeanDifference, mean_difference
 from daemon.model.assessments import (
     DELAY,
     Assessment,
@@ -72,6 +72,7 @@ def _cell(
     pairs = sorted(left.values.keys() & right.values.keys())
     differences = tuple(left.values[key] - right.values[key] for key in pairs)
     difference = mean_difference(left.values, right.values)
+    both = mean_difference(left.values, right.values, EACH_SIDE)
     left_out = left.left_out + right.left_out
     verdict, note = _verdict(comparison, difference, left_out, differences)
     wanted, why = expected_verdict(declared.expectations, comparison.left, comparison.name, sut)
@@ -96,6 +97,7 @@ def _cell(
         expected=wanted,
         met=status is ExpectationStatus.MET,
         why=why,
+        interval=(both.low, both.high) if both else None,
     )
 
 
