@@ -45,6 +45,13 @@ class SafetyBuffer:
     margin: float
     source: str
 
+    @property
+    def size(self) -> str:
+        """How large it is, in words: ``1.1 m × 0.866 m`` or ``0.2 m``."""
+        if self.half is None:
+            return f"{self.margin:g} m"
+        return f"{2 * self.half[0]:g} m × {2 * self.half[1]:g} m"
+
 
 def safety_buffer(texts: Iterable[str], footprints: Iterable[Ring] = ()) -> SafetyBuffer:
     """Return the largest box that oracles call clear, ``clearance(hx, hy)``.
