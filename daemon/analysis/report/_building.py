@@ -23,16 +23,11 @@ _NAMES: Final = frozenset({"space names", "names", "start", "legend", "scale", "
 _HEADING: Final = "heading"
 _ROOM_ABOVE: Final = 80.0
 """What the heading takes, which stands on the page already."""
-_PLAN: Final = "building-plan"
-"""The identifier by which the large drawing takes the lines of the small one."""
 
 
 @dataclass(frozen=True, slots=True)
 class BuildingPicture:
-    """A building twice: ``small`` without words, ``large`` with them; ``about`` says what it is.
-
-    ``large`` refers to ``small``, which must stand on the same page.
-    """
+    """A building twice: ``small`` without words, ``large`` with them; ``about`` says what it is."""
 
     small: Markup
     large: Markup
@@ -82,20 +77,21 @@ def _draw(traces: tuple[Path, ...], scenes: int) -> BuildingPicture | None:
     size = (0.0, _ROOM_ABOVE, drawing.width, drawing.height - _ROOM_ABOVE)
     box = " ".join(map(number, size))
     opening = f'<svg viewBox="{box}" role="img" aria-label="{attribute(about)}"'
-    lines = f'<g id="{_PLAN}" class="plan">{_inside(drawing, names=False)}</g>'
-    words = f'<use href="#{_PLAN}"/><g class="plan">{_inside(drawing, names=True)}</g>'
-    # Drawn here from numbers and escaped names, never taken from a file.
-    return BuildingPicture(
-        Markup(f"{opening}>{lines}</svg>"), Markup(f"{opening}>{words}</svg>"), about
+    # Drawn here from numbers and escaped names, never taken from a file. Twice, and not the one by
+    # ``use`` of the other: what makes PDF of pages does not find it there.
+    small, large = (
+        Markup(f'{opening} class="plan">{_inside(drawing, names=names)}</svg>')
+        for names in (False, True)
     )
+    return BuildingPicture(small, large, about)
 
 
 def _inside(drawing: Drawing, *, names: bool) -> str:
-    """Return the groups of a drawing that are names, or the others, as SVG."""
+    """Return the groups of a drawing as SVG, those that are ``names`` or not."""
     groups = [
         group
         for group in drawing.groups
-        if group.name != _HEADING and (group.name in _NAMES) is names
+        if group.name != _HEADING and (names or group.name not in _NAMES)
     ]
     whole = Templates().render("picture.svg.j2", figure=replace(drawing, groups=groups))
     body = whole[whole.index("<g ") : whole.rindex("</svg>")] if groups else ""
