@@ -308,11 +308,11 @@ class CellAssessment:
 class ComparisonVerdict:
     """A comparison with one system under test: ``mean`` of left minus right [``unit``].
 
-    ``low`` and ``high`` are one-sided 95 % bounds of the mean; ``method`` is ``paired`` or
-    ``welch`` (no pairs), empty when there is too little to say. ``n`` counts the pairs, or the
-    runs of the smaller side; ``left_out`` runs that have no such value: they did not end their
-    mission, or have no result. ``note`` says what stands in the way of a verdict. ``contradicted``
-    and ``state`` are as in a :class:`CellVerdict`.
+    ``low`` and ``high`` are one-sided 95 % bounds of the mean, by which it is judged, ``interval``
+    is the two-sided one; ``method`` is ``paired`` or ``welch`` (no pairs), empty when there is too
+    little to say. ``n`` counts the pairs, or the runs of the smaller side; ``left_out`` runs that
+    have no such value: they did not end their mission, or have no result. ``note`` says what stands
+    in the way of a verdict. ``contradicted`` and ``state`` are as in a :class:`CellVerdict`.
     """
 
     comparison: str
@@ -334,6 +334,7 @@ class ComparisonVerdict:
     why: str
     contradicted: bool = False
     state: str = "done"
+    interval: tuple[float, float] | None = None
 
     @property
     def word(self) -> str:

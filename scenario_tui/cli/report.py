@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
 
 _DEFAULT_PAGE: Final = Path("report.html")
+_MOMENT_COMMAND: Final = ("scenario replay {run} --from {oracle}", "watch that moment")
 _RUN_COMMANDS: Final = (
     ("scenario replay {run}", "watch it again", False),
     ("scenario export {run} picture -o run.svg", "a picture of it", False),
@@ -251,7 +252,7 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
     """Return what can be typed about a run with this version."""
     from daemon.analysis.report import SuggestedCommand
 
-    return tuple(SuggestedCommand(*command) for command in _RUN_COMMANDS)
+    return tuple(SuggestedCommand(*command) for command in (_MOMENT_COMMAND, *_RUN_COMMANDS))
 
 
 def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:

@@ -11,9 +11,11 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from daemon.analysis.coverage import histogram_bars
+from daemon.analysis.report._building import draw_building
 from daemon.analysis.report._data import ReportData, ReportRun
 from daemon.analysis.report._figures import (
     MOST_CELLS,
+    MOST_MOMENTS,
     ReportFigure,
     draw_figures,
     notable_verdicts,
@@ -28,6 +30,7 @@ from daemon.analysis.report._formatting import (
     percentage,
     verdict_details,
 )
+from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
 from daemon.analysis.report._svg import SERIES
 from daemon.analysis.report._tracks import MEASURES, RunMeasure
@@ -97,7 +100,8 @@ class ReferenceRow:
 
 @dataclass(frozen=True, slots=True)
 class SuggestedCommand:
-    """Something to type about a run: ``{run}`` is replaced by the run's id or trace.
+    """Something to type about a run: ``{run}`` is replaced by the run's id or trace, ``{oracle}``
+    by the name of the oracle that makes it worth a look.
 
     With ``failing`` only about runs that failed.
     """
@@ -132,6 +136,8 @@ def write_page(
         assessment=assessment,
         answer=headline(assessment, data.runs),
         facts=_facts(data, scenarios, suts),
+        provenance=provenance(data),
+        building=draw_building(data),
         scenarios=scenarios,
         suts=suts,
         not_repeatable=_not_repeatable(data),
@@ -153,6 +159,7 @@ def write_page(
         most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
         nothing=NOTHING,
         honest=_strongest_claim(assessment),
+        unseen=_unseen(data),
         coverage=data.coverage if data.coverage.runs else None,
     )
 
@@ -195,6 +202,13 @@ def _strongest_claim(assessment: Assessment) -> str:
     """Return what the repeats of a cell can show at best, in words."""
     clean = [o for c in assessment.cells for o in c.oracles if o.n and o.passed == o.n]
     return clean[0].statement if clean else ""
+
+
+def _unseen(data: ReportData) -> tuple[str, ...]:
+    """Return the findings beyond those whose moment is drawn."""
+    return tuple(
+        f"{o.scenario} with {o.sut}: {o.oracle}" for o in notable_verdicts(data)[MOST_MOMENTS:]
+    )
 
 
 def _facts(
@@ -255,7 +269,7 @@ def _finding(
     name = shown.id if data.input.id else shown.trace or shown.id
     failed = shown.outcome is Outcome.FAIL
     typed = tuple(
-        (c.text.format(run=shlex.quote(name)), c.purpose)
+        (c.text.format(run=shlex.quote(name), oracle=shlex.quote(oracle.oracle)), c.purpose)
         for c in commands
         if failed or not c.failing
     )

@@ -102,7 +102,8 @@ def _run(trace: Trace, part: _RunPart | None) -> RunOverlay:
         f"campaign {trace.spec.campaign}",
         f"ended after {format_quantity(found.measures.get('duration'), 's')}",
         f"nearest {format_quantity(found.measures.get('min clearance'), 'm')}",
-        f"{format_quantity(found.measures.get('time in buffer'), 's')} in the buffer",
+        f"{format_quantity(found.measures.get('time in buffer'), 's')} in the buffer of "
+        f"{buffer.size}",
         count_noun(len(contacts), "contact"),
     ]
     if part is not None:

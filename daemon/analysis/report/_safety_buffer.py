@@ -45,6 +45,13 @@ class SafetyBuffer:
     margin: float
     source: str
 
+    @property
+    def size(self) -> str:
+        """How large it is, in words: ``1.1 m × 0.866 m`` or ``0.2 m``."""
+        if self.half is None:
+            return f"{self.margin:g} m"
+        return f"{2 * self.half[0]:g} m × {2 * self.half[1]:g} m"
+
 
 def safety_buffer(texts: Iterable[str], footprints: Iterable[Ring] = ()) -> SafetyBuffer:
     """Return the largest box that oracles call clear, ``clearance(hx, hy)``.
@@ -156,25 +163,13 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
     return inside.astype(np.float32)
 
 
-def outlines_near(
-    sampler: SignalSampler, moment: int, reach: float
-) -> Iterator[tuple[str, bool, Floats]]:
-    """Return the obstacles within ``reach`` [m] of the robot at a sample: whose, whether it can
-    move, its corners (k, 2) [m] in the map frame.
-    """
-    obstacles = sampler.obstacles
-    moments = np.array([moment])
-    _, near = _polygons_near(obstacles, moments, sampler.poses[moments], reach)
-    for polygon in near.tolist():
-        first, last = obstacles.offsets[polygon : polygon + 2]
-        corners = _placed(obstacles, moment, polygon, obstacles.corners[first:last])
-        yield obstacles.names[polygon], bool(obstacles.frame[polygon] >= 0), corners
-
-
-def _placed(obstacles: ObstaclePolygons, moment: int, polygon: int, points: Floats) -> Floats:
-    """Return points of a polygon where they are at a sample, in the map frame."""
-    frame = int(obstacles.frame[polygon])
-    return points if frame < 0 else transform_points(points, obstacles.tracks[moment, frame][None])
+def polygons_around(
+    obstacles: ObstaclePolygons, moments: Indices, middle: Point2, reach: float
+) -> list[int]:
+    """Return the numbers of the polygons that come within ``reach`` [m] of a point at a sample."""
+    poses = np.tile((*middle, 0.0), (len(moments), 1))
+    _, near = _polygons_near(obstacles, moments, poses, reach)
+    return [int(polygon) for polygon in np.unique(near)]
 
 
 def _polygons_near(

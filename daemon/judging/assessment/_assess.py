@@ -21,7 +21,7 @@ from daemon.judging.assessment._cell_verdicts import (
     status_of,
     trusted_verdicts,
 )
-from daemon.judging.statistics import MeanDifference, mean_difference
+from daemon.judging.statistics import EACH_SIDE, MeanDifference, mean_difference
 from daemon.model.assessments import (
     DELAY,
     MISSING_STATES,
@@ -76,6 +76,7 @@ def _cell(
     differences = tuple(left.values[key] - right.values[key] for key in pairs)
     difference = mean_difference(left.values, right.values)
     compared = [r for r in records if base_name(r.scenario) in (comparison.left, comparison.right)]
+    both = mean_difference(left.values, right.values, EACH_SIDE)
     left_out = left.left_out + right.left_out
     note = _left_out_text(comparison, left_out, compared)
     verdict, note = _verdict(comparison, difference, note, differences)
@@ -103,6 +104,7 @@ def _cell(
         why=why,
         contradicted=status is ExpectationStatus.CONTRADICTED,
         state=state_of(compared),
+        interval=(both.low, both.high) if both else None,
     )
 
 

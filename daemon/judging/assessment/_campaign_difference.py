@@ -18,14 +18,18 @@ from daemon.judging.assessment._cell_verdicts import (
     measured_value,
     trusted_verdicts,
 )
-from daemon.judging.statistics import MeanDifference, cliffs_delta, holm_adjusted, mean_difference
+from daemon.judging.statistics import (
+    EACH_SIDE,
+    MeanDifference,
+    cliffs_delta,
+    holm_adjusted,
+    mean_difference,
+)
 from daemon.model.assessments import DURATION, Assessment, AssessmentRules, CellVerdict, RunRecord
 from daemon.model.verdicts import Outcome
 
 QuantityKind: TypeAlias = Literal["margin", "measure", "duration"]
 SIGNIFICANT: Final = 0.05
-_EACH_SIDE: Final = 0.975
-"""Confidence of each bound of a two-sided 95 % interval."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +238,7 @@ def _test_change(
     new: Mapping[tuple[int, int], float],
     worse_by: float | None,
 ) -> _TestedChange:
-    difference = mean_difference(new, old, confidence=_EACH_SIDE)
+    difference = mean_difference(new, old, confidence=EACH_SIDE)
     was, now = (sum(side.values()) / len(side) for side in (old, new))
     shift = QuantityChange(
         scenario=record.scenario,
