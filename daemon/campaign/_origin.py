@@ -18,18 +18,20 @@ _PATIENCE: Final = 5.0
 def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
     """Return where a campaign was written that was loaded from ``file``.
 
-    Nothing is said of the commit without git, outside of a repository, and in one that git does
-    not trust. ``changed`` means that a file which git knows differs from the commit, or that git
-    does not know the campaign's file.
+    Nothing is said of the commit without git, outside of a repository, in one that git does not
+    trust, and of a file that is to be ignored there: one of ours in somebody's environment, say.
+    ``changed`` means that a file which git knows differs from the commit, or that git does not know
+    the campaign's file.
     """
     digest = hashlib.sha256(campaign.source.encode()).hexdigest()
     status = _git(file.parent, "status", "--porcelain=v2", "--branch", "--untracked-files=no")
-    if status is None:
+    known = _git(file.parent, "ls-files", "--error-unmatch", "--", file.name) is not None
+    ignored = not known and _git(file.parent, "check-ignore", "-q", "--", file.name) is not None
+    if status is None or ignored:
         return CampaignOrigin(file.name, digest, campaign.seed)
     lines = status.splitlines()
     heads = dict(line[2:].split(" ", 1) for line in lines if line.startswith("# branch."))
     commit, branch = heads.get("branch.oid", ""), heads.get("branch.head", "")
-    known = _git(file.parent, "ls-files", "--error-unmatch", "--", file.name) is not None
     return CampaignOrigin(
         file.name,
         digest,

@@ -183,11 +183,11 @@ def plot_moment(trace: Path, time: float, involved: str, buffer: Point2) -> Mome
 
 
 def _timeline(stamps: Floats, time: float) -> _Timeline:
-    last = float(stamps[-1])
-    time = min(max(time, float(stamps[0])), last)
+    first, last = float(stamps[0]), float(stamps[-1])
+    time = min(max(time, first), last)
     # Ten seconds also of a moment near the start or the end of the run.
-    until = min(time + _AFTER, last)
-    since = max(until - _BEFORE - _AFTER, float(stamps[0]))
+    until = min(max(time, first + _BEFORE) + _AFTER, last)
+    since = max(until - _BEFORE - _AFTER, first)
     before = np.arange(since, time, 1.0 / _RATE)
     after = np.arange(time, until, 1.0 / _RATE)
     hold, rest = int(_HOLD * _RATE), int(_REST * _RATE)

@@ -53,6 +53,9 @@ def test_the_commit_is_told_and_what_is_not_in_it(
     assert origin(folder).commit == ""
     git(folder.parent, "init", "-q", "-b", "trunk")
     assert (origin(folder).commit, origin(folder).changed) == ("", True)
+    (folder / ".gitignore").write_text("campaign.yaml\n", encoding="utf-8")
+    assert origin(folder).changed is None
+    (folder / ".gitignore").unlink()
     git(folder.parent, "add", "robots", "suts")
     git(folder.parent, "commit", "-q", "-m", "robots")
     assert origin(folder).changed is True  # the campaign's own file is in no commit
