@@ -80,12 +80,7 @@ def _read_signal(
 
 
 def _nearest_door(sampler: SignalSampler) -> RunSignal:
-    time = sampler.time_base.time
-    least = np.full(len(time), np.nan)
-    for item in sampler.trace.scene.objects:
-        one = sampler.sample(Signal("clearance", (Signal(item.name),))).values
-        least = np.fmin(least, np.where(np.isfinite(one), one, np.nan))
-    return RunSignal(DOOR_CLEARANCE, "m", time, least)
+    return RunSignal(DOOR_CLEARANCE, "m", sampler.time_base.time, sampler.object_clearance().values)
 
 
 def merge_spans(stretches: Iterable[TimeSpan]) -> tuple[TimeSpan, ...]:

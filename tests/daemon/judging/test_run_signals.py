@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from daemon.judging.run_signals import RunSignal, door_motions, merge_spans, thin_signal
+from daemon.judging.oracles import SignalSampler
+from daemon.judging.run_signals import (
+    DOOR_CLEARANCE,
+    RunSignal,
+    door_motions,
+    merge_spans,
+    sample_run_signals,
+    thin_signal,
+)
 from daemon.trace import JointTrack
+from grammars.oracle import Signal
+from tests.daemon.judging.oracles.traces import CORRIDOR, along, door, make_trace, times
 
 
 def test_doors_open_when_they_leave_how_they_are_drawn() -> None:
@@ -36,3 +48,13 @@ def test_a_part_without_samples_holds_the_value_before_it() -> None:
     signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), np.array([2.0, 3.0, 4.0]))
     thin = thin_signal(signal, 0.0, 10.0, 10)
     assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
+
+
+def test_the_clearance_of_doors_is_the_least_of_every_object() -> None:
+    scene = replace(CORRIDOR, objects=tuple(door(f"door-{i}", 2.0 * i, 1.0) for i in range(1, 5)))
+    trace = make_trace(along(times(15.0)), scene=scene)
+    sampler = SignalSampler(trace)
+    (found,) = (s for s in sample_run_signals(sampler) if s.name == DOOR_CLEARANCE)
+    each = [sampler.sample(Signal("clearance", (Signal(o.name),))).values for o in scene.objects]
+    assert np.array_equal(found.values, np.min(each, axis=0))
+    assert 0.0 < found.values.min() < 1.0
