@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from daemon.judging.oracles import SignalSampler
 from daemon.judging.run_signals import (
@@ -48,6 +49,15 @@ def test_a_part_without_samples_holds_the_value_before_it() -> None:
     signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), np.array([2.0, 3.0, 4.0]))
     thin = thin_signal(signal, 0.0, 10.0, 10)
     assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
+
+
+def test_a_thinned_signal_has_no_more_stretches_than_parts() -> None:
+    time = np.arange(0.0, 100.0, 0.05)
+    against = tuple((float(at), float(at) + 0.05) for at in time[::2])
+    thin = thin_signal(RunSignal("it", "bool", time, time % 1.0, (), against), 0.0, 100.0, 20)
+    assert thin.against == ((0.0, pytest.approx(99.95)),)
+    few = RunSignal("it", "bool", time, time, (), ((1.0, 2.0), (50.0, 60.0)))
+    assert thin_signal(few, 0.0, 100.0, 20).against == few.against
 
 
 def test_the_clearance_of_doors_is_the_least_of_every_object() -> None:
