@@ -122,7 +122,8 @@ class Snapshot:
     global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
     and rounded: x, y, x, y, ... [cm]. ``waiting`` says what an external system that is being
     brought up still lacks, empty once the run goes on. ``margin`` in ``unit`` is the least margin
-    so far of the oracles that are not waiting for something, that of ``oracle``.
+    so far, as a share of its limit, of the oracles that are not waiting for something, that of
+    ``oracle``; those that have failed come first.
     """
 
     time: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 from dataclasses import replace
 from pathlib import Path
 
@@ -179,3 +180,27 @@ def test_a_judge_that_fails_fails_alone(
     )  # fmt: skip
     assert (result.ended, judged.found) == ("limit", [])
     assert capfd.readouterr().err.count("ZeroDivisionError") == 1
+
+
+def test_judges_that_draw_leave_the_same_chance_to_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def draw(sampler: object) -> tuple[()]:
+        random.random()
+        np.random.rand()
+        return ()
+
+    monkeypatch.setattr("daemon.judging.running.sample_run_signals", draw)
+    campaign = expand(load_campaign(CAMPAIGN))
+    spec = replace(campaign.runs[0], limit=1.0)
+    scene = next(s for s in campaign.scenes if s.digest == spec.scene)
+    judged = Judged()
+    random.seed(1)
+    np.random.seed(1)
+    expected = random.Random(1).random(), np.random.RandomState(1).rand()
+    execute(
+        spec, scene, trace_path=tmp_path / "run.mcap", on_progress=lambda _: None,
+        interest=lambda: "everything", judgements=judged,
+    )  # fmt: skip
+    assert judged.found
+    assert (random.random(), np.random.rand()) == expected
