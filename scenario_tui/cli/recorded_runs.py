@@ -243,16 +243,13 @@ def _print_curves(found: Curves) -> None:
     from rich.text import Text
 
     from daemon.model.verdicts import Outcome
+    from scenario_tui.dashboard.signal_graphs import draw_signals
     from scenario_tui.text.formatting import glyph_word, quantity, time_text
-    from scenario_tui.text.signal_plot import draw_curve
 
     console = stdout_console()
     size = shutil.get_terminal_size((80, 24))
     against = [v for v in found.verdicts if v.outcome is Outcome.FAIL]
     marks = tuple(v.evidence.time for v in against if v.evidence.time is not None)
-    colour = console.is_terminal and console.color_system is not None
-    # A graph has five lines besides its rows: what it is, the unit, the top and the axis of time.
-    rows = (size.lines - 1 - len(against)) // len(found.curves) - 5
     for curve in found.curves:
         known = curve.values[np.isfinite(curve.values)]
         said = "never known in this run"
@@ -261,10 +258,9 @@ def _print_curves(found: Curves) -> None:
             low, high = quantity(float(known.min()), ""), quantity(float(known.max()), unit)
             said = f"{low} to {high}, at the end {quantity(float(known[-1]), unit)}"
         console.print(Text.assemble((curve.name, "bold"), f"  {said}"), soft_wrap=True)
-        if len(known):
-            console.print(
-                Text.from_ansi(draw_curve(curve, size.columns, rows, colour=colour, marks=marks))
-            )
+    rows = size.lines - 1 - len(against) - len(found.curves)
+    for row in draw_signals(found.trace, found.curves, size.columns, rows, marks=marks):
+        console.print(row, soft_wrap=True)
     for verdict in against:
         line = f"{glyph_word(verdict.outcome)}  {verdict.oracle}"
         when = (

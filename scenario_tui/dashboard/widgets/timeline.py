@@ -128,47 +128,59 @@ class TimelineView(CellView):
         empty = np.isin(line, [ord(" "), ord("·"), ord("─"), ord("╱")])
         owners[:, column] = np.where(empty, CURSOR, HIT)
         line[empty] = ord("│")
-        self._label(drawing, codes, owners)
+        label_signals(drawing, self._timelines, self._time, codes, owners)
         return codes, owners
 
-    def _label(self, drawing: TimelineDrawing, codes: Codes, owners: Codes) -> None:
-        """Write beside every signal what it is called and what it is at the cursor."""
-        row, width = 0, drawing.gutter - drawing.ticks - 1
-        for strip, height in zip(drawing.strips, drawing.heights, strict=False):
-            for line, (text, owner) in enumerate(self._words(strip, width, height)[:height]):
-                shown = text if len(text) <= width else f"{text[: width - 1]}…"
-                codes[row + line, : len(shown)] = [ord(c) for c in shown]
-                owners[row + line, : len(shown)] = owner
-            row += height
-        if drawing.more:
-            text = f"> {drawing.more} more"[:width]
-            codes[-1, : len(text)] = [ord(c) for c in text]
-            owners[-1, : len(text)] = FAINT
 
-    def _words(self, strip: SignalStrip, width: int, height: int) -> list[tuple[str, int]]:
-        """Return the lines beside a signal: its name, values, limits, and from where to where."""
-        values = [at_cursor(strip, self._time)]
-        if len(self._timelines) > 1:
-            same = (s for s in self._timelines[1].strips if s.name == strip.name)
-            values.append(next((at_cursor(s, self._time) for s in same), NOTHING))
-        said = " ┊ ".join(values)
-        if height == 1:
-            return [(f"{strip.name[: width - len(said) - 1]} {said}", NAME)]
-        named = [strip.name]
-        if len(strip.name) > width and height > _LEAST_ROWS:
-            named = [strip.name[:width], strip.name[width:]]
-        words = [(name, NAME) for name in named]
-        if len(said) > width and height > 2 and len(values) > 1:
-            words += [(values[0], CURVE), (f"┊ {values[1]}", OTHER)]
-        else:
-            words.append((said, CURVE))
-        if strip.limits:
-            limits = ", ".join(quantity(limit, strip.unit) for limit in strip.limits)
-            words.append((f"limit {limits}", LIMIT))
-        known = np.isfinite(strip.values)
-        if known.any():
-            most = strip.values if strip.most is None else strip.most
-            least, greatest = strip.values[known].min(), most[known].max()
-            if _brief(least) != _brief(greatest):
-                words.append((f"{_brief(least)}…{_brief(greatest, strip.unit)}", FAINT))
-        return words
+def label_signals(
+    drawing: TimelineDrawing,
+    timelines: Sequence[RunTimeline],
+    time: float,
+    codes: Codes,
+    owners: Codes,
+) -> None:
+    """Write beside every signal of a drawing what it is called and what it is at a moment [s]."""
+    row = 0
+    for strip, height in zip(drawing.strips, drawing.heights, strict=False):
+        # A signal of one row has no scale.
+        width = drawing.gutter - (drawing.ticks if height > 1 else 0) - 1
+        same = [s for other in timelines[1:] for s in other.strips if s.name == strip.name]
+        values = [at_cursor(strip, time)]
+        values += [at_cursor(s, time) for s in same] or [NOTHING] * (len(timelines) - 1)
+        words = _words(strip, values, width, height)
+        for line, (text, owner) in enumerate(words[:height]):
+            shown = text if len(text) <= width else f"{text[: width - 1]}…"
+            codes[row + line, : len(shown)] = [ord(c) for c in shown]
+            owners[row + line, : len(shown)] = owner
+        row += height
+    if drawing.more:
+        text = f"> {drawing.more} more"[: drawing.gutter - 1]
+        codes[-1, : len(text)] = [ord(c) for c in text]
+        owners[-1, : len(text)] = FAINT
+
+
+def _words(
+    strip: SignalStrip, values: Sequence[str], width: int, height: int
+) -> list[tuple[str, int]]:
+    """Return the lines beside a signal: its name, values, limits, and from where to where."""
+    said = " ┊ ".join(values)
+    if height == 1:
+        return [(f"{strip.name[: width - len(said) - 1]} {said}", NAME)]
+    named = [strip.name]
+    if len(strip.name) > width and height > _LEAST_ROWS:
+        named = [strip.name[:width], strip.name[width:]]
+    words = [(name, NAME) for name in named]
+    if len(said) > width and height > 2 and len(values) > 1:
+        words += [(values[0], CURVE), (f"┊ {values[1]}", OTHER)]
+    else:
+        words.append((said, CURVE))
+    if strip.limits:
+        limits = ", ".join(quantity(limit, strip.unit) for limit in strip.limits)
+        words.append((f"limit {limits}", LIMIT))
+    known = np.isfinite(strip.values)
+    if known.any():
+        most = strip.values if strip.most is None else strip.most
+        least, greatest = strip.values[known].min(), most[known].max()
+        if _brief(least) != _brief(greatest):
+            words.append((f"{_brief(least)}…{_brief(greatest, strip.unit)}", FAINT))
+    return words

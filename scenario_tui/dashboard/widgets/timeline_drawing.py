@@ -261,7 +261,7 @@ class TimelineDrawing:
             row += 1
         missions = range(row, row + len(timelines))
         for place, timeline in zip(missions, timelines, strict=True):
-            self.label(place, "mission")
+            self.label(place, "mission" if timeline is timelines[0] else "┊ mission")
             self._mission(place, timeline)
         axis = missions.stop
         self._axis(axis)
