@@ -82,10 +82,13 @@ class JobReport:
 
 @dataclass(frozen=True, slots=True)
 class JobProgress:
-    """What a job under way says: a :class:`daemon.model.status.LiveSnapshot` in JSON."""
+    """What a job under way says: a :class:`daemon.model.status.LiveSnapshot` in JSON, or what is
+    prepared before it can start.
+    """
 
     key: str
-    live: str
+    live: str = ""
+    preparing: str = ""
 
 
 _WARM_UP_LIMIT: Final = 330.0
@@ -178,7 +181,7 @@ class RemoteLauncher:
         lease: Lease,
         limits: RunLimits,
         wanted: Callable[[], bool],
-        tell: Callable[[str], None],
+        tell: Callable[[LaunchReport], None],
     ) -> AttemptOutput:
         """Run an attempt to its end, or stop it as soon as it is not ``wanted`` any more.
 
@@ -203,7 +206,7 @@ class RemoteLauncher:
         key: str,
         inbox: SimpleQueue[LaunchReport],
         wanted: Callable[[], bool],
-        tell: Callable[[str], None],
+        tell: Callable[[LaunchReport], None],
     ) -> AttemptEnd:
         while True:
             try:
@@ -217,7 +220,7 @@ class RemoteLauncher:
                 continue
             if report.end is not None:
                 return report.end
-            tell(report.live)
+            tell(report)
 
     def _send(self, request: LaunchRequest) -> None:
         with self._sending:
@@ -326,14 +329,15 @@ def _is_wanted(worker: Any, key: str) -> bool:
     return task is not None and task.state in ("executing", "long-running")
 
 
-def _progress_publisher(worker: Any, topic: str, key: str) -> Callable[[str], None]:
+def _progress_publisher(worker: Any, topic: str, key: str) -> Callable[[LaunchReport], None]:
     following = 0.0
 
-    def tell(live: str) -> None:
+    def tell(report: LaunchReport) -> None:
         nonlocal following
         now = time.monotonic()
         if now >= following:
             following = now + _LIVE_PERIOD
-            worker.log_event(topic, codec.to_json(JobProgress(key, live)).decode())
+            progress = JobProgress(key, report.live, report.preparing)
+            worker.log_event(topic, codec.to_json(progress).decode())
 
     return tell
