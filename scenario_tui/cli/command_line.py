@@ -18,6 +18,7 @@ from grammars.text.diagnostics import InputError
 from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.interrupts import was_interrupted
 from scenario_tui.cli.output import (
     COLLECT_RARELY,
     ErrorOutput,
@@ -78,6 +79,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # go on for hours set it back (stay_small).
     gc.set_threshold(*COLLECT_RARELY)
     code = invoke(sys.argv[1:] if arguments is None else arguments)
+    if was_interrupted():
+        code = ExitCode.INTERRUPTED  # also where a library has swallowed it
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -173,6 +176,9 @@ def _report_bad_input(error: InputError) -> int:
 
 def _report_unhandled(error: Exception) -> tuple[int, str]:
     """Say what went wrong; returns the exit code and the same in one line, empty for nobody."""
+    # A library that was interrupted while it loaded may raise anything.
+    if was_interrupted():
+        return ExitCode.INTERRUPTED, ""
     # Whoever left early knows why; a message would only tear at what is printed next.
     if isinstance(error, BrokenPipeError):
         return ExitCode.BROKEN_PIPE, ""

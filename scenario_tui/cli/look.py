@@ -348,7 +348,8 @@ class RunOutput(Output, schema="run"):
         from scenario_tui.text.search_text import proposal_lines
 
         stdout_console().print(run_text(self.run, self.live, TERMINAL_STYLES), soft_wrap=True)
-        if self.run.row.state == "queued" and not self.run.row.remark:
+        starting = self.run.row.state == "running" and self.live is None
+        if starting or (self.run.row.state == "queued" and not self.run.row.remark):
             stdout_console().print(f"{self.standing}\n", markup=False, soft_wrap=True)
         if self.proposal is not None and self.task is not None:
             for line in proposal_lines(self.task, self.proposal, TERMINAL_STYLES):
@@ -407,6 +408,9 @@ def show(
             found = replace(found, standing=standing)
         if detail.row.state == "running":
             found = replace(found, live=latest_snapshot(daemon, detail.row.id))
+            workers = daemon.workers() if found.live is None else ()
+            prepares = [one.preparing for one in workers if one.id == detail.row.worker]
+            found = replace(found, standing=next(filter(None, prepares), found.standing))
     found.show(as_json)
 
 

@@ -21,6 +21,7 @@ from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
 from daemon.model.verbs import DaemonClient
 from grammars.text.terminal_text import printable_streams
+from scenario_tui.cli.interrupts import stop_if_interrupted
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import ClientOpener
 from scenario_tui.text.formatting import (
@@ -312,6 +313,7 @@ def watch_work(
                 with open_daemon() as daemon, _listen(daemon, campaign, live) as changed:
                     look_at = 0.0
                     while True:
+                        stop_if_interrupted()
                         now = time.monotonic()
                         if changed.is_set() or now >= look_at:
                             changed.clear()

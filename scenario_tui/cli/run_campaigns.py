@@ -11,6 +11,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.compare import Baseline, WorseBy
 from scenario_tui.cli.completion import layer_files
 from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.interrupts import stop_if_interrupted
 from scenario_tui.cli.options import (
     AsJson,
     Attempts,
@@ -235,6 +236,7 @@ def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -
     from scenario_tui.submission import prepare_submission, searches_text
 
     prepared = prepare_submission(path, fresh=fresh)
+    stop_if_interrupted()
     report_diagnostics(prepared.warnings)
     if hint and (words := searches_text(path, prepared.searches)):
         say(words)

@@ -118,7 +118,7 @@ def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
             return Conclusion("running", "so far fine")
         # A search that runs has no run between two proposals.
         begun = "queued" not in states or "running" in states
-        return Conclusion("running" if begun else "queued", "nothing judged yet")
+        return Conclusion("running" if begun else "queued", "none judged")
     if code == 4 and "cancelled" in states:
         return Conclusion("cancelled", "cancelled")
     return _CONCLUSIONS[code]

@@ -215,11 +215,11 @@ def test_a_run_further_back_says_how_many_are_before_it(say: Say) -> None:
 
 RESULTS = {
     "queued": ("0 of 4 runs finished", "… queued 0/2", "… queued – n=0",
-               "nothing to compare; 4 runs queued", "nothing judged yet; 4 queued"),
-    "paused": ("0 of 4 runs finished", "… queued 0/2", "nothing judged yet; 4 queued, paused"),
+               "nothing to compare; 4 runs queued", "none judged; 4 queued"),
+    "paused": ("0 of 4 runs finished", "… queued 0/2", "none judged; 4 queued, paused"),
     "running": ("▶ running 0/2", "… queued 0/2", "nothing to compare; 1 run running, 3 runs queued",
-                "nothing judged yet; 1 running, 3 queued"),
-    "retrying": ("… queued 0/2", "nothing judged yet; 4 queued"),
+                "none judged; 1 running, 3 queued"),
+    "retrying": ("… queued 0/2", "none judged; 4 queued"),
     "cancelled": ("4 runs", "- cancelled 0/2", "nothing to compare; 4 runs cancelled",
                   "4 runs cancelled"),
     "lost": ("! lost 0/2", "4 not executed", "nothing to compare; 4 runs lost"),
@@ -272,10 +272,10 @@ def test_logs_of_a_run_without_a_result_tell_its_attempts(say: Say, name: str) -
 
 
 WAITED = {
-    "queued": "4 runs left after 0.01s, … nothing judged yet",
-    "paused": "4 runs left after 0.01s, … nothing judged yet",
-    "running": "4 runs left after 0.01s, ▶ nothing judged yet",
-    "retrying": "4 runs left after 0.01s, … nothing judged yet",
+    "queued": "4 runs left after 0.01s, … none judged",
+    "paused": "4 runs left after 0.01s, … none judged",
+    "running": "4 runs left after 0.01s, ▶ none judged",
+    "retrying": "4 runs left after 0.01s, … none judged",
     "cancelled": "cancelled-1: - cancelled",
     "lost": "lost-1: ! not all judged",
     "half": "2 runs left after 0.01s, ▶ so far fine",

@@ -189,7 +189,7 @@ def test_what_did_not_change_is_not_judged_again(judged) -> None:
         (0, True, "✓ as expected"),
         (3, True, "! not all judged"),
         (4, True, "? undecided"),
-        (4, False, "▶ nothing judged yet"),
+        (4, False, "▶ none judged"),
     ],
 )
 def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:

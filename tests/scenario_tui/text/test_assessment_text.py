@@ -94,8 +94,8 @@ def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait() -> None
 @pytest.mark.parametrize(
     ("records", "finished", "words"),
     [
-        ((record(0, "queued"), record(1, "queued")), False, "… nothing judged yet"),
-        ((record(0, "running"), record(1, "queued")), False, "▶ nothing judged yet"),
+        ((record(0, "queued"), record(1, "queued")), False, "… none judged"),
+        ((record(0, "running"), record(1, "queued")), False, "▶ none judged"),
         ((record(0, "done", Outcome.PASS), record(1, "queued")), False, "▶ so far fine"),
         ((record(0, "done", Outcome.FAIL), record(1, "queued")), False, "✗ 1 unexpected"),
         ((record(0, "done", Outcome.PASS), record(1, "cancelled")), True, "- cancelled"),
