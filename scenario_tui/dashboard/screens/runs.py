@@ -187,10 +187,10 @@ class RunsScreen(SteeringScreen):
         tracks = self.dashboard.tracks
         named = not self._wanted.campaign
         table.fill([run_cells(row, tracks.get(row.id), named) for row in page.rows])
-        # A table that was hidden because it was empty has lost the keys to its neighbour. A line
-        # that is to get them does not know of that yet.
+        # A table that was hidden because it was empty has lost the keys to its neighbour. Now, not
+        # later as focus() does: then somebody may have gone to the filter line.
         if not message and self.focused is not self.query_one(Input):
-            table.focus(scroll_visible=False)
+            self.set_focus(table, scroll_visible=False)
         # The cursor may be on another run now that the rows are others.
         if self.has_class("-wide"):
             self.dashboard.feed.set_query(self.state_query())
