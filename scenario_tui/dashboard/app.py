@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from typing import ClassVar, Final
 
 from textual import work
 from textual.binding import Binding, BindingType
-from textual.filter import LineFilter
 from textual.screen import ModalScreen, Screen
 from textual.theme import Theme
 
@@ -24,7 +23,6 @@ from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
 from scenario_tui.dashboard.screens.workers import WorkersScreen
-from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.text.formatting import pluralise
 
 FRAMES: Final = 10
@@ -64,10 +62,9 @@ class Dashboard(BaseDashboard):
         """Begin with the campaigns."""
         return CampaignsScreen()
 
-    def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return what makes colours fit: ours are for dark backgrounds."""
-        filters = super().get_line_filters()
-        return filters if self.current_theme.dark else [BrightThemeColours(), *filters]
+    def chosen_theme(self) -> str:
+        """Return the theme of the settings."""
+        return self.config.theme
 
     def on_mount(self) -> None:
         """Start asking and looking, the way the user likes it."""

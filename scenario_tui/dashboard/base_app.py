@@ -20,12 +20,12 @@ from scenario_tui.dashboard.background import (
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
 from scenario_tui.dashboard.state import DashboardState, RunsView, Tracks
+from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.submission import FileChecker, check_file_in_child
 from scenario_tui.terminal.capabilities import copy_to_tmux
-from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 
 
-class BaseDashboard(LimitedTerminalApp):
+class BaseDashboard(ThemedApp):
     """State and services of the dashboard; where one can go is for subclasses to say."""
 
     def __init__(

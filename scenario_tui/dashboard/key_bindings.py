@@ -24,6 +24,7 @@ from scenario_tui.dashboard.screens.help import (
     our_classes,
     own_bindings,
 )
+from scenario_tui.dashboard.themes import DARK, LIGHT
 from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 
@@ -120,7 +121,7 @@ def check_config(config: Config) -> None:
     """
     from textual.theme import BUILTIN_THEMES
 
-    themes = sorted((*BUILTIN_THEMES, *config.themes))
+    themes = sorted((*BUILTIN_THEMES, DARK, LIGHT, *config.themes))
     if config.theme and config.theme not in themes:
         message = f'unknown theme "{config.theme}"; themes are {", ".join(themes)}'
         raise InputError(Diagnostic(config.where("dashboard", "theme"), message))

@@ -81,7 +81,9 @@ class CampaignsScreen(SteeringScreen):
         yield Static(id="empty")
         with Horizontal(id="split"):
             yield KeyedTable(_COLUMNS, id="campaigns")
-            with VerticalScroll(id="side", can_focus=False):
+            side = VerticalScroll(id="side", can_focus=False)
+            side.border_title = "campaign"
+            with side:
                 yield Static(id="about")
 
     def trail(self) -> str:

@@ -96,8 +96,8 @@ def key_groups(screen: Screen[object]) -> list[tuple[str, Lines]]:
 
 
 def _group(active: ActiveBinding) -> str:
-    if isinstance(active.node, App):
-        return "everywhere"
+    if isinstance(active.node, App) or active.binding.id in ("help", "leave"):
+        return "everywhere"  # screens that also stand alone bind these themselves
     kinds = our_classes(type(active.node))
     kind = next(k for k in kinds if active.binding.id in {one.id for one in own_bindings(k)})
     return _ROOMS.get(kind.__module__.rpartition(".")[2], "here")

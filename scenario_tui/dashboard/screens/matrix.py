@@ -44,7 +44,9 @@ class MatrixScreen(SteeringScreen):
         yield Static(id="empty")
         with Container(id="grid"):
             yield CellTable(id="matrix")
-            with VerticalScroll(id="notes"):
+            notes = VerticalScroll(id="notes")
+            notes.border_title = "cell"
+            with notes:
                 yield Static(id="about")
 
     def state_query(self) -> Query:

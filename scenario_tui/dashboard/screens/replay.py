@@ -17,11 +17,11 @@ from scenario_tui.dashboard.playback import Playback, headline, timeline_bar
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.playing import PlayingScreen
 from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
+from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from scenario_tui.text.run_text import verdict_lines
 
 
@@ -115,7 +115,7 @@ class ReplayScreen(StandaloneScreen):
         self.query_one(TimelineView).move(transport.time)
 
 
-class ReplayApp(LimitedTerminalApp):
+class ReplayApp(ThemedApp):
     """Nothing but a replay, or two of them compared."""
 
     TITLE = "scenario replay"

@@ -93,34 +93,37 @@ class RunsScreen(SteeringScreen):
         )
         self._only = 0
         self._here = (campaign, scenario, sut)
-        self._key = ""
 
     def body(self) -> ComposeResult:
         """Filter line, table, and the run beside it."""
-        yield Input(placeholder="text in run, oracle or reason", id="filter", compact=True)
+        view = self.dashboard.run_views.get(self._here)
+        if view is not None:
+            self._wanted, self._only = view.wanted, view.only
+        hint, text = "text in run, oracle or reason", self._wanted.text
+        # With its text from the start: an empty line would tell that it changed, and be obeyed.
+        yield Input(text, placeholder=hint, id="filter", compact=True)
         yield RunningGrid(id="running")
         yield Static(id="empty")
         with Horizontal(id="split"):
             columns = (_COLUMNS[0], _CAMPAIGN, *_COLUMNS[1:])
             yield KeyedTable(_COLUMNS if self._wanted.campaign else columns, id="runs")
-            with Vertical(id="side"):
+            side = Vertical(id="side")
+            side.border_title = "run"
+            with side:
                 yield RunPanel(id="panel")
 
     def on_mount(self) -> None:
         """Start as these runs were looked at last, the first time without a filter."""
         line, view = self.query_one(Input), self.dashboard.run_views.get(self._here)
         if view is not None:
-            self._wanted, self._only = view.wanted, view.only
             self.query_one(KeyedTable).begin_at(view.key)
-        with self.prevent(Input.Changed):
-            line.value = self._wanted.text
         line.display = bool(line.value)
         super().on_mount()
 
-    def on_unmount(self) -> None:
-        """Remember how these runs were looked at."""
-        view = RunsView(self._wanted, self._only, self._key)
-        self.dashboard.run_views[self._here] = view
+    def _remember(self, key: str = "") -> None:
+        """Remember how these runs are looked at, with the run in front if there is one yet."""
+        # At once and not when the screen goes: what comes in its place asks before.
+        self.dashboard.run_views[self._here] = RunsView(self._wanted, self._only, key)
 
     def state_query(self) -> Query:
         """The page; in wide terminals also the run under the cursor."""
@@ -193,11 +196,10 @@ class RunsScreen(SteeringScreen):
         tracks = self.dashboard.tracks
         named = not self._wanted.campaign
         table.fill([run_cells(row, tracks.get(row.id), named) for row in page.rows])
-        self._key = table.key
-        # A table that was hidden because it was empty has lost the keys to its neighbour.
-        elsewhere = isinstance(self.focused, Input | RunningGrid)
-        if not message and not elsewhere:
-            table.focus(scroll_visible=False)
+        # A table that was hidden because it was empty has lost the keys to its neighbour. Now, not
+        # later as focus() does: then somebody may have gone to the filter line.
+        if not message and not isinstance(self.focused, Input | RunningGrid):
+            self.set_focus(table, scroll_visible=False)
         # The cursor may be on another run now that the rows are others.
         if self.has_class("-wide"):
             self.dashboard.feed.set_query(self.state_query())
@@ -235,7 +237,10 @@ class RunsScreen(SteeringScreen):
 
     def on_data_table_row_highlighted(self) -> None:
         """Ask for the run the cursor came to."""
-        self._key = self.query_one(KeyedTable).key
+        key = self.query_one(KeyedTable).key
+        # A screen that was left may still hear of its rows.
+        if key and self.is_current:
+            self._remember(key)
         if self.has_class("-wide"):
             self.dashboard.feed.set_query(self.state_query())
 
@@ -245,6 +250,7 @@ class RunsScreen(SteeringScreen):
 
     def _change(self, **changes: Any) -> None:
         self._wanted = replace(self._wanted, **({"offset": 0} | changes))
+        self._remember()
         self.query_one(KeyedTable).from_top()
         self.query_changed()
 

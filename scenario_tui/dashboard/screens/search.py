@@ -105,7 +105,9 @@ class SearchScreen(SteeringScreen):
                 yield SearchCurveView(id="curve")
                 yield Static(id="curve-legend")
                 yield KeyedTable(_COLUMNS, id="notable")
-                with VerticalScroll(id="answer"):
+                answer = VerticalScroll(id="answer")
+                answer.border_title = "answer"
+                with answer:
                     yield Static(id="answer-text")
             with Vertical(id="point"):
                 with VerticalScroll(id="parameters"):
