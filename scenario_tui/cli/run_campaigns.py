@@ -21,6 +21,7 @@ from scenario_tui.cli.options import (
     Slots,
     State,
     Wall,
+    check_writable,
     read_duration,
     read_wall,
 )
@@ -100,6 +101,9 @@ def run(
     from scenario_tui.cli.results import emit_results, print_commands
 
     limit = read_wall(wall)
+    # Before the runs, not after them; a folder that is made for the traces may hold it as well.
+    if junit is not None and (out is None or out not in junit.parents):
+        check_writable(junit, "--junit")
     submission = _prepare_submission(campaign)
     found = run_here(submission, out, slots, as_json, wall=limit, attempts=attempts)
     if junit is not None:
