@@ -214,12 +214,11 @@ def check(
     Nothing is run; the geometry of what would run is examined.
     """
     from grammars.text.diagnostics import Severity
-    from scenario_tui.file_check import check_file
     from scenario_tui.text.diagnostics import diagnostic_counts
 
     findings: dict[str, tuple[Diagnostic, ...]] = {}
     for file in files:
-        about, found = check_file(file, base=base)
+        about, found = _check(file, base)
         findings[str(file)] = found
         if not as_json:
             report_diagnostics(found)
@@ -229,6 +228,19 @@ def check(
     everything = [d for found in findings.values() for d in found]
     if any(d.severity is Severity.ERROR for d in everything):
         raise typer.Exit(ExitCode.BAD_INPUT)
+
+
+def _check(file: Path, base: str) -> tuple[str, tuple[Diagnostic, ...]]:
+    """Return what a file is and what is wrong with it; of one that is not there, what is meant."""
+    from grammars.text.diagnostics import InputError
+    from scenario_tui.cli.suggestions import refuse_missing_file
+    from scenario_tui.file_check import check_file
+
+    try:
+        refuse_missing_file(str(file))
+    except InputError as error:
+        return "", error.diagnostics
+    return check_file(file, base=base)
 
 
 def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -> Submission:
