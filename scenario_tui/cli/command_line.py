@@ -128,6 +128,9 @@ def _wants_json(arguments: Sequence[str]) -> bool:
 def _report(error: Exception) -> tuple[int, ErrorOutput | None]:
     """Say what went wrong to people; returns the exit code, and the same for machines."""
     if isinstance(error, typer.TyperException):
+        from scenario_tui.cli.usage_text import plain_words
+
+        plain_words(error)
         code = _report_wrong_usage(error)
         return code, ErrorOutput(_usage_message(error), code)
     if isinstance(error, InputError):
@@ -182,12 +185,14 @@ def _report_unhandled(error: Exception) -> tuple[int, str]:
     # Whoever left early knows why; a message would only tear at what is printed next.
     if isinstance(error, BrokenPipeError):
         return ExitCode.BROKEN_PIPE, ""
-    from daemon.batch.errors import DaemonError, Refused
+    from daemon.batch.errors import DaemonError, KeysUnusable, PlaceUnusable, Refused
 
     if isinstance(error, DaemonError):
         say(f"scenario: {error}")
-        # A daemon that refuses is fine itself: it was asked for something that is not there.
-        code = ExitCode.BAD_INPUT if isinstance(error, Refused) else ExitCode.INFRASTRUCTURE
+        # A daemon that refuses is fine itself: it was asked for something that is not there. Keys
+        # and places are what somebody named or wrote.
+        typed = isinstance(error, Refused | KeysUnusable | PlaceUnusable)
+        code = ExitCode.BAD_INPUT if typed else ExitCode.INFRASTRUCTURE
         return code, str(error)
     # A full disk, a folder that may not be written: not ours to mend, and no trace back helps.
     if isinstance(error, OSError):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
-    "demo": ("scenario demo", "scenario demo --out traces -j 1"),
+    "demo": ("scenario demo",),
     "new": (
         "scenario new my-tests",
         "scenario new my-office --floorplan flat.fpm",
@@ -19,7 +19,6 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "run": (
         "scenario run campaign.yaml",
         "scenario run campaign.yaml --out results --junit results.xml",
-        "scenario run campaign.yaml --wall 90s --attempts 1 --json",
     ),
     "submit": ("scenario submit campaign.yaml", "scenario submit campaign.yaml --fresh --watch"),
     "search": (
@@ -27,7 +26,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
         "scenario search --list",
     ),
     "wait": ("scenario wait nightly --timeout 10min",),
-    "serve": ("scenario serve campaign.yaml open-house --for 10s",),
+    "serve": ("scenario serve campaign.yaml --scenario open-house --headless",),
     "sut show": ("scenario sut show pilot", "scenario sut show pilot --json"),
     "sut check": ("scenario sut check my_stack.yaml",),
     "sut relay": ("scenario sut relay > relay.py",),
@@ -41,15 +40,15 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "show": ("scenario show nightly.0", "scenario show nightly.0 --log"),
     "replay": ("scenario replay nightly.0", "scenario replay nightly.0 --frame 5"),
     "plot": ("scenario plot nightly.0 clearance speed",),
-    "judge": ("scenario judge nightly", "scenario judge nightly.0 --json"),
+    "judge": ("scenario judge nightly.0", "scenario judge nightly.0 --json"),
     "verify": ("scenario verify nightly.0",),
     "compare": ("scenario compare nightly nightly",),
     "report": (
         "scenario report nightly",
-        "scenario report nightly -o nightly.html --junit nightly.xml --csv nightly.csv",
+        "scenario report nightly -o nightly.html --junit nightly.xml",
     ),
     "coverage": ("scenario coverage nightly", "scenario coverage campaign.yaml"),
-    "blame": ("scenario blame nightly.0",),
+    "blame": ("scenario blame nightly.1 --runs 20",),
     "cancel": ("scenario cancel nightly",),
     "retry": ("scenario retry nightly", 'scenario retry nightly --only "fail|error"'),
     "pause": ("scenario pause nightly", "scenario pause nightly --off"),
@@ -69,7 +68,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "keys issue": ("scenario keys issue viewer wall-screen --keys my-keys",),
     "keys list": ("scenario keys list --keys my-keys",),
     "keys bundle": ("scenario keys bundle worker -o worker.tar --keys my-keys",),
-    "keys revoke": ("scenario keys revoke wall-screen --keys my-keys",),
+    "keys revoke": ("scenario keys revoke viewer.wall-screen --keys my-keys",),
     "doctor": ("scenario doctor --quick", "scenario doctor --quick --json"),
     "gc": ("scenario gc --dry-run", "scenario gc --older-than 30d --max-size 20GiB --dry-run"),
     "import": ("scenario import map.yaml -o home", "scenario import map.yaml -o home --force"),
@@ -79,7 +78,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
         "scenario export nightly.0 picture --from 2 --until 6 -o part.svg",
         "scenario export nightly traces -o traces",
     ),
-    "vary": ("scenario vary flat.variation --samples 3 -o variants",),
+    "vary": ("scenario vary flat.variation -n 3 --seed 7 -o variants",),
     "schema": (
         "scenario schema campaign",
         "scenario schema --outputs",

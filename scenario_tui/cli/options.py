@@ -81,6 +81,14 @@ def check_endpoint(value: str) -> str:
     return parse_endpoint(value)
 
 
+def check_campaign_file(path: Path) -> Path:
+    """Return the path; refuse what is not there, with what may be meant."""
+    from scenario_tui.cli.suggestions import refuse_missing_campaign
+
+    refuse_missing_campaign(path)
+    return path
+
+
 Connect: TypeAlias = Annotated[
     str,
     typer.Option(
@@ -151,6 +159,7 @@ CampaignFile: TypeAlias = Annotated[
     Path,
     typer.Argument(
         metavar="CAMPAIGN.yaml",
+        callback=check_campaign_file,
         help="The campaign file.",
         autocompletion=completion.files(campaign_files),
     ),

@@ -214,7 +214,7 @@ def plot(
         list[str],
         typer.Argument(
             metavar="SIGNAL",
-            help="Signals as oracles name them: clearance speed loc.error door-17.angle "
+            help="Signals as oracles name them: clearance speed loc.error door_17.angle "
             "'clearance(0.35 m, 0.2 m)'.",
             autocompletion=completion.signals,
         ),

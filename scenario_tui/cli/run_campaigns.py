@@ -22,6 +22,7 @@ from scenario_tui.cli.options import (
     Slots,
     State,
     Wall,
+    check_writable,
     read_duration,
     read_wall,
 )
@@ -101,6 +102,9 @@ def run(
     from scenario_tui.cli.results import emit_results, print_commands
 
     limit = read_wall(wall)
+    # Before the runs, not after them; a folder that is made for the traces may hold it as well.
+    if junit is not None and (out is None or out not in junit.parents):
+        check_writable(junit, "--junit")
     submission = _prepare_submission(campaign)
     found = run_here(submission, out, slots, as_json, wall=limit, attempts=attempts)
     if junit is not None:
@@ -211,12 +215,11 @@ def check(
     Nothing is run; the geometry of what would run is examined.
     """
     from grammars.text.diagnostics import Severity
-    from scenario_tui.file_check import check_file
     from scenario_tui.text.diagnostics import diagnostic_counts
 
     findings: dict[str, tuple[Diagnostic, ...]] = {}
     for file in files:
-        about, found = check_file(file, base=base)
+        about, found = _check(file, base)
         findings[str(file)] = found
         if not as_json:
             report_diagnostics(found)
@@ -226,6 +229,19 @@ def check(
     everything = [d for found in findings.values() for d in found]
     if any(d.severity is Severity.ERROR for d in everything):
         raise typer.Exit(ExitCode.BAD_INPUT)
+
+
+def _check(file: Path, base: str) -> tuple[str, tuple[Diagnostic, ...]]:
+    """Return what a file is and what is wrong with it; of one that is not there, what is meant."""
+    from grammars.text.diagnostics import InputError
+    from scenario_tui.cli.suggestions import refuse_missing_file
+    from scenario_tui.file_check import check_file
+
+    try:
+        refuse_missing_file(str(file))
+    except InputError as error:
+        return "", error.diagnostics
+    return check_file(file, base=base)
 
 
 def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -> Submission:

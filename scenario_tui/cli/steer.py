@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from grammars.text.diagnostics import did_you_mean
 from scenario_tui.cli import completion
 from scenario_tui.cli.options import AsJson, CampaignName, Connect, State
 from scenario_tui.cli.output import Output, say
@@ -97,6 +98,10 @@ def retry(
     as_json: AsJson = False,
 ) -> None:
     """Queue lost or cancelled runs of a campaign again."""
+    for word in only.split("|"):
+        if word.strip() not in _RETRYABLE:
+            message = f'"{word}" is no kind of run: {did_you_mean(word, _RETRYABLE)}'
+            raise typer.BadParameter(message, param_hint="--only")
 
     def ask(daemon: DaemonClient, id_: str) -> int:
         return daemon.retry(id_, only=only)

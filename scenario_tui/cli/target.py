@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 
 _NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
+_MCAP: Final = b"\x89MCAP0\r\n"
+"""What every MCAP file begins with."""
 _NAMED: Final = 3
 """Traces that are named when several are meant and one is wanted."""
 
@@ -263,6 +265,20 @@ def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[P
     near = [name for name in named if name not in far]
     found = _find_local_traces(near, target, hint) if near else ()
     return (*found, *_fetch_traces(far, target, hint)) if far else found
+
+
+def refuse_other_files(named: Sequence[str], hint: str) -> None:
+    """Refuse files that were named and are no traces, as wrong usage: by what they begin with.
+
+    A trace that breaks off is one all the same.
+    """
+    for name in named:
+        path = Path(name)
+        if not path.is_file():
+            continue
+        with path.open("rb") as file:
+            if file.read(len(_MCAP)) != _MCAP:
+                raise typer.BadParameter(f"{name} is no trace (MCAP file)", param_hint=hint)
 
 
 def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import DaemonError, Refused, TraceUnavailable
+from daemon.batch.errors import PlaceUnusable, Refused, TraceUnavailable
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import is_url, local_copy
@@ -76,7 +76,7 @@ def open_ledger(paths: StatePaths) -> Iterator[LedgerReader]:
     Raises :class:`daemon.batch.errors.DaemonError` when there is none, or none this version reads.
     """
     if not paths.ledger.is_file():
-        raise DaemonError(
+        raise PlaceUnusable(
             f"{paths.state} is no state directory: name a folder of traces, or choose another "
             "directory with --state"
         )
@@ -159,7 +159,9 @@ def _read_note(folder: Path, otherwise: str) -> CampaignNote:
     try:
         return codec.from_json(CampaignNote, path.read_bytes())
     except ValueError as error:
-        raise Refused(f"{path} is not what `scenario run` leaves: delete it ({error})") from error
+        raise Refused(
+            f"{path} is not what `scenario run` leaves: delete it ({codec.reading_error(error)})"
+        ) from error
 
 
 def folder_input(folder: Path) -> ReportInput:

@@ -328,7 +328,7 @@ def _passing_runs(
 
 
 def evidence_text(verdict: Verdict) -> str:
-    """Return a verdict's margin and evidence: ``-0.012 m  t=41.3 s  door-17``."""
+    """Return a verdict's margin and evidence: ``-0.012 m  t=41.3 s  door_17``."""
     seen = verdict.evidence
     parts = ["" if verdict.margin is None else _quantity(verdict.margin, verdict.unit)]
     parts.append("" if seen.time is None else f"t={seen.time:.1f} s")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import errno
 import json
 import os
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from daemon.batch.paths import StatePaths
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import ExitCode, exit_code
@@ -251,3 +253,38 @@ def test_a_command_that_has_answered_says_no_more(raising, capsys, monkeypatch) 
 def test_the_error_of_the_docs_is_one(campaigns: Path) -> None:
     text = (campaigns.parent / "docs" / "command-line.md").read_text("utf-8")
     declared(text.partition("```json\n")[2].partition("```")[0])
+
+
+@pytest.mark.parametrize("typed", ["nigthly", "nigthly.yaml", "tests/nigthly.yaml", "tests"])
+@pytest.mark.parametrize("command", ["run", "submit", "serve", "check", "search", "coverage"])
+def test_a_missing_campaign_suggests_those_near_by(
+    command: str, typed: str, scenario, tmp_path: Path, monkeypatch
+) -> None:
+    if command in ("check", "search", "coverage") and not typed.endswith(".yaml"):
+        return  # no name of a file
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "nightly.yaml").write_text("campaign: nightly\n")
+    said = scenario(command, typed)
+    assert said.code == 2
+    expected = "is a folder" if typed == "tests" else "did you mean tests/nightly.yaml?"
+    assert expected in said.err
+
+
+def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "`scenario new NAME` writes one" in scenario("run", "x.yaml").err
+    for name in ("alpha", "beta"):
+        (tmp_path / f"{name}.yaml").write_text(f"campaign: {name}\n")
+    assert "campaign files here: " in scenario("run", "x.yaml").err
+
+
+def test_a_missing_campaign_may_have_been_submitted(scenario, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
+    ledger = StatePaths.find().ledger
+    ledger.parent.mkdir(parents=True, exist_ok=True)
+    with sqlite3.connect(ledger) as db:
+        db.execute("CREATE TABLE campaign (serial INTEGER PRIMARY KEY, id, name, total, about)")
+        db.execute("INSERT INTO campaign VALUES (1, 'nightly-1', 'nightly', 3, '')")
+    assert '"nightly" was submitted: `scenario results nightly`' in scenario("run", "nightly").err

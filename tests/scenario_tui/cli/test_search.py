@@ -41,6 +41,7 @@ def _no_waiting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(progress, "INTERVAL", 0.001)
     monkeypatch.setattr(progress, "_POLL", 0.0)
     monkeypatch.chdir(tmp_path)
+    Path("campaign.yaml").write_text("campaign: house\n")
 
 
 def _have(fake: FakeDaemon, row: SearchRow) -> None:
