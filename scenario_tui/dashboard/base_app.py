@@ -19,6 +19,7 @@ from scenario_tui.dashboard.background import (
 )
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
+from scenario_tui.dashboard.playback_process import PlaybackProcess, PlaybackReader
 from scenario_tui.dashboard.state import DashboardState, RunsView, Tracks
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.submission import FileChecker, check_file_in_child
@@ -38,11 +39,13 @@ class BaseDashboard(ThemedApp):
         run_command: CommandRunner = run_command,
         check_file: FileChecker = check_file_in_child,
         launch_daemon: Callable[[], str] | None = None,
+        read_playback: PlaybackReader | None = None,
     ) -> None:
         super().__init__()
         self.feed = feed
         self.background_tasks = BackgroundTasks()
         self.run_command, self.check_file = run_command, check_file
+        self.read_playback = read_playback or PlaybackProcess().read
         self.command_lines = command_lines or CommandLines()
         self.config = config or Config()
         self.read_only = self.config.read_only

@@ -15,7 +15,7 @@ from textual.widgets import Static
 
 from daemon.batch.errors import DaemonError
 from grammars.text.diagnostics import InputError
-from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.playback import Playback
 from scenario_tui.dashboard.screens.playing import clock_line
 from scenario_tui.dashboard.screens.replay import StandaloneScreen
 from scenario_tui.dashboard.signal_strips import (
@@ -194,6 +194,4 @@ def _playback(dashboard: BaseDashboard, run: str) -> Playback:
     if isinstance(found, UnavailableTrace):
         raise DaemonError(f"{run}: {found.why}")
     assert detail.result is not None
-    playback = open_playback(found, detail.result.verdicts)
-    playback.timeline  # noqa: B018  sampled here and not where it would be waited for
-    return playback
+    return dashboard.read_playback(found, detail.result.verdicts)

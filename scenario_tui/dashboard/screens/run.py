@@ -319,11 +319,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         """Read the whole trace outside the thread that draws, then show it."""
         # What reads traces takes a while to load, and the dashboard is to be there at once.
         from daemon.trace import TraceError
-        from scenario_tui.dashboard.playback import open_playback
 
         try:
-            playback = open_playback(path, verdicts)
-            playback.timeline  # noqa: B018  sampled here and not where it would be waited for
+            playback = self.dashboard.read_playback(path, verdicts)
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
             self.app.call_from_thread(self._broken, f"{why}: {path}")

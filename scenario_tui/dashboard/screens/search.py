@@ -256,11 +256,10 @@ class SearchScreen(SteeringScreen):
     def _open(self, path: Path, detail: RunDetail) -> None:
         """Read a whole trace outside the thread that draws, then show it."""
         from daemon.trace import TraceError
-        from scenario_tui.dashboard.playback import open_playback
 
         verdicts = detail.result.verdicts if detail.result is not None else ()
         try:
-            playback = open_playback(path, verdicts)
+            playback = self.dashboard.read_playback(path, verdicts)
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
             self.app.call_from_thread(self._broken, detail.row.id, f"{why}: {path}")
