@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 
 from daemon.judging.oracles import judge, judge_leading, overall_outcome
+from daemon.model.execution import machine_text
 from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, package_versions
 from daemon.model.sut import TICK_RATE
@@ -21,7 +22,7 @@ from daemon.run_judge import JudgementReceiver, WatchedRun
 from daemon.run_loop import Interest, ProgressCallback, RunLoop
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.scene import Scene
-from grammars.text.codec import warm_up as warm_up_codec
+from grammars.text import codec
 
 
 class SceneMismatchError(ValueError):
@@ -36,7 +37,7 @@ def warm_up(rooms: Iterable[str] = (*RUN_ROOMS, *SYSTEM_ROOMS)) -> None:
     """
     for room in rooms:
         import_module(room).warm_up()
-    warm_up_codec(RunSpec, Scene, RunResult)
+    codec.warm_up(RunSpec, Scene, RunResult)
     package_versions()
 
 
@@ -63,7 +64,7 @@ def execute(
     """
     if scene.digest != spec.scene:
         raise SceneMismatchError(f"scene {scene.digest[:12]} given, {spec.scene[:12]} specified")
-    wall, cpu = time.perf_counter(), time.process_time()
+    started, wall, cpu = time.time(), time.perf_counter(), time.process_time()
     with TraceWriter(trace_path, spec, scene, versions=package_versions()) as trace:
         watched = None
         if on_progress is not None and judgements is not None:
@@ -81,18 +82,23 @@ def execute(
         del loop, watched, on_progress
         for name, data in outputs.items():
             trace.attach(name, data)
-        info = trace.close(ended, note)
-    # Judged is the file, not what is still in memory: the verdicts of a run are then the very
-    # ones that anybody gets who judges its trace again, on another machine and years later.
-    recorded = read_trace(trace_path)
-    margins: tuple[LeadingMargin, ...] = ()
-    if leads:
-        verdicts, margins = judge_leading(recorded, spec.oracles)
-    else:
-        verdicts = judge(recorded, spec.oracles)
-    outcome = overall_outcome(recorded, verdicts)
-    timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated)
-    return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note, margins)
+        try:
+            # Judged is the file, not what is still in memory: the verdicts of a run are then the
+            # very ones that anybody gets who judges its trace again, elsewhere and years later.
+            recorded = read_trace(trace.finish(ended, note))
+            margins: tuple[LeadingMargin, ...] = ()
+            if leads:
+                verdicts, margins = judge_leading(recorded, spec.oracles)
+            else:
+                verdicts = judge(recorded, spec.oracles)
+            outcome = overall_outcome(recorded, verdicts)
+            trace.add_verdicts(codec.to_json({"outcome": outcome, "verdicts": verdicts}))
+        finally:
+            # Without verdicts where a judge failed: the recording is worth as much as ever.
+            info = trace.publish()
+    timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated, started)
+    found = (spec.digest, outcome, verdicts, ended, info, timing, note, margins)
+    return RunResult(*found, machine_text())
 
 
 def prepare(spec: RunSpec, scene: Scene) -> None:

@@ -5,10 +5,13 @@ Nothing of this has any influence on the run: what is recorded is read, never wr
 
 from __future__ import annotations
 
+import random
 import time
 import traceback
 from dataclasses import replace
 from typing import Final, Literal, Protocol
+
+import numpy as np
 
 from daemon.judging.oracles import LeastMargin, judge_so_far, least_margin
 from daemon.judging.running import RunningJudge
@@ -76,6 +79,8 @@ class WatchedRun:
     def _look(self, wanted: JudgingWanted, ended: str | None = None, note: str = "") -> None:
         if self._failed:
             return
+        # Drawn from by oracles that plug in, and by systems under test that do.
+        chance = random.getstate(), np.random.get_state()
         try:
             with interruptible("the judging of a run that is watched"):
                 trace = self._trace.so_far(ended, note)
@@ -87,5 +92,8 @@ class WatchedRun:
             traceback.print_exc()
             self._failed = True
             return
+        finally:
+            random.setstate(chance[0])
+            np.random.set_state(chance[1])
         if judgement is not None:
             self._receiver.tell(judgement)

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Final, TypeAlias
 
 from daemon.model.proposals import ProposalRow
-from daemon.model.status import RunRow
+from daemon.model.spec import Snapshot
+from daemon.model.status import LiveSnapshot, RunRow
 from daemon.model.verbs import Closeable, DaemonClient
 
-__all__ = ["ClientOpener", "Closeable", "DaemonClient", "all_runs", "newer_proposals"]
+__all__ = [
+    "ClientOpener",
+    "Closeable",
+    "DaemonClient",
+    "all_runs",
+    "latest_snapshot",
+    "newer_proposals",
+]
 
 _RUNS_PER_QUERY: Final = 500
 """Runs asked for at once when all of them are wanted."""
+
+LIVE_PATIENCE: Final = 0.5
+"""Seconds for a run to say how far it is: it does so several times a second while it is watched."""
 
 ClientOpener: TypeAlias = Callable[[], AbstractContextManager[DaemonClient]]
 
@@ -43,3 +55,22 @@ def newer_proposals(
     """Return every run of a search in order; only those that may have changed are asked for."""
     settled = next((i for i, row in enumerate(known) if not row.settled), len(known))
     return (*known[:settled], *daemon.proposals(campaign, settled))
+
+
+def latest_snapshot(
+    daemon: DaemonClient, run: str, patience: float = LIVE_PATIENCE
+) -> Snapshot | None:
+    """Return how far a run is, ``None`` when it does not tell within ``patience`` seconds."""
+    told: list[Snapshot] = []
+    came = threading.Event()
+
+    def take(message: LiveSnapshot) -> None:
+        told.append(message.snapshot)
+        came.set()
+
+    watch = daemon.watch(run, take)
+    try:
+        came.wait(patience)
+    finally:
+        watch.close()
+    return told[-1] if told else None

@@ -151,7 +151,8 @@ def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     scenarios = pluralise(len(suts), "scenario")
     runs = pluralise(campaign.runs + campaign.lost_runs, "run")
     searches = f", {pluralise(len(campaign.searches), 'search', 'searches')}"
-    return f"{scenarios}, {runs}{more}{searches if campaign.searches else ''}", found
+    meant = f", {pluralise(len(campaign.allowed), 'warning')} allowed" if campaign.allowed else ""
+    return f"{scenarios}, {runs}{more}{searches if campaign.searches else ''}{meant}", found
 
 
 def _search_findings(campaign: Campaign) -> tuple[Diagnostic, ...]:

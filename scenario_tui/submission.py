@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -38,13 +38,14 @@ def prepare_submission(path: Path, *, fresh: bool = False) -> PreparedSubmission
 
     Raises :class:`InputError` with everything found when there is an error.
     """
-    from daemon.campaign import examine, expand
+    from daemon.campaign import campaign_origin, examine, expand
 
     campaign, found = examine(path)
     if any(d.severity is Severity.ERROR for d in found):
         raise InputError(found)
     names = tuple(task.name for task in campaign.searches)
-    return PreparedSubmission(expand(campaign, fresh=fresh), found, names)
+    submission = replace(expand(campaign, fresh=fresh), origin=campaign_origin(campaign, path))
+    return PreparedSubmission(submission, found, names)
 
 
 def searches_text(path: Path, names: tuple[str, ...]) -> str:

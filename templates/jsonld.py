@@ -109,7 +109,7 @@ _CONTEXT: Final = {
     "hadMember": {"@id": "prov:hadMember", "@type": "@id"},
     "generatedAtTime": {"@id": "prov:generatedAtTime", "@type": "xsd:dateTime"},
 }
-_LIBRARIES: Final = ("jinja2", "manifold3d", "numpy", "pillow", "resvg-py", "shapely", "trimesh")
+_LIBRARIES: Final = ("jinja2", "manifold3d", "numpy", "resvg-py", "shapely", "trimesh")
 _FOLDERS: Final = ("gazebo", "jsonld", "keyframes", "launch", "maps", "mesh", "tasks")
 
 

@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[1]
 SOURCES = (
     *sorted((ROOT / "grammars" / "preflight").glob("_*.py")),
     ROOT / "grammars" / "scenery" / "_usage.py",
+    ROOT / "daemon" / "campaign" / "_findings.py",
     ROOT / "daemon" / "campaign" / "_unused.py",
     ROOT / "daemon" / "search" / "preparation" / "checks.py",
 )

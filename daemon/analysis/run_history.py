@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from daemon.batch.errors import DaemonError
+from daemon.batch.errors import PlaceUnusable
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import OUTPUT, read_output
@@ -48,7 +48,7 @@ def read_steps(paths: StatePaths, run: str) -> tuple[RunStep, ...]:
     Raises :class:`daemon.batch.errors.DaemonError` when there is no ledger that can be read.
     """
     if not paths.ledger.is_file():
-        raise DaemonError(f"{paths.state} is no state directory: choose another with --state")
+        raise PlaceUnusable(f"{paths.state} is no state directory: choose another with --state")
     with LedgerReader.open(paths) as ledger:
         return tuple(RunStep(*step) for step in ledger.steps(run))
 

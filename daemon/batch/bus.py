@@ -16,7 +16,7 @@ from typing import Final, TypeVar
 
 import zenoh
 
-from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
+from daemon.batch.errors import DaemonError, PlaceUnusable, Refused, Unavailable, Unreachable
 from daemon.batch.paths import (
     INSECURE_VARIABLE,
     endpoint_text,
@@ -63,7 +63,7 @@ def open_router(listen: Sequence[str], keys: DaemonCredentials | None = None) ->
         return zenoh.open(_config("router", settings))
     except zenoh.ZError as error:
         where = " and ".join(map(endpoint_text, listen))
-        raise DaemonError(f"cannot listen at {where}: {_last_words(error)}") from error
+        raise PlaceUnusable(f"cannot listen at {where}: {_last_words(error)}") from error
 
 
 def open_client(endpoint: str, credentials: Credentials | None = None) -> zenoh.Session:

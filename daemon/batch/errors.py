@@ -4,6 +4,7 @@ DaemonError
 ├── Unreachable       nobody answers at the endpoint
 │   └── Unavailable   the daemon answered that it cannot just now: its disk is full, say
 ├── Refused           the daemon answered and said no; the message is its words
+├── PlaceUnusable     a state directory or an address that was named cannot be used
 ├── AlreadyRunning    another daemon keeps this state directory
 ├── TraceUnavailable  a trace cannot be read here: it is gone, or where nobody reaches it
 ├── KeysUnusable      the keys for a connection are missing, damaged or of the wrong kind
@@ -38,6 +39,10 @@ class Unavailable(Unreachable):
 
 class Refused(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
     """The daemon answered and said no."""
+
+
+class PlaceUnusable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A place that was named cannot be used: a folder without ledger, an address that is taken."""
 
 
 class AlreadyRunning(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)

@@ -7,18 +7,24 @@ the same time would each compile the same.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Final
 
 from daemon.supervision.guardian import guard
 
 # The first byte of what it tells its worker.
+WAITING: Final = b"W"
+"""Another process compiles into the same cache just now."""
 COUNT: Final = b"C"
-"""Then two numbers: kernels compiled, and about how many there are."""
+"""Then two numbers: kernels that are there, and about how many there will be."""
 READY: Final = b"R"
 FAILED: Final = b"F"
 _LONGEST_WORDS: Final = 16_000
@@ -37,7 +43,11 @@ def compile_kernels(niceness: int, wire: Connection) -> None:
         guard(niceness=niceness)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         os.setpriority(os.PRIO_PROCESS, 0, max(niceness, os.getpriority(os.PRIO_PROCESS, 0)))
-        _compile(forkserver_preload.missing, wire)
+        # Not loaded by the fork server, which has no need of it.
+        from daemon.batch.numba_cache import numba_cache_folder
+
+        with compiling_alone(numba_cache_folder(), wire):
+            _compile(forkserver_preload.missing, wire)
     except Exception:
         # Nothing a run could help: the worker gives back what needs these kernels.
         words = traceback.format_exc()[-_LONGEST_WORDS:]
@@ -46,14 +56,39 @@ def compile_kernels(niceness: int, wire: Connection) -> None:
     wire.send_bytes(READY)
 
 
+@contextmanager
+def compiling_alone(folder: Path, wire: Connection) -> Iterator[None]:
+    """Wait until no other process compiles into ``folder``, and say so.
+
+    What it has left there is loaded afterwards, not compiled once more.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / "kernels.lock").open("ab")
+    except OSError:
+        yield  # nobody can be waited for: a file system that cannot be written
+        return
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            wire.send_bytes(WAITING)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        except OSError:
+            pass  # a file system without locks
+        yield
+
+
 def _compile(rooms: list[str], wire: Connection) -> None:
-    from daemon.model.kernels import count_kernels, counting_compiled
+    from daemon.model.kernels import count_kernels, count_ready_kernels, counting_compiled
 
     modules = [import_module(room) for room in rooms]
     expected = count_kernels(rooms)
 
     def report(compiled: int) -> None:
-        wire.send_bytes(COUNT + f"{compiled} {max(compiled, expected)}".encode())
+        # Those that were on the disk are there as well.
+        there = max(compiled, count_ready_kernels(rooms))
+        wire.send_bytes(COUNT + f"{there} {max(there, expected)}".encode())
 
     report(0)
     with counting_compiled(report):

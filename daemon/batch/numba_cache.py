@@ -26,12 +26,25 @@ def numba_cache_environment(
     where it can keep nothing: a container with a read-only installation and no home, say.
     ``usual`` are these two paths.
     """
-    # The in-tree and the user-wide cache locators of numba.core.caching, in this order.
-    beside = Path(daemon.__file__).parent / "__pycache__"
-    folders = usual or (beside, platformdirs.user_cache_path("numba"))
-    if environ.get(CACHE_VARIABLE) or any(_writable(folder) for folder in folders):
+    if environ.get(CACHE_VARIABLE) or any(_writable(folder) for folder in usual or _usual()):
         return dict(environ)
     return {**environ, CACHE_VARIABLE: str(paths.state / "kernels")}
+
+
+def numba_cache_folder(environ: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder numba keeps what it compiles in, or below; processes that share it need not
+    compile the same.
+    """
+    if asked := environ.get(CACHE_VARIABLE):
+        return Path(asked)
+    folders = _usual()
+    return next((folder for folder in folders if _writable(folder)), folders[-1])
+
+
+def _usual() -> tuple[Path, ...]:
+    # The in-tree and the user-wide cache locators of numba.core.caching, in this order.
+    beside = Path(daemon.__file__).parent / "__pycache__"
+    return beside, platformdirs.user_cache_path("numba")
 
 
 def _writable(folder: Path) -> bool:

@@ -29,6 +29,7 @@ from daemon.campaign._layers import (
     layer_names,
     layer_places,
 )
+from daemon.campaign._origin import campaign_origin
 from daemon.campaign._overrides import find_overridable, overridable, with_overrides
 from daemon.campaign._parameters import (
     ParameterValue,
@@ -68,6 +69,7 @@ __all__ = [
     "ResolvedScenario",
     "SutFile",
     "bundle_campaign",
+    "campaign_origin",
     "campaign_text",
     "check",
     "examine",

@@ -31,7 +31,14 @@ from daemon.campaign._external import (
     says_repeats,
 )
 from daemon.campaign._file import CampaignFile, repeat_policy
-from daemon.campaign._findings import find_problems, say_once
+from daemon.campaign._findings import (
+    AllowedWarning,
+    allowed_warnings,
+    find_problems,
+    find_unmet,
+    say_once,
+    without_allowed,
+)
 from daemon.campaign._layers import LayerLibrary
 from daemon.campaign._scenarios import (
     LayerReference,
@@ -88,6 +95,10 @@ class Campaign:
     """The systems of every cell of the file that no run can be made of."""
     searches: tuple[SearchTask, ...] = ()
     """The searches of the file, in its order; they are no part of its runs."""
+    allow: tuple[AllowedWarning, ...] = ()
+    """Warnings that the file says are meant."""
+    allowed: tuple[Diagnostic, ...] = ()
+    """Those there are of them; they are not among ``warnings``."""
 
     def repeats_with(self, sut: SutReference) -> int:
         """Return how many runs every scenario has with a system before anything is decided."""
@@ -149,14 +160,19 @@ def examine(path: str | Path) -> tuple[Campaign, tuple[Diagnostic, ...]]:
     """
     campaign, loader = _load_all(path)
     preflight = find_problems(loader.worlds, (*campaign.cells, *loader.partial))
-    found = (*loader.findings, *campaign.warnings, *preflight)
-    return campaign, say_once(found)
+    said, meant = without_allowed(preflight, campaign.allow)
+    found = (*loader.findings, *campaign.warnings, *said)
+    campaign = replace(campaign, allowed=say_once((*campaign.allowed, *meant)))
+    # What could not be read may be what is allowed.
+    whole = not any(one.severity is Severity.ERROR for one in found)
+    unmet = find_unmet(campaign.allow, campaign.allowed) if whole else ()
+    return campaign, say_once((*found, *unmet))
 
 
 def check(campaign: Campaign) -> tuple[Diagnostic, ...]:
     """Return warnings of the layers and what the pre-flight of every cell finds."""
-    found = (*campaign.warnings, *find_problems(campaign.cells, campaign.cells))
-    return say_once(found)
+    problems, _ = without_allowed(find_problems(campaign.cells, campaign.cells), campaign.allow)
+    return say_once((*campaign.warnings, *problems))
 
 
 def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
@@ -194,6 +210,16 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     unused = find_unused(
         use, lambda layer: loader.collect_errors(lambda: loader.library.oracles((layer,)))
     )
+    allow = allowed_warnings(text, document)
+    warnings, meant = without_allowed(
+        (
+            *loader.library.warnings,
+            *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
+            *unused,
+            *(one for one in said if one.severity is Severity.WARNING),
+        ),
+        allow,
+    )
     campaign = Campaign(
         name=text.campaign,
         about=text.about,
@@ -203,14 +229,11 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         repeats=declared.policy.n if says_repeats(document) else None,
         declared=declared,
         cells=tuple(loader.cells),
-        warnings=(
-            *say_once(loader.library.warnings),
-            *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
-            *dict.fromkeys(unused),
-            *(one for one in said if one.severity is Severity.WARNING),
-        ),
+        warnings=say_once(warnings),
         lost=tuple(loader.lost),
         searches=searches,
+        allow=allow,
+        allowed=tuple(meant),
     )
     return campaign, loader
 

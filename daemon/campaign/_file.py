@@ -147,6 +147,15 @@ class ExpectText(StrictModel):
         return self
 
 
+class AllowText(StrictModel):
+    """A warning of the check that is meant, and is not said any more."""
+
+    warning: str = Field(min_length=1)
+    """The warning as it is said, * for whatever stands there: the leaf of door_12 sweeps *."""
+    why: str = Field(min_length=1)
+    """Why it is meant."""
+
+
 class GateText(StrictModel):
     """Fail when results get worse than those of another campaign."""
 
@@ -258,7 +267,7 @@ class ScenarioText(SlotsText):
     elsewhere = (
         MISSION_KEYS
         | dict.fromkeys(
-            ("seed", "repeats", "compare", "expect", "reference", "gate", "defaults"),
+            ("seed", "repeats", "compare", "expect", "allow", "reference", "gate", "defaults"),
             "it belongs at the top of the campaign file, it is about all scenarios",
         )
         | {"matrix": "it belongs at the top of the campaign file; here write: sut: [pilot]"}
@@ -352,6 +361,8 @@ class CampaignFile(StrictModel):
     "on leg NAME" inside for one leg only; a measure's name instead of delay compares that."""
     expect: list[ExpectText] = Field(default_factory=list)
     """What is known to be otherwise than passing, and why; all else must pass."""
+    allow: list[AllowText] = Field(default_factory=list)
+    """Warnings of the check that are meant, and why; errors cannot be allowed."""
     reference: dict[Annotated[str, Field(pattern=_NAME)], ReferenceText] = Field(
         default_factory=dict
     )

@@ -4,18 +4,76 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from typing import Final
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Final
 
 from daemon.campaign._cells import CampaignCell, LoadedWorld
 from daemon.campaign._sensors import check_sensors
 from daemon.campaign._speed import top_speed
 from grammars.jsonld import check_composition
 from grammars.preflight import check_limit, check_map, check_run, check_scene
-from grammars.text.diagnostics import Diagnostic
+from grammars.text.diagnostics import Diagnostic, Severity, Where
+
+if TYPE_CHECKING:
+    from daemon.campaign._file import CampaignFile
+    from grammars.text.documents import YamlDocument
 
 _SIZE: Final = re.compile(r"-?\d+\.\d+")
 """A length or an angle in a message; names of objects have no points in their numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class AllowedWarning:
+    """Warnings that the campaign file says are meant: a ``pattern`` of their messages, ``why``."""
+
+    pattern: str
+    why: str
+    where: Where
+
+    def covers(self, found: Diagnostic) -> bool:
+        """Whether a finding is such a warning; errors are never allowed."""
+        return found.severity is Severity.WARNING and fnmatchcase(found.message, self.pattern)
+
+
+def allowed_warnings(text: CampaignFile, document: YamlDocument) -> tuple[AllowedWarning, ...]:
+    """Return what a campaign file allows."""
+    # Only the star stands for something: messages are full of brackets.
+    return tuple(
+        AllowedWarning(
+            one.warning.replace("[", "[[]").replace("?", "[?]"),
+            one.why,
+            document.where(("allow", index, "warning")),
+        )
+        for index, one in enumerate(text.allow)
+    )
+
+
+def without_allowed(
+    found: Iterable[Diagnostic], allowed: Sequence[AllowedWarning]
+) -> tuple[list[Diagnostic], list[Diagnostic]]:
+    """Return what is left to say of ``found``, and the warnings that are allowed."""
+    said: list[Diagnostic] = []
+    meant: list[Diagnostic] = []
+    for one in found:
+        (meant if any(each.covers(one) for each in allowed) else said).append(one)
+    return said, meant
+
+
+def find_unmet(
+    allowed: Sequence[AllowedWarning], meant: Sequence[Diagnostic]
+) -> tuple[Diagnostic, ...]:
+    """Return a warning for each line of ``allow`` that allows nothing any more."""
+    return tuple(
+        Diagnostic(
+            one.where,
+            "no warning is like this one",
+            "leave it out, or write the warning as `scenario check` says it",
+            Severity.WARNING,
+        )
+        for one in allowed
+        if not any(map(one.covers, meant))
+    )
 
 
 def find_problems(

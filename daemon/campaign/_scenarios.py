@@ -244,8 +244,8 @@ _REQUIRED: Final = {
 _EXAMPLES: Final = {
     "floorplan": "floorplan: flat (the file flat.fpm)",
     "mission": "mission: courier (the file courier.mission.yaml)",
-    "robot": "robot: courier (`scenario layers` names those that ship)",
-    "suts": "matrix: {sut: [pilot]} (`scenario layers` names those that ship)",
+    "robot": "robot: courier (`scenario new --layers` names those that ship)",
+    "suts": "matrix: {sut: [pilot]} (`scenario new --layers` names those that ship)",
     "oracles": "oracles: [reached, no-contact]",
 }
 

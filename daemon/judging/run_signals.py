@@ -80,19 +80,14 @@ def _read_signal(
 
 
 def _nearest_door(sampler: SignalSampler) -> RunSignal:
-    time = sampler.time_base.time
-    least = np.full(len(time), np.nan)
-    for item in sampler.trace.scene.objects:
-        one = sampler.sample(Signal("clearance", (Signal(item.name),))).values
-        least = np.fmin(least, np.where(np.isfinite(one), one, np.nan))
-    return RunSignal(DOOR_CLEARANCE, "m", time, least)
+    return RunSignal(DOOR_CLEARANCE, "m", sampler.time_base.time, sampler.object_clearance().values)
 
 
-def merge_spans(stretches: Iterable[TimeSpan]) -> tuple[TimeSpan, ...]:
-    """Return stretches of time as few, ascending and disjoint ones."""
+def merge_spans(stretches: Iterable[TimeSpan], gap: float = 0.0) -> tuple[TimeSpan, ...]:
+    """Return stretches of time as few, ascending and disjoint ones, more than ``gap`` [s] apart."""
     found: list[TimeSpan] = []
     for start, end in sorted(stretches):
-        if found and start <= found[-1][1]:
+        if found and start <= found[-1][1] + gap:
             found[-1] = (found[-1][0], max(end, found[-1][1]))
         else:
             found.append((start, end))
@@ -103,7 +98,8 @@ def thin_signal(signal: RunSignal, start: float, end: float, columns: int) -> Li
     """Return the least and the greatest value in each of ``columns`` equal parts of the time.
 
     A part without a sample has what the last one before it had, as between two samples everything
-    is held; values keep four significant digits.
+    is held; values keep four significant digits. Stretches that are less than a part apart become
+    one, so that there are not more of them than parts.
     """
     span = max(end - start, 1e-9)
     column = np.floor((signal.time - start) / span * columns).astype(np.int64)
@@ -118,7 +114,7 @@ def thin_signal(signal: RunSignal, start: float, end: float, columns: int) -> Li
     low[held] = high[held] = signal.values[last[held]]
     return LiveSignal(
         signal.name, signal.unit, start, end, _rounded(low), _rounded(high),
-        signal.limits, signal.against, signal.readers,
+        signal.limits, merge_spans(signal.against, span / columns), signal.readers,
     )  # fmt: skip
 
 

@@ -31,6 +31,8 @@ _FEWEST_COLUMNS: Final = 40
 MOST_LINES: Final = 200
 """Lines of the log at most."""
 _LINE_LENGTH: Final = 200
+_MOST_MOTIONS: Final = 1000
+"""Motions of doors at most, the last ones: hinges may swing for hours."""
 _SAME_TOUCH: Final = 0.5
 """Contacts of two bodies that are not farther apart [s] are one touch."""
 
@@ -58,7 +60,7 @@ class RunningJudge:
             trace.valid_until,
             signals,
             verdicts,
-            door_motions(trace.joints),
+            door_motions(trace.joints)[-_MOST_MOTIONS:],
             reached_moments(trace),
             tuple(lines[-MOST_LINES:]),
             max(0, len(lines) - MOST_LINES),

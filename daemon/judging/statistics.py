@@ -18,6 +18,8 @@ from daemon.judging._quantiles import beta_quantile, t_probability, t_quantile
 Key = TypeVar("Key", bound=tuple[Any, ...])
 
 CONFIDENCE: Final = 0.95
+EACH_SIDE: Final = 0.5 * (1.0 + CONFIDENCE)
+"""Confidence of each bound of a two-sided interval."""
 _TOO_MANY: Final = 1_000_000
 """More runs than anybody has [runs]: a rate that needs them is out of reach."""
 

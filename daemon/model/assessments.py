@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -12,6 +13,12 @@ PolicyRule: TypeAlias = Literal["all", "rate", "mean"]
 ExpectedVerdict: TypeAlias = Literal["pass", "fail", "mixed", "any"]
 ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">"]
 ReferenceStatistic: TypeAlias = Literal["mean", "median", "min", "max", "rate"]
+
+UNFINISHED_STATES: Final = ("running", "queued")
+"""States of runs that may still have a result."""
+MISSING_STATES: Final = (*UNFINISHED_STATES, "lost", "cancelled")
+"""States of runs without a result, in the order in which one of them is said of several runs."""
+_ENDED_STATES: Final = ("done", "lost")
 
 DELAY: Final = "delay"
 """The quantity of a comparison that every run has: how long it took [s]."""
@@ -145,7 +152,7 @@ class RunRecord:
     :class:`daemon.model.spec.RunResult`, empty without a result. ``trace`` is the path of the trace
     on the machine that keeps it. ``seed`` tells whether runs of two campaigns can be paired.
     ``cached`` is the earlier run this result was taken from. Of a system under test that is not
-    ``repeatable`` the same run gives something else each time.
+    ``repeatable`` the same run gives something else each time. ``machine`` is what executed it.
     """
 
     id: str
@@ -163,10 +170,24 @@ class RunRecord:
     seed: int = 0
     cached: str = ""
     repeatable: bool = True
+    machine: str = ""
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether the run waits or runs: nothing can be said of it yet."""
+        return self.state in UNFINISHED_STATES
 
     def verdict(self, oracle: str) -> Verdict | None:
         """Return the verdict of an oracle, ``None`` when it did not judge this run."""
         return next((v for v in self.verdicts if v.oracle == oracle), None)
+
+
+def state_of(records: Iterable[RunRecord]) -> str:
+    """Return how runs stand that are said to be one thing: the first of ``MISSING_STATES`` that one
+    of them is in, ``done`` when all have a result.
+    """
+    states = {record.state for record in records}
+    return next((state for state in MISSING_STATES if state in states), "done")
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +207,9 @@ class CellVerdict:
     pass rate, the exact 95 % interval; a repeat not judged may have been either. ``at_least`` is
     the rate shown (one-sided 95 %; ``needed`` is how many more repeats, all passing, would show
     that of the policy, ``None`` when it asks for no rate). ``statement`` says it in words.
-    ``verdict`` follows the policy; ``met`` says whether it is as ``expected`` (``why``).
+    ``verdict`` follows the policy; ``met`` says whether it is as ``expected`` (``why``), and
+    ``contradicted`` whether it is not, whatever the runs that are missing will be. ``state`` is how
+    the repeats stand (:func:`state_of`).
     """
 
     scenario: str
@@ -208,6 +231,25 @@ class CellVerdict:
     expected: ExpectedVerdict
     met: bool
     why: str
+    contradicted: bool = False
+    state: str = "done"
+
+    @property
+    def word(self) -> str:
+        """The verdict; where runs are missing that could decide it, what they are."""
+        return _word(self.verdict, self.state)
+
+    @property
+    def needs_attention(self) -> bool:
+        """Whether it is not as expected: while runs are to come, or were cancelled, only when they
+        could not mend it.
+        """
+        return self.contradicted or (not self.met and self.state in _ENDED_STATES)
+
+
+def _word(verdict: Outcome, state: str) -> str:
+    undecided = verdict is Outcome.INCONCLUSIVE
+    return state if undecided and state != "done" else str(verdict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +274,10 @@ class CellMeasure:
 
 @dataclass(frozen=True, slots=True)
 class CellAssessment:
-    """A scenario with a system under test: the gravest verdict of its oracles, and all of them."""
+    """A scenario with a system under test: the gravest verdict of its oracles, and all of them.
+
+    ``state`` is how its ``runs`` stand (:func:`state_of`).
+    """
 
     scenario: str
     sut: str
@@ -240,21 +285,34 @@ class CellAssessment:
     oracles: tuple[CellVerdict, ...]
     measures: tuple[CellMeasure, ...]
     runs: tuple[str, ...] = ()
+    state: str = "done"
 
     @property
     def met(self) -> bool:
         """Whether every oracle says what is expected."""
         return all(oracle.met for oracle in self.oracles)
 
+    @property
+    def word(self) -> str:
+        """The one word for it: a failure at once, else what it waits for or lacks."""
+        failed = self.verdict is Outcome.FAIL
+        return str(self.verdict) if failed or self.state == "done" else self.state
+
+    @property
+    def needs_attention(self) -> bool:
+        """Whether some oracle is not as expected, see :class:`CellVerdict`."""
+        return any(oracle.needs_attention for oracle in self.oracles)
+
 
 @dataclass(frozen=True, slots=True)
 class ComparisonVerdict:
     """A comparison with one system under test: ``mean`` of left minus right [``unit``].
 
-    ``low`` and ``high`` are one-sided 95 % bounds of the mean; ``method`` is ``paired`` or
-    ``welch`` (no pairs), empty when there is too little to say. ``n`` counts the pairs, or the
-    runs of the smaller side; ``left_out`` those that have no such value because a run did not
-    end its mission. ``note`` says what stands in the way of a verdict.
+    ``low`` and ``high`` are one-sided 95 % bounds of the mean, by which it is judged, ``interval``
+    is the two-sided one; ``method`` is ``paired`` or ``welch`` (no pairs), empty when there is too
+    little to say. ``n`` counts the pairs, or the runs of the smaller side; ``left_out`` runs that
+    have no such value: they did not end their mission, or have no result. ``note`` says what stands
+    in the way of a verdict. ``contradicted`` and ``state`` are as in a :class:`CellVerdict`.
     """
 
     comparison: str
@@ -274,6 +332,19 @@ class ComparisonVerdict:
     expected: ExpectedVerdict
     met: bool
     why: str
+    contradicted: bool = False
+    state: str = "done"
+    interval: tuple[float, float] | None = None
+
+    @property
+    def word(self) -> str:
+        """The verdict; where runs are missing that could decide it, what they are."""
+        return _word(self.verdict, self.state)
+
+    @property
+    def needs_attention(self) -> bool:
+        """Whether it is not as expected, see :class:`CellVerdict`."""
+        return self.contradicted or (not self.met and self.state in _ENDED_STATES)
 
 
 @dataclass(frozen=True, slots=True)

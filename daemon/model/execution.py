@@ -5,7 +5,11 @@ Whoever starts a worker decides it, and no one else.
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import os
+import platform
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,6 +30,8 @@ in it."""
 
 _SAFE_PATH_VARIABLE: Final = "PYTHONSAFEPATH"
 _FOR_FORK_SERVER: Final = "scenario fork server"
+_CPU_INFO: Final = Path("/proc/cpuinfo")
+_LONGEST_PROCESSOR: Final = 80
 
 
 IMPORT_FIRST: Final = "scenario_tui"
@@ -99,6 +105,26 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+@functools.cache
+def machine_text() -> str:
+    """Return this machine in a line for people: processor, cores, system, Python.
+
+    Without its name, which is nobody's business who reads a report.
+    """
+    name = ""
+    with contextlib.suppress(OSError):
+        found = re.search(r"^model name\s*:\s*(.+)$", _CPU_INFO.read_text("utf-8"), re.MULTILINE)
+        name = " ".join(found[1].split()) if found else ""
+    cores = available_cores()
+    parts = (
+        name[:_LONGEST_PROCESSOR] or f"{platform.machine()} processor",
+        f"{cores} core{'' if cores == 1 else 's'}",
+        f"{platform.system()} {platform.machine()}",
+        f"Python {platform.python_version()}",
+    )
+    return ", ".join(parts)
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,6 +92,15 @@ def count_kernels(rooms: Collection[str]) -> int:
     """Return how many kernels are declared in ``rooms`` (names of packages or modules that are
     loaded), with those that they call elsewhere.
     """
+    return len(_kernels_of(rooms))
+
+
+def count_ready_kernels(rooms: Collection[str]) -> int:
+    """Return how many of them have machine code, compiled or loaded, for some types."""
+    return sum(bool(one.overloads) for one in _kernels_of(rooms))
+
+
+def _kernels_of(rooms: Collection[str]) -> list[Any]:
     inside = [one for one in _declared if _lies_in(one.__module__, rooms)]
     found = {id(one): one for one in inside}
     while inside:
@@ -101,7 +110,7 @@ def count_kernels(rooms: Collection[str]) -> int:
             if isinstance(value, CPUDispatcher) and id(value) not in found:
                 found[id(value)] = value
                 inside.append(value)
-    return len(found)
+    return list(found.values())
 
 
 def _lies_in(module: str, rooms: Collection[str]) -> bool:

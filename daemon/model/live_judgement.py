@@ -78,8 +78,9 @@ class DoorMotion:
 class LiveJudgement:
     """A running run, judged up to ``time`` [s].
 
-    ``reached`` are the moments waypoints were done. ``log`` is the end of the log, in the order of
-    time; ``log_before`` counts the lines before it that are left out.
+    ``reached`` are the moments waypoints were done; of ``doors`` the last thousand motions are
+    told. ``log`` is the end of the log, in the order of time; ``log_before`` counts the lines
+    before it that are left out.
     """
 
     run: str

@@ -52,6 +52,7 @@ WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
 ShortText = Annotated[str, Field(max_length=400)]
 # Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
 NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
+SimulatedSeconds = Annotated[float, Field(ge=0.0, le=1e9)]
 Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Base64Text = Annotated[str, Field(max_length=LARGEST_CHUNK * 4 // 3 + 4)]
 
@@ -244,10 +245,14 @@ class LeaseRef:
 
 @dataclass(frozen=True, slots=True)
 class RenewRequest:
-    """All leases a worker holds, finished but unacknowledged runs included."""
+    """All leases a worker holds, finished but unacknowledged runs included.
+
+    ``simulated`` is how far the first of them are [s], in order; it informs people.
+    """
 
     worker: WorkerInfo
     holds: Annotated[tuple[LeaseRef, ...], Field(max_length=4096)]
+    simulated: Annotated[tuple[SimulatedSeconds, ...], Field(max_length=4096)] = ()
 
 
 @dataclass(frozen=True, slots=True)

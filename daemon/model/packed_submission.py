@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Final, NamedTuple, TypeAlias, get_type_hints
 
 from pydantic import Field
 
 from daemon.model.assessments import AssessmentRules
 from daemon.model.spec import RunSpec
-from daemon.model.status import Submission
+from daemon.model.status import CampaignOrigin, Submission
 from grammars.model.behaviour import Behaviour
 from grammars.model.scene import Scene
 from grammars.text import codec
@@ -55,6 +55,7 @@ class PackedSubmission:
     declared: AssessmentRules
     reserve: PackedRuns = ()
     fresh: bool = False
+    origin: CampaignOrigin = field(default_factory=CampaignOrigin)
 
 
 def cell_of(run: RunSpec) -> RunSpec:
@@ -115,9 +116,8 @@ def pack_submission(submission: Submission) -> PackedSubmission:
     same = (submission.campaign, submission.name, submission.about, submission.source)
     cells, scripts = tuple(interner.cells), tuple(interner.scripts)
     scenes, declared = submission.scenes, submission.declared
-    return PackedSubmission(
-        *same, cells, scripts, runs, scenes, declared, reserve, submission.fresh
-    )
+    about = (reserve, submission.fresh, submission.origin)
+    return PackedSubmission(*same, cells, scripts, runs, scenes, declared, *about)
 
 
 _VARYING: Final = frozenset({"repeat", "behaviours", "seed"})
@@ -131,7 +131,10 @@ def _typed_fields(kind: type) -> tuple[tuple[str, bytes, Any], ...]:
 
 
 _RUN_FIELDS: Final = _typed_fields(RunSpec)
-_SUBMISSION_FIELDS: Final = _typed_fields(Submission)
+_SUBMISSION_FIELDS: Final = tuple(
+    typed for typed in _typed_fields(Submission) if typed[0] != "origin"
+)
+"""Fields that make a submission the one it is: where it was written does not."""
 
 
 class RunTexts:
@@ -171,7 +174,7 @@ def _chunks(cell: RunSpec) -> tuple[bytes, bytes, bytes, bytes]:
 def submission_digest(
     packed: PackedSubmission, each: Callable[[PackedRun, str], object] | None = None
 ) -> str:
-    """Return what ``codec.digest`` says of the submission written out.
+    """Return what ``codec.digest`` says of the submission written out without its origin.
 
     ``each`` is called with every run (not those in reserve) and its digest, in order. Raises
     ``ValueError`` for a number that stands for nothing.

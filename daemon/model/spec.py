@@ -122,7 +122,8 @@ class Snapshot:
     global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
     and rounded: x, y, x, y, ... [cm]. ``waiting`` says what an external system that is being
     brought up still lacks, empty once the run goes on. ``margin`` in ``unit`` is the least margin
-    so far of the oracles that are not waiting for something, that of ``oracle``.
+    so far, as a share of its limit, of the oracles that are not waiting for something, that of
+    ``oracle``; those that have failed come first.
     """
 
     time: float
@@ -153,11 +154,15 @@ class TraceInfo:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What a run cost [s]: wall clock, CPU, and the simulated time it covered."""
+    """What a run cost [s]: wall clock, CPU, and the simulated time it covered.
+
+    ``started`` is when, by the clock of the machine [s since 1970, UTC]; 0 where nobody kept it.
+    """
 
     wall: float
     cpu: float
     simulated: float
+    started: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +187,8 @@ class RunResult:
 
     ``ended``: ``finished`` (the SUT says the mission is over), ``limit`` (simulated time is up)
     or ``crashed`` (the SUT raised; ``note`` says what). ``leads`` are there where somebody asked
-    for them: a search.
+    for them: a search. ``machine`` is the processor that executed it, for people; nothing of the
+    result follows from it.
     """
 
     spec: str
@@ -193,6 +199,7 @@ class RunResult:
     timing: Timing
     note: str = ""
     leads: tuple[LeadingMargin, ...] = ()
+    machine: str = ""
 
     @property
     def digest(self) -> str:

@@ -44,12 +44,31 @@ class RunState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class CampaignOrigin:
+    """Which file a campaign was written in, and the state of its folder under version control.
+
+    ``file`` is a name without folders, ``digest`` the SHA-256 of its text, ``seed`` the one it
+    names. ``commit`` and ``branch`` are git's, empty where there is no repository or no git;
+    ``changed`` says whether something was not committed, ``None`` when that is not known. Of a
+    campaign that was entered before this was kept nothing is known.
+    """
+
+    file: str = ""
+    digest: str = ""
+    seed: int | None = None
+    commit: str = ""
+    branch: str = ""
+    changed: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Submission:
     """A campaign on its way to the daemon; ``campaign`` is a client-made unique id.
 
     Submitting the same id again changes nothing. ``source`` is the campaign file's text. Runs in
     ``reserve`` wait for cells that ``declared`` leaves undecided after the repeats before. Runs
     that have a result in the ledger under another campaign are not run again unless ``fresh``.
+    ``origin`` is no part of what is submitted: from another commit it is the same campaign.
     """
 
     campaign: str
@@ -61,6 +80,7 @@ class Submission:
     declared: AssessmentRules = field(default_factory=AssessmentRules)
     reserve: tuple[RunSpec, ...] = ()
     fresh: bool = False
+    origin: CampaignOrigin = field(default_factory=CampaignOrigin)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +135,8 @@ class CampaignRow:
 
     While it is ``paused`` no more runs start; those of higher ``priority`` start first. ``search``
     says how a search stands (``running``, ``finished``, ``cancelled``, ``failed``) and is empty
-    for all other campaigns. More runs come while it is running.
+    for all other campaigns. More runs come while it is running. ``seconds_left`` is how long what
+    waits and runs probably takes, ``None`` while that is not known or nothing goes on.
     """
 
     id: str
@@ -137,6 +158,7 @@ class CampaignRow:
     paused: bool = False
     priority: int = 0
     search: str = ""
+    seconds_left: float | None = None
 
     @property
     def finished(self) -> bool:
@@ -261,7 +283,8 @@ class DiskUsage:
 
 @dataclass(frozen=True, slots=True)
 class DaemonOverview:
-    """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately.
+    """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately,
+    ``seconds_left`` how long what waits and runs probably takes, ``None`` while nobody knows.
 
     ``trouble`` says why no run can start (the daemon's own worker broke, the disk is full, every
     worker is in trouble), empty when some can. ``troubles`` are all there are, that one first, also

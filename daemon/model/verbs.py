@@ -53,6 +53,7 @@ from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.status import (
+    CampaignOrigin,
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
@@ -142,6 +143,8 @@ RUNS: Final = Verb("runs", RunQuery, RunPage,
 RUN: Final = Verb("run", IdRequest, RunDetail, "Everything about one run.", VIEWING)
 DECLARED: Final = Verb("declared", IdRequest, AssessmentRules,
     "What a campaign declares about its results: policy, comparisons, expectations.", VIEWING)
+ORIGIN: Final = Verb("origin", IdRequest, CampaignOrigin,
+    "Which file a campaign was written in, and at which commit.", VIEWING)
 RECORDS: Final = Verb("records", RecordQuery, tuple[RunRecord, ...],
     "A page of the runs of a campaign with their verdicts, in order; empty after the last.",
     VIEWING, slow=True)
@@ -269,6 +272,7 @@ class DaemonClient(ABC):
     runs = _question(RUNS)
     run = _question(RUN)
     declared = _question(DECLARED)
+    origin = _question(ORIGIN)
     scene = _question(SCENE)
     workers = _question(WORKERS)
     disk = _question(DISK)

@@ -89,7 +89,8 @@ def value_between(
 def position_in_range(parameter: SearchParameter, value: PointValue | None) -> float:
     """Return where in its range a value lies, 0 to 1 inside; not a number where it has no place.
 
-    Choices lie evenly, in their order.
+    Choices lie evenly, in their order. On a logarithmic range nought, and what is below it, lies
+    infinitely far below.
     """
     if parameter.choices:
         last = max(1, len(parameter.choices) - 1)
@@ -98,8 +99,10 @@ def position_in_range(parameter: SearchParameter, value: PointValue | None) -> f
         return math.nan
     low, high, at = parameter.low, parameter.high, float(value)
     if parameter.log:
-        if min(low, at) <= 0.0:
+        if low <= 0.0:
             return math.nan
+        if at <= 0.0:
+            return -math.inf
         low, high, at = math.log(low), math.log(high), math.log(at)
     return (at - low) / (high - low)
 

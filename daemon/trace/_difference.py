@@ -83,10 +83,9 @@ def _parting(one: list[ByteArray], other: list[ByteArray]) -> int | None:
     return None
 
 
-def _messages(runs: list[ByteArray]) -> Iterator[bytes]:
-    for rows in runs:
-        for row in rows:
-            yield row.tobytes()
+def _messages(runs: list[ByteArray]) -> list[bytes]:
+    """Return the messages of a topic by time: older traces have them in another order."""
+    return sorted((row.tobytes() for rows in runs for row in rows), key=_time)
 
 
 def _time(message: bytes) -> int:

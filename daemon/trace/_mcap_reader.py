@@ -7,6 +7,7 @@ sizes against limits before anything is decompressed, checksums against what com
 from __future__ import annotations
 
 import io
+import itertools
 import struct
 import zlib
 from collections.abc import Collection, Mapping
@@ -25,7 +26,7 @@ from mcap.opcode import Opcode
 
 from daemon.trace._mcap_writer import MAGIC
 from daemon.trace._model import TraceError
-from daemon.trace.layouts import HEADER, ByteArray, MessageLayout
+from daemon.trace.layouts import HEADER, ByteArray, IntArray, MessageLayout
 from daemon.trace.messages import KINDS, is_scan
 
 FILE_LIMIT: Final = 1 << 30
@@ -37,18 +38,22 @@ RUN_LIMIT: Final = 1 << 21
 """Most runs of messages a reader takes on; the writer makes one per topic and ten seconds."""
 
 _RECORD: Final = struct.Struct("<BQ")
-_HEAD: Final = struct.Struct("<BQH")
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")
 _LENGTH: Final = struct.Struct("<Q")
-_CHANNEL: Final = struct.Struct("<H")
-_WINDOW: Final = 512
-"""Rows compared at a time, so that short runs (events, contacts) cost no pass over the chunk."""
-_FEW: Final = 8
-"""So many rows are compared one by one: hardly two plans in a row are equally long."""
+_INDEX_HEAD: Final = struct.Struct("<HI")
+_INDEX_ENTRY: Final = np.dtype([("time", "<i8"), ("offset", "<i8")])
 
 
 class DamagedTraceError(Exception):
     """What follows cannot be read; the message says why."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _MessageIndex:
+    """What the indexes of a chunk say: its channels, and where its messages start, unordered."""
+
+    channels: list[int]
+    offsets: IntArray
 
 
 @dataclass(slots=True)
@@ -165,7 +170,7 @@ class _McapWalk:
             packed={topic: [*rows] for topic, rows in before.packed.items()},
         )
         try:
-            self._records(data)
+            self._records(data, np.empty(0, np.int64))
             return self.recording
         finally:
             self.recording = before
@@ -226,44 +231,70 @@ class _McapWalk:
             self.recording.attachments[record.name] = record.data
 
     def _chunk(self, content: slice) -> None:
-        if not self._wanted(content.stop):
+        index = self._message_index(content.stop)
+        if index.channels and not any(map(self._wanted, index.channels)):
             return
-        self._records(self._decompressed(content))
+        self._records(self._decompressed(content), index.offsets)
 
-    def _records(self, data: bytes) -> None:
+    def _records(self, data: bytes, indexed: IntArray) -> None:
+        """Read the records of a chunk, whose messages start at ``indexed`` (n,) if that is so."""
+        at = self._declarations(data)
+        offsets = record_offsets(data, at, indexed)
+        if offsets is None:
+            # No index, or one that leaves something out: one record after the other.
+            offsets = self._walk(data, at)
+        if len(offsets):
+            self._messages(data, offsets)
+
+    def _declarations(self, data: bytes) -> int:
+        """Read the records before the first message of a chunk; returns where that starts."""
         at = 0
         while at < len(data):
-            if at + _RECORD.size > len(data):
-                raise DamagedTraceError("a damaged chunk")
-            opcode, length = _RECORD.unpack_from(data, at)
-            end = at + _RECORD.size + length
-            if end > len(data):
-                raise DamagedTraceError("a damaged chunk")
+            opcode, end = _record_end(data, at)
             if opcode == Opcode.MESSAGE:
-                end = self._messages(data, at, end)
+                break
+            self._rare(opcode, data[at + _RECORD.size : end])
+            at = end
+        return at
+
+    def _walk(self, data: bytes, at: int) -> IntArray:
+        """Read a chunk record by record; returns where its messages start."""
+        found = []
+        while at < len(data):
+            opcode, end = _record_end(data, at)
+            if opcode == Opcode.MESSAGE:
+                found.append(at)
             else:
                 self._rare(opcode, data[at + _RECORD.size : end])
             at = end
+        return np.array(found, np.int64)
 
-    def _wanted(self, at: int) -> bool:
-        """Whether the chunk before ``at`` must be opened, by the message indexes after it."""
-        indexed = False
+    def _message_index(self, at: int) -> _MessageIndex:
+        """Return what the message indexes after a chunk say, nothing of which is believed."""
+        channels: list[int] = []
+        entries: list[IntArray] = []
         while True:
             try:
                 opcode, content = self._record(at)
             except DamagedTraceError:
                 # Cut right behind the chunk: its index is lost, the chunk is not.
-                return True
+                return _MessageIndex([], np.empty(0, np.int64))
             if opcode != Opcode.MESSAGE_INDEX:
-                return not indexed
-            if content.stop - content.start < _CHANNEL.size:
+                offsets = np.concatenate(entries) if entries else np.empty(0, np.int64)
+                return _MessageIndex(channels, offsets)
+            if content.stop - content.start < _INDEX_HEAD.size:
                 raise DamagedTraceError("a damaged message index")
-            (channel,) = _CHANNEL.unpack_from(self._data, content.start)
-            topic = self._channels.get(channel)
-            if topic is None or self._collected(topic):
-                return True
-            indexed = True
+            channel, _ = _INDEX_HEAD.unpack_from(self._data, content.start)
+            start = content.start + _INDEX_HEAD.size
+            count = (content.stop - start) // _INDEX_ENTRY.itemsize
+            rows = np.frombuffer(self._data, _INDEX_ENTRY, count, start)
+            channels.append(channel)
+            entries.append(rows["offset"])
             at = content.stop
+
+    def _wanted(self, channel: int) -> bool:
+        topic = self._channels.get(channel)
+        return topic is None or self._collected(topic)
 
     def _collected(self, topic: str) -> bool:
         return topic in self._topics or (self._scans and is_scan(topic))
@@ -291,62 +322,73 @@ class _McapWalk:
             raise DamagedTraceError("a chunk with a wrong checksum")
         return data
 
-    def _messages(self, data: bytes, at: int, end: int) -> int:
-        """Collect the run of equal-sized messages of one channel that starts at ``at``.
-
-        Returns where the run ends.
-        """
-        size = end - at
-        if size < HEADER.size:
+    def _messages(self, data: bytes, offsets: IntArray) -> None:
+        """Collect the messages of a chunk that start at ``offsets`` (n,), in this order."""
+        lengths = _numbers(data, offsets + 1, "<u8").astype(np.int64)
+        if int(lengths.min()) < HEADER.size - _RECORD.size:
             raise DamagedTraceError("a message without a header")
-        head = data[at : at + _HEAD.size]
-        topic = self._channels.get(_HEAD.unpack(head)[2])
-        if topic is None:
-            raise DamagedTraceError("a message on an unknown channel")
-        count = 1
-        if data.startswith(head, end):
-            count = _run_length(data, at, size, head)
-            end = at + count * size
-        if self._collected(topic):
-            self._runs += 1
-            if self._runs > RUN_LIMIT:
-                raise TraceError(self.recording.path, "holds too many scattered messages")
-            rows = np.frombuffer(data, np.uint8, count * size, at).reshape(count, size)
-            self._collect(topic, rows)
-        return end
+        channels = _numbers(data, offsets + _RECORD.size, "<u2")
+        for channel in np.unique(channels).tolist():
+            topic = self._channels.get(channel)
+            if topic is None:
+                raise DamagedTraceError("a message on an unknown channel")
+            if self._collected(topic):
+                mine = np.flatnonzero(channels == channel)
+                self._collect_runs(topic, data, offsets[mine], lengths[mine] + _RECORD.size)
+
+    def _collect_runs(self, topic: str, data: bytes, offsets: IntArray, sizes: IntArray) -> None:
+        """Collect messages of a topic, those of equal size in a row together."""
+        edges = (np.flatnonzero(np.diff(sizes)) + 1).tolist()
+        self._runs += len(edges) + 1
+        if self._runs > RUN_LIMIT:
+            raise TraceError(self.recording.path, "holds too many scattered messages")
+        for first, stop in itertools.pairwise((0, *edges, len(sizes))):
+            size = int(sizes[first])
+            # Every place a record of this size can lie at, as the rows of a table.
+            table = np.ndarray((len(data) - size + 1, size), np.uint8, data, 0, (1, 1))
+            self._collect(topic, table[offsets[first:stop]])
 
     def _collect(self, topic: str, rows: ByteArray) -> None:
         layout = None if self._layouts is None else self._layouts.get(topic)
         if layout is not None and layout.fits_all(rows):
             self.recording.packed.setdefault(topic, []).append(layout.pack(rows))
-            return
-        if self._layouts is not None and not is_scan(topic):
-            # A view would keep the whole chunk. Most of a chunk with scans is scans.
-            rows = rows.copy()
-        self.recording.runs.setdefault(topic, []).append(rows)
+        else:
+            self.recording.runs.setdefault(topic, []).append(rows)
 
 
-def _run_length(data: bytes, at: int, size: int, head: bytes) -> int:
-    """Return how many records of ``size`` bytes starting with ``head`` lie from ``at`` on."""
-    count, most = 0, (len(data) - at) // size
-    while count < min(most, _FEW):
-        if not data.startswith(head, at + count * size):
-            return count
-        count += 1
-    # As two numbers of eight bytes that overlap: a third of the time of eleven bytes one by one.
-    tail = len(head) - 8
-    first, last = (int.from_bytes(head[i : i + 8], "little") for i in (0, tail))
-    while count < most:
-        step = min(_WINDOW, most - count)
-        start = at + count * size
-        firsts = np.ndarray((step,), "<u8", data, start, (size,))
-        lasts = np.ndarray((step,), "<u8", data, start + tail, (size,))
-        same = (firsts == first) & (lasts == last)
-        other = int(same.argmin())
-        if not same[other]:
-            return count + other
-        count += step
-    return count
+def record_offsets(data: bytes, at: int, offsets: IntArray) -> IntArray | None:
+    """Return ``offsets`` of messages in the order of the file when they are all from ``at`` on.
+
+    ``None`` when the data has anything else there: each must be a message that ends where the next
+    one starts, the last with the data.
+    """
+    offsets = np.sort(offsets)
+    if not len(offsets) or offsets[0] != at or offsets[-1] > len(data) - HEADER.size:
+        return None
+    lengths = _numbers(data, offsets + 1, "<u8").astype(np.int64)
+    ends = np.append(offsets[1:], len(data))
+    opcodes = np.frombuffer(data, np.uint8)[offsets]
+    whole = (opcodes == Opcode.MESSAGE).all() and (offsets + _RECORD.size + lengths == ends).all()
+    return offsets if whole else None
+
+
+def _record_end(data: bytes, at: int) -> tuple[int, int]:
+    """Return the opcode of the record at ``at`` in a chunk, and where the record ends."""
+    if at + _RECORD.size > len(data):
+        raise DamagedTraceError("a damaged chunk")
+    opcode, length = _RECORD.unpack_from(data, at)
+    end: int = at + _RECORD.size + length
+    if end > len(data):
+        raise DamagedTraceError("a damaged chunk")
+    return opcode, end
+
+
+def _numbers(data: bytes, at: IntArray, kind: str) -> npt.NDArray[Any]:
+    """Return the numbers of a type that start at the places ``at`` (n,) of the data."""
+    size = np.dtype(kind).itemsize
+    every = np.ndarray((len(data) - size + 1,), kind, data, 0, (1,))
+    found: npt.NDArray[Any] = every[at]
+    return found
 
 
 def decompress(

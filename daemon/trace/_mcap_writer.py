@@ -1,10 +1,9 @@
 """Writing the MCAP container: whole columns of messages per chunk.
 
 The mcap library's ``Writer`` spends about 4 us of Python on each message, more than encoding and
-compressing it costs. Here a chunk is given as ready-made bytes, one block per channel, and the
-index is computed with numpy; every record that is written once per file or chunk is still the
-mcap library's. Chunks may overlap in time and messages in a chunk are grouped by channel, both
-of which the format allows: readers order messages by the index.
+compressing it costs. Here a chunk is given as ready-made bytes, one block per channel, and put in
+order and indexed with numpy; every record that is written once per file or chunk is still the
+mcap library's.
 """
 
 from __future__ import annotations
@@ -13,17 +12,15 @@ import hashlib
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, BinaryIO, Final
 
 import numpy as np
-import numpy.typing as npt
 import zstandard
 from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
-from daemon.trace.layouts import HEADER, MESSAGE_OPCODE, IntArray, MessageLayout
+from daemon.trace._blocks import MessageBlock, MessageTable, interleave
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "scenario-tui"
@@ -43,19 +40,6 @@ _INDEX_NUMBER: Final = np.dtype("<i8")
 neither ever reaches the bit in which they differ."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MessageBlock:
-    """Message records of one channel: ``times`` (n,) [ns] and where each starts in ``data``.
-
-    A view as ``data`` is of single bytes.
-    """
-
-    channel: int
-    times: IntArray
-    offsets: IntArray
-    data: bytes | memoryview
-
-
 class McapWriter:
     """An MCAP file being written to a binary stream; same calls, same bytes."""
 
@@ -63,7 +47,9 @@ class McapWriter:
         self._stream = stream
         self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL)
         self._sha256 = hashlib.sha256()
+        self._crc = 0
         self._size = 0
+        self._data_end: tuple[int, Any, int] | None = None
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
         self._chunks: list[records.ChunkIndex] = []
@@ -87,6 +73,11 @@ class McapWriter:
     def messages(self) -> int:
         """Messages written so far."""
         return sum(self._counts.values())
+
+    @property
+    def finished(self) -> bool:
+        """Whether the file has its end."""
+        return self._data_end is not None
 
     @property
     def last(self) -> int:
@@ -132,18 +123,18 @@ class McapWriter:
         return channel.id
 
     def add_chunk(self, blocks: Sequence[MessageBlock]) -> None:
-        """Write blocks of messages as one compressed chunk with its index."""
+        """Write blocks of messages as one compressed chunk in the order of time, and its index."""
         blocks = [block for block in blocks if len(block.times)]
         if not blocks:
             return
+        table = interleave(blocks)
         # Schemas and channels inside of the first chunk, where they are compressed.
         head = b"" if self._chunks else b"".join(map(_record_bytes, self._declarations()))
-        data = b"".join((head, *(block.data for block in blocks)))
+        data = b"".join((head, table.data.data)) if head else table.data.data
         compressed = self._compressor.compress(data)
-        offset, base = self._size, len(head)
+        offset = self._size
         length = _CHUNK_HEAD.size + len(compressed)
-        spans = [_span(block.times) for block in blocks]
-        start, end = min(first for first, _ in spans), max(last for _, last in spans)
+        start, end = int(table.times.min()), int(table.times.max())
         self._write(
             _CHUNK_HEAD.pack(
                 Opcode.CHUNK, length - 9, start, end, len(data), zlib.crc32(data),
@@ -151,7 +142,7 @@ class McapWriter:
             )
         )  # fmt: skip
         self._write(compressed)
-        index, index_offsets = self._index(blocks, base, self._size)
+        index, index_offsets = self._index(table, len(head), self._size)
         self._write(index)
         self._chunks.append(
             records.ChunkIndex(
@@ -169,7 +160,8 @@ class McapWriter:
 
     def finish(self) -> None:
         """Write the end of the data, the summary and the footer."""
-        self._write(_record_bytes(records.DataEnd(data_section_crc=0)))
+        self._data_end = self._size, self._sha256.copy(), self._crc
+        self._write(_record_bytes(records.DataEnd(data_section_crc=self._crc)))
         # In the order of the mcap library's own writer; the format allows any.
         groups: list[tuple[Opcode, Sequence[Any]]] = [
             (Opcode.SCHEMA, self._schemas),
@@ -199,32 +191,30 @@ class McapWriter:
         )
         self._write(body + _record_bytes(footer) + MAGIC)
 
-    def _index(
-        self, blocks: Sequence[MessageBlock], base: int, position: int
-    ) -> tuple[bytes, dict[int, int]]:
-        found: dict[int, list[tuple[IntArray, IntArray]]] = {}
-        for block in blocks:
-            found.setdefault(block.channel, []).append((block.times, block.offsets + base))
-            base += len(block.data)
+    def reopen(self) -> None:
+        """Take the end of a finished file back, so that more can be added and finished again."""
+        if self._data_end is not None:
+            self._size, self._sha256, self._crc = self._data_end
+            self._stream.seek(self._size)
+            self._stream.truncate()
+            self._data_end = None
+
+    def _index(self, table: MessageTable, base: int, position: int) -> tuple[bytes, dict[int, int]]:
+        """Return the message indexes of a chunk and where each lies; ``base`` [bytes] precedes."""
+        # By channel, and in each by time, for readers find its messages in order by it; stable, so
+        # that those of one instant stay in the order they were recorded in.
+        order = np.lexsort((table.times, table.channels))
+        channels, first = np.unique(table.channels[order], return_index=True)
+        entries = np.empty((len(order), 2), _INDEX_NUMBER)
+        entries[:, 0], entries[:, 1] = table.times[order], table.offsets[order] + base
         parts, index_offsets = [], {}
-        for channel, pieces in found.items():
-            times, offsets = pieces[0]
-            if len(pieces) > 1:
-                times = np.concatenate([part for part, _ in pieces])
-                offsets = np.concatenate([part for _, part in pieces])
-            # Readers find the messages of a channel in order by it; stable, so that those of one
-            # instant stay in the order they were recorded in.
-            if (times[1:] < times[:-1]).any():
-                order = np.argsort(times, kind="stable")
-                times, offsets = times[order], offsets[order]
-            entries = np.empty((len(times), 2), _INDEX_NUMBER)
-            entries[:, 0], entries[:, 1] = times, offsets
-            data = entries.tobytes()
+        for channel, rows in zip(channels.tolist(), np.split(entries, first[1:]), strict=True):
+            data = rows.tobytes()
             index_offsets[channel] = position
             parts.append(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(data), channel, len(data)))
             parts.append(data)
             position += _INDEX_HEAD.size + len(data)
-            self._counts[channel] = self._counts.get(channel, 0) + len(entries)
+            self._counts[channel] = self._counts.get(channel, 0) + len(rows)
         return b"".join(parts), index_offsets
 
     def _statistics(self) -> records.Statistics:
@@ -241,6 +231,7 @@ class McapWriter:
         offset = self._size
         self._stream.write(data)
         self._sha256.update(data)
+        self._crc = zlib.crc32(data, self._crc)
         self._size += len(data)
         return offset, len(data)
 
@@ -250,84 +241,3 @@ def _record_bytes(record: Any) -> bytes:
     record.write(builder)
     data: bytes = builder.end()
     return data
-
-
-def _span(times: IntArray) -> tuple[int, int]:
-    """Return the first and the last of some times [ns] in any order."""
-    return int(times.min()), int(times.max())
-
-
-class SampleColumns:
-    """Samples of one signal: a time [ns] and a fixed number of floats each.
-
-    Appending costs a fraction of a microsecond; nothing is encoded before :meth:`drain`.
-    """
-
-    __slots__ = ("_times", "_values", "names")
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self.names = tuple(names)
-        # Lists and not ``array``: extending one by seven floats takes 27 ns and 8 ns each when it
-        # becomes columns, extending an ``array`` 350 ns.
-        self._times: list[int] = []
-        self._values: list[float] = []
-
-    def __len__(self) -> int:
-        return len(self._times)
-
-    def add(self, time: int, values: Sequence[float]) -> None:
-        """Append a sample; ``values`` in the order of ``names``."""
-        self._times.append(time)
-        self._values.extend(values)
-
-    def drain(self) -> tuple[IntArray, dict[str, npt.NDArray[Any]]]:
-        """Return the samples as times (n,) and one column (n,) per name, and start anew."""
-        times = np.array(self._times, np.int64)
-        values = np.fromiter(self._values, np.float64, len(self._values))
-        self._times, self._values = [], []
-        table = values.reshape(len(times), len(self.names))
-        return times, {name: table[:, i] for i, name in enumerate(self.names)}
-
-
-class MessageRecords:
-    """Ready-made messages of one channel, for what is rare or of varying size."""
-
-    __slots__ = ("_channel", "_lengths", "_parts", "_times", "size")
-
-    def __init__(self, channel: int) -> None:
-        self._channel = channel
-        self._times: list[int] = []
-        self._lengths: list[int] = []
-        self._parts: list[bytes] = []
-        self.size = 0
-
-    def add(self, time: int, payload: bytes) -> None:
-        """Append a serialized message."""
-        length = HEADER.size + len(payload)
-        self._times.append(time)
-        self._lengths.append(length)
-        self._parts.append(HEADER.pack(MESSAGE_OPCODE, length - 9, self._channel, 0, time, time))
-        self._parts.append(payload)
-        self.size += length
-
-    def drain(self) -> MessageBlock:
-        """Return the messages as a block and start anew."""
-        block = MessageBlock(
-            self._channel,
-            np.array(self._times, np.int64),
-            np.cumsum([0, *self._lengths[:-1]], dtype=np.int64)[: len(self._times)],
-            b"".join(self._parts),
-        )
-        self._times, self._lengths, self._parts, self.size = [], [], [], 0
-        return block
-
-
-def encode_block(
-    layout: MessageLayout, channel: int, times: IntArray, columns: dict[str, npt.NDArray[Any]]
-) -> MessageBlock:
-    """Encode columns as a block of messages with the given layout."""
-    if not len(times):
-        return MessageBlock(channel, times, times, b"")
-    rows = layout.encode(channel, times, columns)
-    offsets = np.arange(0, rows.size, rows.shape[1], dtype=np.int64)
-    return MessageBlock(channel, times, offsets, rows.reshape(-1).data)

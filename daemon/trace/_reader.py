@@ -17,6 +17,7 @@ import numpy as np
 
 from daemon.model.spec import RunSpec
 from daemon.trace import _decode, messages
+from daemon.trace._blocks import MessageBlock
 from daemon.trace._mcap_reader import (
     DamagedTraceError,
     McapContents,
@@ -24,7 +25,6 @@ from daemon.trace._mcap_reader import (
     decompress,
     read_mcap,
 )
-from daemon.trace._mcap_writer import MessageBlock
 from daemon.trace._model import JointTrack, MotionTrack, ScanTrack, Trace, TraceError
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
@@ -57,6 +57,11 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
         layouts=_decode.known_layouts(),
         scans=scans,
     )
+    if recording.metadata.get(messages.WALL_CLOCK, {}).get("stamps") == messages.WALL_STAMPS:
+        message = (
+            "its stamps are of the wall clock: it is a copy for players, not what was recorded"
+        )
+        raise TraceError(path, message, "name the run, or the trace it was copied from")
     spec = _attached_spec(recording)
     scene = _attached_scene(recording, spec)
     try:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.trace import layouts, messages
-from daemon.trace._mcap_writer import MessageBlock, MessageRecords, SampleColumns, encode_block
+from daemon.trace._blocks import MessageBlock, MessageRecords, SampleColumns, encode_block
 from daemon.trace._statics import MovingLinks
 from daemon.trace._views import ViewerMessages
 from daemon.trace.layouts import IntArray
@@ -166,12 +166,12 @@ class SignalBuffers:
         self.goal = MessageRecords(ids["/mission/goal"])
         self.views = ViewerMessages(ids)
 
-    def drain(self) -> tuple[list[MessageBlock], list[MessageBlock]]:
-        """Return what is judged and what is only looked at, and start anew."""
+    def drain(self) -> list[MessageBlock]:
+        """Return everything as blocks and start anew."""
         # Drained once and used twice: odometry also becomes odom -> base_link, joints the frames
         # of doors. These copies are not recorded separately, so they can never disagree.
         odometry, joints = _with_quaternion(*self.odometry.drain()), self.joints.drain()
-        return self._judged(odometry, joints), self._watched(odometry, joints)
+        return [*self._judged(odometry, joints), *self._watched(odometry, joints)]
 
     def peek_judged(self) -> list[MessageBlock]:
         """Return what is judged as it would be if this were the end, and keep it."""

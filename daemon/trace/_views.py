@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from daemon.model.sut import CostmapPicture
-from daemon.trace._mcap_writer import MessageBlock, MessageRecords
+from daemon.trace._blocks import MessageBlock, MessageRecords
 from daemon.trace.layouts import HEADER, MESSAGE_OPCODE, IntArray, stamps
 from grammars.model.geometry import Floats
 

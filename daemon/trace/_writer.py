@@ -1,8 +1,9 @@
 """Recording a run as MCAP: ROS 2 messages in CDR, simulated time only, same calls same bytes.
 
-What is judged and what is only looked at go into separate chunks of the same ten seconds, so
-that a judge never decompresses scans. What need not be written is left out where readers lose
-nothing: joint states that repeat (see :class:`~daemon.trace.JointSamples`), clock ticks
+Messages lie in the order of time, in the file as in its index, so that it can be played from a
+pipe: what may still be followed by something earlier (a plan that waits, an estimate that took a
+while) waits for the next chunk. What need not be written is left out where readers lose nothing:
+joint states that repeat (see :class:`~daemon.trace.JointSamples`), clock ticks
 and door frames beyond 10 Hz, local plans beyond 5 Hz, plans, particles and costmaps beyond 1 Hz
 (see :class:`~daemon.trace._views.ViewerMessages`), plans and progress that did not change.
 """
@@ -27,8 +28,9 @@ from daemon.model import ros_messages as ros
 from daemon.model.spec import RunSpec, TraceInfo
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import _statics, messages
+from daemon.trace._blocks import MessageBlock, MessageRecords, SampleColumns, split_blocks
 from daemon.trace._frames import Correction, MapCorrection
-from daemon.trace._mcap_writer import McapWriter, MessageRecords, SampleColumns
+from daemon.trace._mcap_writer import McapWriter
 from daemon.trace._model import Trace
 from daemon.trace._reader import GrowingTrace
 from daemon.trace._signals import SignalBuffers
@@ -45,8 +47,11 @@ PARTIAL: Final = ".partial"
 
 _SECOND: Final = 1_000_000_000
 _CHUNK: Final = 10 * _SECOND
-"""What a chunk covers [ns]: what is lost at most when a writer dies, and how far behind somebody is
-who judges a run while it goes on."""
+"""What a chunk covers [ns]."""
+_LATEST_ARRIVAL: Final = 1_200_000_000
+"""How long after its time a message is recorded at most [ns] to have its place in the order: plans
+wait for a second and the next tick of the clock, estimates come within a tenth of one. Chunk and
+this are lost when a writer dies, and how far behind somebody is who judges a run as it goes on."""
 _EVENT_BYTES: Final = 8 << 20
 """Events waiting for their chunk [bytes]; a system that talks without end must not fill memory."""
 _CLOCK_PERIOD: Final = _SECOND // 10
@@ -61,9 +66,10 @@ class TraceWriter:
     """Writes one trace; a context manager.
 
     Times are simulated seconds in [0, 2**31); calls come in the order things happen. The file
-    appears under its name when :meth:`close` returns; leaving the context without it (or dying)
-    leaves a ``.partial`` file, readable up to the last complete chunk. Values of the wrong
-    shape, times out of range and a scene that is not the specified one raise ``ValueError``.
+    appears under its name when :meth:`publish` or :meth:`close` return; leaving the context
+    without them (or dying) leaves a ``.partial`` file, readable up to the last complete chunk.
+    Values of the wrong shape, times out of range and a scene that is not the specified one raise
+    ``ValueError``.
     """
 
     def __init__(
@@ -79,6 +85,7 @@ class TraceWriter:
         self._progress_last = Progress(-1, -1, "active")
         self._clock_due = 0
         self._due = _CHUNK
+        self._late: list[MessageBlock] = []
         self._time, self._now = math.nan, 0
         self._path, self._partial = path, path.with_name(path.name + PARTIAL)
         # What a writer that died left behind. One that still lives, because it was only taken for
@@ -223,23 +230,44 @@ class TraceWriter:
         if self._growing is None:
             self._growing = GrowingTrace(self._partial, self._spec, self._scene)
         self._file.flush()
-        pending = [block for block in self._signals.peek_judged() if len(block.times)]
+        blocks = (*self._late, *self._signals.peek_judged())
+        pending = [block for block in blocks if len(block.times)]
         last = max([self._container.last, *(int(block.times.max()) for block in pending)])
         return self._growing.read(pending, {} if ended is None else _outcome(ended, note, last))
 
-    def close(self, ended: str, note: str = "") -> TraceInfo:
-        """Finish the file and give it its name; ``ended`` and ``note`` say why the run ended."""
+    def finish(self, ended: str, note: str = "") -> Path:
+        """Write how the run ended and return where the recording is read until it has its name.
+
+        ``ended`` and ``note`` say why the run ended. Nothing more can be recorded.
+        """
         self._signals.joints.keep_last_repeat()
         self._signals.views.flush(0, end=True)
         self._flush()
-        container = self._container
-        container.add_metadata("outcome", _outcome(ended, note, container.last))
-        container.finish()
+        outcome = _outcome(ended, note, self._container.last)
+        self._container.add_metadata("outcome", outcome)
+        self._container.finish()
+        self._file.flush()
+        return self._partial
+
+    def add_verdicts(self, data: bytes) -> None:
+        """Put the verdicts on a finished recording behind it, as ``verdicts.json``."""
+        self._container.reopen()
+        self._container.add_attachment(messages.VERDICTS, "application/json", data)
+        self._container.finish()
+
+    def publish(self) -> TraceInfo:
+        """Give a finished recording its name."""
         self._file.flush()
         # Before the rename, or a power cut could leave the final name on an empty file.
         os.fsync(self._file.fileno())
         self._publish()
+        container = self._container
         return TraceInfo(container.sha256, container.size, container.messages)
+
+    def close(self, ended: str, note: str = "") -> TraceInfo:
+        """Finish the recording and give it its name, without verdicts."""
+        self.finish(ended, note)
+        return self.publish()
 
     def _publish(self) -> None:
         """Rename the file; another writer of the same trace must not have taken its place."""
@@ -262,8 +290,9 @@ class TraceWriter:
     ) -> None:
         if not self._file.closed:
             with self._file:
-                self._signals.joints.keep_last_repeat()
-                self._flush()
+                if not self._container.finished:
+                    self._signals.joints.keep_last_repeat()
+                    self._flush()
 
     def _at(self, time: float) -> int:
         """Return a time in nanoseconds; a chunk is written whenever ten seconds have passed."""
@@ -274,7 +303,7 @@ class TraceWriter:
         # Times are multiples of 10 or of 1 ms in binary floats; rounding makes them whole again.
         now = int(time * 1e9 + 0.5)
         if now >= self._due:
-            self._flush()
+            self._flush(now - _LATEST_ARRIVAL)
             self._due = (now // _CHUNK + 1) * _CHUNK
         # Most of what is recorded comes with others of its instant.
         self._time, self._now = time, now
@@ -284,10 +313,10 @@ class TraceWriter:
         if correction is not None:
             self._signals.correction.add(now, correction)
 
-    def _flush(self) -> None:
-        judged, watched = self._signals.drain()
-        self._container.add_chunk(judged)
-        self._container.add_chunk(watched)
+    def _flush(self, before: int | None = None) -> None:
+        """Write what is earlier than ``before`` [ns], or everything there is."""
+        early, self._late = split_blocks([*self._late, *self._signals.drain()], before)
+        self._container.add_chunk(early)
         self._file.flush()
 
 

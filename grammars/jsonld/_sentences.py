@@ -23,6 +23,7 @@ from grammars.jsonld.vocabulary import SCN, local_name
 from grammars.scenery import model
 from grammars.scenery.model import LARGEST, FrameName, Measure
 from grammars.text.diagnostics import InputError, Where, did_you_mean
+from grammars.text.documents import plain_message
 from grammars.text.quantity import unit_of
 
 _WALL: Final = re.compile(r"(?P<space>.+)-wall-(?P<index>\d{1,9})-frame")
@@ -156,7 +157,7 @@ class SentenceReader:
             first = error.errors()[0]
             name = ".".join(str(part) for part in first["loc"][:1]).replace("_", "-")
             missing = name.replace("-", "_") in optional
-            problem = "is missing" if missing else str(first["msg"]).lower()
+            problem = "is missing" if missing else plain_message(first).lower()
             message = f'"{name}" of a {kind.__name__}: {problem}'
             raise InputError.at(where, message) from error
 

@@ -237,7 +237,7 @@ def _signal_hint(name: str) -> str:
     parts = name.split("-")
     if len(parts) > 1 and all(part in signal_names() for part in parts):
         return f"to subtract, put blanks around the sign: {' - '.join(parts)}"
-    # door-17.angel: the object may be there, which only a scene can tell, so its endings are known.
+    # door_17.angel: the object may be there, which only a scene can tell, so its endings are known.
     owner, _, last = name.rpartition(".")
     known = set(signal_names())
     if owner and last in PLANAR_JOINTS and not closest(name, known):

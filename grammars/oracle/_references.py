@@ -27,7 +27,7 @@ def object_signals(scene: Scene) -> dict[str, JointReference]:
     for item in scene.objects:
         for joint in item.joints:
             position = "angle" if joint.kind == "revolute" else "position"
-            # Whoever has one joint need not name it: door-17.angle.
+            # Whoever has one joint need not name it: door_17.angle.
             prefixes = [f"{item.name}.{joint.name}"]
             if len(item.joints) == 1:
                 prefixes.append(item.name)

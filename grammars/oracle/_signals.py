@@ -146,7 +146,7 @@ class SignalDeclaration:
 
     ``arguments`` are the dimensions of its arguments, which may be left out altogether unless
     ``required``. A signal that ``takes_object`` may name a thing in the scene before them; one that
-    ``relates`` the robot to things of some sorts always names both: ``distance(robot, door-17)``.
+    ``relates`` the robot to things of some sorts always names both: ``distance(robot, door_17)``.
     """
 
     name: str
@@ -189,7 +189,7 @@ _DECLARATIONS: Final = (
         LENGTH,
         "min over obstacle points of max(|x| - hx, |y| - hy) in the base frame: negative when an "
         "obstacle is inside the box; without hx, hy, the box around the robot's footprint; with "
-        "the name of an object, of that one alone: clearance(door-17, 0.35 m, 0.2 m)",
+        "the name of an object, of that one alone: clearance(door_17, 0.35 m, 0.2 m)",
         (LENGTH, LENGTH),
         takes_object=True,
     ),
@@ -209,7 +209,7 @@ _DECLARATIONS: Final = (
         "distance",
         LENGTH,
         "from the robot's footprint to the nearest point of a thing as high as the robot, or of a "
-        "space or doorway; 0 when they touch or overlap: distance(robot, door-17)",
+        "space or doorway; 0 when they touch or overlap: distance(robot, door_17)",
         relates=("object", "space"),
     ),
     SignalDeclaration(

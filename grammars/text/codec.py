@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any, Final, Literal, TypeVar
 
 from pydantic import TypeAdapter
-from pydantic_core import SchemaValidator
+from pydantic_core import SchemaValidator, ValidationError
 
 T = TypeVar("T")
 _SCALARS: Final = frozenset({"bool", "int", "float", "str"})
@@ -72,6 +72,18 @@ def from_json(kind: type[T], data: bytes | str, *, exactly: bool = False) -> T:
     extra: Literal["forbid"] | None = "forbid" if exactly else None
     value: T = _reader(kind, exactly).validate_json(data, extra=extra)
     return value
+
+
+def reading_error(error: ValueError) -> str:
+    """Return in a line for people what :func:`from_json` has against a text: the first of it."""
+    if not isinstance(error, ValidationError):
+        return str(error)
+    from grammars.text.documents import plain_message
+
+    found = error.errors(include_url=False)
+    place = ".".join(map(str, found[0]["loc"]))
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return f"{place} {plain_message(found[0])}".strip() + more
 
 
 def from_plain(kind: type[T], data: Any) -> T:

@@ -201,7 +201,7 @@ def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str,
     if kind in _SHAPES:
         hint = _example(model, path)
     words = [str(part) for part in path if isinstance(part, str) and part != "[key]"]
-    message = _plain_message(finding)
+    message = plain_message(finding)
     return path, f"{words[-1]}: {message}" if words else message, hint
 
 
@@ -252,6 +252,7 @@ def _text_hint(written: str, given: Any) -> str:
 
 
 _PLAIN_MESSAGES: Final = {
+    "missing": "is missing",
     "string_type": "must be text",
     "int_type": "must be a whole number",
     "int_parsing": "must be a whole number",
@@ -268,14 +269,15 @@ _PLAIN_MESSAGES: Final = {
 """What pydantic's findings mean to the person who wrote the file."""
 
 
-def _plain_message(finding: Any) -> str:
+def plain_message(finding: Any) -> str:
+    """Return what one of pydantic's findings means, without its words."""
     kind, context = finding["type"], finding.get("ctx", {})
     if kind == "string_pattern_mismatch":
         return _pattern_in_words(context["pattern"])
     if kind in _PLAIN_MESSAGES:
         return _PLAIN_MESSAGES[kind].format(**context)
     message: str = finding["msg"].removeprefix("Value error, ")
-    return message.replace("Input should be", "must be", 1)
+    return re.sub(r"^Input should ", "must ", message)
 
 
 def _pattern_in_words(pattern: str) -> str:

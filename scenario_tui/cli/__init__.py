@@ -5,10 +5,46 @@ people wait for every import. The functions of commands are as long as their opt
 reads from the signature.
 """
 
-from scenario_tui.cli.command_line import app, invoke, main
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from scenario_tui.cli.interrupts import remember_interrupts, was_interrupted
+
+if TYPE_CHECKING:
+    from scenario_tui.cli.command_line import app, invoke
 
 __all__ = [
     "app",
     "invoke",
     "main",
 ]
+
+_INTERRUPTED = 130
+"""ExitCode.INTERRUPTED, which takes typer to load."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave with its exit code."""
+    # Before the first library is loaded: people press Ctrl-C when a command takes long to begin.
+    remember_interrupts()
+    try:
+        from scenario_tui.cli import command_line
+
+        command_line.main(arguments)
+    except KeyboardInterrupt:
+        sys.exit(_INTERRUPTED)
+    except Exception:
+        # A library that was interrupted may raise anything.
+        if was_interrupted():
+            sys.exit(_INTERRUPTED)
+        raise
+
+
+def __getattr__(name: str) -> object:
+    if name in ("app", "invoke"):
+        return getattr(import_module("scenario_tui.cli.command_line"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -35,17 +35,19 @@ class NewOutput(Output, schema="new"):
         print_commands(
             (f"scenario check {self.campaign}", "find every problem before anything runs"),
             (f"scenario run {self.campaign}", "run it here and now"),
-            ("scenario layers", "robots and systems under test it can name"),
+            ("scenario new --layers", "robots and systems under test it can name"),
         )
 
 
 def new(
     folder: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
-            metavar="NAME", help="Name of the campaign, and of the folder that is made for it."
+            metavar="NAME",
+            help="Name of the campaign, and of the folder that is made for it.",
+            show_default=False,
         ),
-    ],
+    ] = None,
     floorplan: Annotated[
         Path | None,
         typer.Option(
@@ -55,6 +57,14 @@ def new(
             autocompletion=completion.files(plan_files),
         ),
     ] = None,
+    listing: Annotated[
+        bool,
+        typer.Option(
+            "--layers",
+            help="Write nothing; list what a campaign in the folder NAME, this one if left out, "
+            "can name: robots, systems under test, plans, …",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a small campaign that runs, to change into yours.
@@ -62,6 +72,13 @@ def new(
     A flat with a door, a robot, a mission and oracles, every line explained; nothing is
     overwritten.
     """
+    if listing:
+        if floorplan is not None:
+            raise typer.BadParameter("begins a campaign: leave it out", param_hint="--floorplan")
+        _list_layers(folder or Path(), as_json=as_json)
+        return
+    if folder is None:
+        raise typer.BadParameter("say how the campaign is to be called", param_hint="NAME")
     from templates.new_campaign import new_campaign
 
     name = folder.resolve().name
@@ -157,6 +174,13 @@ def layers(
     Those in the folder come first, then those in the folders that campaigns share, then those that
     ship. Of several with one name the first counts.
     """
+    _list_layers(folder, as_json=as_json)
+
+
+def _list_layers(folder: Path, *, as_json: bool) -> None:
+    if not folder.is_dir():
+        what = "is no folder" if folder.exists() else "is not there"
+        raise typer.BadParameter(f"{folder} {what}", param_hint="NAME")
     from daemon.campaign import LAYER_KINDS
 
     found = [layer for kind in LAYER_KINDS for layer in _layers_of(folder, kind)]

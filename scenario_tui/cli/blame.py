@@ -116,8 +116,10 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
     from daemon.analysis.blame import find_run
     from daemon.batch.paths import StatePaths
     from grammars.text.diagnostics import InputError
-    from scenario_tui.cli.target import resolve_recorded
+    from scenario_tui.cli.suggestions import refuse_missing_file
+    from scenario_tui.cli.target import DaemonTarget, resolve_recorded, why_without_traces
 
+    refuse_missing_file(run[0])
     paths = StatePaths.find(state)
     words = run
     try:
@@ -127,7 +129,9 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
         # It names the line of a file, and is a ValueError as well; the others are about the words.
         raise
     except ValueError as error:
-        message = _about_search(words[0] if words else "", paths) or str(error)
+        name = words[0] if words else ""
+        waiting = why_without_traces(name, DaemonTarget(state=state)) if len(words) == 1 else ""
+        message = waiting or _about_search(name, paths) or str(error)
         raise typer.BadParameter(message, param_hint="RUN") from error
 
 

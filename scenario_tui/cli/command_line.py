@@ -8,6 +8,8 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import takewhile
 from typing import Annotated, Any, Final
 
 import typer
@@ -16,8 +18,11 @@ from grammars.text.diagnostics import InputError
 from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.interrupts import was_interrupted
 from scenario_tui.cli.output import (
     COLLECT_RARELY,
+    ErrorOutput,
+    Output,
     report_diagnostics,
     say,
     settle_streams,
@@ -26,6 +31,14 @@ from scenario_tui.cli.plain_flags import load_help_pages
 
 _COUNTS_ITS_OBJECTS: Final = "manifold3d"
 """Made with nanobind, which prints a list of all objects that are left when it is unloaded."""
+
+_TYPED: Final = frozenset(
+    {
+        errno.ENAMETOOLONG, errno.ELOOP, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST,
+        errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTEMPTY,
+    }
+)  # fmt: skip
+"""What is wrong with a path that somebody typed or wrote; no disk is at fault."""
 
 app = typer.Typer(
     name="scenario",
@@ -66,13 +79,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # go on for hours set it back (stay_small).
     gc.set_threshold(*COLLECT_RARELY)
     code = invoke(sys.argv[1:] if arguments is None else arguments)
+    if was_interrupted():
+        code = ExitCode.INTERRUPTED  # also where a library has swallowed it
     try:
         sys.stdout.flush()
     except OSError as error:
         # Whoever read us has left (`scenario results | head`) or a disk is full: nothing more
         # can be said there.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = _report_unhandled(error)
+        code, _ = _report_unhandled(error)
     # The interpreter looks for circles once more when it ends, a sixth of the time of a check, to
     # give back what ends with the process anyway. One library complains if it does not.
     if _COUNTS_ITS_OBJECTS not in sys.modules:
@@ -87,20 +102,47 @@ def invoke(arguments: Sequence[str]) -> int:
 
 
 def _invoke(arguments: Sequence[str]) -> int:
+    written = Output.emitted
     # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
     # tests and the dashboard can call this.
     try:
         return _exit_code_of(app(args=list(arguments), prog_name="scenario", standalone_mode=False))
-    except typer.TyperException as error:
-        return _report_wrong_usage(error)
-    except InputError as error:
-        return _report_bad_input(error)
     except (KeyboardInterrupt, typer.Abort):
         return ExitCode.INTERRUPTED
     except SystemExit as left:
         return _typer_left(left)
     except Exception as error:
-        return _report_unhandled(error)
+        code, answer = _report(error)
+        # A command that has answered already leaves it at that: who reads it reads one object.
+        if answer is not None and Output.emitted == written and _wants_json(arguments):
+            with suppress(BrokenPipeError):
+                answer.emit()
+        return code
+
+
+def _wants_json(arguments: Sequence[str]) -> bool:
+    """Whether --json was typed: what is typed wrongly is read by nobody who could say so."""
+    return "--json" in takewhile(lambda word: word != "--", arguments)
+
+
+def _report(error: Exception) -> tuple[int, ErrorOutput | None]:
+    """Say what went wrong to people; returns the exit code, and the same for machines."""
+    if isinstance(error, typer.TyperException):
+        from scenario_tui.cli.usage_text import plain_words
+
+        plain_words(error)
+        code = _report_wrong_usage(error)
+        return code, ErrorOutput(_usage_message(error), code)
+    if isinstance(error, InputError):
+        code = _report_bad_input(error)
+        return code, ErrorOutput.of(error.diagnostics, code)
+    code, said = _report_unhandled(error)
+    return code, ErrorOutput(said, code) if said else None
+
+
+def _usage_message(error: typer.TyperException) -> str:
+    message: Callable[[], str] | None = getattr(error, "format_message", None)
+    return " ".join((message() if message is not None else str(error)).split())
 
 
 def _exit_code_of(code: Any) -> int:
@@ -135,23 +177,30 @@ def _report_bad_input(error: InputError) -> int:
     return ExitCode.BAD_INPUT
 
 
-def _report_unhandled(error: Exception) -> int:
+def _report_unhandled(error: Exception) -> tuple[int, str]:
+    """Say what went wrong; returns the exit code and the same in one line, empty for nobody."""
+    # A library that was interrupted while it loaded may raise anything.
+    if was_interrupted():
+        return ExitCode.INTERRUPTED, ""
     # Whoever left early knows why; a message would only tear at what is printed next.
     if isinstance(error, BrokenPipeError):
-        return ExitCode.BROKEN_PIPE
-    from daemon.batch.errors import DaemonError, Refused
+        return ExitCode.BROKEN_PIPE, ""
+    from daemon.batch.errors import DaemonError, KeysUnusable, PlaceUnusable, Refused
 
     if isinstance(error, DaemonError):
         say(f"scenario: {error}")
-        # A daemon that refuses is fine itself: it was asked for something that is not there.
-        return ExitCode.BAD_INPUT if isinstance(error, Refused) else ExitCode.INFRASTRUCTURE
+        # A daemon that refuses is fine itself: it was asked for something that is not there. Keys
+        # and places are what somebody named or wrote.
+        typed = isinstance(error, Refused | KeysUnusable | PlaceUnusable)
+        code = ExitCode.BAD_INPUT if typed else ExitCode.INFRASTRUCTURE
+        return code, str(error)
     # A full disk, a folder that may not be written: not ours to mend, and no trace back helps.
     if isinstance(error, OSError):
         where = f": {error.filename}" if error.filename else ""
-        say(f"scenario: {error.strerror or error}{where}")
-        # Such names are typed or written by people; no disk is at fault.
-        named = error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
-        return ExitCode.BAD_INPUT if named else ExitCode.INFRASTRUCTURE
+        said = f"{error.strerror or error}{where}"
+        say(f"scenario: {said}")
+        return (ExitCode.BAD_INPUT if error.errno in _TYPED else ExitCode.INFRASTRUCTURE), said
     say("".join(traceback.format_exception(error)).rstrip())
-    say(f"scenario: {type(error).__name__}: {error}\nThis is a bug in scenario; please report it.")
-    return ExitCode.BUG
+    said = f"{type(error).__name__}: {error}"
+    say(f"scenario: {said}\nThis is a bug in scenario; please report it.")
+    return ExitCode.BUG, f"a bug in scenario: {said}"

@@ -24,13 +24,15 @@ from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
 class CommandEntry:
     """A command: the function or group ``attribute`` of a ``module`` of ours, and what help says.
 
-    The function is called as the command is unless ``attribute`` says otherwise.
+    The function is called as the command is unless ``attribute`` says otherwise. An old word is a
+    command that another one has taken in: ``instead`` is what to type now.
     """
 
     name: str
     module: str
     summary: str
     attribute: str = ""
+    instead: str = ""
 
 
 _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
@@ -41,11 +43,6 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
             "Show everything once: a robot, moving doors, verdicts.",
         ),
         CommandEntry("new", "begin", "Write a small campaign that runs, to change into yours."),
-        CommandEntry(
-            "layers",
-            "begin",
-            "List what a campaign of a folder can name: robots, systems under test, plans, …",
-        ),
         CommandEntry("check", "run_campaigns", "Find every problem of campaigns and layers."),
         CommandEntry("run", "run_campaigns", "Run a campaign here and now, without a daemon."),
         CommandEntry(
@@ -87,17 +84,7 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
         CommandEntry(
             "show",
             "look",
-            "Show one run: what each oracle says and why, what it was, where its trace lies.",
-        ),
-        CommandEntry(
-            "logs",
-            "logs",
-            "Tell what happened in a run: its attempts, its mission, contacts, what the SUT said.",
-        ),
-        CommandEntry(
-            "fetch",
-            "recorded_runs",
-            "Bring the traces of a campaign or a run here, from a daemon or the store they lie in.",
+            "Show one run: what each oracle says and why, or what happened in it.",
         ),
         CommandEntry(
             "replay",
@@ -146,18 +133,16 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
     "Steer": (
         CommandEntry("cancel", "steer", "Cancel what is queued or running of a campaign."),
         CommandEntry("retry", "steer", "Queue lost or cancelled runs of a campaign again."),
-        CommandEntry("pause", "steer", "Start no more runs of a campaign until it is resumed."),
-        CommandEntry("resume", "steer", "Go on with a paused campaign."),
+        CommandEntry("pause", "steer", "Start no more runs of a campaign, or go on with it."),
         CommandEntry("priority", "steer", "Let a campaign go before those of lower priority."),
         CommandEntry(
             "delete",
             "steer",
             "Remove campaigns for good: runs, results, and traces that no other campaign uses.",
         ),
-        CommandEntry("stop", "steer", "Ask the daemon to leave."),
     ),
     "Machines": (
-        CommandEntry("daemon", "machines", "Run the daemon in the foreground."),
+        CommandEntry("daemon", "machines", "Run the daemon in the foreground, or end it."),
         CommandEntry("worker", "machines", "Run a worker in the foreground."),
         CommandEntry(
             "keys",
@@ -171,11 +156,6 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
             "doctor",
             "operate",
             "Say what is configured, what answers, and what is wrong, each with its remedy.",
-        ),
-        CommandEntry(
-            "metrics",
-            "operate",
-            "Write the daemon's numbers in the text format of Prometheus.",
         ),
         CommandEntry(
             "gc",
@@ -193,7 +173,7 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
         CommandEntry(
             "export",
             "export",
-            "Write artefacts of a floor plan or a campaign: maps, meshes, Gazebo worlds, tasks, …",
+            "Write artefacts of a building, a campaign or a run: maps, worlds, pictures, traces, …",
         ),
         CommandEntry("vary", "vary", "Write variants of a floor plan, drawn from distributions."),
     ),
@@ -201,9 +181,8 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
         CommandEntry(
             "schema",
             "editors",
-            "Print or write the JSON Schemas that editors complete and check YAML files with.",
+            "Print or write what editors use: JSON Schemas of YAML files, the VS Code extension.",
         ),
-        CommandEntry("vscode", "editors", "Write the extension for Visual Studio Code."),
     ),
 }
 """Help shows commands in this order, in panels of these names."""
@@ -211,7 +190,33 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
 COMMANDS: Final[dict[str, CommandEntry]] = {
     entry.name: entry for entries in _PANELS.values() for entry in entries
 }
+OLD_WORDS: Final[dict[str, CommandEntry]] = {
+    entry.name: entry
+    for entry in (
+        CommandEntry("layers", "begin", "", instead="scenario new --layers [FOLDER]"),
+        CommandEntry("logs", "logs", "", instead="scenario show RUN --log"),
+        CommandEntry("fetch", "export_runs", "", instead="scenario export CAMPAIGN|RUN traces"),
+        CommandEntry("resume", "steer", "", instead="scenario pause CAMPAIGN --off"),
+        CommandEntry("stop", "steer", "", instead="scenario daemon --stop"),
+        CommandEntry("metrics", "operate", "", instead="scenario status --metrics"),
+        CommandEntry("vscode", "editors", "", instead="scenario schema --vscode DIR"),
+    )
+}
+"""They work for one release and say what to type now; help and completion do not name them."""
 _PANEL_OF: Final = {entry.name: panel for panel, entries in _PANELS.items() for entry in entries}
+
+
+class _OldWord(PlainFlagsCommand):
+    """A command that says which one has taken it in, and does what it always did."""
+
+    instead = ""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Say what to type now, on standard error, and call the command."""
+        from scenario_tui.cli.output import say
+
+        say(f"`scenario {self.name}` is now `{self.instead}`; the old word goes with a release")
+        return super().invoke(ctx)
 
 
 @cache
@@ -223,9 +228,14 @@ def load_command(entry: CommandEntry) -> Any:
         from scenario_tui.cli.options import with_keys_option
 
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        alone.command(entry.name, cls=PlainFlagsCommand)(with_keys_option(found))
+        kind = _OldWord if entry.instead else PlainFlagsCommand
+        alone.command(entry.name, cls=kind)(with_keys_option(found))
         found = alone
-    return typer.main.get_command(found)
+    command = typer.main.get_command(found)
+    if isinstance(command, _OldWord):
+        command.instead = entry.instead
+        command.epilog = f"An old word. Type now: {entry.instead}"
+    return command
 
 
 class _Commands(UserDict[str, Any]):
@@ -242,6 +252,13 @@ class CommandGroup(PlainFlagsGroup):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.commands = _Commands(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name or an old word for it, ``None`` for what is neither."""
+        found = super().get_command(ctx, cmd_name)
+        if found is None and cmd_name in OLD_WORDS:
+            return load_command(OLD_WORDS[cmd_name])
+        return found
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of the commands in the order of help."""

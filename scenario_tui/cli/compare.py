@@ -228,6 +228,11 @@ def print_comparison(found: CampaignDifference, *, everything: bool = False) -> 
 
     console = stdout_console()
     console.print(f"{found.before} → {found.after}", style="bold", markup=False)
+    sides = ((found.before, found.unfinished_before), (found.after, found.unfinished_after))
+    for name, count in dict(sides).items():
+        if count:
+            words = f"{name}: {pluralise(count, 'run')} not finished, compared is the rest"
+            console.print(words, markup=False, style="yellow", soft_wrap=True)
     for title, cells in (("only before", found.only_before), ("only after", found.only_after)):
         if cells:
             names = ", ".join(f"{scenario}/{sut}" for scenario, sut in cells)

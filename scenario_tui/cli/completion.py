@@ -209,6 +209,13 @@ def runs_or_traces(ctx: typer.Context, incomplete: str) -> Offer:
 
 
 @offer_nothing_on_error
+def exportable(ctx: typer.Context, incomplete: str) -> Offer:
+    """Offer whatever `scenario export` takes: plans, campaign files, and what was recorded."""
+    files = [*plan_or_campaign_files(incomplete), *with_ending(incomplete, ".mcap")]
+    return [*_with_files(runs(ctx, incomplete), files)]
+
+
+@offer_nothing_on_error
 def campaigns_runs_or_traces(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer whatever names traces: campaigns, runs, files, folders."""
     whole = [] if "." in incomplete else campaigns(ctx, incomplete)

@@ -122,8 +122,10 @@ def _measure_coverage(
         raise typer.BadParameter("one campaign file, or traces, not both", param_hint="CAMPAIGN")
     if files:
         from daemon.campaign import expand, load_campaign
+        from scenario_tui.cli.suggestions import refuse_missing_campaign
         from scenario_tui.submission import searches_text
 
+        refuse_missing_campaign(Path(files[0]))
         campaign = load_campaign(files[0])
         if words := searches_text(Path(files[0]), tuple(one.name for one in campaign.searches)):
             say(f"{words}; name it here once it has run")

@@ -287,9 +287,25 @@ def schema(
     outputs: Annotated[
         bool, typer.Option("--outputs", help="Instead the schema of what --json writes.")
     ] = False,
+    extension: Annotated[
+        Path | None,
+        typer.Option(
+            "--vscode",
+            metavar="DIR",
+            help="Instead write the extension for Visual Studio Code there, scenario.vsix.",
+        ),
+    ] = None,
 ) -> None:
-    """Print or write the JSON Schemas that editors complete and check YAML files with."""
+    """Print or write what editors use: JSON Schemas of YAML files, the VS Code extension.
 
+    Install the extension with: code --install-extension scenario.vsix
+    """
+
+    if extension is not None:
+        if kind is not None or outputs or out is not None:
+            raise typer.BadParameter("goes with nothing else", param_hint="--vscode")
+        vscode(extension)
+        return
     if outputs:
         if kind is not None:
             raise typer.BadParameter("is about no kind of file", param_hint="--outputs")

@@ -21,6 +21,7 @@ from daemon.batch.client import Client
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
 from daemon.batch.paths import StatePaths, endpoint_text
 from daemon.model.assessments import RunRecord
+from daemon.model.execution import machine_text
 from daemon.model.status import RunRow
 from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
 from scenario_tui.cli.exit_codes import ExitCode
@@ -57,7 +58,7 @@ def run_here(
     target = (folder or Path("scenario-results") / submission.campaign).absolute()
     target.mkdir(parents=True, exist_ok=True)
     # First of all: with it the traces of a run that is interrupted can still be reported.
-    write_campaign_note(target, submission)
+    write_campaign_note(target, submission, at=time.time(), machine=machine_text())
     started = time.perf_counter()
     with (
         _temporary_state(target, submission.campaign) as state,
@@ -137,12 +138,21 @@ def typed_path(path: Path) -> str:
 
 def start_daemon_if_needed(target: DaemonTarget, slots: int | None) -> None:
     """See to it that the daemon answers; one is started unless people named it themselves."""
-    if target.named:
-        return
+    started = "" if target.named else launch_daemon(target, slots)
+    if started:
+        say(started)
+
+
+def launch_daemon(target: DaemonTarget, slots: int | None = None) -> str:
+    """Start the daemon of this machine if none answers; return what to say, "" if one does.
+
+    Raises :class:`~daemon.batch.errors.LaunchFailed` when it does not come up.
+    """
     state = StatePaths.find(target.state).state
-    if running_daemon(state) is None:
-        where = endpoint_text(ensure_daemon(state, slots=slots))
-        say(f"started a daemon on this machine at {where} (`scenario stop` ends it)")
+    if running_daemon(state) is not None:
+        return ""
+    where = endpoint_text(ensure_daemon(state, slots=slots))
+    return f"started a daemon on this machine at {where} (`scenario daemon --stop` ends it)"
 
 
 def watch_to_end(

@@ -1,24 +1,33 @@
-"""The command that makes artefacts of a floor plan or a campaign."""
+"""The command that makes artefacts of a floor plan, a campaign or a recorded run."""
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.completion import plan_or_campaign_files
-from scenario_tui.cli.options import AsJson, Base
+from scenario_tui.cli.export_runs import (
+    PICTURE_ENDINGS,
+    WallClockOption,
+    export_recorded,
+    is_recorded,
+)
+from scenario_tui.cli.options import AsJson, Base, Connect, State, check_writable
 from scenario_tui.cli.output import Output, report_diagnostics
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from grammars.text.diagnostics import Diagnostic
     from templates.artefacts import ExportResult
-    from templates.world import ArtefactWorld
+    from templates.rendering import Templates
+    from templates.world import ArtefactWorld, ExportSettings
 
 
 def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
@@ -45,7 +54,7 @@ def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diag
 
 
 class Artefact(StrEnum):
-    """What a floor plan or a campaign can be exported as."""
+    """What a floor plan, a campaign or a recorded run can be exported as."""
 
     ALL = "all"
     GEOJSON = "geojson"
@@ -59,6 +68,22 @@ class Artefact(StrEnum):
     FOXGLOVE = "foxglove"
     PICTURE = "picture"
     PROV = "prov"
+    TRACES = "traces"
+
+
+_ONE_FILE: Final[dict[Artefact, tuple[str, ...]]] = {
+    Artefact.GEOJSON: (".geojson",),
+    Artefact.JSONLD: (".jsonld",),
+    Artefact.MESH: (".stl", ".glb"),
+    Artefact.LAUNCH: (".launch", ".xml"),
+    Artefact.FOXGLOVE: (".json",),
+    Artefact.PICTURE: PICTURE_ENDINGS,
+    Artefact.PROV: (".jsonld",),
+}
+"""Kinds of which one file with each of these endings is made; of others there are several."""
+_ENDINGS: Final = frozenset(
+    {".yaml", ".pgm", ".sdf", ".world", ".html", ".txt"}.union(*_ONE_FILE.values())
+)
 
 
 class WaypointYaw(StrEnum):
@@ -78,10 +103,11 @@ def export(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="PLAN.fpm|CAMPAIGN.yaml",
+            metavar="SOURCE",
             help="A floor plan (.fpm, .jsonld or a folder of .json), a walls layer "
-            "(.walls.yaml) or a campaign.",
-            autocompletion=completion.files(plan_or_campaign_files),
+            "(.walls.yaml), a campaign file; a recorded run or its trace (.mcap), a campaign that "
+            "was submitted.",
+            autocompletion=completion.exportable,
         ),
     ],
     kinds: Annotated[
@@ -89,12 +115,18 @@ def export(
         typer.Argument(
             metavar="KIND",
             help="all, or any of: geojson, jsonld, map, mesh, sdf (Gazebo), "
-            "keyframes (of campaigns only), tasks, launch (ROS), foxglove, picture, prov.",
+            "keyframes (of campaigns only), tasks, launch (ROS), foxglove, picture, prov; of "
+            "recorded runs picture or traces.",
         ),
     ],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.", file_okay=False),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="PATH",
+            help="Folder to write to, or with its ending the file: plan.geojson, run.svg.",
+        ),
     ] = Path(),
     templates: Annotated[
         Path | None,
@@ -136,16 +168,44 @@ def export(
         str, typer.Option(metavar="ISO8601", help="For prov: when. Default: left out.")
     ] = "",
     base: Base = "",
+    since: Annotated[
+        float | None,
+        typer.Option(
+            "--from", metavar="SECONDS", help="For the picture of a run: closely, from here on."
+        ),
+    ] = None,
+    until: Annotated[
+        float | None,
+        typer.Option(
+            "--until", metavar="SECONDS", help="For the picture of a run: closely, up to here."
+        ),
+    ] = None,
+    wall_clock: WallClockOption = None,
+    connect: Connect = "",
+    state: State = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write artefacts of a floor plan or a campaign: maps, meshes, Gazebo worlds, tasks, …
+    """Write artefacts of a building, a campaign or a run: maps, worlds, pictures, traces, …
 
-    A campaign gets one folder per scenario; scenarios with equal worlds share one.
+    A campaign gets one folder per scenario; scenarios with equal worlds share one. Traces come
+    from a daemon or the store they lie in, and each is verified; what was interrupted goes on.
     """
+    if is_recorded(source):
+        from scenario_tui.cli.target import DaemonTarget
+
+        target, part = DaemonTarget(connect, state), (since, until)
+        export_recorded(source, kinds, out, target, part, wall_clock, as_json=as_json)
+        return
+    if Artefact.TRACES in kinds:
+        raise typer.BadParameter("traces are of recorded runs, not of files", param_hint="KIND")
+    if since is not None or until is not None:
+        raise typer.BadParameter("goes with a picture of a run", param_hint="--from, --until")
+    if wall_clock is not None:
+        raise typer.BadParameter("goes with traces", param_hint="--wall-clock")
+    named = _named_file(out, kinds)
     from daemon.analysis.campaign_worlds import worlds_of_campaign
     from grammars.maps import WALLS_ENDING
     from grammars.text.diagnostics import Diagnostic, Severity, Where
-    from templates.artefacts import export_worlds
     from templates.naming import file_name
     from templates.rendering import Templates
     from templates.world import ExportSettings
@@ -168,13 +228,20 @@ def export(
         yaw=yaw.value,
         timestamp=_check_time(timestamp),
     )
+    if named is not None:
+        check_writable(named, "--out")
+    elif out.exists() and not out.is_dir():
+        raise typer.BadParameter(f"{out} is no folder", param_hint="--out")
     own = Templates(templates)
     written: list[str] = []
     report_diagnostics(own.unused())
     # A campaign has a folder for each world, also when there is one: paths stay the same when
     # another scenario is added.
     placed = [(w, out / file_name(w.name) if is_campaign else out) for w in worlds]
-    results = export_worlds(placed, kinds, settings=settings, templates=own)
+    if named is not None and len(placed) > 1:
+        message = f"{source} has {len(placed)} worlds, which are more than {named}: name a folder"
+        raise typer.BadParameter(message, param_hint="--out")
+    results = _make(placed, named, kinds, settings, own)
     noted: dict[str, list[str]] = {}
     for (world, _), done in zip(placed, _written(results, out), strict=True):
         for note in done.notes:
@@ -190,6 +257,39 @@ def export(
     )
     if as_json:
         ExportOutput(written).emit()
+
+
+def _named_file(out: Path, kinds: Sequence[Artefact]) -> Path | None:
+    """Return the file that is to be written, ``None`` where a folder is meant."""
+    endings = _ONE_FILE.get(kinds[0], ()) if len(kinds) == 1 else ()
+    if not endings or out.is_dir() or out.suffix not in _ENDINGS:
+        return None
+    if out.suffix not in endings:
+        message = f"a file of {kinds[0]} ends in {' or '.join(endings)}"
+        raise typer.BadParameter(message, param_hint="--out")
+    return out
+
+
+def _make(
+    placed: Sequence[tuple[ArtefactWorld, Path]],
+    named: Path | None,
+    kinds: Sequence[Artefact],
+    settings: ExportSettings,
+    templates: Templates,
+) -> Iterator[ExportResult]:
+    """Yield what is made of each world, in its folder or, of one world, as the file ``named``."""
+    from templates.artefacts import export_worlds
+
+    if named is None:
+        yield from export_worlds(placed, kinds, settings=settings, templates=templates)
+        return
+    ((world, _),) = placed
+    with TemporaryDirectory() as folder:
+        here = [(world, Path(folder))]
+        for done in export_worlds(here, kinds, settings=settings, templates=templates):
+            (made,) = (path for path in done.paths if path.suffix == named.suffix)
+            shutil.move(made, named)
+            yield replace(done, made={str(kinds[0]): (named,)})
 
 
 def _about(source: Path, worlds: list[str], count: int) -> str:

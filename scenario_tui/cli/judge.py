@@ -100,12 +100,13 @@ def judge(
     from daemon.analysis.rejudge import rejudge
     from daemon.model.spec import OracleText
     from grammars.oracle import load_oracles
-    from scenario_tui.cli.target import DaemonTarget, all_traces
+    from scenario_tui.cli.target import DaemonTarget, all_traces, refuse_other_files
 
     written = None
     if oracles is not None:
         written = tuple(OracleText(o.name, o.text) for o in load_oracles(oracles).values())
     target = DaemonTarget(connect, state)
+    refuse_other_files(traces, "TRACES")
     paths = all_traces(traces, target, "TRACES")
     # A generator: traces are judged by several processes while the bar counts what comes back.
     judged = rejudge(paths, written, places=target.paths, processes=processes)

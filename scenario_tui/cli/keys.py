@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, Keys, State
 from scenario_tui.cli.output import Output, plain_table, say, stdout_console
 from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
 
@@ -36,14 +36,6 @@ Hosts: TypeAlias = Annotated[
 ]
 Days: TypeAlias = Annotated[
     int, typer.Option("--days", min=1, max=3650, help="How long a certificate is good for.")
-]
-KeysFolder: TypeAlias = Annotated[
-    Path | None,
-    typer.Option(
-        "--keys",
-        metavar="DIR",
-        help="Where the keys lie. Default: $SCENARIO_KEYS, then keys in your settings folder.",
-    ),
 ]
 KeyName: TypeAlias = Annotated[
     str, typer.Argument(metavar="KEY", help="A key as `scenario keys list` calls it.")
@@ -80,7 +72,7 @@ def issue(
         str, typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon.")
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is: a-z 0-9 and -.")],
-    keys: KeysFolder = None,
+    keys: Keys = None,
     host: Hosts = None,
     days: Days = 730,
 ) -> None:
@@ -110,7 +102,7 @@ class KeysOutput(Output, schema="keys"):
 
 
 @keys_app.command("list", cls=PlainFlagsCommand)
-def list_(keys: KeysFolder = None, as_json: AsJson = False) -> None:
+def list_(keys: Keys = None, as_json: AsJson = False) -> None:
     """List who has a key, for what, until when, and its fingerprint."""
     from daemon.batch.security import keys_folder, load_register
 
@@ -135,7 +127,7 @@ class VoidOutput(Output, schema="void"):
 @keys_app.command(cls=PlainFlagsCommand)
 def revoke(
     key: KeyName,
-    keys: KeysFolder = None,
+    keys: Keys = None,
     void: Annotated[
         bool,
         typer.Option("--void", help="Also void the results it brought, and run them again."),
@@ -195,7 +187,7 @@ def bundle(
         Path,
         typer.Option("--output", "-o", metavar="PATH", help="A .tar file, or a folder to make."),
     ],
-    keys: KeysFolder = None,
+    keys: Keys = None,
 ) -> None:
     """Pack a key for another machine: secret, to be carried by a safe road (scp, a stick).
 

@@ -1,4 +1,4 @@
-"""The command that tells what happened in a run, and shows what its system under test printed."""
+"""What `show --log` tells: what happened in a run, and what its system under test printed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class LogsOutput(Output, schema="logs"):
     """What happened in a run: the ``steps`` of its attempts, their ``output``, what it recorded.
 
     ``printed`` is what an external system under test wrote while it ran, by name. Of a trace
-    alone only what it recorded and printed is known.
+    alone only what it recorded and printed is known. ``standing`` says why there is no trace of it
+    (yet), empty when there is one.
     """
 
     run: str
@@ -31,6 +32,7 @@ class LogsOutput(Output, schema="logs"):
     output: tuple[str, ...]
     recorded: tuple[RunLogLine, ...]
     printed: dict[str, str]
+    standing: str = ""
 
     def print(self) -> None:
         """Print it in the order it happened, of what was printed the last lines."""
@@ -58,7 +60,10 @@ class LogsOutput(Output, schema="logs"):
             when = datetime.fromtimestamp(step.at).astimezone().strftime("%Y-%m-%d %H:%M:%S")
             note = f"  {step.note.strip()}" if step.note else ""
             console.print(f"{when}  {step.state}{note}", markup=False, soft_wrap=True)
-        if not self.steps:
+        if not self.steps and not self.attempts:
+            words = self.standing or "no attempt yet"
+            console.print(words, markup=False, soft_wrap=True)
+        elif not self.steps:
             attempts = pluralise(self.attempts, "attempt")
             console.print(f"{attempts}; when is not remembered any more")
 
@@ -90,7 +95,7 @@ class LogsOutput(Output, schema="logs"):
             console.print(f"\n{name}", markup=False, style="dim", soft_wrap=True)
             if hidden:
                 more = f"{pluralise(hidden, 'line')} before these"
-                how = f"scenario logs {quote(typed)} --output {quote(name)}"
+                how = f"scenario show {quote(typed)} --output {quote(name)}"
                 console.print(f"({more}: {how})", markup=False, style="dim", soft_wrap=True)
             for line in lines or ["(nothing)"]:
                 console.print(line, markup=False, soft_wrap=True)
@@ -163,7 +168,8 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
     """Return what a run left; a daemon elsewhere does not tell of attempts."""
     from daemon.analysis.report import open_ledger
     from daemon.analysis.run_history import read_outputs, read_steps
-    from scenario_tui.cli.target import find_run, one_trace
+    from scenario_tui.cli.target import find_campaign, find_run, one_trace
+    from scenario_tui.text.run_state import without_trace_text
 
     steps: tuple[RunStep, ...] = ()
     output: tuple[str, ...] = ()
@@ -171,9 +177,12 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
     if target.named:
         with target.open() as daemon:
             row = find_run(daemon, run).row
+            campaign = find_campaign(daemon, row.campaign)
     else:
         with open_ledger(target.paths) as ledger:
             row = find_run(ledger, run).row
+            campaign = find_campaign(ledger, row.campaign)
         steps, output = read_steps(target.paths, row.id), read_outputs(target.paths, row.id)
     recorded, printed = _recorded(one_trace(row.id, target, "RUN")) if row.trace else ((), {})
-    return LogsOutput(row.id, row.attempt, row.reason, steps, output, recorded, printed)
+    standing = "" if row.trace else without_trace_text(row, campaign)
+    return LogsOutput(row.id, row.attempt, row.reason, steps, output, recorded, printed, standing)

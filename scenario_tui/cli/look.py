@@ -20,7 +20,14 @@ if TYPE_CHECKING:
     from daemon.model.proposals import Proposal, ProposalRow
     from daemon.model.search import SearchTask
     from daemon.model.search_answer import SearchRow
-    from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunRow, WorkerRow
+    from daemon.model.spec import Snapshot
+    from daemon.model.status import (
+        CampaignRow,
+        DaemonOverview,
+        RunDetail,
+        RunRow,
+        WorkerRow,
+    )
     from daemon.model.verbs import DaemonClient
 
 
@@ -93,8 +100,27 @@ class StatusOutput(Output, schema="status"):
                 console.print(words, markup=False, style="yellow", soft_wrap=True)
 
 
-def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
-    """Say how everything stands: daemon, workers, campaigns."""
+def status(
+    numbers: Annotated[
+        bool,
+        typer.Option(
+            "--metrics", help="Instead the daemon's numbers in the text format of Prometheus."
+        ),
+    ] = False,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say how everything stands: daemon, workers, campaigns.
+
+    Its numbers, runs by state and outcome, workers and their slots, rate, disk, can be had for
+    node_exporter's textfile collector, say.
+    """
+    if numbers:
+        from scenario_tui.cli.operate import metrics
+
+        metrics(connect, state, as_json)
+        return
     from contextlib import suppress
 
     from daemon.batch.errors import Unavailable
@@ -122,14 +148,17 @@ def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:
 
 
 def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) -> Table:
-    from scenario_tui.text.formatting import age_text
+    from scenario_tui.text.formatting import age_text, duration
 
     table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.total - row.queued - row.running}/{row.total}" for row in campaigns]
     # Verdicts wrap between their parts, never inside of one: rich would break at any blank.
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
-        counts = wrap_parts(_tally_parts(row), max(24, room))
+        parts = _tally_parts(row)
+        if row.seconds_left is not None:
+            parts.append(f"{duration(row.seconds_left)} left")
+        counts = wrap_parts(parts, max(24, room))
         marks = ["search"] if row.search else []
         marks += [f"priority {row.priority}"] if row.priority else []
         marks += ["paused"] if row.paused else []
@@ -299,11 +328,17 @@ RunName: TypeAlias = Annotated[
 
 
 class RunOutput(Output, schema="run"):
-    """Everything about one run; of a search also the ``proposal`` that it is."""
+    """Everything about one run; of a search also the ``proposal`` that it is.
+
+    ``standing`` says why there is no trace of it (yet), empty when there is one; ``live`` is how
+    far one is that runs, if it told within half a second.
+    """
 
     run: RunDetail
     proposal: Proposal | None = None
     task: SearchTask | None = None
+    standing: str = ""
+    live: Snapshot | None = None
 
     def print(self) -> None:
         """Print what it was and what each oracle says, then what to type next."""
@@ -312,16 +347,54 @@ class RunOutput(Output, schema="run"):
         from scenario_tui.text.run_text import run_text
         from scenario_tui.text.search_text import proposal_lines
 
-        stdout_console().print(run_text(self.run, None, TERMINAL_STYLES), soft_wrap=True)
+        stdout_console().print(run_text(self.run, self.live, TERMINAL_STYLES), soft_wrap=True)
+        starting = self.run.row.state == "running" and self.live is None
+        if starting or (self.run.row.state == "queued" and not self.run.row.remark):
+            stdout_console().print(f"{self.standing}\n", markup=False, soft_wrap=True)
         if self.proposal is not None and self.task is not None:
             for line in proposal_lines(self.task, self.proposal, TERMINAL_STYLES):
                 stdout_console().print(line, soft_wrap=True)
         print_commands(*_next_commands(self.run, self.task))
 
 
-def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
-    """Show one run: what each oracle says and why, what it was, where its trace lies."""
-    from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces
+def show(
+    run: RunName,
+    log: Annotated[
+        bool,
+        typer.Option(
+            "--log",
+            help="Tell what happened instead: attempts, mission, contacts, what the SUT said. Of "
+            "a trace (.mcap), too.",
+        ),
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="With the log all lines of all outputs, not the last.")
+    ] = False,
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="NAME",
+            help="Of the log all that the system under test wrote to this output, stack.txt say.",
+        ),
+    ] = "",
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show one run: what each oracle says and why, or what happened in it.
+
+    The log is read from the state directory of this machine; no daemon is needed for it unless one
+    is named.
+    """
+    if log or everything or output:
+        from scenario_tui.cli.logs import logs
+
+        logs(run, output, everything, connect, state, as_json)
+        return
+    from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces, why_no_trace
+    from scenario_tui.client import latest_snapshot
 
     target = DaemonTarget(connect, state)
     with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
@@ -330,6 +403,14 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
         found = RunOutput(detail)
         if search is not None:
             found = _with_proposal(daemon, detail, search.task)
+        if not detail.row.trace:
+            standing = why_no_trace(detail.row, daemon.campaign(detail.row.campaign), daemon.runs)
+            found = replace(found, standing=standing)
+        if detail.row.state == "running":
+            found = replace(found, live=latest_snapshot(daemon, detail.row.id))
+            workers = daemon.workers() if found.live is None else ()
+            prepares = [one.preparing for one in workers if one.id == detail.row.worker]
+            found = replace(found, standing=next(filter(None, prepares), found.standing))
     found.show(as_json)
 
 
@@ -350,7 +431,7 @@ def _next_commands(detail: RunDetail, task: SearchTask | None = None) -> Iterabl
     if row.trace:
         begin = f" --from {row.oracle}" if row.outcome == "fail" else ""
         yield f"scenario replay {row.id}{begin}", "watch it"
-    yield f"scenario logs {row.id}", "what happened, in order"
+    yield f"scenario show {row.id} --log", "what happened, in order"
     if not row.repeatable and row.trace:
         yield f"scenario verify {row.id}", "how far its outcomes spread"
     if task is not None:

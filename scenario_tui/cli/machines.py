@@ -6,8 +6,9 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
 import typer
 
@@ -15,6 +16,7 @@ from daemon.model.execution import DaskScheduler, RunLimits, decide_on_commands
 from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import (
+    AsJson,
     Connect,
     Keys,
     State,
@@ -24,6 +26,9 @@ from scenario_tui.cli.options import (
     read_wall,
 )
 from scenario_tui.cli.output import plain_table, say, stay_small, stdout_console
+
+if TYPE_CHECKING:
+    from scenario_tui.cli.target import DaemonTarget
 
 Commands: TypeAlias = Annotated[
     bool | None,
@@ -97,11 +102,32 @@ def daemon(
     ] = "",
     commands: Commands = None,
     print_unit: PrintUnit = False,
+    end: Annotated[
+        bool,
+        typer.Option(
+            "--stop",
+            help="Ask the daemon that runs to leave: running runs get a while to finish, what is "
+            "queued goes on with the next daemon.",
+        ),
+    ] = False,
+    connect: Connect = "",
+    as_json: AsJson = False,
 ) -> None:  # fmt: skip
-    """Run the daemon in the foreground.
+    """Run the daemon in the foreground, or end it.
 
-    It keeps the queue and the results, and executes runs on this machine.
+    It keeps the queue and the results, and executes runs on this machine. --connect and --json go
+    with --stop.
     """
+    if end:
+        if keys is not None:
+            os.environ["SCENARIO_KEYS"] = str(keys)
+        from scenario_tui.cli.steer import stop
+
+        stop(connect, state, as_json)
+        return
+    for option, given in (("--connect", bool(connect)), ("--json", as_json)):
+        if given:
+            raise typer.BadParameter("goes with --stop only", param_hint=option)
     from daemon.batch.paths import StatePaths
     from daemon.batch.server import DaemonSettings, exposure_warning, serve
 
@@ -148,6 +174,7 @@ def tui(
 ) -> None:
     """Open the dashboard; leaving it never stops any work.
 
+    A daemon is started on this machine if none answers, unless --read-only or --connect is given.
     Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
     """
 
@@ -171,12 +198,20 @@ def tui(
         raise typer.Exit(ExitCode.BAD_INPUT)
     # The option can only take rights away: who forbade changes in the file meant it.
     config = replace(config, read_only=config.read_only or read_only)
-    equivalent = CommandLines(connect, state)
+    equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
+    launch = None if target.named or config.read_only else partial(_launch_daemon, target)
     stay_small()
-    code, farewell = run_dashboard(DaemonTarget(connect, state).open, config, equivalent)
+    code, farewell = run_dashboard(target.open, config, equivalent, launch)
     if code:
         raise typer.Exit(ExitCode.BUG)
     say(farewell)
+
+
+def _launch_daemon(target: DaemonTarget) -> str:
+    """Start the daemon of this machine if none answers; return what to say of that."""
+    from scenario_tui.cli.execute import launch_daemon
+
+    return launch_daemon(target)
 
 
 def _why_no_dashboard() -> str:
@@ -288,14 +323,7 @@ def worker(
             "runs by 10, itself not.",
         ),
     ] = None,
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            "--state", metavar="DIR",
-            help="The daemon's state directory, where this machine has it; elsewhere a folder for "
-            "this worker. Default: the daemon's, then your user state folder.",
-        ),
-    ] = None,
+    state: State = None,
     commands: Commands = None,
     print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip
@@ -321,15 +349,23 @@ def worker(
     where = endpoint_text(endpoint.address)
     say(f"worker for {where}, Ctrl-C to leave after the running runs")
     stay_small()
-    work(
-        endpoint.address,
-        slots=slots,
-        state=state,
-        limits=limits,
-        scheduler=cluster,
-        nice=nice or 0,
-        commands=commands,
-    )
+    from daemon.batch.errors import Unreachable
+
+    try:
+        work(
+            endpoint.address,
+            slots=slots,
+            state=state,
+            limits=limits,
+            scheduler=cluster,
+            nice=nice or 0,
+            commands=commands,
+        )
+    except Unreachable as error:
+        # Only at its start, later it waits: what was typed is where no daemon is.
+        if connect:
+            raise typer.BadParameter(str(error), param_hint="--connect") from error
+        raise
 
 
 def _cluster(

@@ -46,6 +46,20 @@ def read_size(text: str) -> int:
     return _read_amount(lambda: parse_size(text))
 
 
+def check_writable(path: Path, option: str) -> None:
+    """Refuse a file that nobody can write there, as wrong usage of ``option``."""
+    why = ""
+    if path.is_dir():
+        why = "is a folder, and a file is written"
+    elif not path.parent.is_dir():
+        what = "is no folder" if path.parent.exists() else "is not there"
+        why = f"cannot be written: {path.parent} {what}"
+    elif not os.access(path if path.exists() else path.parent, os.W_OK):
+        why = "may not be written by you"
+    if why:
+        raise typer.BadParameter(f"{path} {why}", param_hint=option)
+
+
 def _read_amount(parse: Callable[[], T]) -> T:
     try:
         return parse()
@@ -65,6 +79,14 @@ def check_endpoint(value: str) -> str:
             "or the path of a socket"
         )
     return parse_endpoint(value)
+
+
+def check_campaign_file(path: Path) -> Path:
+    """Return the path; refuse what is not there, with what may be meant."""
+    from scenario_tui.cli.suggestions import refuse_missing_campaign
+
+    refuse_missing_campaign(path)
+    return path
 
 
 Connect: TypeAlias = Annotated[
@@ -92,7 +114,8 @@ Keys: TypeAlias = Annotated[
     typer.Option(
         "--keys",
         metavar="DIR",
-        help="The key for tls/host:port. Default: $SCENARIO_KEYS, then keys in your settings.",
+        help="Folder of keys, for tls/host:port. Default: $SCENARIO_KEYS, then keys in your "
+        "settings.",
     ),
 ]
 Base = Annotated[
@@ -136,6 +159,7 @@ CampaignFile: TypeAlias = Annotated[
     Path,
     typer.Argument(
         metavar="CAMPAIGN.yaml",
+        callback=check_campaign_file,
         help="The campaign file.",
         autocompletion=completion.files(campaign_files),
     ),
@@ -165,7 +189,7 @@ def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:
     """
     # Annotations are text (PEP 563), and typer reads those of the wrapper: they are resolved here.
     signature = inspect.signature(command, eval_str=True)
-    if "connect" not in signature.parameters:
+    if "connect" not in signature.parameters or "keys" in signature.parameters:
         return command
 
     @functools.wraps(command)

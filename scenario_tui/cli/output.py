@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
-from grammars.text.diagnostics import Diagnostic
+from grammars.text.diagnostics import Diagnostic, Severity
 from grammars.text.terminal_text import escape_json, printable, printable_streams, unfiltered
 
 if TYPE_CHECKING:
@@ -161,6 +161,8 @@ class Output(OutputPart):
     """
 
     schema: ClassVar[str]
+    emitted: ClassVar[int] = 0
+    """How many objects were written: a command that fails afterwards writes no second one."""
 
     def __init_subclass__(cls, schema: str = "") -> None:
         super().__init_subclass__()
@@ -184,6 +186,42 @@ class Output(OutputPart):
         escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
         text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)
         sys.stdout.write(escape_json(text) + "\n")
+        Output.emitted += 1
+
+
+class ErrorPlace(OutputPart):
+    """Something wrong in a file; line and column count from 1, 0 is unknown."""
+
+    file: str
+    line: int
+    column: int
+    severity: Severity
+    message: str
+    hint: str
+
+
+class ErrorOutput(Output, schema="error"):
+    """Why a command that was asked for JSON has no other answer, and the code it leaves with."""
+
+    error: str
+    exit_code: int
+    diagnostics: tuple[ErrorPlace, ...] = ()
+
+    @classmethod
+    def of(cls, diagnostics: Iterable[Diagnostic], exit_code: int) -> ErrorOutput:
+        """Return what is wrong in files; the first error of them is what is said in ``error``."""
+        found = tuple(diagnostics)
+        errors = [one for one in found if one.severity is Severity.ERROR] or list(found)
+        said = f"{errors[0].where}: {errors[0].message}" if errors else ""
+        more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+        places = tuple(
+            ErrorPlace(
+                one.where.file, one.where.line, one.where.column,
+                one.severity, one.message, one.hint,
+            )
+            for one in found
+        )  # fmt: skip
+        return cls(said + more, exit_code, places)
 
 
 def schema_identifier(name: str) -> str:

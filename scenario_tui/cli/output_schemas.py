@@ -20,6 +20,7 @@ from scenario_tui.cli import (
     compare,
     coverage,
     export,
+    export_runs,
     import_building,
     judge,
     keys,
@@ -37,7 +38,7 @@ from scenario_tui.cli import (
     vary,
     verify,
 )
-from scenario_tui.cli.output import Output, OutputPart, schema_identifier
+from scenario_tui.cli.output import ErrorOutput, Output, OutputPart, schema_identifier
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -66,13 +67,13 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     steer.PriorityOutput,
     steer.DeleteOutput,
     steer.StopOutput,
-    recorded_runs.FetchOutput,
+    export_runs.FetchOutput,
     judge.JudgeOutput,
     verify.VerifyOutput,
     verify.VerificationsOutput,
     compare.CompareOutput,
     report.ReportOutput,
-    report.PictureOutput,
+    export_runs.PictureOutput,
     recorded_runs.FrameOutput,
     recorded_runs.PlotOutput,
     coverage.CoverageOutput,
@@ -87,6 +88,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     import_building.ImportOutput,
     vary.VaryOutput,
     export.ExportOutput,
+    ErrorOutput,
 )
 """In the order they are published in."""
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
@@ -17,6 +18,11 @@ _UNUSED: Final = {"rich.markdown": "Markdown", "rich.traceback": "Traceback"}
 """Modules, each with the class of it, that typer imports with its help and that nothing of ours
 has it use: our help is not written in Markdown, and what goes wrong is reported by ourselves. They
 take twice as long as the rest of it."""
+
+
+_COMMON: Final = ("connect", "state", "keys", "as_json", "help")
+"""Parameters that many commands have, in the order help shows them."""
+_COMMON_PANEL: Final = "Common options"
 
 
 class _ImportedWhenUsed(type):
@@ -62,22 +68,60 @@ def _coloured_help() -> Iterator[None]:
 class _PlainFlags:
     """Shows flags without the ``<bool>`` that typer puts behind them, and help in colours."""
 
+    common: ClassVar[tuple[str, ...]] = ()
+
     def get_params(self, ctx: Any) -> list[Any]:
-        """Return the parameters as help shows them."""
+        """Return the parameters as help shows them: what many commands have comes last."""
         parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
         for one in parameters:
-            if isinstance(one, TyperOption) and one.is_flag and one.metavar is None:
+            if not isinstance(one, TyperOption):
+                continue
+            if one.is_flag and one.metavar is None:
                 one.metavar = ""
-        return parameters
+            if one.name in self.common:
+                one.rich_help_panel = _COMMON_PANEL
+        return sorted(parameters, key=self._place)
+
+    def _place(self, parameter: Any) -> int:
+        named = isinstance(parameter, TyperOption) and parameter.name in self.common
+        return self.common.index(parameter.name) + 1 if named else 0
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the help in colours."""
+        """Print the help in colours, and examples below."""
+        # typer joins the lines of the first paragraph only.
+        self.help: str | None = _unwrapped(self.help or "")
         with _coloured_help():
             super().format_help(ctx, formatter)  # type: ignore[misc]
+            _print_examples(ctx)
+
+
+def _unwrapped(text: str) -> str:
+    """Return paragraphs of one line each."""
+    paragraphs = inspect.cleandoc(text).split("\n\n")
+    return "\n\n".join(" ".join(one.split()) for one in paragraphs)
+
+
+def _print_examples(ctx: Any) -> None:
+    """Print what can be typed as it stands, a line each, in no frame: to be copied."""
+    from scenario_tui.cli.examples import EXAMPLES
+
+    # Without the program's own name, which tests and pictures call otherwise.
+    lines = EXAMPLES.get(ctx.command_path.partition(" ")[2], ())
+    if not lines:
+        return
+    from typer.rich_utils import _get_rich_console
+
+    console = _get_rich_console()
+    console.print(" Examples", style="bold")
+    for line in lines:
+        console.print(f"   {line}", markup=False, highlight=False, soft_wrap=True)
+    console.print()
 
 
 class PlainFlagsCommand(_PlainFlags, TyperCommand):
     """A command whose flags are shown without ``<bool>``."""
+
+    common = _COMMON
 
 
 class PlainFlagsGroup(_PlainFlags, TyperGroup):

@@ -21,6 +21,7 @@ from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
 from daemon.model.verbs import DaemonClient
 from grammars.text.terminal_text import printable_streams
+from scenario_tui.cli.interrupts import stop_if_interrupted
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import ClientOpener
 from scenario_tui.text.formatting import (
@@ -49,7 +50,8 @@ _LOOK: Final = 2.0
 """Seconds between two questions whether the daemon is in trouble."""
 _SHOWN_RUNS: Final = 8
 _BAR: Final = 16
-WAITING: Final = "waiting for a worker; the first runs on a machine compile for a while"
+WAITING: Final = "waiting for a free slot"
+_NO_WORKER: Final = "waiting for a worker: none is connected"
 
 
 @dataclass(slots=True)
@@ -60,7 +62,6 @@ class CampaignProgress:
     running: tuple[RunRow, ...] = ()
     live: Mapping[str, LiveSnapshot] = field(default_factory=dict)
     per_minute: float = 0.0
-    seconds_left: float | None = None
     preparing: str = ""
 
 
@@ -118,8 +119,11 @@ def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     finished = row.total - row.queued - row.running
     bar = ProgressBar(total=max(1, row.total), completed=finished, width=_BAR)
     line.add_row(head, bar, tail)
-    idle = not (finished or progress.running)
-    waiting = progress.preparing or (WAITING if idle else "")
+    waiting = progress.preparing
+    if row.paused:
+        waiting = f"paused: `scenario resume {row.id}` lets it go on"
+    elif not progress.running and not waiting and not row.finished:
+        waiting = WAITING
     return Group(line, *run_lines(progress.running, progress.live, waiting))
 
 
@@ -147,8 +151,8 @@ def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tu
                 f"  {GLYPHS[word]} {count}{' ' + word if words else ''}",
                 style=TERMINAL_STYLES[word],
             )
-    if progress.seconds_left is not None:
-        tail.append(f"  {duration(progress.seconds_left)} left", style="default")
+    if row.seconds_left is not None:
+        tail.append(f"  {duration(row.seconds_left)} left", style="default")
     if pace and progress.per_minute:
         tail.append(f"  {rate_text(progress.per_minute)}", style="default")
     return Text(row.name, style="bold"), tail
@@ -165,6 +169,8 @@ def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
         seen = live.snapshot
         text.append(f"  waypoint {min(seen.reached + 1, seen.waypoints)} of {seen.waypoints}")
         text.append(f"  {seen.time:.0f} s simulated, limit {seen.limit:.0f} s", style="dim")
+    else:
+        text.append("  starting", style="dim")
     return text
 
 
@@ -175,14 +181,12 @@ class RunRate:
     started: float
     before: int
 
-    def look(self, over: int, left: int, now: float) -> tuple[float, float | None]:
-        """Return runs per minute and the seconds left at that pace, when so many are ``over``."""
+    def look(self, over: int, now: float) -> float:
+        """Return runs per minute when so many are ``over``."""
         # What was over before somebody looked says nothing about the pace: it may be cached.
         since = over - self.before
         elapsed = now - self.started
-        if since <= 0 or elapsed <= 0:
-            return 0.0, None
-        return 60.0 * since / elapsed, left * elapsed / since
+        return 60.0 * since / elapsed if since > 0 and elapsed > 0 else 0.0
 
 
 @dataclass(slots=True)
@@ -195,6 +199,7 @@ class _TroubleReporter:
     since: float = 0.0
     look_at: float = 0.0
     preparing: str = ""
+    phase: str = ""
 
     def look(self, daemon: DaemonClient, now: float) -> None:
         """Ask every now and then; raises :class:`DaemonError` when endurance is at its end."""
@@ -203,9 +208,11 @@ class _TroubleReporter:
         self.look_at = now + _LOOK
         overview = daemon.overview()
         words = overview.trouble.strip()
-        if overview.preparing and not self.preparing and not self.shown.on_screen:
+        if _phase(overview.preparing) not in ("", self.phase) and not self.shown.on_screen:
             self.shown.note(overview.preparing)  # a screen shows it as it goes on
-        self.preparing = overview.preparing
+        self.phase = _phase(overview.preparing)
+        waits = overview.queued and not overview.workers and not overview.trouble
+        self.preparing = overview.preparing or (_NO_WORKER if waits else "")
         if words and not self.words:
             self.since = now
         if words != self.words:
@@ -214,6 +221,11 @@ class _TroubleReporter:
         self.words = words
         if words and now - self.since > self.endurance:
             raise DaemonError(words)
+
+
+def _phase(preparing: str) -> str:
+    """Return what a worker does, without how far it is."""
+    return preparing.partition(" (")[0].rstrip("0123456789/ ")
 
 
 class WatchedWork(Protocol[T_co]):
@@ -253,8 +265,8 @@ class _WatchedRuns:
         if self.row is None or self.pace is None:
             return Text(preparing)
         ahead = self.row.queued + self.row.running
-        per_minute, left = self.pace.look(self.row.total - ahead, ahead, time.monotonic())
-        found = CampaignProgress(self.row, self.running, live, per_minute, left, preparing)
+        per_minute = self.pace.look(self.row.total - ahead, time.monotonic())
+        found = CampaignProgress(self.row, self.running, live, per_minute, preparing)
         return progress_lines(found, width)
 
 
@@ -301,6 +313,7 @@ def watch_work(
                 with open_daemon() as daemon, _listen(daemon, campaign, live) as changed:
                     look_at = 0.0
                     while True:
+                        stop_if_interrupted()
                         now = time.monotonic()
                         if changed.is_set() or now >= look_at:
                             changed.clear()

@@ -1,9 +1,8 @@
-"""Commands about recorded runs: fetch their traces, replay them, plot their signals."""
+"""Commands about recorded runs: replay them, plot their signals."""
 
 from __future__ import annotations
 
 import os
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,98 +14,10 @@ from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
 from scenario_tui.cli.output import Output, OutputPart, say, stay_small, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.batch.stores import TraceReference
     from daemon.model.verdicts import Verdict
     from grammars.model.geometry import Point2, Pose2
     from scenario_tui.dashboard.playback import Playback
     from scenario_tui.text.signal_plot import Curves
-
-
-class Brought(OutputPart):
-    """A trace that is here now."""
-
-    run: str
-    path: str
-    bytes: int
-    sha256: str
-
-
-class FetchOutput(Output, schema="fetch"):
-    """Traces that are here now, and why those that are ``missing`` are not."""
-
-    traces: list[Brought]
-    missing: dict[str, str]
-    bytes: int
-    seconds: float
-
-    def print(self) -> None:
-        """Print how much it was and where it lies."""
-        from scenario_tui.text.formatting import pluralise, time_text
-
-        folders = ", ".join(sorted({str(Path(one.path).parent) for one in self.traces}))
-        where = f" in {folders}" if folders else ""
-        count, size = pluralise(len(self.traces), "trace"), self.bytes / 1e6
-        words = f"{count}{where}, {size:.1f} MB, {time_text(self.seconds)}"
-        stdout_console().print(words, markup=False, soft_wrap=True)
-
-
-def fetch(
-    subject: Annotated[
-        str,
-        typer.Argument(
-            metavar="CAMPAIGN|RUN",
-            help="Id or name of a campaign, or the id of a run.",
-            autocompletion=completion.runs,
-        ),
-    ],
-    folder: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="DIR", file_okay=False,
-            help="Folder to write to, one folder per campaign in it.",
-        ),
-    ] = Path(),
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:  # fmt: skip
-    """Bring the traces of a campaign or a run here, from a daemon or the store they lie in.
-
-    Each is verified. What was interrupted goes on where it was; what is here already stays.
-    """
-    from daemon.batch.errors import TraceUnavailable
-    from daemon.batch.stores import copy_trace, trace_reference
-    from daemon.model.ids import trace_name
-    from scenario_tui.cli.target import DaemonTarget, recorded_runs, transfer_progress
-
-    # All are asked for first, so that the bar knows how much there is to come.
-    begun = time.perf_counter()
-    wanted: list[tuple[TraceReference, Path]] = []
-    missing: dict[str, str] = {}
-    with DaemonTarget(connect, state).open() as daemon:
-        for run in recorded_runs(daemon, subject):
-            row = run.row
-            try:
-                name = trace_name(row.campaign, row.scenario, row.sut, row.repeat)
-                wanted.append((trace_reference(run), folder / name))
-            except TraceUnavailable as error:
-                missing[row.id] = str(error)
-        with transfer_progress(sum(trace.size for trace, _ in wanted)) as advance:
-            for trace, path in wanted:
-                try:
-                    copy_trace(trace, daemon, path, progress=advance)
-                except TraceUnavailable as error:
-                    missing[trace.run] = str(error)
-    for why in missing.values():
-        say(why)
-    brought = [
-        Brought(trace.run, str(path), trace.size, trace.sha256)
-        for trace, path in wanted
-        if trace.run not in missing
-    ]
-    size = sum(one.bytes for one in brought)
-    FetchOutput(brought, missing, size, time.perf_counter() - begun).show(as_json)
-    raise typer.Exit(ExitCode.INFRASTRUCTURE if missing or not brought else ExitCode.EXPECTED)
 
 
 def replay(
@@ -303,7 +214,7 @@ def plot(
         list[str],
         typer.Argument(
             metavar="SIGNAL",
-            help="Signals as oracles name them: clearance speed loc.error door-17.angle "
+            help="Signals as oracles name them: clearance speed loc.error door_17.angle "
             "'clearance(0.35 m, 0.2 m)'.",
             autocompletion=completion.signals,
         ),

@@ -1,4 +1,4 @@
-"""The command that writes reports, and pictures of single runs."""
+"""The command that writes reports."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
-from scenario_tui.cli.options import AsJson, Connect, Processes, State
-from scenario_tui.cli.output import Output, stdout_console, track_progress
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import AsJson, Connect, Processes, State, check_writable
+from scenario_tui.cli.output import Output, say, stdout_console, track_progress
 
 if TYPE_CHECKING:
     from daemon.analysis.report import ReportData, ReportInput, SuggestedCommand
@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
 
 _DEFAULT_PAGE: Final = Path("report.html")
+_MOMENT_COMMAND: Final = ("scenario replay {run} --from {oracle}", "watch that moment")
 _RUN_COMMANDS: Final = (
     ("scenario replay {run}", "watch it again", False),
-    ("scenario report --run {run} -o run.svg", "a picture of it", False),
+    ("scenario export {run} picture -o run.svg", "a picture of it", False),
     ("scenario judge {run}", "judge it again", False),
     ("scenario blame {run}", "find out what makes it fail", True),
 )
@@ -41,17 +42,6 @@ class ReportOutput(Output, schema="report"):
     exit_code: int
     written: dict[str, str]
     references: tuple[ReferenceComparison, ...] = ()
-
-
-class PictureOutput(Output, schema="picture"):
-    """A run that was drawn."""
-
-    trace: str
-    written: str
-
-    def print(self) -> None:
-        """Print the name of the file."""
-        stdout_console().print(self.written, markup=False, soft_wrap=True)
 
 
 def report(
@@ -91,17 +81,16 @@ def report(
             metavar="RUN",
             help="Only draw this run: an id or a trace (.svg or .png).",
             autocompletion=completion.runs_or_traces,
+            hidden=True,
         ),
     ] = "",
     since: Annotated[
         float | None,
-        typer.Option(
-            "--from", metavar="SECONDS", help="With --run: draw the run closely, from here on."
-        ),
+        typer.Option("--from", metavar="SECONDS", help="With --run: from here on.", hidden=True),
     ] = None,
     until: Annotated[
         float | None,
-        typer.Option("--until", metavar="SECONDS", help="With --run: the same, up to here."),
+        typer.Option("--until", metavar="SECONDS", help="With --run: up to here.", hidden=True),
     ] = None,
     exit_status: Annotated[
         bool,
@@ -124,8 +113,20 @@ def report(
 
     target = DaemonTarget(connect, state)
     if run:
-        _draw_run(run, campaign, output, target, (since, until), as_json=as_json)
+        from scenario_tui.cli.export_runs import draw_recorded
+
+        if campaign:
+            raise typer.BadParameter("name a campaign or a run, not both", param_hint="--run")
+        now = "scenario export RUN picture"
+        say(f"`scenario report --run RUN` is now `{now}`; the old words go with a release")
+        drawn, part = output or Path("run.svg"), (since, until)
+        draw_recorded(run, drawn, target, part, hint="--run", as_json=as_json)
         return
+    for option, file in (
+        ("--output", output), ("--junit", junit), ("--csv", csv), ("--parquet", parquet),
+    ):  # fmt: skip
+        if file is not None:
+            check_writable(file, option)
     if since is not None or until is not None:
         raise typer.BadParameter("goes with --run only", param_hint="--from, --until")
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
@@ -242,16 +243,16 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
                 except TraceUnavailable as error:
                     note = f"{records[position].note} {error}".strip()
                     records[position] = replace(records[position], trace=None, note=note)
-        declared = daemon.declared(row.id)
+        said = (daemon.declared(row.id), daemon.origin(row.id))
     specs = [run.spec for run in runs]
-    return campaign_input(row, target.endpoint, declared, records, specs)
+    return campaign_input(row, target.endpoint, said, records, specs)
 
 
 def _run_commands() -> tuple[SuggestedCommand, ...]:
     """Return what can be typed about a run with this version."""
     from daemon.analysis.report import SuggestedCommand
 
-    return tuple(SuggestedCommand(*command) for command in _RUN_COMMANDS)
+    return tuple(SuggestedCommand(*command) for command in (_MOMENT_COMMAND, *_RUN_COMMANDS))
 
 
 def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:
@@ -278,26 +279,3 @@ def _print_written(material: ReportData, written: dict[str, Path], *, as_json: b
     for path in written.values():
         size = path.stat().st_size / 1e6
         console.print(f"{path} ({size:.2f} MB)", markup=False, soft_wrap=True)
-
-
-def _draw_run(
-    run: str,
-    campaign: str,
-    output: Path | None,
-    target: DaemonTarget,
-    part: tuple[float | None, float | None],
-    *,
-    as_json: bool,
-) -> None:
-    from daemon.analysis.report import draw_run
-    from scenario_tui.cli.target import one_trace
-
-    if campaign:
-        raise typer.BadParameter("name a campaign or a run, not both", param_hint="--run")
-    path = output or Path("run.svg")
-    if path.suffix not in (".svg", ".png"):
-        raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
-    trace = one_trace(run, target, "--run")
-    with wrong_usage("--from, --until"):
-        draw_run(trace, path, since=part[0], until=part[1])
-    PictureOutput(str(trace), str(path)).show(as_json)

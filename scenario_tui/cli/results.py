@@ -35,7 +35,8 @@ from scenario_tui.text.formatting import (
     pluralise,
     quiet_style,
 )
-from scenario_tui.text.results import CampaignResults
+from scenario_tui.text.results import CampaignResults, conclude
+from scenario_tui.text.run_state import progress_text, unfinished_text
 
 
 class ResultsOutput(Output, schema="results"):
@@ -132,7 +133,7 @@ def _headline(results: CampaignResults, took: float | None) -> Text:
     text = Text.assemble((row.name, "bold"))
     if row.about:
         text.append(f"  {row.about}", style="dim")
-    text.append(f"\n{pluralise(row.total, 'run')}")
+    text.append(f"\n{progress_text(row)}")
     if row.cached:
         text.append(f", {row.cached:,} cached")
     if took is not None:
@@ -151,12 +152,19 @@ def _print_list(console: Console, title: str, lines: list[Text]) -> None:
 
 def _conclusion_line(results: CampaignResults) -> str:
     """Return the last word: whether all is as expected, and how little that shows."""
-    code = results.assessment.exit_code
+    code, row = results.assessment.exit_code, results.row
     said = {
         ExitCode.EXPECTED: "everything is as expected",
         ExitCode.UNEXPECTED: "not as expected",
         ExitCode.INFRASTRUCTURE: "some runs could not be executed or judged",
     }.get(ExitCode(code), "not everything is decided")
+    if code == ExitCode.INCONCLUSIVE and row.cancelled:
+        said = f"not everything is decided: {pluralise(row.cancelled, 'run')} cancelled"
+    if not row.finished:
+        standing = conclude(results.assessment, finished=False).text
+        if code == ExitCode.UNEXPECTED:
+            standing = "not as expected already"
+        return f"{standing}; {unfinished_text(row)}"
     # n passes of n are no pass rate of 100 %: what they show at least is the lower bound of Clopper
     # and Pearson.
     # More than the policy says where no system of the campaign is repeatable and nobody said how

@@ -11,6 +11,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.compare import Baseline, WorseBy
 from scenario_tui.cli.completion import layer_files
 from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.interrupts import stop_if_interrupted
 from scenario_tui.cli.options import (
     AsJson,
     Attempts,
@@ -21,6 +22,7 @@ from scenario_tui.cli.options import (
     Slots,
     State,
     Wall,
+    check_writable,
     read_duration,
     read_wall,
 )
@@ -100,6 +102,9 @@ def run(
     from scenario_tui.cli.results import emit_results, print_commands
 
     limit = read_wall(wall)
+    # Before the runs, not after them; a folder that is made for the traces may hold it as well.
+    if junit is not None and (out is None or out not in junit.parents):
+        check_writable(junit, "--junit")
     submission = _prepare_submission(campaign)
     found = run_here(submission, out, slots, as_json, wall=limit, attempts=attempts)
     if junit is not None:
@@ -210,12 +215,11 @@ def check(
     Nothing is run; the geometry of what would run is examined.
     """
     from grammars.text.diagnostics import Severity
-    from scenario_tui.file_check import check_file
     from scenario_tui.text.diagnostics import diagnostic_counts
 
     findings: dict[str, tuple[Diagnostic, ...]] = {}
     for file in files:
-        about, found = check_file(file, base=base)
+        about, found = _check(file, base)
         findings[str(file)] = found
         if not as_json:
             report_diagnostics(found)
@@ -227,6 +231,19 @@ def check(
         raise typer.Exit(ExitCode.BAD_INPUT)
 
 
+def _check(file: Path, base: str) -> tuple[str, tuple[Diagnostic, ...]]:
+    """Return what a file is and what is wrong with it; of one that is not there, what is meant."""
+    from grammars.text.diagnostics import InputError
+    from scenario_tui.cli.suggestions import refuse_missing_file
+    from scenario_tui.file_check import check_file
+
+    try:
+        refuse_missing_file(str(file))
+    except InputError as error:
+        return "", error.diagnostics
+    return check_file(file, base=base)
+
+
 def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -> Submission:
     """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``.
 
@@ -235,6 +252,7 @@ def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -
     from scenario_tui.submission import prepare_submission, searches_text
 
     prepared = prepare_submission(path, fresh=fresh)
+    stop_if_interrupted()
     report_diagnostics(prepared.warnings)
     if hint and (words := searches_text(path, prepared.searches)):
         say(words)

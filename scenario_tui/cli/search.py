@@ -167,6 +167,9 @@ def search(
     changes = {"--budget": budget, "--stop": stop, "--method": method, "--seed": seed,
                "--confirm": confirm, "--fresh": fresh or None, "NAME": name}  # fmt: skip
     if _is_file(campaign):
+        from scenario_tui.cli.suggestions import refuse_missing_campaign
+
+        refuse_missing_campaign(Path(campaign))
         change = _read_changes(budget, stop, method, seed, confirm)
         found = _hand_over(Path(campaign), name, change, target, slots, fresh=fresh)
     else:

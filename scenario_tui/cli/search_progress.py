@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -18,7 +17,6 @@ from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
 from scenario_tui.cli.progress import (
     WAITING,
     ProgressDisplay,
-    RunRate,
     ask_campaign,
     ask_running,
     run_lines,
@@ -55,7 +53,6 @@ class SearchWatch:
     running: tuple[RunRow, ...] = ()
     told_first: bool = False
     told_phase: Phase = "explore"
-    pace: RunRate | None = None
 
     def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> SearchRow:
         """Ask how it stands, and tell the first failure and what it goes on with."""
@@ -67,7 +64,6 @@ class SearchWatch:
         if shown.on_screen:
             self.campaign_row = ask_campaign(daemon, self.campaign)
             self.running = ask_running(daemon, self.campaign_row)
-        self.pace = self.pace or RunRate(time.monotonic(), self.tally.explored)
         self._tell(row, shown)
         self.row = row
         return row
@@ -96,7 +92,7 @@ class SearchWatch:
         note = [] if exploring else self.row.note.strip().splitlines()[-1:]
         waiting = preparing or "".join(note) or (WAITING if idle else "")
         if self.campaign_row is not None and self.campaign_row.paused:
-            waiting = f"paused: `scenario resume {self.campaign}` lets it go on"
+            waiting = f"paused: `scenario pause {self.campaign} --off` lets it go on"
         return Group(line, *run_lines(self.running, live, waiting))
 
     def _tail(self, dispensable: int) -> Text:
@@ -120,11 +116,7 @@ class SearchWatch:
         return text
 
     def _seconds_left(self) -> float | None:
-        """Return how long the runs that are left take at the pace of those that were watched."""
-        if self.row is None or self.tally is None or self.pace is None:
-            return None
-        over = self.tally.explored
-        return self.pace.look(over, self.row.task.runs - over, time.monotonic())[1]
+        return self.campaign_row.seconds_left if self.campaign_row is not None else None
 
     def _tell(self, row: SearchRow, shown: ProgressDisplay) -> None:
         if self.row is None and row.state != "running":

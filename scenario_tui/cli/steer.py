@@ -1,4 +1,4 @@
-"""Commands that steer: cancel, retry, pause, resume, priority, delete, stop."""
+"""Commands that steer: cancel, retry, pause, priority, delete; what `daemon --stop` does."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from grammars.text.diagnostics import did_you_mean
 from scenario_tui.cli import completion
 from scenario_tui.cli.options import AsJson, CampaignName, Connect, State
 from scenario_tui.cli.output import Output, say
@@ -63,7 +64,9 @@ def _steer(
     # The sentence is for people and on standard error, so it does no harm beside the JSON.
     if as_json:
         output(found, runs).emit()
-    words = ACTIONS[output.schema].outcome_text(found, runs, until=f"`scenario resume {found}`")
+    words = ACTIONS[output.schema].outcome_text(
+        found, runs, until=f"`scenario pause {found} --off`"
+    )
     if output is CancelOutput and row.search == "running":
         # Between two of its runs there may be none to cancel.
         words += f", which has ended; `scenario search {found}` says what it found"
@@ -95,6 +98,10 @@ def retry(
     as_json: AsJson = False,
 ) -> None:
     """Queue lost or cancelled runs of a campaign again."""
+    for word in only.split("|"):
+        if word.strip() not in _RETRYABLE:
+            message = f'"{word}" is no kind of run: {did_you_mean(word, _RETRYABLE)}'
+            raise typer.BadParameter(message, param_hint="--only")
 
     def ask(daemon: DaemonClient, id_: str) -> int:
         return daemon.retry(id_, only=only)
@@ -103,12 +110,19 @@ def retry(
 
 
 def pause(
-    campaign: CampaignName, connect: Connect = "", state: State = None, as_json: AsJson = False
+    campaign: CampaignName,
+    off: Annotated[bool, typer.Option("--off", help="Go on with a paused campaign.")] = False,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Start no more runs of a campaign until it is resumed.
+    """Start no more runs of a campaign, or go on with it.
 
     Runs that are running finish.
     """
+    if off:
+        resume(campaign, connect, state, as_json)
+        return
     _steer(PauseOutput, lambda daemon, id_: daemon.pause(id_), campaign, connect, state, as_json)
 
 

@@ -14,15 +14,16 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import typer
 
-from daemon.batch.errors import Refused, TraceUnavailable, Unreachable
+from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
 from daemon.model.messages import LARGEST_PAGE
-from daemon.model.status import CampaignRow, RunDetail
+from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, RunState
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import open_progress, say
 from scenario_tui.client import all_runs
 from scenario_tui.text.formatting import pluralise
+from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 
 _NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
+_MCAP: Final = b"\x89MCAP0\r\n"
+"""What every MCAP file begins with."""
 _NAMED: Final = 3
 """Traces that are named when several are meant and one is wanted."""
 
@@ -154,7 +157,7 @@ def pointing_to_traces(command: str, named: str, hint: str) -> Iterator[None]:
         if named.endswith(".mcap") or (named and path.is_dir()):
             readers = "`scenario report` and `scenario judge`"
             if not path.is_dir():
-                readers = "`scenario logs`, `scenario replay` and `scenario judge`"
+                readers = "`scenario show --log`, `scenario replay` and `scenario judge`"
             message = f"`scenario {command}` asks a daemon about its runs; {named} is read by"
             raise typer.BadParameter(f"{message} {readers}", param_hint=hint) from error
         newest = newest_results()
@@ -264,17 +267,90 @@ def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[P
     return (*found, *_fetch_traces(far, target, hint)) if far else found
 
 
+def refuse_other_files(named: Sequence[str], hint: str) -> None:
+    """Refuse files that were named and are no traces, as wrong usage: by what they begin with.
+
+    A trace that breaks off is one all the same.
+    """
+    for name in named:
+        path = Path(name)
+        if not path.is_file():
+            continue
+        with path.open("rb") as file:
+            if file.read(len(_MCAP)) != _MCAP:
+                raise typer.BadParameter(f"{name} is no trace (MCAP file)", param_hint=hint)
+
+
 def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
     from daemon.analysis.rejudge import find_traces
 
     with wrong_usage(hint):
-        names = [resolve_recorded(name, target.paths) for name in named]
-        return find_traces(names, target.paths)
+        found: dict[Path, None] = {}
+        for name in named:
+            resolved = resolve_recorded(name, target.paths)
+            try:
+                traces = find_traces([resolved], target.paths)
+            except ValueError as error:
+                raise ValueError(why_without_traces(resolved, target) or str(error)) from error
+            if not Path(name).exists():
+                _say_what_is_missing(resolved, len(traces), target)
+            found |= dict.fromkeys(traces)
+        return tuple(found)
 
 
-def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
+def _say_what_is_missing(campaign: str, traces: int, target: DaemonTarget) -> None:
+    """Say that a campaign goes on, and how much of it is there."""
+    from daemon.analysis.report import open_ledger
+
+    if not target.paths.ledger.is_file():
+        return
+    with open_ledger(target.paths) as ledger:
+        for row in ledger.campaign_page(id=campaign, limit=1):
+            _say_progress(row, traces)
+
+
+def _say_progress(campaign: CampaignRow, traces: int) -> None:
+    if left := unfinished_text(campaign):
+        say(f"{campaign.id} goes on ({left}): {pluralise(traces, 'run')} finished so far")
+
+
+def why_without_traces(name: str, target: DaemonTarget) -> str:
+    """Return why the campaign or run of that id has no trace, empty when there is none of it."""
+    from daemon.analysis.report import open_ledger
+
+    if not target.paths.ledger.is_file():
+        return ""
+    with open_ledger(target.paths) as ledger, suppress(Refused):
+        found = _find_named(ledger, name)
+        if isinstance(found, RunDetail):
+            campaign = find_campaign(ledger, found.row.campaign)
+            return why_no_trace(found.row, _as_daemon_sees(campaign, target), ledger.run_page)
+        return without_traces_text(_as_daemon_sees(found, target))
+    return ""
+
+
+def why_no_trace(
+    run: RunRow, campaign: CampaignRow | None, run_page: Callable[..., RunPage]
+) -> str:
+    """Return why a run has no trace (yet), and where it stands in the queue of its campaign."""
+    waiting = run_page(campaign=run.campaign, state=RunState.QUEUED, limit=LARGEST_PAGE)
+    before = next((k for k, row in enumerate(waiting.rows) if row.id == run.id), None)
+    return without_trace_text(run, campaign, before)
+
+
+def _as_daemon_sees(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
+    """Return a campaign with the time it takes, which only a daemon that runs can say."""
+    with suppress(DaemonError):
+        if not campaign.finished:
+            with target.open() as daemon:
+                return daemon.campaign(campaign.id) or campaign
+    return campaign
+
+
+def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunDetail, ...]:
     """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
 
+    Wrong usage of the parameter ``hint``, with the reason, when there is none with a result (yet).
     Raises :class:`Refused` when it means neither.
     """
 
@@ -285,9 +361,16 @@ def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
             raise
         raise Refused(f"{name} is no file and no run: {error}") from error
     if isinstance(found, RunDetail):
+        if found.result is None:
+            campaign = daemon.campaign(found.row.campaign)
+            message = why_no_trace(found.row, campaign, daemon.runs)
+            raise typer.BadParameter(message, param_hint=hint)
         return (found,)
-    rows = all_runs(daemon, found.id)
-    return tuple(daemon.run(row.id) for row in rows if row.outcome is not None)
+    rows = [row for row in all_runs(daemon, found.id) if row.outcome is not None]
+    if not rows:
+        raise typer.BadParameter(without_traces_text(found), param_hint=hint)
+    _say_progress(found, len(rows))
+    return tuple(daemon.run(row.id) for row in rows)
 
 
 @contextmanager
@@ -313,7 +396,7 @@ def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tupl
     with target.open() as daemon:
         for name in named:
             try:
-                runs = recorded_runs(daemon, name)
+                runs = recorded_runs(daemon, name, hint)
             except Refused as error:
                 raise typer.BadParameter(str(error), param_hint=hint) from error
             for run in runs:

@@ -131,8 +131,11 @@ def verify(
     an external stack, it says how far outcomes, margins, path and duration spread. Results of the
     ledger stay as they are.
     """
+    from scenario_tui.cli.suggestions import refuse_missing_file
     from scenario_tui.cli.target import DaemonTarget
 
+    for name in named:
+        refuse_missing_file(name)
     target = DaemonTarget(connect, state)
     jobs = _jobs(named, target, every)
     limit = read_wall(wall)

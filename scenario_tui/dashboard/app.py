@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from typing import ClassVar, Final
 
 from textual import work
 from textual.binding import Binding, BindingType
-from textual.filter import LineFilter
 from textual.screen import ModalScreen, Screen
 from textual.theme import Theme
 
@@ -24,7 +23,6 @@ from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
 from scenario_tui.dashboard.screens.workers import WorkersScreen
-from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.text.formatting import pluralise
 
 FRAMES: Final = 10
@@ -64,10 +62,9 @@ class Dashboard(BaseDashboard):
         """Begin with the campaigns."""
         return CampaignsScreen()
 
-    def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return what makes colours fit: ours are for dark backgrounds."""
-        filters = super().get_line_filters()
-        return filters if self.current_theme.dark else [BrightThemeColours(), *filters]
+    def chosen_theme(self) -> str:
+        """Return the theme of the settings."""
+        return self.config.theme
 
     def on_mount(self) -> None:
         """Start asking and looking, the way the user likes it."""
@@ -77,6 +74,9 @@ class Dashboard(BaseDashboard):
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)
         self.feed.on_answer = partial(self.call_later, self.update_state)
+        if self.launch_daemon is not None:
+            self.launching = True
+            self.background_tasks.start(self.launch_daemon, self._launched, self._not_launched)
         self.feed.start()
         self.set_interval(1.0 / FRAMES, self.update_state)
         self.set_timer(_READY, self._load_screens)
@@ -87,6 +87,17 @@ class Dashboard(BaseDashboard):
         import_module("scenario_tui.dashboard.screens.matrix")
         import_module("scenario_tui.dashboard.screens.runs")
         import_module("scenario_tui.dashboard.screens.search")
+
+    def _launched(self, said: str) -> None:
+        self.launching, self.launched = False, bool(said)
+        if said:
+            self.notify(said, markup=False)
+        self._update_front_screen()
+
+    def _not_launched(self, why: str) -> None:
+        self.launching = False
+        self.problem(why)
+        self._update_front_screen()
 
     def on_unmount(self) -> None:
         """Stop asking."""
@@ -175,16 +186,27 @@ class Dashboard(BaseDashboard):
             runs = pluralise(waiting, "unfinished run")
             said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
         said += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
-        return f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"
+        said = [f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"]
+        if self.launched and self.daemon_state.connected:
+            said.append(
+                f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}"
+            )
+        return "\n".join(said)
 
 
 def run_dashboard(
     open_daemon: ClientOpener,
     config: Config | None = None,
     command_lines: CommandLines | None = None,
+    launch_daemon: Callable[[], str] | None = None,
 ) -> tuple[int, str]:
-    """Show the dashboard until somebody leaves it; return exit code and parting words."""
-    app = Dashboard(Feed(open_daemon), config=config, command_lines=command_lines)
+    """Show the dashboard until somebody leaves it; return exit code and parting words.
+
+    ``launch_daemon`` sees to it that a daemon answers, and returns what to say if it started one.
+    """
+    app = Dashboard(
+        Feed(open_daemon), config=config, command_lines=command_lines, launch_daemon=launch_daemon
+    )
     # The screen is drawn on standard error: a warning printed there would tear it.
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():

@@ -27,6 +27,7 @@ from scenario_tui.submission import CheckedFile, FileChecker
 T = TypeVar("T")
 
 Problem = Callable[[str], None]
+_ERROR: Final = "scenario/error/1"
 _PROGRAM: Final = "from scenario_tui.cli import main; main()"
 CommandAnswer: TypeAlias = Mapping[str, Any]
 CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
@@ -147,6 +148,8 @@ def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
         last = said[-1] if said else f"it left with code {done.returncode}"
         message = f"{command_line(arguments)}: {last.removeprefix('scenario: ')}"
         raise DaemonError(message) from error
+    if answer.get("schema") == _ERROR:
+        raise DaemonError(f"{command_line(arguments)}: {answer['error']}")
     return answer
 
 

@@ -19,13 +19,14 @@ from scenario_tui.dashboard.background import (
 )
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
-from scenario_tui.dashboard.state import DashboardState, Tracks
+from scenario_tui.dashboard.playback_process import PlaybackProcess, PlaybackReader
+from scenario_tui.dashboard.state import DashboardState, RunsView, Tracks
+from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.submission import FileChecker, check_file_in_child
 from scenario_tui.terminal.capabilities import copy_to_tmux
-from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 
 
-class BaseDashboard(LimitedTerminalApp):
+class BaseDashboard(ThemedApp):
     """State and services of the dashboard; where one can go is for subclasses to say."""
 
     def __init__(
@@ -37,16 +38,22 @@ class BaseDashboard(LimitedTerminalApp):
         command_lines: CommandLines | None = None,
         run_command: CommandRunner = run_command,
         check_file: FileChecker = check_file_in_child,
+        launch_daemon: Callable[[], str] | None = None,
+        read_playback: PlaybackReader | None = None,
     ) -> None:
         super().__init__()
         self.feed = feed
         self.background_tasks = BackgroundTasks()
         self.run_command, self.check_file = run_command, check_file
+        self.read_playback = read_playback or PlaybackProcess().read
         self.command_lines = command_lines or CommandLines()
         self.config = config or Config()
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
         self.running_jobs: set[str] = set()
+        self.run_views: dict[tuple[str, str, str], RunsView] = {}
+        self.launch_daemon = launch_daemon
+        self.launching = self.launched = False
         self.marked_run = ""
         self.clock = clock
         self.daemon_state = DashboardState()

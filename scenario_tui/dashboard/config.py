@@ -27,6 +27,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.documents import plain_message
 
 _AT: Final = re.compile(r"\(at line (\d+), column (\d+)\)")
 _HEADER: Final = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]")
@@ -192,7 +193,7 @@ def _problem(config: Config, error: ErrorDetails) -> Diagnostic:
     if kind == "missing":
         return Diagnostic(config.where(table), f'theme "{tables[-1]}" needs a colour "{name}"')
     if kind != "extra_forbidden":
-        message = _WRONG_TYPE.get(kind, error["msg"])
+        message = _WRONG_TYPE.get(kind) or plain_message(error)
         return Diagnostic(config.where(table, name), f'"{name}" {message}')
     return _unknown_name(config, tables, name, isinstance(error["input"], dict))
 

@@ -13,12 +13,11 @@ from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 
-from daemon.judging.oracles import SignalSampler, trace_problems
-from daemon.judging.run_signals import door_motions, reached_moments, sample_run_signals
 from daemon.model.live_view import scan_returns
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.trace import Trace, TraceError, read_outputs, read_trace
+from daemon.trace import ScanTrack, Trace, TraceError, read_outputs, read_trace
 from grammars.model.geometry import Floats, Point2, Pose2
+from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
@@ -50,6 +49,10 @@ def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
 
     A trace that cannot be trusted has no signals, only doors and mission.
     """
+    # What judges takes 70 MB to load: see playback_process.
+    from daemon.judging.oracles import SignalSampler, trace_problems
+    from daemon.judging.run_signals import door_motions, reached_moments, sample_run_signals
+
     way = trace.ground_truth.time
     start, end = (float(way[0]), float(way[-1])) if len(way) else (0.0, 0.0)
     against = {v.evidence.time for v in verdicts if v.outcome is Outcome.FAIL}
@@ -85,7 +88,8 @@ class Playback:
         if not len(way.time):
             hint = "run it again to get a recording"
             raise TraceError(trace.path, "says nothing of where the robot was", hint)
-        self.trace = trace
+        self._scans = thin_scans(trace)
+        self.trace = replace(trace, scans=None)
         self.verdicts = tuple(verdicts)
         self.outputs = dict(outputs or {})
         spec = trace.spec
@@ -220,7 +224,7 @@ class Playback:
     def _returns(self, time: float) -> tuple[Point2, ...]:
         """Return where each laser saw something, from where the robot was at that scan."""
         found: list[Point2] = []
-        for laser, scans in zip(self.trace.spec.robot.lasers, self.trace.scans or (), strict=False):
+        for laser, scans in self._scans:
             index = _last(scans.time, time)
             if index < 0:
                 continue
@@ -234,6 +238,26 @@ class Playback:
         plans = self.trace.plans
         now = [plan for plan in plans if plan.time <= time + 1e-9]
         return tuple((x, y) for x, y in now[-1].points.tolist()) if now else ()
+
+
+def thin_scans(trace: Trace) -> tuple[tuple[Laser, ScanTrack], ...]:
+    """Return each laser with at most :data:`RAYS` of its rays, and their scans.
+
+    A minute of a laser of 500 rays is 1.2 MB otherwise, most of which nobody gets to see.
+    """
+    found = []
+    for laser, scans in zip(trace.spec.robot.lasers, trace.scans or (), strict=False):
+        step = max(1, -(-laser.rays // RAYS))
+        bearings = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step]
+        fewer = replace(
+            laser,
+            rays=len(bearings),
+            angle_min=float(bearings[0]),
+            angle_max=float(bearings[-1]),
+        )
+        ranges = np.ascontiguousarray(scans.ranges[:, ::step])
+        found.append((fewer, replace(scans, ranges=ranges)))
+    return tuple(found)
 
 
 def _last(stamps: Floats, time: float, least: int = -1) -> int:

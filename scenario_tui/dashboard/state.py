@@ -173,6 +173,15 @@ _State = tuple[CampaignRow, int]
 
 
 @dataclass(frozen=True, slots=True)
+class RunsView:
+    """How the runs of a place were looked at last: filter, order, page and the run in front."""
+
+    wanted: RunQuery
+    only: int = 0
+    key: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Query:
     """What the screen in front shows beyond the overview: nothing else is asked for.
 

@@ -30,6 +30,7 @@ from scenario_tui.text.formatting import (
     glyph_word,
     margin,
     moment_text,
+    pluralise,
     quiet_style,
     run_label,
     run_word,
@@ -81,10 +82,10 @@ def cell_text(
     ``!`` marks what is not as expected, a letter what is known. With the row to itself (``alone``)
     it is one line with a glyph for each repeat.
     """
-    word = results.word(cell)
+    word = cell.word
     text = Text.assemble((glyph_word(word), styles[word]))
     text.append(f" {_repeats(cell, results, alone)}")
-    if not cell.met:
+    if cell.needs_attention:
         text.append(" !", style="bold")
     elif known := notes.mark(oracle.why for oracle in cell.oracles if oracle.expected != "pass"):
         text.append(f" {known}", style="bold")
@@ -121,13 +122,13 @@ def _worst(cell: CellAssessment) -> str:
 
 def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styles) -> Text:
     """Return a comparison with one system under test: verdict, mean, bounds, pairs, mark."""
-    word = str(cell.verdict)
+    word = cell.word
     text = Text.assemble((glyph_word(word), styles[word]), f" {margin(cell.mean, cell.unit)}")
     if cell.low is not None and cell.high is not None:
         text.append(f" [{margin(cell.low, '')}, {margin(cell.high, '')}]")
     pairs = f" n={cell.n}" if cell.method != "welch" else f" n={cell.n} unpaired"
     text.append(pairs, style=quiet_style(styles))
-    if not cell.met:
+    if cell.needs_attention:
         text.append(" !", style="bold")
     elif cell.expected != "pass":
         text.append(f" {notes.mark([cell.why])}", style="bold")
@@ -209,25 +210,39 @@ def matrix_rows(
     return suts, tuple(lines)
 
 
+_WITHOUT_VERDICT: Final = {
+    "queued": "{} queued, none was judged yet",
+    "running": "{}, none was judged yet",
+    "lost": "{}, none was judged: what was executed gave no result",
+    "cancelled": "{}, none was judged: they were cancelled",
+    "done": "{}, judged by no oracle",
+}
+"""What is said of a cell without a verdict, by how its runs stand."""
+
+
 def cell_notes(cell: CellAssessment) -> Text:
     """Return a cell oracle by oracle: counts, what they show, the worst run, what was expected."""
     text = Text.assemble((f"{cell.scenario}  {cell.sut}\n", "bold"))
-    for oracle in sorted(cell.oracles, key=lambda o: (o.met, SEVERITY.index(o.verdict))):
+    for oracle in sorted(
+        cell.oracles, key=lambda o: (not o.needs_attention, SEVERITY.index(o.word))
+    ):
         _append_oracle(text, oracle)
     if not cell.oracles:
-        text.append("no run was judged yet\n", style=QUIET)
+        runs = pluralise(len(cell.runs), "run")
+        text.append(f"{_WITHOUT_VERDICT[cell.state].format(runs)}\n", style=QUIET)
     return text
 
 
 def _append_oracle(text: Text, oracle: CellVerdict) -> None:
-    word = str(oracle.verdict)
+    word = oracle.word
     text.append(f"{glyph_word(word)}  ", style=DASHBOARD_STYLES[word])
     text.append(oracle.oracle, style="bold")
-    if not oracle.met:
+    if oracle.needs_attention:
         text.append("  ! ", style="bold")
         text.append(f"expected {oracle.expected}")
     elif oracle.expected != "pass":
-        text.append(f"  as expected ({oracle.expected})")
+        so_far = "" if oracle.met else "so far "
+        text.append(f"  {so_far}as expected ({oracle.expected})")
     text.append("\n")
     lines = [oracle.statement]
     if oracle.worst is not None:

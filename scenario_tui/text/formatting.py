@@ -192,7 +192,7 @@ def run_label(row: RunRow) -> str:
 
 
 def verdict_line(verdict: Verdict) -> str:
-    """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door-3``."""
+    """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door_3``."""
     seen = verdict.evidence
     result = f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"
     first = " ".join(filter(None, (result, moment_text(seen.time))))

@@ -16,12 +16,8 @@ from daemon.model.assessments import (
 )
 from daemon.model.status import CampaignRow, RunRow
 from daemon.model.verbs import DaemonClient
-from daemon.model.verdicts import Outcome
 from scenario_tui.client import all_runs
 from scenario_tui.text.formatting import GLYPHS, SEVERITY, run_word
-
-UNFINISHED: tuple[str, ...] = ("running", "queued", "lost", "cancelled")
-"""Words of runs without a verdict, in the order a cell is named after them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,13 +70,6 @@ class CampaignResults:
         """Return the runs of a cell."""
         return tuple(self._by_id[run] for run in cell.runs)
 
-    def word(self, cell: CellAssessment) -> str:
-        """Return the one word for a cell: a failure at once, else what it waits for or lacks."""
-        if cell.verdict is Outcome.FAIL:
-            return str(Outcome.FAIL)
-        states = {record.state for record in self.records_of(cell)}
-        return next((word for word in UNFINISHED if word in states), str(cell.verdict))
-
     @property
     def undecided(self) -> tuple[CellVerdict, ...]:
         """What is neither as expected nor the opposite, of cells that have all their runs."""
@@ -123,8 +112,15 @@ def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
     code = assessment.exit_code
     if code == 1:
         return unexpected_conclusion(len(assessment.surprises))
+    states = {cell.state for cell in assessment.cells}
     if code == 4 and not finished:
-        return Conclusion("running", "so far fine")
+        if any(cell.oracles for cell in assessment.cells):
+            return Conclusion("running", "so far fine")
+        # A search that runs has no run between two proposals.
+        begun = "queued" not in states or "running" in states
+        return Conclusion("running" if begun else "queued", "none judged")
+    if code == 4 and "cancelled" in states:
+        return Conclusion("cancelled", "cancelled")
     return _CONCLUSIONS[code]
 
 
@@ -163,4 +159,4 @@ def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
 
 def _interest(oracle: CellVerdict) -> tuple[bool, bool, float]:
     margin = oracle.worst.verdict.margin if oracle.worst else None
-    return oracle.met, margin is None, margin or 0.0
+    return not oracle.needs_attention, margin is None, margin or 0.0

@@ -147,6 +147,13 @@ def _verdict_line(verdict: Verdict, time: float) -> Text:
     return text
 
 
+_WITHOUT_RESULT: Final = {
+    RunState.QUEUED: "has not started yet",
+    RunState.LOST: "no attempt left a result",
+    RunState.CANCELLED: "was cancelled before it ended",
+}
+
+
 def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOARD_STYLES) -> Text:
     """Return everything about a run, the answer first."""
     row = detail.row
@@ -154,7 +161,9 @@ def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOAR
     text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), styles[word]), "\n")
     if row.state is RunState.RUNNING:
         _running(text, seen, styles)
-    if row.remark:
+    elif row.state in _WITHOUT_RESULT and row.remark in ("", row.state):
+        text.append(f"{_WITHOUT_RESULT[row.state]}\n", style=quiet_style(styles))
+    if row.remark not in ("", row.state):
         text.append(f"{row.remark.strip()}\n", style=styles["inconclusive"])
     text.append("\n")
     if detail.result is not None:
@@ -167,7 +176,7 @@ def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOAR
 
 def _running(text: Text, seen: Snapshot | None, styles: Styles) -> None:
     if seen is None:
-        text.append("waiting for its first sign of life\n", style=quiet_style(styles))
+        text.append("starting, it has said nothing yet\n", style=quiet_style(styles))
         return
     if seen.waiting:
         text.append(f"{seen.waiting}\n", style=styles["running"])
@@ -187,7 +196,9 @@ def _verdicts(text: Text, result: RunResult, styles: Styles) -> None:
 
 
 def _oracles(text: Text, detail: RunDetail, styles: Styles) -> None:
-    text.append("will be judged by\n", style=quiet_style(styles))
+    over = detail.row.state in (RunState.LOST, RunState.CANCELLED)
+    said = "was to be judged by" if over else "will be judged by"
+    text.append(f"{said}\n", style=quiet_style(styles))
     for oracle in detail.spec.oracles:
         text.append(f"  {GLYPHS['measure']} {oracle.name}\n")
     text.append("\n")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 
 from daemon.model.proposals import objective
+from daemon.search.points import position_in_range
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     NOTHING,
@@ -26,7 +27,7 @@ from scenario_tui.text.formatting import (
 if TYPE_CHECKING:
     from daemon.model.proposals import ObjectiveValue, Phase, Proposal, ProposalRow
     from daemon.model.search import PointValue, SearchParameter, SearchTask
-    from daemon.model.search_answer import Confirmation, Finding, SearchAnswer, SearchRow
+    from daemon.model.search_answer import Finding, SearchAnswer, SearchRow
 
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
 """Signs of a sparkline, the lowest first."""
@@ -57,15 +58,13 @@ class SearchTally:
     """What the runs of a search come to so far; ``best`` are the smallest values after each.
 
     ``failed`` counts the runs of points that were looked for, not those that repeat or refine one.
-    ``explored`` are those with a result, of ``out`` others nothing is known yet.
+    ``explored`` are those with a result.
     """
 
     explored: int
-    out: int
     failed: int
     first: ProposalRow | None
     best: tuple[ObjectiveValue, ...]
-    best_row: ProposalRow | None
 
     @property
     def smallest(self) -> ObjectiveValue | None:
@@ -75,15 +74,11 @@ class SearchTally:
 
 def tally_search(task: SearchTask, rows: Iterable[ProposalRow]) -> SearchTally:
     """Return what the runs of a search, in order, come to so far."""
-    explored = out = failed = 0
+    explored = failed = 0
     first: ProposalRow | None = None
     best: list[ObjectiveValue] = []
-    best_row: ProposalRow | None = None
     for row in rows:
-        if row.proposal.phase != "explore":
-            continue
-        if not row.settled:
-            out += 1
+        if row.proposal.phase != "explore" or not row.settled:
             continue
         explored += 1
         if row_fails(task, row):
@@ -92,10 +87,9 @@ def tally_search(task: SearchTask, rows: Iterable[ProposalRow]) -> SearchTally:
         found = objective(task, row.leads)
         if found is not None and (not best or found.value < best[-1].value):
             best.append(found)
-            best_row = row
         elif best:
             best.append(best[-1])
-    return SearchTally(explored, out, failed, first, tuple(best), best_row)
+    return SearchTally(explored, failed, first, tuple(best))
 
 
 def row_fails(task: SearchTask, row: ProposalRow) -> bool:
@@ -142,25 +136,11 @@ def parameter_table(
 
 
 def share_in_range(parameter: SearchParameter, value: PointValue | None) -> float | None:
-    """Return where in its range [0, 1] a value lies; ``None`` where there is no such place."""
-    if parameter.choices:
-        last = len(parameter.choices) - 1
-        return parameter.choices.index(value) / max(1, last) if value in parameter.choices else None
-    if not isinstance(value, float | int) or parameter.high <= parameter.low:
-        return None
-    low, high, at = parameter.low, parameter.high, float(value)
-    if parameter.log and low > 0.0 and at > 0.0:
-        low, high, at = math.log(low), math.log(high), math.log(at)
-    return min(1.0, max(0.0, (at - low) / (high - low)))
-
-
-def range_text(parameter: SearchParameter) -> str:
-    """Return what a parameter may be: ``48 .. 72 deg/s``, ``a, b or c``."""
-    if parameter.choices:
-        names = [parameter.text(choice) for choice in parameter.choices]
-        return " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-    low = f"{parameter.low:.10g}"
-    return f"{low} .. {parameter.text(parameter.high)}{', log' if parameter.log else ''}"
+    """Return where in its range [0, 1] a value lies, at an end what lies outside; ``None`` where
+    there is no such place.
+    """
+    at = position_in_range(parameter, value)
+    return None if math.isnan(at) else min(1.0, max(0.0, at))
 
 
 def proposal_lines(
@@ -211,12 +191,9 @@ def phase_text(row: SearchRow) -> str:
     return _PHASES[row.phase]
 
 
-def best_text(value: ObjectiveValue | None, *, oracle: bool = False) -> str:
-    """Return the smallest margin so far, with the oracle it is of where several count."""
-    if value is None:
-        return ""
-    named = f" ({value.oracle})" if oracle else ""
-    return f"smallest margin {margin(value.margin, value.unit)}{named}"
+def best_text(value: ObjectiveValue | None) -> str:
+    """Return the smallest margin so far, nothing while there is none."""
+    return "" if value is None else f"smallest margin {margin(value.margin, value.unit)}"
 
 
 def search_line(row: SearchRow) -> str:
@@ -239,14 +216,6 @@ def search_line(row: SearchRow) -> str:
 def failures_text(count: int) -> str:
     """Return ``3 failures``, or that there is none."""
     return pluralise(count, "failure") if count else "no failure"
-
-
-def confirmation_text(found: Confirmation | None) -> str:
-    """Return ``fails in 5 of 5 noises``, with its interval; nothing when it was not repeated."""
-    if found is None:
-        return ""
-    share = f"{100 * found.low:.0f} to {100 * found.high:.0f} %"
-    return f"fails in {found.failed} of {pluralise(found.runs, 'noise')} ({share})"
 
 
 def headline(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from grammars.text.extras import load_extra
 from templates.picture import _painter
-from templates.picture._drawing import Drawing, DrawingGroup, TextLabel
+from templates.picture._drawing import Drawing
 from templates.rendering import Templates
 
 PNG_SCALE: Final = 1.5
 """Pixels of the PNG in a unit of the page."""
-_BOLD: Final = 0.7
-"""Width of the line around letters that stands in for a bold face [page units]."""
+_FACES: Final = Path(__file__).parent / "face"
+_FACE: Final = "Scenario Sans"
+"""The family of the faces there, and of nobody else's."""
+_FAMILY: Final = re.compile('font-family="[^"]*"')
+_BEYOND: Final = 0x2E80
+"""From this character on (the first of the Chinese ones) our faces have none."""
 
 
 def write_png(figure: Drawing, path: Path) -> Path:
@@ -63,53 +67,19 @@ def begin_png(figure: Drawing, path: Path) -> Callable[[], object]:
 
 def _written_order(figure: Drawing, folder: Path, path: Path) -> Path:
     """Write down in ``folder`` what resvg is told to paint; return the file that says it."""
-    _, fonts = (
-        load_extra(module, "png", "a PNG picture", "picture")
-        for module in ("resvg_py", "PIL.ImageFont")
-    )
-    font = fonts.load_default(16)
-    if not isinstance(font, fonts.FreeTypeFont):
-        raise RuntimeError("Pillow was built without FreeType, it brings no font")
-    # The one face Pillow carries, and no other: resvg leaves out every text without a word
-    # when it finds no font, and with those of the machine no two would draw the same picture.
-    face = folder / "face.ttf"
-    face.write_bytes(font.font_bytes)
+    load_extra("resvg_py", "png", "a PNG picture", "picture")
+    svg = Templates().render("picture.svg.j2", figure=figure)
     arguments: dict[str, Any] = {
-        "svg_string": Templates().render("picture.svg.j2", figure=_emboldened(figure)),
+        "svg_string": _FAMILY.sub(f'font-family="{_FACE}"', svg, count=1),
         "zoom": PNG_SCALE,
-        "style_sheet": _style(figure),
-        "skip_system_fonts": True,
-        "font_files": [str(face)],
-        "sans_serif_family": font.getname()[0],
+        # Our own faces: resvg leaves out every text without a word when it finds no font, and with
+        # those of the machine no two would draw the same picture. Only for letters that ours do
+        # not have (a name in Chinese) whatever there is has to do.
+        "skip_system_fonts": max(map(ord, svg)) < _BEYOND,
+        "font_files": [str(face) for face in sorted(_FACES.glob("*.ttf"))],
+        "font_family": _FACE,
+        "sans_serif_family": _FACE,
     }
     order = folder / "order.json"
     order.write_text(json.dumps({"path": str(path), "arguments": arguments}), encoding="utf-8")
     return order
-
-
-def _emboldened(figure: Drawing) -> Drawing:
-    """Return the figure with every bold text twice, the second in an outline of its colour.
-
-    The face has no bold letters, and resvg makes up none. A copy lies over the halo, which a text
-    can have only one of.
-    """
-    groups = []
-    for group in figure.groups:
-        items = [
-            part
-            for item in group.items
-            for part in (
-                (item, replace(item, halo=item.colour))
-                if isinstance(item, TextLabel) and item.bold
-                else (item,)
-            )
-        ]
-        groups.append(DrawingGroup(group.name, tuple(items)))
-    return replace(figure, groups=groups)
-
-
-def _style(figure: Drawing) -> str:
-    """Return the rule that makes the outlines of :func:`_emboldened` thinner than halos."""
-    labels = [i for group in figure.groups for i in group.items if isinstance(i, TextLabel)]
-    colours = dict.fromkeys(label.colour for label in labels if label.bold)
-    return "".join(f'text[fill="{c}"][stroke="{c}"]{{stroke-width:{_BOLD}}}' for c in colours)

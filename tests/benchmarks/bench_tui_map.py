@@ -1,7 +1,7 @@
 """The live map: CPU of a frame, and bytes a second to a terminal while the robot moves.
 
-A robot drives along the demo's flat at 10 Hz and sees 360 laser returns; the dashboard's widget
-shows it in a pseudo-terminal of 80 x 24.
+A robot drives at 10 Hz along the demo's flat, or in building C of Ortega et al., and sees 360 laser
+returns; the dashboard's widget shows it in a pseudo-terminal.
 """
 
 from __future__ import annotations
@@ -27,15 +27,18 @@ from daemon.campaign import expand, load_campaign
 from grammars.model.geometry import Pose2
 from scenario_tui.dashboard.widgets.top_view import TopView, View
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
-from tests.benchmarks.measurement import Measurement, Reference
+from tests.benchmarks.measurement import Measurement, Reference, at_most
 
-CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
+CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
+BUILDINGS = {"flat": "demo/campaign.yaml", "building C": "ortega2024/first.yaml"}
+FRAME = at_most(5.0)
+"""CPU of a frame [ms] before Textual paints what changed."""
 SECONDS, RATE, RETURNS = 10.0, 10.0, 360
 
 
-def views(count: int) -> list[View]:
+def views(building: str, count: int) -> list[View]:
     """Return what is to be seen of a robot that drives in circles, with a plan and a trail."""
-    campaign = expand(load_campaign(CAMPAIGN))
+    campaign = expand(load_campaign(CAMPAIGNS / BUILDINGS[building]))
     spec = campaign.runs[0]
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     resting = tuple(value for obj in scene.objects for value in obj.initial)
@@ -73,10 +76,10 @@ class Map(LimitedTerminalApp):
 
     CSS = "TopView { height: 1fr; }"
 
-    def __init__(self, zoom: int, report: Path) -> None:
+    def __init__(self, building: str, zoom: int, report: Path) -> None:
         super().__init__()
         self._zooms, self._report = zoom, report
-        self._views = views(int(SECONDS * RATE))
+        self._views = views(building, int(SECONDS * RATE))
         self._spent = 0.0
 
     def compose(self) -> ComposeResult:
@@ -107,16 +110,20 @@ class Map(LimitedTerminalApp):
         self._shown += 1
 
 
-def shown(zoom: int, columns: int, rows: int) -> Iterator[Measurement]:
+def shown(building: str, zoom: int, columns: int, rows: int) -> Iterator[Measurement]:
     """Run the map in a terminal of its own and yield what it costs."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report"
-        command = [sys.executable, "-m", "tests.benchmarks.bench_tui_map", str(zoom), str(report)]
+        command = [sys.executable, "-m", "tests.benchmarks.bench_tui_map"]
+        command += [building, str(zoom), str(report)]
         sent = bytes_of(command, report, columns, rows)
         drawn, frame = map(float, report.read_text().split())
-    name, sent_a_second = f"{columns}x{rows}, zoom {2**zoom}", f"{sent / SECONDS / 1e3:.1f} kB/s"
+    name = f"{building}, {columns}x{rows}, zoom {2**zoom}"
+    sent_a_second = f"{sent / SECONDS / 1e3:.1f} kB/s"
     painted = Reference("with paint", 1e3 * frame)
-    yield Measurement(f"{name}: a frame drawn", 1e3 * drawn, "CPU ms", painted, (), sent_a_second)
+    yield Measurement(
+        f"{name}: a frame drawn", 1e3 * drawn, "CPU ms", painted, (FRAME,), sent_a_second
+    )
 
 
 def bytes_of(command: list[str], report: Path, columns: int, rows: int) -> int:
@@ -144,10 +151,12 @@ def bytes_of(command: list[str], report: Path, columns: int, rows: int) -> int:
 
 
 def measure() -> Iterator[Measurement]:
-    """Measure at the size of a small terminal and of a large one."""
-    for zoom, columns, rows in ((0, 80, 24), (1, 80, 24), (0, 200, 50)):
-        yield from shown(zoom, columns, rows)
+    """Measure a flat and a large building, in small terminals and large ones, near and far."""
+    sizes = ((0, 80, 24), (1, 80, 24), (0, 120, 40), (0, 200, 50))
+    for building in BUILDINGS:
+        for zoom, columns, rows in sizes:
+            yield from shown(building, zoom, columns, rows)
 
 
 if __name__ == "__main__":
-    Map(int(sys.argv[1]), Path(sys.argv[2])).run()
+    Map(sys.argv[1], int(sys.argv[2]), Path(sys.argv[3])).run()

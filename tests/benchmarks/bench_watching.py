@@ -1,4 +1,4 @@
-"""What it costs a run that somebody watches it: CPU with everything told, a little, nothing."""
+"""What it costs a run that somebody watches it: CPU, and bytes a second on the line."""
 
 from __future__ import annotations
 
@@ -6,60 +6,94 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from multiprocessing import Pipe
 from pathlib import Path
 
-from daemon.batch.run_process import WATCHED, SnapshotSender
+from daemon.batch.run_process import (
+    JUDGED_FILE,
+    JUDGEMENT,
+    LIVE,
+    WATCHED,
+    SnapshotSender,
+    Wanted,
+)
 from daemon.campaign import expand, load_campaign
 from daemon.run import execute, warm_up
 from tests.benchmarks.measurement import Measurement, Reference
 
-CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
+CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "campaign.yaml"
+LABEL = "S3.2/a2s/0"
 TIMES = 5
+NOBODY = "nobody asks"
+WAYS = {
+    NOBODY: (),
+    "progress": (),
+    "margins": (Wanted.MARGIN,),
+    "watched": (Wanted.DETAILS,),
+    "judged": (Wanted.DETAILS, Wanted.JUDGEMENT, Wanted.MARGIN),
+}
+"""What is wanted of a run."""
 
 
 def measure() -> Iterator[Measurement]:
     """Execute the same run several ways in turn; the least of each."""
     warm_up()
     campaign = expand(load_campaign(CAMPAIGN))
-    spec = campaign.runs[0]
+    spec = next(run for run in campaign.runs if run.label == LABEL)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
-    ways = ("nobody asks", "progress", "watched")
-    found: dict[str, list[float]] = {way: [] for way in ways}
-    told = dict.fromkeys(ways, 0)
+    found: dict[str, list[_Watching]] = {way: [] for way in WAYS}
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(TIMES):
-            for way in ways:
-                cpu, messages = _once(spec, scene, Path(folder), way)
-                found[way].append(cpu)
-                told[way] = messages
-    least = {way: min(values) for way, values in found.items()}
-    for way in ways:
-        beside = None if way == ways[0] else Reference(ways[0], least[ways[0]])
-        yield Measurement(way, least[way], "CPU s", beside, (), f"{told[way]} snapshots")
+            for way in WAYS:
+                found[way].append(_once(spec, scene, Path(folder), way))
+    least = {way: min(several, key=lambda one: one.cpu) for way, several in found.items()}
+    for way, one in least.items():
+        beside = None if way == NOBODY else Reference(NOBODY, least[NOBODY].cpu)
+        told = f"{one.snapshots} snapshots, {one.judgements} judgements"
+        yield Measurement(way, one.cpu, "CPU s", beside, (), told)
+    rate = max(one.rate for one in found["judged"]) / 1e3
+    yield Measurement(
+        "bytes of a run that is judged", rate, "kB/s", None, (), "at most 40 are sent"
+    )
 
 
-def _once(spec, scene, folder: Path, way: str) -> tuple[float, int]:  # type: ignore[no-untyped-def]
-    """Return the CPU time of one execution [s] and how many snapshots it told."""
+@dataclass(frozen=True, slots=True)
+class _Watching:
+    """CPU time of one execution [s], how much it told, and how many bytes a second that was."""
+
+    cpu: float
+    snapshots: int
+    judgements: int
+    rate: float
+
+
+def _once(spec, scene, folder: Path, way: str) -> _Watching:  # type: ignore[no-untyped-def]
     ours, theirs = Pipe(duplex=False)
-    mark = folder / WATCHED
-    mark.touch() if way == "watched" else mark.unlink(missing_ok=True)
-    reporter = SnapshotSender("run", theirs, mark)
-    asked = {} if way == "nobody asks" else {"on_progress": reporter, "interest": reporter.interest}
-    messages: list[int] = []
-    drain = threading.Thread(target=_drain, args=(ours, messages))
+    (folder / WATCHED).write_text(" ".join(WAYS[way]))
+    reporter = SnapshotSender("run", theirs, folder)
+    asked = (
+        {}
+        if way == NOBODY
+        else {"on_progress": reporter, "interest": reporter.interest, "judgements": reporter}
+    )
+    sizes: dict[bytes, list[int]] = {LIVE: [], JUDGEMENT: []}
+    drain = threading.Thread(target=_drain, args=(ours, folder / JUDGED_FILE, sizes))
     drain.start()
-    before = time.thread_time()
+    before, began = time.thread_time(), time.monotonic()
     execute(spec, scene, trace_path=folder / "run.mcap", **asked)
-    cpu = time.thread_time() - before
+    cpu, wall = time.thread_time() - before, time.monotonic() - began
     theirs.close()
     drain.join()
-    return cpu, len(messages)
+    told = sum(map(sum, sizes.values()))
+    return _Watching(cpu, len(sizes[LIVE]), len(sizes[JUDGEMENT]), told / wall)
 
 
-def _drain(wire, messages: list[int]) -> None:  # type: ignore[no-untyped-def]
+def _drain(wire, judged: Path, sizes: dict[bytes, list[int]]) -> None:  # type: ignore[no-untyped-def]
     while True:
         try:
-            messages.append(len(wire.recv_bytes()))
+            message = wire.recv_bytes()
         except EOFError:
             return
+        size = judged.stat().st_size if message == JUDGEMENT else len(message)
+        sizes[message[:1]].append(size)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
 from daemon.campaign import expand, load_campaign
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.spec import RunResult, RunSpec, Snapshot, SutReference
 from daemon.model.sut import Briefing, Decision, Observation, Progress, SutFailure
 from daemon.model.verdicts import Outcome
@@ -98,3 +100,33 @@ def test_last_lines_that_are_no_text_still_make_a_result(
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
     assert result.note == "it ended with exit code 3\n  Segmentation \\udcfffault"
     assert codec.from_json(RunResult, codec.to_json(result)).note == result.note
+
+
+class _Watching:
+    """Wants to know all the time what a run is judged by."""
+
+    def __init__(self) -> None:
+        self.told: list[LiveJudgement] = []
+
+    def wanted(self) -> Literal["everything"]:
+        return "everything"
+
+    def tell(self, judgement: LiveJudgement) -> None:
+        self.told.append(judgement)
+
+
+@pytest.mark.parametrize("failure", ["", "it ended with exit code 3"])
+def test_it_is_judged_from_its_bring_up_to_however_it_ends(
+    demo: tuple[RunSpec, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: str
+) -> None:
+    system = Outside(("starting", "3 of 8"), failure)
+    monkeypatch.setitem(registry._BUILT_IN, "outside", lambda _: system)
+    watching = _Watching()
+    result = execute(
+        *demo, trace_path=tmp_path / "run.mcap", on_progress=lambda _: None, judgements=watching
+    )
+    first, last = watching.told[0], watching.told[-1]
+    assert (first.time, first.doors, first.reached) == (0.0, (), ())
+    assert not any(one.final for one in first.verdicts)
+    assert tuple(one.verdict for one in last.verdicts) == result.verdicts
+    assert result.ended == ("crashed" if failure else "limit")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from daemon.campaign import expand, load_campaign
+from daemon.model.live_judgement import LiveJudgement
 from daemon.model.live_view import (
     MOST_PLAN_POINTS,
     MOST_RETURNS,
@@ -21,6 +23,7 @@ from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from daemon.model.sut import Estimate
 from daemon.run import execute
+from daemon.run_judge import JudgingWanted
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Laser
 from grammars.text import codec
@@ -98,3 +101,106 @@ def test_returns_of_all_lasers_share_what_a_snapshot_takes() -> None:
     assert len(seen) <= MOST_RETURNS
     assert min(x for x, _ in seen) == -2.0
     assert max(x for x, _ in seen) == 3.5
+
+
+class Judged:
+    """Wants everything, always, and keeps it."""
+
+    def __init__(self, wanted: JudgingWanted = "everything") -> None:
+        self.found: list[LiveJudgement] = []
+        self._wanted: JudgingWanted = wanted
+
+    def wanted(self) -> JudgingWanted:
+        return self._wanted
+
+    def tell(self, judgement: LiveJudgement) -> None:
+        self.found.append(judgement)
+
+
+@pytest.mark.parametrize("limit", [12.0, 3.0])
+def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: float
+) -> None:
+    # Judged with every snapshot, where it otherwise takes a tenth of the time.
+    monkeypatch.setattr("daemon.run_judge._PERIODS", {"everything": 0.0, "margin": 0.0})
+    monkeypatch.setattr("daemon.run_judge._SHARES", {"everything": 1e9, "margin": 1e9})
+    campaign = expand(load_campaign(CAMPAIGN))
+    spec = replace(campaign.runs[0], limit=limit)
+    scene = next(s for s in campaign.scenes if s.digest == spec.scene)
+    alone = execute(spec, scene, trace_path=tmp_path / "alone.mcap")
+    seen: list[Snapshot] = []
+    judged = Judged()
+    watched = execute(
+        spec, scene, trace_path=tmp_path / "watched.mcap", on_progress=seen.append,
+        interest=lambda: "everything", judgements=judged,
+    )  # fmt: skip
+    assert watched.digest == alone.digest
+    assert watched.trace.sha256 == alone.trace.sha256
+    assert len(judged.found) == len(seen) + 1
+    assert [one.time for one in judged.found[:-1]] == pytest.approx([s.time for s in seen])
+    last = judged.found[-1]
+    assert tuple(one.verdict for one in last.verdicts) == watched.verdicts
+    assert all(one.final for one in last.verdicts)
+    outcomes = {verdict.oracle: verdict.outcome for verdict in watched.verdicts}
+    for judgement in judged.found:
+        for one in judgement.verdicts:
+            assert not one.final or one.verdict.outcome is outcomes[one.verdict.oracle]
+    assert seen[0].margin is None
+    assert seen[-1].margin is not None
+    assert seen[-1].oracle in outcomes
+
+
+def test_margins_of_all_runs_are_found_without_a_judgement(tmp_path: Path) -> None:
+    campaign = expand(load_campaign(CAMPAIGN))
+    spec = replace(campaign.runs[0], limit=3.0)
+    scene = next(s for s in campaign.scenes if s.digest == spec.scene)
+    seen: list[Snapshot] = []
+    judged = Judged("margin")
+    execute(
+        spec, scene, trace_path=tmp_path / "run.mcap", on_progress=seen.append,
+        interest=lambda: "progress", judgements=judged,
+    )  # fmt: skip
+    assert judged.found == []
+    assert seen[0].margin is None
+    assert {(s.oracle, s.unit) for s in seen[1:]} == {(seen[1].oracle, seen[1].unit)}
+    assert seen[1].margin is not None
+
+
+def test_a_judge_that_fails_fails_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("daemon.judging.running.sample_run_signals", lambda sampler: 1 / 0)
+    campaign = expand(load_campaign(CAMPAIGN))
+    spec = replace(campaign.runs[0], limit=3.0)
+    scene = next(s for s in campaign.scenes if s.digest == spec.scene)
+    judged = Judged()
+    result = execute(
+        spec, scene, trace_path=tmp_path / "run.mcap", on_progress=lambda _: None,
+        interest=lambda: "everything", judgements=judged,
+    )  # fmt: skip
+    assert (result.ended, judged.found) == ("limit", [])
+    assert capfd.readouterr().err.count("ZeroDivisionError") == 1
+
+
+def test_judges_that_draw_leave_the_same_chance_to_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def draw(sampler: object) -> tuple[()]:
+        random.random()
+        np.random.rand()
+        return ()
+
+    monkeypatch.setattr("daemon.judging.running.sample_run_signals", draw)
+    campaign = expand(load_campaign(CAMPAIGN))
+    spec = replace(campaign.runs[0], limit=1.0)
+    scene = next(s for s in campaign.scenes if s.digest == spec.scene)
+    judged = Judged()
+    random.seed(1)
+    np.random.seed(1)
+    expected = random.Random(1).random(), np.random.RandomState(1).rand()
+    execute(
+        spec, scene, trace_path=tmp_path / "run.mcap", on_progress=lambda _: None,
+        interest=lambda: "everything", judgements=judged,
+    )  # fmt: skip
+    assert judged.found
+    assert (random.random(), np.random.rand()) == expected

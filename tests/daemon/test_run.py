@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import os
 import re
@@ -19,7 +21,7 @@ from daemon.campaign import expand, load_campaign
 from daemon.model.spec import RunSpec, Snapshot, SutReference
 from daemon.model.status import Submission
 from daemon.model.sut import Briefing, CostmapPicture, Decision, Estimate, Observation, Progress
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError, execute
 from daemon.stacks import registry
 from daemon.trace import read_trace
@@ -27,6 +29,7 @@ from grammars.model.files import load_robot
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.scene import Scene
 from grammars.text import codec
+from tests.daemon.trace.mcap_checks import complaints
 
 
 @pytest.fixture(scope="module")
@@ -175,6 +178,32 @@ def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(
     for lead in led.leads:
         fails = limited[lead.oracle].outcome is Outcome.FAIL
         assert fails == (lead.margin is not None and lead.margin < 0.0)
+
+
+def test_a_trace_has_the_verdicts_of_its_run_inside(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    result = execute(replace(demo.runs[5], limit=20.0), scene, trace_path=path)
+    with path.open("rb") as stream:
+        found = {a.name: a.data for a in make_reader(stream).iter_attachments()}
+    inside = json.loads(found["verdicts.json"])
+    assert inside["outcome"] == result.outcome
+    assert codec.from_plain(tuple[Verdict, ...], inside["verdicts"]) == result.verdicts
+    assert result.trace.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert complaints(path) == []
+
+
+def test_a_judge_that_fails_leaves_the_recording(
+    demo: Submission, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("no judgement")
+
+    monkeypatch.setattr("daemon.run.judge", fail)
+    with pytest.raises(RuntimeError, match="no judgement"):
+        execute(idle(demo, seconds=1.0), scene, trace_path=tmp_path / "run.mcap")
+    assert read_trace(tmp_path / "run.mcap").complete
 
 
 def test_another_seed_gives_another_trace(demo: Submission, scene: Scene, tmp_path: Path) -> None:

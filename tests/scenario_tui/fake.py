@@ -45,6 +45,7 @@ from daemon.model.spec import (
 )
 from daemon.model.status import (
     CampaignDeliveries,
+    CampaignOrigin,
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
@@ -413,6 +414,9 @@ class FakeDaemon(DaemonClient):
 
     def _declared(self, _: IdRequest) -> AssessmentRules:
         return self.declares
+
+    def _origin(self, _: IdRequest) -> CampaignOrigin:
+        return CampaignOrigin()
 
     def _records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
         found = [row for row in self.rows if row.campaign == query.campaign] or list(NIGHTLY)

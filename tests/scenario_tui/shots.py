@@ -186,7 +186,7 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     "command-status": ("status",),
     "command-results": ("results",),
     "command-show": ("show", "first.5"),
-    "command-logs": ("logs", "run.mcap"),
+    "command-logs": ("show", "run.mcap", "--log"),
     "command-plot": ("plot", "run.mcap", "clearance", "speed"),
     "command-frame": ("replay", "run.mcap", "--frame", "no-contact"),
 }

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import jsonschema
 import pytest
 from PIL import Image
 from rdflib import Graph, Namespace
@@ -25,6 +26,24 @@ from tests.templates.test_bodies import walker
 from tests.templates.worlds import BEHAVIOURS, mission, robot, scene, world
 
 SPDX = Namespace("http://spdx.org/rdf/terms#")
+PANELS = Path(__file__).with_name("foxglove_panels.schema.json")
+SPLITS = {
+    "anyOf": [
+        {"type": "string"},
+        {
+            "type": "object",
+            "properties": {
+                "direction": {"enum": ["row", "column"]},
+                "splitPercentage": {"type": "number", "minimum": 1, "maximum": 99},
+                "first": {"$ref": "#"},
+                "second": {"$ref": "#"},
+            },
+            "required": ["direction", "first", "second"],
+            "additionalProperties": False,
+        },
+    ]
+}
+"""How panels are arranged."""
 HOSTILE = '<b onload="x">&\u0007 ../../etc/..'
 
 
@@ -110,6 +129,30 @@ def test_the_layout_shows_topics_that_traces_have(tmp_path: Path) -> None:
         return [str(node)]
 
     assert sorted(leaves(layout["layout"])) == sorted(panels)
+
+
+def test_the_layout_says_what_the_viewer_knows_of(tmp_path: Path) -> None:
+    """Against the panels its makers publish: a name they do not know is dropped without a word."""
+    from daemon.trace import TOPICS
+
+    published = json.loads(PANELS.read_text())
+    kinds = {topic.name: topic.kind for topic in TOPICS}
+    without_joints = replace(scene(), objects=())
+    for shown in (scene(), without_joints):
+        export(replace(world(), scene=shown), ["foxglove"], tmp_path)
+        layout = json.loads((tmp_path / "errand.foxglove.json").read_text())
+        assert layout.keys() == {
+            "configById", "globalVariables", "userNodes", "playbackConfig", "layout",
+        }  # fmt: skip
+        for name, config in layout["configById"].items():
+            # The title is every panel's, and not of its configuration.
+            config.pop("foxglovePanelTitle", None)
+            kind = published["panels"][name.partition("!")[0]]
+            jsonschema.validate(config, kind | {"$defs": published["$defs"]})
+            for topic, settings in config.get("topics", {}).items():
+                drawn = published["topics"][kinds[topic]]
+                jsonschema.validate(settings, drawn | {"$defs": published["$defs"]})
+        jsonschema.validate(layout["layout"], SPLITS)
 
 
 def test_the_layout_shows_every_laser(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from daemon.analysis.report._recorded_run import plot_recorded_moment, plot_recorded_way
     from daemon.analysis.report._run_picture import draw_run
     from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
+    from daemon.analysis.report._svg import PagePicture
     from daemon.analysis.report._tracks import MEASURES, thinned_indices
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "MEASURES",
     "NOTHING",
     "Axes",
+    "PagePicture",
     "ReportData",
     "ReportInput",
     "ReportRun",
@@ -84,6 +86,7 @@ _MODULES: Final = {
     "_recorded_run": ("plot_recorded_moment", "plot_recorded_way"),
     "_run_picture": ("draw_run",),
     "_safety_buffer": ("oracle_limit", "safety_buffer"),
+    "_svg": ("PagePicture",),
     "_tracks": ("MEASURES", "thinned_indices"),
 }
 

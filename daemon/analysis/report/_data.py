@@ -31,11 +31,12 @@ ProgressWrapper: TypeAlias = Callable[[Iterable["ReportRun"], int], Iterable["Re
 
 @dataclass(frozen=True, slots=True)
 class ReportRun:
-    """A run, judged, and what its trace says."""
+    """A run, judged, and what its trace says; ``versions`` are of what can change it, by name."""
 
     record: RunRecord
     tracks: RunTracks
     coverage: RunCoverage | None = None
+    versions: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,7 @@ def read_report_data(
     Runs that are not judged yet are judged by the oracles inside of their traces. A trace that is
     missing or damaged leaves a run without tracks, never without its verdicts.
     """
-    buffer = safety_buffer(chosen.oracles)
+    buffer = safety_buffer(chosen.oracles, chosen.footprints)
     points = max(_FEWEST, min(_MOST, _SAMPLES // max(len(chosen.records), 1)))
     oracles.warm_up()
     task = partial(_read_run, buffer=buffer, watches=chosen.watches, points=points)
@@ -95,6 +96,5 @@ def _read_run(
     if sampler is None:
         return ReportRun(record, RunTracks(record.id, problem="; ".join(invalid)))
     covered = run_coverage(trace, record.verdicts)
-    return ReportRun(
-        record, extract_tracks(record.id, trace, sampler, buffer, watches, points), covered
-    )
+    tracks = extract_tracks(record.id, trace, sampler, buffer, watches, points)
+    return ReportRun(record, tracks, covered, tuple(trace.versions.items()))

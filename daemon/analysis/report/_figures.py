@@ -25,6 +25,7 @@ from daemon.analysis.report._references import (
     comparison_marks,
 )
 from daemon.analysis.report._safety_buffer import SafetyBuffer, ThinnedSamples, oracle_limit
+from daemon.analysis.report._svg import PagePicture
 from daemon.analysis.report._tracks import (
     MEASURES,
     RunMeasure,
@@ -82,7 +83,7 @@ class _FigureTask:
 
     figure: ReportFigure
     label: str
-    draw: Callable[[], Sheet | None]
+    draw: Callable[[], PagePicture | None]
     trace: str = ""
 
 
@@ -122,20 +123,22 @@ def _moments(data: ReportData) -> Iterator[_FigureTask]:
     runs = {run.record.id: run for run in data.runs}
     for oracle in notable_verdicts(data)[:MOST_MOMENTS]:
         worst = oracle.worst
-        time = None if worst is None else worst.verdict.evidence.time
-        if worst is None or time is None:
+        if worst is None:
             continue
-        run, involved = runs[worst.run], worst.verdict.evidence.object
+        run, seen = runs[worst.run], worst.verdict.evidence
         if run.record.trace is None or not len(run.tracks.time):
             continue
-        caption = f"repeat {worst.repeat} at {time:.1f} s"
+        # What never happened is decided where the run ends.
+        time = float(run.tracks.time[-1]) if seen.time is None else seen.time
+        when = "the end" if seen.time is None else f"{time:.1f} s"
+        caption = f"repeat {worst.repeat}, the ten seconds around {when}"
         yield _FigureTask(
             ReportFigure(
                 "moment", oracle.scenario, oracle.sut, caption, subject=oracle.oracle
             ),
             f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}",
             partial(
-                plot_moment, trace=Path(run.record.trace), time=time, involved=involved,
+                plot_moment, trace=Path(run.record.trace), time=time, involved=seen.object,
                 buffer=run.tracks.buffer,
             ),
             run.record.trace,
@@ -154,10 +157,13 @@ def _cells(data: ReportData) -> dict[tuple[str, str], list[RunTracks]]:
 def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
     cells, scenes, marks = _cells(data), _scenes(data), _marks(data)
     limit = oracle_limit(data.input.oracles, "loc.error")
+    if not cells:
+        return
+    whole = _limits(data)
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         here = {sut: runs for (name, sut), runs in cells.items() if name == scenario}
-        # Systems under test of a scenario side by side: the same axes, or the eye compares wrongly.
-        frame = _plots.plot_limits([run for runs in here.values() for run in runs])
+        shown = _plots.plot_limits([run for runs in here.values() for run in runs])
+        frame = _plots.compared_limits(whole, shown)
         for sut, runs in here.items():
             of, known = f"{scenario} with {sut}", marks.get((scenario, sut), {})
             if any(not np.isnan(run.error).all() for run in runs):
@@ -196,6 +202,16 @@ def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
                         f"{seen} inside the safety buffer as seen from the robot, {of}",
                         partial(_plots.plot_buffer, runs=runs, returns=kind == "returns"),
                     )  # fmt: skip
+
+
+def _limits(data: ReportData) -> _plots.PlotLimits:
+    """Return the limits of values that all figures of a kind share."""
+    limit = oracle_limit(data.input.oracles, "loc.error")
+    errors = [] if limit is None else [limit]
+    for known in _marks(data).values():
+        errors += [m.value for name in ("error mean", "error max") for m in known.get(name, ())]
+    runs = [run.tracks for run in data.runs if len(run.tracks.time) > 1]
+    return _plots.plot_limits(runs, errors)
 
 
 def _of_campaign(data: ReportData) -> Iterator[_FigureTask]:
@@ -328,7 +344,7 @@ def _run_pairs(data: ReportData) -> Iterator[_FigureTask]:
         yield _FigureTask(
             ReportFigure("run-pair", names, sut, f"{sut}, repeat {pair[0].record.repeat}"),
             f"Speed and turning speed in a run of {names} with {sut}",
-            partial(plot_run_pair, runs=shown),
+            partial(plot_run_pair, runs=shown, frame=_limits(data)),
             str(pair[0].record.trace),
         )
 
@@ -357,12 +373,15 @@ def _triggers(data: ReportData) -> Iterator[_FigureTask]:
             if len(encounter.since) > 1:
                 by_scenario = found.setdefault((encounter.joint, run.record.sut), {})
                 by_scenario.setdefault(colours[run.record.scenario], []).append(encounter)
+    if not found:
+        return
+    limits = _limits(data)
     for (joint, sut), by_scenario in sorted(found.items()):
         door = joint.rpartition(".")[0] or joint
         yield _FigureTask(
             ReportFigure("trigger", door, sut, sut),
             f"Speed and turning speed around the trigger of {door} with {sut}",
-            partial(_plots.plot_triggers, scenarios=tuple(by_scenario.items())),
+            partial(_plots.plot_triggers, scenarios=tuple(by_scenario.items()), frame=limits),
         )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def _digits(value: float, more: int) -> int:
 
 
 def verdict_details(verdict: Verdict) -> str:
-    """Return a verdict's margin and evidence: ``−0.012 m, 41.3 s, door-17``.
+    """Return a verdict's margin and evidence: ``−0.012 m, 41.3 s, door_17``.
 
     Margins without a unit only say true or false and are left out.
     """

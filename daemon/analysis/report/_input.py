@@ -7,20 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import DaemonError, Refused, TraceUnavailable
+from daemon.batch.errors import PlaceUnusable, Refused, TraceUnavailable
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import is_url, local_copy
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import LARGEST_PAGE, RecordQuery
 from daemon.model.spec import RunSpec
-from daemon.model.status import CampaignRow, Submission
+from daemon.model.status import CampaignOrigin, CampaignRow, Submission
 from daemon.trace import TraceError, read_spec
 from grammars.model.behaviour import Trigger
+from grammars.model.geometry import Ring
 from grammars.text import codec
 
 
@@ -29,8 +30,10 @@ class ReportInput:
     """A campaign chosen for a report.
 
     ``id`` is empty for a folder of traces, ``where`` says which folder or state directory.
-    ``oracles`` are the texts of all oracles, ``watches`` the triggers of all scenarios, each once.
-    ``unread`` are files that are no usable traces, with the reason.
+    ``oracles`` are the texts of all oracles, ``watches`` the triggers of all scenarios and
+    ``footprints`` those of all robots, each once. ``unread`` are files that are no usable traces,
+    with the reason. ``submitted_at`` and ``finished_at`` are seconds since the epoch, ``None``
+    where nobody noted them.
     """
 
     id: str
@@ -42,6 +45,10 @@ class ReportInput:
     oracles: tuple[str, ...] = ()
     watches: tuple[Trigger, ...] = ()
     unread: tuple[tuple[str, str], ...] = ()
+    footprints: tuple[Ring, ...] = ()
+    origin: CampaignOrigin = field(default_factory=CampaignOrigin)
+    submitted_at: float | None = None
+    finished_at: float | None = None
 
 
 NOTE: Final = "campaign.json"
@@ -50,11 +57,16 @@ NOTE: Final = "campaign.json"
 
 @dataclass(frozen=True, slots=True)
 class CampaignNote:
-    """What a campaign says about itself and its results."""
+    """What a campaign says about itself and its results, where it was written, and when and on
+    what ``machine`` it was executed.
+    """
 
     name: str
     about: str
     declared: AssessmentRules
+    origin: CampaignOrigin = field(default_factory=CampaignOrigin)
+    submitted_at: float | None = None
+    machine: str = ""
 
 
 @contextmanager
@@ -64,7 +76,7 @@ def open_ledger(paths: StatePaths) -> Iterator[LedgerReader]:
     Raises :class:`daemon.batch.errors.DaemonError` when there is none, or none this version reads.
     """
     if not paths.ledger.is_file():
-        raise DaemonError(
+        raise PlaceUnusable(
             f"{paths.state} is no state directory: name a folder of traces, or choose another "
             "directory with --state"
         )
@@ -84,7 +96,8 @@ def ledger_input(reader: LedgerReader, row: CampaignRow, paths: StatePaths) -> R
     # A record holds verdicts, not what was specified: oracles and triggers are in the latter.
     specs = [reader.run(record.id).spec for record in records]
     records = [_local_record(reader, record) for record in records]
-    return campaign_input(row, str(paths.state), reader.declared(row.id), records, specs)
+    said = (reader.declared(row.id), reader.origin(row.id))
+    return campaign_input(row, str(paths.state), said, records, specs)
 
 
 def _local_record(reader: LedgerReader, record: RunRecord) -> RunRecord:
@@ -100,18 +113,38 @@ def _local_record(reader: LedgerReader, record: RunRecord) -> RunRecord:
 def campaign_input(
     row: CampaignRow,
     where: str,
-    declared: AssessmentRules,
+    said: tuple[AssessmentRules, CampaignOrigin],
     records: Sequence[RunRecord],
     specs: Sequence[RunSpec],
 ) -> ReportInput:
-    """Return a campaign with its runs in order, whose traces are files of this machine."""
-    chosen = ReportInput(row.id, row.name, row.about, where, declared, tuple(records))
+    """Return a campaign with its runs in order, whose traces are files of this machine.
+
+    ``said`` is what it declares about its results and where it was written.
+    """
+    declared, origin = said
+    chosen = ReportInput(
+        row.id,
+        row.name,
+        row.about,
+        where,
+        declared,
+        tuple(records),
+        origin=origin,
+        submitted_at=row.submitted_at,
+        finished_at=row.finished_at,
+    )
     return _add_specs(chosen, specs)
 
 
-def write_campaign_note(folder: Path, submission: Submission) -> None:
-    """Write into a folder of traces what their campaign declares, for reports about them."""
-    note = CampaignNote(submission.name, submission.about, submission.declared)
+def write_campaign_note(
+    folder: Path, submission: Submission, *, at: float | None = None, machine: str = ""
+) -> None:
+    """Write into a folder of traces what their campaign declares, for reports about them.
+
+    ``at`` is when its runs are executed [s since the epoch], ``machine`` what executes them.
+    """
+    said = (submission.name, submission.about, submission.declared, submission.origin)
+    note = CampaignNote(*said, at, machine)
     (folder / NOTE).write_bytes(codec.to_json(note))
 
 
@@ -126,7 +159,9 @@ def _read_note(folder: Path, otherwise: str) -> CampaignNote:
     try:
         return codec.from_json(CampaignNote, path.read_bytes())
     except ValueError as error:
-        raise Refused(f"{path} is not what `scenario run` leaves: delete it ({error})") from error
+        raise Refused(
+            f"{path} is not what `scenario run` leaves: delete it ({codec.reading_error(error)})"
+        ) from error
 
 
 def folder_input(folder: Path) -> ReportInput:
@@ -164,17 +199,31 @@ def folder_input(folder: Path) -> ReportInput:
         raise Refused(f"{folder} holds no traces that can be read{why}")
     note = _read_note(folder, ", ".join(dict.fromkeys(spec.campaign for spec in specs)))
     chosen = ReportInput(
-        "", note.name, note.about, str(folder), note.declared, tuple(records), unread=tuple(unread)
+        "",
+        note.name,
+        note.about,
+        str(folder),
+        note.declared,
+        tuple(replace(record, machine=note.machine) for record in records),
+        unread=tuple(unread),
+        origin=note.origin,
+        submitted_at=note.submitted_at,
     )
     return _add_specs(chosen, specs)
 
 
 def _add_specs(chosen: ReportInput, specs: Sequence[RunSpec]) -> ReportInput:
-    """Return ``chosen`` with the oracles and triggers of all its runs, each once."""
+    """Return ``chosen`` with the oracles, triggers and robots of all its runs, each once."""
+    footprints = dict.fromkeys(spec.robot.footprint for spec in specs)
     oracles = dict.fromkeys(oracle.text for spec in specs for oracle in spec.oracles)
     watches: dict[tuple[str, float], Trigger] = {}
     for spec in specs:
         for behaviour in spec.behaviours:
             if isinstance(behaviour, Trigger):
                 watches.setdefault((behaviour.joint, behaviour.distance), behaviour)
-    return replace(chosen, oracles=tuple(oracles), watches=tuple(watches.values()))
+    return replace(
+        chosen,
+        oracles=tuple(oracles),
+        watches=tuple(watches.values()),
+        footprints=tuple(footprints),
+    )

@@ -47,7 +47,8 @@ def write_junit(
 ) -> None:
     """Write what :func:`daemon.judging.assessment.assess` made of the runs of a campaign.
 
-    FAIL is a failure, ERROR an error, INCONCLUSIVE an error of type ``inconclusive``; what fails
+    FAIL is a failure, ERROR an error, INCONCLUSIVE an error of type ``inconclusive``, or of that of
+    the state of the runs that are missing (``queued``, ``lost`` ...); what fails
     as expected is skipped (``xfail: why``), what passes against expectation a failure of type
     ``xpass``.
 
@@ -79,7 +80,9 @@ def _cell_suite(
     cases = [_oracle_case(oracle, place, records) for oracle in cell.oracles]
     if not cases:
         message = "no run was judged by any oracle"
-        cases = [_Case("runs", place, _CaseResult("error", str(cell.verdict), message))]
+        if cell.state != "done":
+            message = f"no run has a result: {cell.state}"
+        cases = [_Case("runs", place, _CaseResult("error", cell.word, message))]
     seconds, clock = _time(records)
     about = {"runs": str(len(cell.runs)), "time": clock}
     return _suite(f"{cell.scenario}/{cell.sut}", cases, seconds, about)
@@ -150,6 +153,8 @@ def _oracle_case(oracle: CellVerdict, place: str, records: Iterable[RunRecord]) 
 
 def _summary(oracle: CellVerdict) -> str:
     parts = [f"{oracle.passed} of {oracle.n} pass"]
+    if oracle.missing:
+        parts.append(f"{oracle.missing} without a result ({oracle.state})")
     if oracle.worst is not None:
         parts.append(f"worst in {oracle.worst.run}: {evidence_text(oracle.worst.verdict)}")
         parts.append(oracle.worst.verdict.text)
@@ -180,5 +185,5 @@ def _case_result(
         text = f"expected {cell.expected} ({cell.why}), but {said}"
         return _CaseResult("failure", "xpass", text)
     if cell.verdict is Outcome.INCONCLUSIVE:
-        return _CaseResult("error", "inconclusive", said)
+        return _CaseResult("error", cell.word, said)
     return _CaseResult("failure", "fail", said) if cell.verdict is Outcome.FAIL else None

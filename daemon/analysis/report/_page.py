@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -10,9 +11,11 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from daemon.analysis.coverage import histogram_bars
+from daemon.analysis.report._building import draw_building
 from daemon.analysis.report._data import ReportData, ReportRun
 from daemon.analysis.report._figures import (
     MOST_CELLS,
+    MOST_MOMENTS,
     ReportFigure,
     draw_figures,
     notable_verdicts,
@@ -27,15 +30,19 @@ from daemon.analysis.report._formatting import (
     percentage,
     verdict_details,
 )
+from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
 from daemon.analysis.report._svg import SERIES
 from daemon.analysis.report._tracks import MEASURES, RunMeasure
 from daemon.judging.statistics import cut_percentage
 from daemon.model.assessments import (
+    MISSING_STATES,
+    UNFINISHED_STATES,
     Assessment,
     CellAssessment,
     CellVerdict,
     ReferenceComparison,
+    state_of,
 )
 from daemon.model.verdicts import Outcome
 from grammars.text.words import count_noun
@@ -93,7 +100,8 @@ class ReferenceRow:
 
 @dataclass(frozen=True, slots=True)
 class SuggestedCommand:
-    """Something to type about a run: ``{run}`` is replaced by the run's id or trace.
+    """Something to type about a run: ``{run}`` is replaced by the run's id or trace, ``{oracle}``
+    by the name of the oracle that makes it worth a look.
 
     With ``failing`` only about runs that failed.
     """
@@ -128,6 +136,8 @@ def write_page(
         assessment=assessment,
         answer=headline(assessment, data.runs),
         facts=_facts(data, scenarios, suts),
+        provenance=provenance(data),
+        building=draw_building(data),
         scenarios=scenarios,
         suts=suts,
         not_repeatable=_not_repeatable(data),
@@ -149,6 +159,7 @@ def write_page(
         most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
         nothing=NOTHING,
         honest=_strongest_claim(assessment),
+        unseen=_unseen(data),
         coverage=data.coverage if data.coverage.runs else None,
     )
 
@@ -171,6 +182,12 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
         verb = "is" if count == 1 else "are"
         return Headline("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
     # Neither as expected nor unexpected: say what is missing, the most basic first.
+    state = state_of(run.record for run in runs)
+    if state in UNFINISHED_STATES or state == "cancelled":
+        counts = Counter(run.record.state for run in runs)
+        missing = ", ".join(f"{counts[one]} {one}" for one in MISSING_STATES if counts[one])
+        word = "Not yet" if state in UNFINISHED_STATES else "Not known"
+        return Headline("open", word, f"{missing} of {count_noun(len(runs), 'run')}.")
     judged = sum(run.record.outcome not in (None, Outcome.ERROR) for run in runs)
     broken = len(runs) - judged
     if broken:
@@ -185,6 +202,13 @@ def _strongest_claim(assessment: Assessment) -> str:
     """Return what the repeats of a cell can show at best, in words."""
     clean = [o for c in assessment.cells for o in c.oracles if o.n and o.passed == o.n]
     return clean[0].statement if clean else ""
+
+
+def _unseen(data: ReportData) -> tuple[str, ...]:
+    """Return the findings beyond those whose moment is drawn."""
+    return tuple(
+        f"{o.scenario} with {o.sut}: {o.oracle}" for o in notable_verdicts(data)[MOST_MOMENTS:]
+    )
 
 
 def _facts(
@@ -245,7 +269,7 @@ def _finding(
     name = shown.id if data.input.id else shown.trace or shown.id
     failed = shown.outcome is Outcome.FAIL
     typed = tuple(
-        (c.text.format(run=shlex.quote(name)), c.purpose)
+        (c.text.format(run=shlex.quote(name), oracle=shlex.quote(oracle.oracle)), c.purpose)
         for c in commands
         if failed or not c.failing
     )

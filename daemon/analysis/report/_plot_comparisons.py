@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from daemon.analysis.report._axes import Axes, Sheet
-from daemon.analysis.report._plots import WIDTH, draw_reference
+from daemon.analysis.report._plots import WIDTH, PlotLimits, draw_reference
 from daemon.analysis.report._recorded import sampled_trace
 from daemon.analysis.report._references import ReferenceMark
 from daemon.analysis.report._svg import BAD, SERIES
@@ -28,7 +28,7 @@ def plot_comparisons(
 ) -> Sheet:
     """Return what comparisons of one unit found: left minus right, SUTs side by side.
 
-    Dots are pairs of runs, lines the 95 % bounds of the mean, the short line the mean; dashed is
+    Dots are pairs of runs, lines the 95 % interval of the mean, the short line the mean; dashed is
     the limit, diamonds are reference values.
     """
     names = tuple(dict.fromkeys(verdict.comparison for verdict in verdicts))
@@ -57,8 +57,8 @@ def plot_comparisons(
 def _draw_bounds(
     axes: Axes, x: float, verdict: ComparisonVerdict, half: float, colour: str
 ) -> None:
-    if verdict.low is not None and verdict.high is not None:
-        axes.line([x, x], [verdict.low, verdict.high], colour, 0.8)
+    if verdict.interval is not None:
+        axes.line([x, x], verdict.interval, colour, 0.8)
     if verdict.mean is not None:
         axes.line([x - half, x + half], [verdict.mean, verdict.mean], colour, 1.4)
     dots = verdict.differences
@@ -66,7 +66,7 @@ def _draw_bounds(
 
 
 def plot_run_pair(
-    runs: Sequence[tuple[str, Path, Sequence[float]]],
+    runs: Sequence[tuple[str, Path, Sequence[float]]], frame: PlotLimits
 ) -> Sheet | None:
     """Return speed and turning speed of two runs from start to end (figure 14).
 
@@ -90,7 +90,7 @@ def plot_run_pair(
             below.upright(time, colour, 0.9, dashes=_DOTTED)
         end = max(end, float(truth.time[-1]))
     above.x_limits = below.x_limits = (0.0, end)
-    above.y_limits = (0.0, None)
+    above.y_limits, below.y_limits = (0.0, frame.speed), (-frame.turning, frame.turning)
     above.title, below.title, below.x_label = "speed [m/s]", "turning [rad/s]", "time [s]"
     return sheet
 

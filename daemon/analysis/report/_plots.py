@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -42,34 +42,73 @@ _HEAT: Final = ("#fed976", "#feb24c", "#fd8d3c", "#fc4e2a", "#e31a1c", "#bd0026"
 
 @dataclass(frozen=True, slots=True)
 class PlotLimits:
-    """What all panels of a scenario share, so that they can be compared: axis limits."""
+    """What panels share that are compared: axis limits, and the part of the map.
+
+    ``clearance`` goes from the first to the second [m]; ``speed`` [m/s] and ``turning`` [rad/s] are
+    the largest there are.
+    """
 
     time: float
     error: float
     sigma: float
-    clearance: float
+    clearance: tuple[float, float]
+    speed: float
+    turning: float
     west: float
     south: float
     east: float
     north: float
 
 
-def plot_limits(runs: Sequence[RunTracks]) -> PlotLimits:
-    """Return limits that show everything of ``runs``."""
+def plot_limits(runs: Sequence[RunTracks], errors: Sequence[float] = ()) -> PlotLimits:
+    """Return limits that show everything of ``runs``, and ``errors`` [m] that are marked."""
     xs = np.concatenate([r.x for r in runs])
     ys = np.concatenate([r.y for r in runs])
     margin = 1.0
     return PlotLimits(
         time=max(float(r.time[-1]) for r in runs),
-        error=_top([r.error for r in runs]),
+        error=room_for(_top([r.error for r in runs]), errors),
         sigma=_top([s for r in runs for s in (r.sigma_x, r.sigma_y)]),
         # Up to 2 m: in a hall the dips that matter would vanish at the bottom.
-        clearance=min(max(_top([r.clearance for r in runs]), 0.3), 2.0),
+        clearance=(
+            min([-0.05, *(float(np.nanmin(r.clearance)) for r in runs if _is_known(r.clearance))]),
+            min(max(_top([r.clearance for r in runs]), 0.3), 2.0),
+        ),
+        speed=1.05 * max(r.top_speed for r in runs) or 1.0,
+        turning=1.05 * max(r.top_turning for r in runs) or 1.0,
         west=float(xs.min()) - margin,
         south=float(ys.min()) - margin,
         east=float(xs.max()) + margin,
         north=float(ys.max()) + margin,
     )
+
+
+def compared_limits(whole: PlotLimits, part: PlotLimits) -> PlotLimits:
+    """Return the limits of the panels of a scenario: values as in all others, its own time and map.
+
+    Panels are compared across systems and across scenarios: a curve that is twice as high is twice
+    as much. A scenario that takes ten minutes and one that takes half of one have each their width.
+    """
+    return replace(
+        whole,
+        time=part.time,
+        west=part.west,
+        south=part.south,
+        east=part.east,
+        north=part.north,
+    )
+
+
+def room_for(top: float, values: Sequence[float]) -> float:
+    """Return the upper end of an axis with room for ``values`` above ``top``.
+
+    Not for those far above: they would press the curves flat against the axis.
+    """
+    return max([top, *(1.1 * value for value in values if value < 4.0 * top)])
+
+
+def _is_known(values: Any) -> bool:
+    return bool(len(values)) and not np.isnan(values).all()
 
 
 def _line_look(runs: Sequence[RunTracks]) -> tuple[float, float]:
@@ -78,7 +117,7 @@ def _line_look(runs: Sequence[RunTracks]) -> tuple[float, float]:
 
 
 def _top(values: Sequence[Any]) -> float:
-    known = [float(np.nanmax(v)) for v in values if not np.isnan(v).all()]
+    known = [float(np.nanmax(v)) for v in values if _is_known(v)]
     return 1.05 * max(known, default=1.0) or 1.0
 
 
@@ -97,13 +136,11 @@ def draw_reference(
         axes.words(x, found.value, found.label, colour=INK, anchor=label, shift=shift, halo=True)
 
 
-def _draw_reference_lines(axes: Axes, marks: Sequence[ReferenceMark], top: float) -> float:
-    """Draw reference values as lines from side to side; return the top they need."""
+def _draw_reference_lines(axes: Axes, marks: Sequence[ReferenceMark], top: float) -> None:
+    """Draw reference values up to ``top`` as lines from side to side."""
     for found in marks:
-        # As with limits: one far above the curve would press it flat against the axis.
-        if found.value < 4.0 * top:
+        if found.value < top:
             axes.across(found.value, INK, 0.8, dashes=_BROKEN, label=found.label)
-    return max([top, *(1.1 * found.value for found in marks if found.value < 4.0 * top)])
 
 
 def plot_localisation(
@@ -120,14 +157,11 @@ def plot_localisation(
         above.line(run.time, run.error, LINE, width, alpha=alpha)
         below.line(run.time, run.sigma_x, LINE, width, alpha=alpha)
         below.line(run.time, run.sigma_y, SECOND, width, alpha=alpha)
-    top = frame.error
-    # A limit far above the curve would press it flat against the axis.
-    if limit is not None and limit < 4.0 * frame.error:
+    if limit is not None and limit < frame.error:
         above.across(limit, BAD, 0.9, dashes=_DASHED)
-        top = max(top, 1.1 * limit)
-    top = max(top, _draw_reference_lines(above, marks, frame.error))
+    _draw_reference_lines(above, marks, frame.error)
     above.x_limits = below.x_limits = (0.0, frame.time)
-    above.y_limits, below.y_limits = (0.0, top), (0.0, frame.sigma)
+    above.y_limits, below.y_limits = (0.0, frame.error), (0.0, frame.sigma)
     above.title, below.title, below.x_label = "error [m]", "spread [m]", "time [s]"
     below.legend_only("σ along x", LINE)
     below.legend_only("σ along y", SECOND)
@@ -141,9 +175,9 @@ def plot_clearance(
     sheet = Sheet(WIDTH, 1.9)
     (axes,) = sheet.axes
     limit = runs[0].limit
-    low = min(-0.05, *(float(np.nanmin(r.clearance)) for r in runs if len(r.clearance)), 0.0)
+    low, high = frame.clearance
     if limit > 0.0:
-        axes.band(min(low, 0.0), limit, NEAR, 0.13)
+        axes.band(low, limit, NEAR, 0.13)
     axes.across(0.0, BAD, 0.9)
     width, alpha = _line_look(runs)
     for run in runs[:REPEATS]:
@@ -151,8 +185,8 @@ def plot_clearance(
         for encounter in run.encounters:
             if encounter.fired:
                 axes.upright(encounter.time, INK, 0.8, dashes=_DOTTED, alpha=0.6)
-    _draw_reference_lines(axes, marks, frame.clearance)
-    axes.x_limits, axes.y_limits = (0.0, frame.time), (low, frame.clearance)
+    _draw_reference_lines(axes, marks, high)
+    axes.x_limits, axes.y_limits = (0.0, frame.time), (low, high)
     axes.title, axes.x_label = "clearance [m]", "time [s]"
     return sheet
 
@@ -270,7 +304,8 @@ _PEAK_MAP_HALF: Final = 6.0
 def plot_error_overview(run: RunTracks, limit: float | None) -> Sheet:
     """Return error and spread of a whole run, what :func:`plot_error_peak` shows of it in grey."""
     peak = float(run.time[int(np.nanargmax(run.error))])
-    sheet = plot_localisation([run], plot_limits([run]), limit)
+    frame = plot_limits([run], [] if limit is None else [limit])
+    sheet = plot_localisation([run], frame, limit)
     for axes in sheet.axes:
         axes.column(peak - _AROUND, peak + _AROUND, SOFT, 0.16)
     return sheet
@@ -302,11 +337,11 @@ def plot_peak_map(run: RunTracks, scene: Scene) -> Sheet:
     high = _PEAK_MAP_HALF * 2.2 / WIDTH
     sheet = Sheet(WIDTH, 2.4)
     (axes,) = sheet.axes
-    draw_map(
-        axes,
-        scene,
-        PlotLimits(0, 0, 0, 0, x - _PEAK_MAP_HALF, y - high, x + _PEAK_MAP_HALF, y + high),
+    half = _PEAK_MAP_HALF
+    around = replace(
+        plot_limits([run]), west=x - half, south=y - high, east=x + half, north=y + high
     )
+    draw_map(axes, scene, around)
     axes.line(run.x, run.y, LINE, 0.9, alpha=0.8)
     large = run.error > 0.5 * run.error[peak]
     axes.line(
@@ -366,7 +401,9 @@ def _draw_box(axes: Axes, x: float, values: Any, half: float, colour: str) -> No
     axes.dots(np.full(len(values), x), values, colour, 2.2, alpha=0.8)
 
 
-def plot_triggers(scenarios: Sequence[tuple[int, Sequence[TriggerEncounter]]]) -> Sheet:
+def plot_triggers(
+    scenarios: Sequence[tuple[int, Sequence[TriggerEncounter]]], frame: PlotLimits
+) -> Sheet:
     """Return speed and turning speed around one trigger with one SUT (figure 14).
 
     ``scenarios`` are the numbers of their colours and what happened in each repeat. Means over the
@@ -390,7 +427,7 @@ def plot_triggers(scenarios: Sequence[tuple[int, Sequence[TriggerEncounter]]]) -
     for axes in (above, below):
         axes.upright(0.0, INK, 0.8, dashes=_DOTTED)
         axes.x_limits = (-BEFORE, AFTER)
-    above.y_limits = (0.0, None)
+    above.y_limits, below.y_limits = (0.0, frame.speed), (-frame.turning, frame.turning)
     above.title, below.title = "speed [m/s]", "turning [rad/s]"
     below.x_label = "time from the trigger [s]"
     return sheet

@@ -12,6 +12,7 @@ from daemon.analysis.report._plot_moment import plot_moment
 from daemon.analysis.report._plots import plot_limits, plot_way
 from daemon.analysis.report._recorded import sampled_trace
 from daemon.analysis.report._safety_buffer import safety_buffer
+from daemon.analysis.report._svg import PagePicture
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
 from daemon.trace import TraceError
@@ -21,7 +22,7 @@ _POINTS: Final = 600
 """Samples drawn of the way."""
 
 
-def plot_recorded_moment(trace: Path, time: float, involved: str) -> Sheet | None:
+def plot_recorded_moment(trace: Path, time: float, involved: str) -> PagePicture | None:
     """Return the place at ``time`` [s] of a run, the object ``involved`` in red.
 
     ``None`` if the trace cannot be read any more, or not be trusted.
@@ -50,6 +51,7 @@ def _recorded(trace: Path) -> tuple[RunTracks, Scene] | None:
     recorded = sampler.trace
     if oracles.trace_problems(recorded):
         return None
-    buffer = safety_buffer(oracle.text for oracle in recorded.spec.oracles)
+    texts = (oracle.text for oracle in recorded.spec.oracles)
+    buffer = safety_buffer(texts, (recorded.spec.robot.footprint,))
     tracks = extract_tracks(recorded.spec.label, recorded, sampler, buffer, (), _POINTS)
     return (tracks, recorded.scene) if len(tracks.time) > 1 else None

@@ -88,7 +88,8 @@ def _run(trace: Trace, part: _RunPart | None) -> RunOverlay:
         return RunOverlay(way, about=f"not to be trusted: {'; '.join(problems)}")
     sampler = SignalSampler(trace)
     oracles.warm_up()
-    buffer = safety_buffer(oracle.text for oracle in trace.spec.oracles)
+    texts = (oracle.text for oracle in trace.spec.oracles)
+    buffer = safety_buffer(texts, (trace.spec.robot.footprint,))
     # Of a part every sample counts: what is looked at may be a few centimetres.
     points = _POINTS if part is None else 3 * len(sampler.time_base.time)
     found = extract_tracks(trace.spec.label, trace, sampler, buffer, (), points)
@@ -101,7 +102,8 @@ def _run(trace: Trace, part: _RunPart | None) -> RunOverlay:
         f"campaign {trace.spec.campaign}",
         f"ended after {format_quantity(found.measures.get('duration'), 's')}",
         f"nearest {format_quantity(found.measures.get('min clearance'), 'm')}",
-        f"{format_quantity(found.measures.get('time in buffer'), 's')} in the buffer",
+        f"{format_quantity(found.measures.get('time in buffer'), 's')} in the buffer of "
+        f"{buffer.size}",
         count_noun(len(contacts), "contact"),
     ]
     if part is not None:

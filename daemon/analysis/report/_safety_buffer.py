@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.judging.oracles import SignalSampler
-from grammars.model.geometry import Floats, Point2
+from grammars.model.geometry import Floats, Point2, Ring
 from grammars.oracle import Comparison, Number, Signal, parse_oracle
 from grammars.text.diagnostics import InputError, Where
 
@@ -45,12 +45,20 @@ class SafetyBuffer:
     margin: float
     source: str
 
+    @property
+    def size(self) -> str:
+        """How large it is, in words: ``1.1 m × 0.866 m`` or ``0.2 m``."""
+        if self.half is None:
+            return f"{self.margin:g} m"
+        return f"{2 * self.half[0]:g} m × {2 * self.half[1]:g} m"
 
-def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
+
+def safety_buffer(texts: Iterable[str], footprints: Iterable[Ring] = ()) -> SafetyBuffer:
     """Return the largest box that oracles call clear, ``clearance(hx, hy)``.
 
-    Without one, the largest limit of a plain ``clearance``; without that, the paper's 0.2 m. The
-    largest, since a campaign may also hold the collision box of section 4.2.3 clear.
+    Without one, the largest limit of a plain ``clearance``; without that, the paper's 0.2 m. A
+    buffer is room around the robot: a box that does not reach beyond one of the ``footprints`` on
+    every side is where a collision begins (that of section 4.2.3 is narrower than the robot).
     """
     boxes: dict[Point2, str] = {}
     limits: dict[float, str] = {}
@@ -61,6 +69,8 @@ def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
                     boxes.setdefault((hx.value, hy.value), text)
                 case Comparison(left=Signal(name="clearance", arguments=()), right=Number() as n):
                     limits.setdefault(n.value, text)
+    rings = tuple(footprints)
+    boxes = {half: text for half, text in boxes.items() if not rings or _is_around(half, rings)}
     if boxes:
         half = max(boxes, key=lambda box: box[0] * box[1])
         size = f"{2 * half[0]:g} m × {2 * half[1]:g} m"
@@ -72,6 +82,13 @@ def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
         )
     source = f"{DEFAULT_MARGIN:g} m around the robot, since no oracle names a clearance"
     return SafetyBuffer(None, DEFAULT_MARGIN, source)
+
+
+def _is_around(half: Point2, footprints: Iterable[Ring]) -> bool:
+    """Whether a box leaves room on every side of one of the footprints."""
+    return any(
+        all(abs(x) < half[0] and abs(y) < half[1] for x, y in footprint) for footprint in footprints
+    )
 
 
 # Of hundreds of runs of a campaign the same dozen oracles.
@@ -146,25 +163,13 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
     return inside.astype(np.float32)
 
 
-def outlines_near(
-    sampler: SignalSampler, moment: int, reach: float
-) -> Iterator[tuple[str, bool, Floats]]:
-    """Return the obstacles within ``reach`` [m] of the robot at a sample: whose, whether it can
-    move, its corners (k, 2) [m] in the map frame.
-    """
-    obstacles = sampler.obstacles
-    moments = np.array([moment])
-    _, near = _polygons_near(obstacles, moments, sampler.poses[moments], reach)
-    for polygon in near.tolist():
-        first, last = obstacles.offsets[polygon : polygon + 2]
-        corners = _placed(obstacles, moment, polygon, obstacles.corners[first:last])
-        yield obstacles.names[polygon], bool(obstacles.frame[polygon] >= 0), corners
-
-
-def _placed(obstacles: ObstaclePolygons, moment: int, polygon: int, points: Floats) -> Floats:
-    """Return points of a polygon where they are at a sample, in the map frame."""
-    frame = int(obstacles.frame[polygon])
-    return points if frame < 0 else transform_points(points, obstacles.tracks[moment, frame][None])
+def polygons_around(
+    obstacles: ObstaclePolygons, moments: Indices, middle: Point2, reach: float
+) -> list[int]:
+    """Return the numbers of the polygons that come within ``reach`` [m] of a point at a sample."""
+    poses = np.tile((*middle, 0.0), (len(moments), 1))
+    _, near = _polygons_near(obstacles, moments, poses, reach)
+    return [int(polygon) for polygon in np.unique(near)]
 
 
 def _polygons_near(

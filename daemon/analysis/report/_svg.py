@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import chain
-from typing import Final
+from typing import Final, Protocol
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -36,6 +36,16 @@ _PASSES: Final = 6
 _FAR: Final = 1e4
 """What lies further outside [points] is drawn there: beyond any page, within any renderer."""
 _QUOTE: Final = {'"': "&quot;"}
+
+
+class PagePicture(Protocol):
+    """What can be drawn on a page."""
+
+    def svg(self, name: str, label: str) -> str:
+        """Return an ``<svg>`` element; ``name`` keeps its identifiers apart from those of others,
+        ``label`` is read out where pictures are not seen.
+        """
+        ...
 
 
 def colour_value(name: str) -> str:

@@ -65,7 +65,8 @@ class RunTracks:
     to the nearest obstacle, negative inside. ``error``, ``sigma_x``, ``sigma_y`` [m]: localisation;
     NaN where unknown. ``inside`` and ``returns`` (k, 2) [m]: points of obstacles and laser returns
     that were inside the buffer, base frame. ``contacts`` (time, object, x, y). ``measures`` by
-    name, in the units of :data:`daemon.analysis.report.MEASURES`. ``problem`` says why there is
+    name, in the units of :data:`daemon.analysis.report.MEASURES`. ``top_speed`` [m/s] and
+    ``top_turning`` [rad/s] are the largest, either way round. ``problem`` says why there is
     nothing, if so.
     """
 
@@ -88,6 +89,8 @@ class RunTracks:
     encounters: tuple[TriggerEncounter, ...] = ()
     measures: dict[str, float] = field(default_factory=dict)
     scene: str = ""
+    top_speed: float = 0.0
+    top_turning: float = 0.0
 
 
 def find_encounters(
@@ -262,7 +265,14 @@ def extract_tracks(
         encounters=encounters,
         measures={name: value for name, value in measures.items() if np.isfinite(value)},
         scene=trace.spec.scene,
+        top_speed=_largest(np.hypot(trace.ground_truth.vx, trace.ground_truth.vy)),
+        top_turning=_largest(np.abs(trace.ground_truth.wz)),
     )
+
+
+def _largest(values: npt.NDArray[np.floating]) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else 0.0
 
 
 def _boxes(trace: Trace, buffer: SafetyBuffer) -> tuple[Point2, Point2, Point2, float]:

@@ -12,13 +12,13 @@ from typing import Final
 
 from daemon.batch.errors import DaemonError, Unavailable
 
-SCHEMA_VERSION: Final = 8
+SCHEMA_VERSION: Final = 9
 _IN_MEMORY: Final = Path(":memory:")
 """What SQLite calls a database that is gone with its connection: no file has this name."""
 UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
 """What a question to a damaged ledger may raise: also that its message is no text."""
 _READER_PATIENCE: Final = 5.0
-_UPGRADABLE: Final = (1, 2, 3, 4, 5, 6, 7)
+_UPGRADABLE: Final = (1, 2, 3, 4, 5, 6, 7, 8)
 _CACHE_KIB: Final = 64 * 2**10
 # What is being entered or removed is not there for whoever asks: these stand before the tables of
 # the same names on connections that read, so no question can forget it.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
@@ -20,12 +20,15 @@ from daemon.batch.ledger._results import (
     find_trace,
     missing_trace_text,
     read_declared,
+    read_origin,
     read_records,
     read_result,
 )
 from daemon.batch.ledger._searches import read_proposals, read_searches, read_task
+from daemon.batch.ledger._workload import read_workload
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
+from daemon.batch.time_left import CampaignWork, RunProgress
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import (
     LARGEST_PAGE_BYTES,
@@ -38,6 +41,7 @@ from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchQuery, SearchRow
 from daemon.model.spec import RunResult
 from daemon.model.status import (
+    CampaignOrigin,
     CampaignRow,
     KeyDeliveries,
     RunDetail,
@@ -162,6 +166,13 @@ class LedgerReader:
             return 0.0
         return 60.0 * (len(times) - 1) / float(now - times[-1])
 
+    def workload(self, now: float, progress: Mapping[str, RunProgress]) -> tuple[CampaignWork, ...]:
+        """What is left of every open campaign, whose turn it is first.
+
+        ``progress`` is what workers have said of runs that run.
+        """
+        return read_workload(self._db, now, progress)
+
     def runs(self, query: RunQuery) -> RunPage:
         """One page of runs, filtered and sorted; equal values keep the order of submission.
 
@@ -183,6 +194,10 @@ class LedgerReader:
         last = whole and len(found) < query.limit and (found or not query.offset)
         total = query.offset + len(found) if last else self._total(query, where, values)
         return RunPage(tuple(found), total)
+
+    def run_page(self, **fields: Any) -> RunPage:
+        """A page of runs by the fields of a :class:`RunQuery`, as clients ask."""
+        return self.runs(RunQuery(**fields))
 
     def _total(self, query: RunQuery, where: str, values: list[Any]) -> int:
         """How many runs the filter admits."""
@@ -207,6 +222,10 @@ class LedgerReader:
     def declared(self, campaign: str) -> AssessmentRules:
         """What a campaign declares about its results."""
         return read_declared(self._db, campaign)
+
+    def origin(self, campaign: str) -> CampaignOrigin:
+        """Where a campaign was written; nothing is known of those of ledgers before schema 9."""
+        return read_origin(self._db, campaign)
 
     def records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
         """A page of the runs of a campaign as assessments want them, in order.

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from daemon.batch.errors import Refused
+from daemon.batch.ledger._connection import schema_version
 from daemon.batch.ledger._staging import count_queued
 from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.paths import StatePaths
@@ -20,12 +21,14 @@ from daemon.model.ids import is_digest, trace_name
 from daemon.model.messages import Completion
 from daemon.model.packed_submission import Script
 from daemon.model.spec import LARGEST_RESULT, RunResult, RunSpec, bound_result
+from daemon.model.status import CampaignOrigin
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text import codec
 
 T = TypeVar("T")
 
 _MOST_CACHED: Final = 1024
+_FIRST_WITH_ORIGIN: Final = 9
 
 _COLUMNS: Final = (
     "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
@@ -107,6 +110,16 @@ def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
     return codec.from_json(AssessmentRules, row[0]) if row[0] else AssessmentRules()
 
 
+def read_origin(db: sqlite3.Connection, campaign: str) -> CampaignOrigin:
+    """Return where a campaign was written; raises :class:`Refused` as :func:`read_declared`."""
+    read_declared(db, campaign)
+    # One that no daemon of this version has opened yet can be read all the same.
+    if schema_version(db) < _FIRST_WITH_ORIGIN:
+        return CampaignOrigin()
+    row = db.execute("SELECT origin FROM campaign WHERE id = ?", (campaign,)).fetchone()
+    return codec.from_json(CampaignOrigin, row[0]) if row and row[0] else CampaignOrigin()
+
+
 def read_records(
     db: sqlite3.Connection,
     campaign: str,
@@ -162,6 +175,7 @@ def _run_record(
         seed=int(seed),  # text in the table: 64 bits without a sign do not fit SQLite's integers
         cached=cached,
         repeatable=bool(repeatable),
+        machine=result.machine if result else "",
     )
 
 

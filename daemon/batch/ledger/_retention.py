@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import DaemonError
+from daemon.batch.errors import DaemonError, PlaceUnusable
 from daemon.batch.ledger._connection import SCHEMA_VERSION, UNREADABLE, schema_version
 from daemon.batch.paths import StatePaths
 
@@ -107,7 +107,7 @@ def sweep_traces(
 @contextmanager
 def _ledger(paths: StatePaths) -> Iterator[sqlite3.Connection]:
     if not paths.ledger.exists():
-        raise DaemonError(f"there is no ledger in {paths.state}: nothing was ever run there")
+        raise PlaceUnusable(f"there is no ledger in {paths.state}: nothing was ever run there")
     with closing(sqlite3.connect(paths.ledger, isolation_level=None)) as db:
         try:
             version = schema_version(db)

@@ -31,7 +31,7 @@ STAGED: Final = "staged"
 _TABLES: Final = """
 CREATE TABLE {0}.staged_campaign (
     id TEXT, name TEXT, about TEXT, source TEXT, digest TEXT, total INTEGER, declared BLOB,
-    fresh INTEGER, reserve INTEGER
+    fresh INTEGER, reserve INTEGER, origin BLOB
 );
 CREATE TABLE {0}.staged_part (name TEXT PRIMARY KEY, body BLOB);
 CREATE TABLE {0}.staged_cell (
@@ -62,6 +62,7 @@ class StagedCampaign:
     declared: bytes
     fresh: bool
     reserve: int
+    origin: bytes
 
 
 def stage_submission(packed: PackedSubmission, path: Path) -> None:
@@ -107,8 +108,8 @@ def stage_rows(db: sqlite3.Connection, packed: PackedSubmission, schema: str = "
     named = (packed.campaign, packed.name, packed.about, packed.source, digest)
     declared = codec.to_json(packed.declared)
     db.execute(
-        "INSERT INTO staged_campaign VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        (*named, runs.count, declared, packed.fresh, reserve.count),
+        "INSERT INTO staged_campaign VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        (*named, runs.count, declared, packed.fresh, reserve.count, codec.to_json(packed.origin)),
     )
 
 
@@ -162,8 +163,9 @@ def _cell_row(campaign: str, cell: RunSpec) -> tuple[object, ...]:
 def read_campaign(db: sqlite3.Connection) -> StagedCampaign:
     """Return what the staged submission says of its campaign."""
     row = db.execute("SELECT * FROM staged_campaign").fetchone()
-    name, about, source, digest, runs, declared, fresh, reserve = row[1:]
-    return StagedCampaign(row[0], name, about, source, digest, runs, declared, bool(fresh), reserve)
+    id, name, about, source, digest, runs, declared, fresh, reserve, origin = row
+    named = (id, name, about, source, digest)
+    return StagedCampaign(*named, runs, declared, bool(fresh), reserve, origin)
 
 
 _BODY: Final = (

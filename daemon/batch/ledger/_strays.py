@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from daemon.batch.errors import DaemonError
+from daemon.batch.errors import DaemonError, PlaceUnusable
 from daemon.batch.inputs import DAMAGED
 from daemon.batch.ledger._connection import SCHEMA_VERSION, connect_reader, schema_version
 from daemon.batch.ledger._inputs import referenced_inputs
@@ -83,7 +83,7 @@ class _Needed:
 
 def _read_ledger(paths: StatePaths) -> _Needed:
     if not paths.ledger.exists():
-        raise DaemonError(f"there is no ledger in {paths.state}: nothing was ever run there")
+        raise PlaceUnusable(f"there is no ledger in {paths.state}: nothing was ever run there")
     try:
         with closing(connect_reader(paths.ledger)) as db:
             version = schema_version(db)

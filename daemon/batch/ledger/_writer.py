@@ -147,8 +147,8 @@ class LedgerWriter(SearchUpdates):
         named = (staged.id, staged.name, staged.about, staged.source, staged.digest, staged.runs)
         self._db.execute(
             "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
-            " fresh, visible) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, 0)",
-            (*named, now, staged.declared, staged.fresh),
+            " fresh, origin, visible) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, 0)",
+            (*named, now, staged.declared, staged.fresh, staged.origin),
         )
         yield
         yield from enter_rows(self._db, staged)

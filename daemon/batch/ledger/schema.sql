@@ -21,7 +21,8 @@ CREATE TABLE campaign (
     paused       INTEGER NOT NULL DEFAULT 0,
     priority     INTEGER NOT NULL DEFAULT 0,
     served       INTEGER NOT NULL DEFAULT 0, -- token of its latest lease
-    visible      INTEGER NOT NULL DEFAULT 1  -- 0: being entered or removed, part by part
+    visible      INTEGER NOT NULL DEFAULT 1, -- 0: being entered or removed, part by part
+    origin       BLOB NOT NULL DEFAULT x''   -- its file and the commit it was written at
 ) STRICT;
 
 -- Whose turn it is: campaigns of one priority take turns.

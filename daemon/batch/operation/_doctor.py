@@ -268,7 +268,7 @@ def _answering(
         yield warning(
             "daemon",
             f"it is version {overview.version}, this is {own}",
-            "`scenario stop` and start it again",
+            "`scenario daemon --stop` and start it again",
         )
     else:
         waiting = f"{overview.queued} runs queued, {overview.running} running"
@@ -296,7 +296,9 @@ def _remedy(trouble: str, paths: StatePaths) -> str:
 
 
 def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterator[DoctorFinding]:
-    if not workers:
+    if not workers and overview.preparing:
+        yield ok("workers", overview.preparing)
+    elif not workers:
         yield warning(
             "workers",
             "none is connected: nothing will be executed",
@@ -317,4 +319,4 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
                 "see whether its machine is well",
             )
         else:
-            yield ok("workers", words)
+            yield ok("workers", f"{words}, {worker.preparing}" if worker.preparing else words)

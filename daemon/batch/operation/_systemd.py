@@ -29,7 +29,6 @@ Type=exec
 ExecStart={command}
 Restart={restart}
 RestartSec={pause}
-RestartPreventExitStatus=2
 KillMode=mixed
 TimeoutStopSec={patience:.0f}
 OOMPolicy=continue
@@ -54,7 +53,7 @@ def daemon_unit(
 ) -> str:
     """Return the unit of a daemon; ``command`` is the ``scenario`` executable, absolute.
 
-    It starts again after a failure, not after ``scenario stop``.
+    It starts again after a failure, not after ``scenario daemon --stop``.
     """
     words = [str(command), "daemon", "--state", str(state)]
     words += ["--listen", listen] if listen else []
@@ -69,7 +68,7 @@ def daemon_unit(
         restart="on-failure",
         pause=2,
         patience=DaemonSettings().patience + STOP_MARGIN + _MARGIN,
-        more="",
+        more="RestartPreventExitStatus=2\n",
     )
 
 

@@ -178,7 +178,9 @@ def load_register(folder: Path) -> KeyRegister:
             f"--keys or {KEYS_VARIABLE} names another folder"
         ) from error
     except ValueError as error:
-        raise KeysUnusable(f"{folder / REGISTER_FILE} is damaged: {error}") from error
+        raise KeysUnusable(
+            f"{folder / REGISTER_FILE} is damaged: {codec.reading_error(error)}"
+        ) from error
 
 
 def read_credentials(folder: Path) -> Credentials:

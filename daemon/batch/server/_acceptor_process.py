@@ -10,7 +10,7 @@ import time
 from contextlib import suppress
 from typing import Final
 
-from daemon.batch.errors import DaemonError
+from daemon.batch.errors import PlaceUnusable
 from daemon.batch.paths import split_endpoint
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.tether import end_tethered
@@ -101,7 +101,7 @@ def _listen(address: str) -> socket.socket:
             listener.close()
             raise
     except OSError as error:
-        raise DaemonError(f"cannot listen at {address}: {error.strerror or error}") from error
+        raise PlaceUnusable(f"cannot listen at {address}: {error.strerror or error}") from error
     return listener
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 
-from daemon.batch.errors import AlreadyRunning, DaemonError
+from daemon.batch.errors import AlreadyRunning, PlaceUnusable
 from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.permissions import open_private
 from grammars.text import codec
@@ -28,7 +28,7 @@ def hold_alone(paths: StatePaths) -> Iterator[None]:
             lock = stack.enter_context(os.fdopen(open_private(paths.lock), "a"))
         except OSError as error:
             words = f"{error.filename or paths.state} cannot be used: {error.strerror}"
-            raise DaemonError(f"{words}; choose another directory with --state") from error
+            raise PlaceUnusable(f"{words}; choose another directory with --state") from error
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

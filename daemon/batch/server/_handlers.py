@@ -17,9 +17,11 @@ from daemon.batch.server._quota import Quota
 from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
 from daemon.batch.server._search_handlers import SearchHandlers
 from daemon.batch.server._submissions import stage_request
+from daemon.batch.server._time_left import TimeLeftClock
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import WorkerRegistry
 from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
+from daemon.batch.time_left import RunProgress
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_id
 from daemon.model.messages import (
@@ -52,6 +54,7 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import (
+    CampaignOrigin,
     CampaignRow,
     DaemonOverview,
     DeletedCampaign,
@@ -113,6 +116,7 @@ class Handlers(SearchHandlers):
     troubles: Callable[[], tuple[str, ...]]
     marker: Marker
     search_trouble: Callable[[], str]
+    starting: Callable[[], str]
     damage: str = ""
     draining: bool = False
 
@@ -120,6 +124,7 @@ class Handlers(SearchHandlers):
         self._traces = TraceUploads(self.paths, self.log)
         self._files = FileUploads(self.paths, self.log)
         self._inputs = InputStore(self.paths, self.log)
+        self._time_left = TimeLeftClock(self.registry)
         self._started_at = self.clock.now()
         self.by_verb = {verb: VerbHandler(self._method(verb)) for verb in VERBS.values()}
         # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
@@ -141,7 +146,6 @@ class Handlers(SearchHandlers):
         now = self.clock.now()
         campaigns, counts = ledger.counts()
         rate = ledger.rate(now)
-        waiting = counts["queued"] + counts["running"]
         standing: Any = count_states(counts)
         trouble, troubles = self._standing_troubles()
         workers = [row for row in self.registry.rows(now) if not row.away]
@@ -154,14 +158,20 @@ class Handlers(SearchHandlers):
             workers=len(workers),
             **standing,
             rate=rate,
-            seconds_left=60.0 * waiting / rate if waiting and rate > 0.0 else None,
+            seconds_left=self._time_left.of_all(ledger, now),
             trouble=trouble,
             troubles=troubles,
-            preparing=next((row.preparing for row in workers if row.preparing), ""),
+            preparing=next((row.preparing for row in workers if row.preparing), self.starting()),
         )
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:
-        return ledger.campaigns(query)
+        rows, now = ledger.campaigns(query), self.clock.now()
+        return tuple(
+            row
+            if row.finished_at is not None
+            else replace(row, seconds_left=self._time_left.of_campaign(ledger, row.id, now))
+            for row in rows
+        )
 
     def _standing_troubles(self) -> tuple[str, tuple[str, ...]]:
         """Why no run can start, if so; and all that keeps runs or workers from it, that first."""
@@ -189,6 +199,9 @@ class Handlers(SearchHandlers):
 
     def declared(self, ledger: LedgerReader, request: IdRequest) -> AssessmentRules:
         return ledger.declared(request.id)
+
+    def origin(self, ledger: LedgerReader, request: IdRequest) -> CampaignOrigin:
+        return ledger.origin(request.id)
 
     def records(self, ledger: LedgerReader, query: RecordQuery) -> tuple[RunRecord, ...]:
         return ledger.records(query)
@@ -358,6 +371,9 @@ class Handlers(SearchHandlers):
     def renew(self, ledger: LedgerWriter, request: RenewRequest, requester: str) -> RenewReply:
         now = self.clock.now()
         self._register_worker(ledger, request.worker, requester, now)
+        told = zip(request.holds, request.simulated, strict=False)
+        progress = {hold.run: RunProgress(seconds, now) for hold, seconds in told}
+        self.registry.record_progress(request.worker.id, progress)
         return RenewReply(ledger.renew(request.worker.id, request.holds, now, holder=requester))
 
     def complete(

@@ -144,6 +144,11 @@ class KeptProcess:
         """Whether the process runs."""
         return self._process is not None and self._process.poll() is None
 
+    @property
+    def pid(self) -> int:
+        """The number of the process, 0 while there is none."""
+        return 0 if self._process is None else self._process.pid
+
     def signal(self, number: signal.Signals) -> None:
         """Pass a signal on, if it runs."""
         if self._process is not None and self._process.poll() is None:

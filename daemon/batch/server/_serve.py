@@ -194,6 +194,7 @@ class _Daemon:
             marker=opened.marker,
             damage=opened.damage,
             search_trouble=self._search_trouble,
+            starting=self._starting,
         )
 
     def _search_trouble(self) -> str:
@@ -205,6 +206,14 @@ class _Daemon:
         own = "" if self._local is None else self._local.trouble
         found = (self._paths.disk_shortage(), self._quota.trouble, own)
         return tuple(words for words in found if words)
+
+    def _starting(self) -> str:
+        """What the daemon's own worker does before it can say so itself."""
+        local = self._local
+        if local is None or local.trouble or self._stop.asked:
+            return ""
+        known = any(row.pid == local.pid for row in self._registry.rows(self._clock.now()))
+        return "" if known else "starting the worker on this machine: loading the simulator"
 
     def run(
         self, stack: ExitStack, local: LocalWorker | None, coordinator: SearchCoordinator

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from daemon.batch.errors import Refused
+from daemon.batch.time_left import RunProgress
 from daemon.model.messages import WorkerInfo
 from daemon.model.spec import install_hint, own_version, version_text
 from daemon.model.status import WorkerRow
@@ -29,6 +30,7 @@ class _KnownWorker:
     last_seen_at: float
     away_since: float | None = None
     holder: str = ""
+    progress: dict[str, RunProgress] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -89,6 +91,18 @@ class WorkerRegistry:
                 return True
             entry.info, entry.last_seen_at, entry.away_since = info, now, None
             return False
+
+    def record_progress(self, worker: str, progress: dict[str, RunProgress]) -> None:
+        """A worker has said how far its runs are."""
+        with self._lock:
+            if worker in self._entries:
+                self._entries[worker].progress = progress
+
+    def progress(self) -> dict[str, RunProgress]:
+        """How far runs are, as far as workers have told."""
+        with self._lock:
+            told = [entry.progress for entry in self._entries.values()]
+        return {run: far for one in told for run, far in one.items()}
 
     def connected(self, worker: str, holder: str = "") -> None:
         """The worker's liveliness token appeared."""

@@ -26,6 +26,7 @@ from grammars.text import codec
 
 _NO_ANSWER: Final = "the process that compiles machine code ended without an answer"
 
+_ONCE: Final = "(once on this machine)"
 _COUNTING: Final = 1.0
 """Seconds between two changes of what is said about compiling."""
 
@@ -127,6 +128,9 @@ class ForkServerPreparation:
         if kind == kernel_compilation.COUNT:
             self._count(*content.split())
             return
+        if kind == kernel_compilation.WAITING:
+            self.words = f"waiting for kernels that another process compiles {_ONCE}"
+            return
         self._answered = True
         if kind == kernel_compilation.READY:
             self._ready.update(self._rooms)
@@ -140,9 +144,7 @@ class ForkServerPreparation:
         now = time.monotonic()
         if now >= self._count_at:
             self._count_at = now + _COUNTING
-            self.words = (
-                f"compiling machine code: {done} of {total} kernels (first run on this machine)"
-            )
+            self.words = f"compiling kernels {done}/{total} {_ONCE}"
 
     def _write_list(self) -> None:
         self._listings += 1

@@ -47,12 +47,16 @@ class LaunchRequest:
 
 @dataclass(frozen=True, slots=True)
 class LaunchReport:
-    """What an attempt said of itself, or how it ended; ``judged`` is in base64."""
+    """What an attempt said of itself, how it ended, or what is prepared before it can start.
+
+    ``judged`` is in base64.
+    """
 
     key: str
     live: str = ""
     judged: str = ""
     end: AttemptEnd | None = None
+    preparing: str = ""
 
 
 class Launcher:
@@ -64,6 +68,7 @@ class Launcher:
         self._children: dict[str, ForkedExecution] = {}
         # Asked for, and not begun while what they need is compiled.
         self._waiting: dict[str, tuple[LaunchRequest, RunLimits]] = {}
+        self._preparing = ""
 
     def run(self) -> None:
         """Work until nobody holds the other end any more; then nothing runs."""
@@ -74,6 +79,7 @@ class Launcher:
                     self._handle(codec.from_json(LaunchRequest, self._wire.recv_bytes()))
                 self._pool.listen()
                 self._start_waiting()
+                self._tell_preparing()
                 self._poll_children()
         except (EOFError, OSError):
             return  # the Dask worker is gone
@@ -118,6 +124,14 @@ class Launcher:
             return False
         self._children[request.key] = self._pool.start(attempt, Path(request.scene), limits)
         return True
+
+    def _tell_preparing(self) -> None:
+        """Say what those that wait are waiting for, when that has changed."""
+        words, before = self._pool.preparing, self._preparing
+        self._preparing = words
+        if words and words != before:
+            for key in self._waiting:
+                self._report(LaunchReport(key, preparing=words))
 
     def _poll_children(self) -> None:
         for key, child in tuple(self._children.items()):

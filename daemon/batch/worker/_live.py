@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -27,13 +28,13 @@ class LineBudget:
     """A token bucket: :data:`LINE_RATE` bytes a second, and what exceeds it is owed."""
 
     left: float = _BURST
-    filled_at: float = field(default_factory=time.monotonic)
+    filled_at: float = -math.inf
 
-    def allows(self, now: float) -> bool:
-        """Whether nothing is owed at ``now`` [s]."""
+    def allows(self, now: float, owed: float = 0.0) -> bool:
+        """Whether no more than ``owed`` bytes are owed at ``now`` [s]."""
         self.left = min(_BURST, self.left + (now - self.filled_at) * LINE_RATE)
         self.filled_at = now
-        return self.left > 0.0
+        return self.left > -owed
 
     def spend(self, size: int) -> None:
         """Take so many bytes."""
@@ -50,6 +51,7 @@ class _WatchedRun:
     budget: LineBudget = field(default_factory=LineBudget)
     wanted: frozenset[Wanted] = frozenset()
     published_at: float = 0.0
+    latest: bytes = b""
 
 
 @dataclass(slots=True)
@@ -78,9 +80,10 @@ class LivePublisher:
         if not live and not judged:
             return
         watch = self._watch(execution)
+        watch.latest = live or watch.latest
         now = time.monotonic()
-        if judged and Wanted.JUDGEMENT in watch.wanted:
-            # Always, there is at most one a second: snapshots are left out for it where need be.
+        # Rather snapshots are left out than a judgement, of which there is one a second.
+        if judged and Wanted.JUDGEMENT in watch.wanted and watch.budget.allows(now, LINE_RATE / 2):
             watch.budget.spend(len(judged))
             watch.judgements.put(judged)
         if not live:
@@ -111,6 +114,16 @@ class LivePublisher:
             watch.wanted = wanted
             execution.watch(wanted)
         return watch
+
+    def simulated(self, run: str) -> float:
+        """Return how far a run is, as it last said [s simulated]; 0 while it has said nothing."""
+        watch = self._runs.get(run)
+        if watch is None or not watch.latest:
+            return 0.0
+        try:
+            return max(0.0, codec.from_json(LiveSnapshot, watch.latest).snapshot.time)
+        except ValueError:  # written by the process of a run, which may be anything
+            return 0.0
 
     def forget(self, run: str) -> None:
         """Let go of a run that is over here."""

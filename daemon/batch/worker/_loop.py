@@ -281,7 +281,9 @@ class WorkerLoop:
         attempts = [execution.attempt for execution in self._executions] + self._deliveries.finished
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
-        reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds))
+        going = holds[: len(self._executions)]
+        simulated = tuple(self._live.simulated(hold.run) for hold in going)
+        reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds, simulated))
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
         self._leased = deque(lease for lease in self._leased if lease.token not in gone)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -20,9 +21,10 @@ from daemon.judging.assessment._cell_verdicts import (
     status_of,
     trusted_verdicts,
 )
-from daemon.judging.statistics import MeanDifference, mean_difference
+from daemon.judging.statistics import EACH_SIDE, MeanDifference, mean_difference
 from daemon.model.assessments import (
     DELAY,
+    MISSING_STATES,
     Assessment,
     AssessmentRules,
     CellAssessment,
@@ -31,6 +33,7 @@ from daemon.model.assessments import (
     RunRecord,
     ScenarioComparison,
     UnexpectedVerdict,
+    state_of,
 )
 from daemon.model.verdicts import Outcome, Verdict
 
@@ -72,8 +75,11 @@ def _cell(
     pairs = sorted(left.values.keys() & right.values.keys())
     differences = tuple(left.values[key] - right.values[key] for key in pairs)
     difference = mean_difference(left.values, right.values)
+    compared = [r for r in records if base_name(r.scenario) in (comparison.left, comparison.right)]
+    both = mean_difference(left.values, right.values, EACH_SIDE)
     left_out = left.left_out + right.left_out
-    verdict, note = _verdict(comparison, difference, left_out, differences)
+    note = _left_out_text(comparison, left_out, compared)
+    verdict, note = _verdict(comparison, difference, note, differences)
     wanted, why = expected_verdict(declared.expectations, comparison.left, comparison.name, sut)
     failed, passed = int(verdict is Outcome.FAIL), int(verdict is Outcome.PASS)
     status = expectation_status(wanted, verdict, passed=passed, failed=failed, n=1)
@@ -96,6 +102,9 @@ def _cell(
         expected=wanted,
         met=status is ExpectationStatus.MET,
         why=why,
+        contradicted=status is ExpectationStatus.CONTRADICTED,
+        state=state_of(compared),
+        interval=(both.low, both.high) if both else None,
     )
 
 
@@ -137,20 +146,30 @@ def mission_completed(record: RunRecord) -> bool:
 def _verdict(
     comparison: ScenarioComparison,
     difference: MeanDifference | None,
-    left_out: int,
+    note: str,
     differences: Sequence[float],
 ) -> tuple[Outcome, str]:
-    note = f"{_runs(left_out)} left out" if left_out else ""
-    if left_out and comparison.quantity == DELAY:
-        note = f"{_runs(left_out)} did not end the mission"
+    """Return the verdict and what stands in its way; ``note`` says which runs are left out."""
     if difference is None:
         few = "only one pair" if differences else "nothing to compare"
         return Outcome.INCONCLUSIVE, f"{few}; {note}" if note else few
     verdict = _judge(comparison, difference)
     # Those that took too long to be measured might have been the worst.
-    if verdict is Outcome.PASS and left_out:
+    if verdict is Outcome.PASS and note:
         return Outcome.INCONCLUSIVE, note
     return verdict, note
+
+
+def _left_out_text(
+    comparison: ScenarioComparison, left_out: int, records: Sequence[RunRecord]
+) -> str:
+    """Return which of the compared runs have no value and why, empty when all have one."""
+    missing = Counter(record.state for record in records if record.state in MISSING_STATES)
+    parts = [f"{_runs(missing[state])} {state}" for state in MISSING_STATES if missing[state]]
+    if others := left_out - missing.total():
+        why = "did not end the mission" if comparison.quantity == DELAY else "left out"
+        parts.append(f"{_runs(others)} {why}")
+    return ", ".join(parts)
 
 
 def _judge(comparison: ScenarioComparison, difference: MeanDifference) -> Outcome:
@@ -237,6 +256,7 @@ def _assess_cell(records: Sequence[RunRecord], declared: AssessmentRules) -> Cel
         oracles=oracles,
         measures=cell_measures(records),
         runs=tuple(record.id for record in records),
+        state=state_of(records),
     )
 
 
@@ -308,7 +328,7 @@ def _passing_runs(
 
 
 def evidence_text(verdict: Verdict) -> str:
-    """Return a verdict's margin and evidence: ``-0.012 m  t=41.3 s  door-17``."""
+    """Return a verdict's margin and evidence: ``-0.012 m  t=41.3 s  door_17``."""
     seen = verdict.evidence
     parts = ["" if verdict.margin is None else _quantity(verdict.margin, verdict.unit)]
     parts.append("" if seen.time is None else f"t={seen.time:.1f} s")

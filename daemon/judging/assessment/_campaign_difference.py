@@ -18,14 +18,18 @@ from daemon.judging.assessment._cell_verdicts import (
     measured_value,
     trusted_verdicts,
 )
-from daemon.judging.statistics import MeanDifference, cliffs_delta, holm_adjusted, mean_difference
+from daemon.judging.statistics import (
+    EACH_SIDE,
+    MeanDifference,
+    cliffs_delta,
+    holm_adjusted,
+    mean_difference,
+)
 from daemon.model.assessments import DURATION, Assessment, AssessmentRules, CellVerdict, RunRecord
 from daemon.model.verdicts import Outcome
 
 QuantityKind: TypeAlias = Literal["margin", "measure", "duration"]
 SIGNIFICANT: Final = 0.05
-_EACH_SIDE: Final = 0.975
-"""Confidence of each bound of a two-sided 95 % interval."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +89,11 @@ class QuantityChange:
 
 @dataclass(frozen=True, slots=True)
 class CampaignDifference:
-    """What differs between two campaigns; cells, (scenario, SUT), that only one has are named."""
+    """What differs between two campaigns; cells, (scenario, SUT), that only one has are named.
+
+    Of campaigns that go on what has finished is compared; ``unfinished_before`` and
+    ``unfinished_after`` are how many of their runs wait or run.
+    """
 
     before: str
     after: str
@@ -94,6 +102,8 @@ class CampaignDifference:
     shifts: tuple[QuantityChange, ...]
     only_before: tuple[tuple[str, str], ...]
     only_after: tuple[tuple[str, str], ...]
+    unfinished_before: int = 0
+    unfinished_after: int = 0
 
     @property
     def regressed(self) -> bool:
@@ -122,15 +132,20 @@ def compare_campaigns(
         before=before.name,
         after=after.name,
         worse_by=worse_by,
-        verdicts=tuple(_verdicts(before, after, set(shared))),
+        verdicts=tuple(_verdicts(before, after, sides, set(shared))),
         shifts=_adjust_together(shifts),
         only_before=tuple(key for key in sides[0] if key not in sides[1]),
         only_after=tuple(key for key in sides[1] if key not in sides[0]),
+        unfinished_before=sum(record.unfinished for record in before.records),
+        unfinished_after=sum(record.unfinished for record in after.records),
     )
 
 
 def _verdicts(
-    before: JudgedCampaign, after: JudgedCampaign, shared: set[Cell]
+    before: JudgedCampaign,
+    after: JudgedCampaign,
+    sides: Sequence[Mapping[Cell, Sequence[RunRecord]]],
+    shared: set[Cell],
 ) -> Iterable[VerdictChange]:
     old, new = (_oracles(assess(side.declared, side.records)) for side in (before, after))
     for key in dict.fromkeys((*new, *old)):
@@ -139,6 +154,11 @@ def _verdicts(
         # policy may.
         was, now = old.get(key), new.get(key)
         if (scenario, sut) not in shared or (was and now and was.verdict is now.verdict):
+            continue
+        if any(
+            _is_open(side, records[scenario, sut])
+            for side, records in zip((was, now), sides, strict=True)
+        ):
             continue
         yield VerdictChange(
             scenario,
@@ -149,6 +169,12 @@ def _verdicts(
             f"{was.passed}/{was.n}" if was else "",
             f"{now.passed}/{now.n}" if now else "",
         )
+
+
+def _is_open(found: CellVerdict | None, records: Sequence[RunRecord]) -> bool:
+    """Whether runs that go on may still decide what an oracle says of a cell."""
+    undecided = found is None or found.verdict is Outcome.INCONCLUSIVE
+    return undecided and any(record.unfinished for record in records)
 
 
 def _oracles(assessment: Assessment) -> Mapping[tuple[str, str, str], CellVerdict]:
@@ -212,7 +238,7 @@ def _test_change(
     new: Mapping[tuple[int, int], float],
     worse_by: float | None,
 ) -> _TestedChange:
-    difference = mean_difference(new, old, confidence=_EACH_SIDE)
+    difference = mean_difference(new, old, confidence=EACH_SIDE)
     was, now = (sum(side.values()) / len(side) for side in (old, new))
     shift = QuantityChange(
         scenario=record.scenario,

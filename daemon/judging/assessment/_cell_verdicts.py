@@ -28,6 +28,7 @@ from daemon.model.assessments import (
     RepeatPolicy,
     RunRecord,
     WorstRun,
+    state_of,
 )
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 
@@ -186,6 +187,11 @@ def cell_verdict(name: str, records: Sequence[RunRecord], declared: AssessmentRu
     status = expectation_status(wanted, verdict, passed=passed, failed=failed, n=n)
     confidence = confidence_of(policy)
     needed = runs_needed(passed, n, policy.rate, confidence) if policy.rule == "rate" else None
+    waiting = sum(record.unfinished for record in records)
+    statement = _statement(policy, passed, failed, n, needed)
+    if waiting and verdict is Outcome.INCONCLUSIVE:
+        # What so many repeats show is said when there are so many.
+        statement = f"{passed} of {n} pass, {waiting} not finished"
     return CellVerdict(
         scenario=scenario,
         sut=sut,
@@ -201,12 +207,14 @@ def cell_verdict(name: str, records: Sequence[RunRecord], declared: AssessmentRu
         high=proportion_interval(n - failed, n)[1],
         at_least=at_least(passed, n, confidence),
         needed=needed,
-        statement=_statement(policy, passed, failed, n, needed),
+        statement=statement,
         worst=_worst_run(found),
         verdict=verdict,
         expected=wanted,
         met=status is ExpectationStatus.MET,
         why=why,
+        contradicted=status is ExpectationStatus.CONTRADICTED,
+        state=state_of(records),
     )
 
 

@@ -365,9 +365,10 @@ def _obstacle_shapes(building: _SceneAtHeight) -> _ObstacleShapes:
     return _ObstacleShapes(_flatten(rings, names, frames), tuple(moving))
 
 
-def obstacles_named(obstacles: ObstaclePolygons, name: str) -> ObstaclePolygons:
-    """Return the polygons of one solid, object (with all its links) or link."""
-    kept = [i for i, owner in enumerate(obstacles.names) if belongs_to(owner, name)]
+def obstacles_named(obstacles: ObstaclePolygons, *names: str) -> ObstaclePolygons:
+    """Return the polygons of solids, objects (with all their links) or links."""
+    owned = {owner: any(belongs_to(owner, name) for name in names) for owner in obstacles.names}
+    kept = [i for i, owner in enumerate(obstacles.names) if owned[owner]]
     offsets = obstacles.offsets
     parts = [obstacles.corners[offsets[i] : offsets[i + 1]] for i in kept]
     return ObstaclePolygons(

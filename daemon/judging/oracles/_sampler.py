@@ -260,12 +260,20 @@ class SignalSampler:
         return SignalSeries(plain[name]())
 
     def _clearance(self, thing: str, arguments: tuple[float, ...]) -> SignalSeries:
-        if arguments:
-            centre, half = (0.0, 0.0), (arguments[0], arguments[1])
-        else:
-            centre, half = footprint_box(self.trace.spec.robot.footprint)
         obstacles = obstacles_named(self.obstacles, thing) if thing else self.obstacles
+        if not arguments:
+            return self._footprint_clearance(obstacles)
+        half = (arguments[0], arguments[1])
+        return box_clearance_series(obstacles, self.poses, centre=(0.0, 0.0), half=half)
+
+    def _footprint_clearance(self, obstacles: ObstaclePolygons) -> SignalSeries:
+        centre, half = footprint_box(self.trace.spec.robot.footprint)
         return box_clearance_series(obstacles, self.poses, centre=centre, half=half)
+
+    def object_clearance(self) -> SignalSeries:
+        """Return the clearance of all objects, the least of ``clearance`` of each; kept nowhere."""
+        names = (item.name for item in self.trace.scene.objects)
+        return self._footprint_clearance(obstacles_named(self.obstacles, *names))
 
     def _distance(self, thing: str) -> SignalSeries:
         footprint = self.trace.spec.robot.footprint

@@ -38,9 +38,7 @@ class Case(Protocol):
     def run_case(self, point: Point, number: int) -> RunCase:
         """Return the run of a point taken apart."""
 
-    def found_text(
-        self, result: PointResult, *, comment: str, why: str = "", repeats: int = 1
-    ) -> str:
+    def found_text(self, result: PointResult, *, comment: str, why: str = "") -> str:
         """Return a campaign file for the folder of the campaign, with the run of a point.
 
         Its failure is expected there; ``why`` says what it is.

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from daemon.analysis.report import Sheet, plot_recorded_moment, plot_recorded_way
+from daemon.analysis.report import PagePicture, plot_recorded_moment, plot_recorded_way
 from daemon.model.proposals import ProposalRow
 from daemon.model.search import Point
 from daemon.model.search_answer import PointResult, SearchAnswer, SearchRow
@@ -70,7 +70,7 @@ def _sheets(
     steps: Sequence[DrawnPoint],
     baseline: Sequence[DrawnPoint],
     traces: Mapping[str, Path],
-) -> Iterator[tuple[str, str, Sheet | None]]:
+) -> Iterator[tuple[str, str, PagePicture | None]]:
     task, answer = row.task, row.answer
     nearest = answer.nearest.result.values if answer is not None and answer.nearest else None
     if points:
@@ -88,7 +88,7 @@ def _of_space(
     points: Sequence[DrawnPoint],
     steps: Sequence[DrawnPoint],
     nearest: Point | None,
-) -> Iterator[tuple[str, str, Sheet | None]]:
+) -> Iterator[tuple[str, str, PagePicture | None]]:
     task = row.task
     count = len(task.parameters)
     if count <= 2:
@@ -105,7 +105,7 @@ def _of_space(
 
 def _of_failure(
     shown: PointResult | None, traces: Mapping[str, Path]
-) -> Iterator[tuple[str, str, Sheet | None]]:
+) -> Iterator[tuple[str, str, PagePicture | None]]:
     if shown is None or shown.run not in traces:
         return
     trace = traces[shown.run]

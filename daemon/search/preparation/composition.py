@@ -85,14 +85,11 @@ class SearchCase:
         with reading_only_in(self._only_in):
             return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
 
-    def found_text(
-        self, result: PointResult, *, comment: str, why: str = "", repeats: int = 1
-    ) -> str:
+    def found_text(self, result: PointResult, *, comment: str, why: str = "") -> str:
         """Return a campaign file beside that of the campaign with the scenario of a point alone.
 
         Its runs are those of the proposal, digest by digest, and it says only what is not as
-        written. ``comment`` stands above it, ``repeats`` is how many repeats it has. What fails is
-        expected to, where ``why`` is given.
+        written. ``comment`` stands above it. What fails is expected to, where ``why`` is given.
         """
         point, number = result.values, result.number
         expected: list[dict[str, str]] = []
@@ -104,7 +101,6 @@ class SearchCase:
             name=self.task.scenario_of(number),
             expect=expected,
             sut=self.sut,
-            repeats=repeats,
             about=f"Found by the search {self.task.name} of {self.campaign.name}.",
             comment=comment,
         )

@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
 
 from grammars.text.diagnostics import did_you_mean
+from grammars.text.documents import plain_message
 
 _Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 _NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -104,7 +105,7 @@ def read_parameters(given: Mapping[str, object]) -> PilotParameters:
         parameters = PilotParameters(**usable)
     except ValidationError as error:
         problems += [
-            f'parameter "{_place(issue["loc"])}": {issue["msg"]} (given: {issue["input"]!r})'
+            f'parameter "{_place(issue["loc"])}" {plain_message(issue)} (given: {issue["input"]!r})'
             + _hint(issue["type"])
             for issue in error.errors()
         ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -221,7 +222,7 @@ def _reword(issue: Any) -> str:
     if issue["type"] == _AT_ODDS:
         return str(issue["ctx"]["text"])
     message: str = issue["msg"].removeprefix("Value error, ")
-    return message.replace("Input should be", "must be", 1)
+    return re.sub(r"^Input should ", "must ", message)
 
 
 def _advice(given: Any) -> str:

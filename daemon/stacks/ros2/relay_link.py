@@ -34,6 +34,7 @@ from daemon.stacks.ros2.link import (
     ReceivedMessage,
     StackIdentity,
 )
+from grammars.text.documents import plain_message
 
 _SILENCE: Final = 30.0
 _STRICT: Final = ConfigDict(extra="forbid", strict=True)
@@ -355,7 +356,7 @@ class RelayLink:
             first = error.errors(include_url=False, include_input=False)[0]
             place = ".".join(str(part) for part in first["loc"])
             raise self._lost(
-                f"the relay's {what} is not what it must be: {place}: {first['msg']}"
+                f"the relay's {what} is not what it must be: {place} {plain_message(first)}"
             ) from None
         if blob:
             raise self._lost(f"the relay's {what} came with data that belongs to nothing")

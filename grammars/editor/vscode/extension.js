@@ -31,7 +31,7 @@ function commandFor(uri) {
 
 /** Turn the output of `scenario check --json` into [absolute file, diagnostic] pairs. */
 function problemsOf(report, folder) {
-  return Object.values(report.files)
+  return Object.values(report.files ?? {})
     .flat()
     .map((found) => {
       const line = Math.max(found.where.line - 1, 0);

@@ -35,7 +35,7 @@ class BaseScreen(Screen[None]):
         Binding("escape", "back", "Back", id="back", tooltip="To the screen before"),
         Binding(
             "y", "copy", "Copy", show=False, id="copy",
-            tooltip="What to type to see the same",
+            tooltip="The command for what the cursor is on",
         ),
     ]  # fmt: skip
 
@@ -68,6 +68,15 @@ class BaseScreen(Screen[None]):
     def command(self) -> str:
         """Return what to type to be told the same."""
         return self.dashboard.command_lines.daemon_line("status")
+
+    def cursor_command(self) -> str:
+        """Return what to type about what the cursor is on."""
+        return self.command()
+
+    def key(self, id: str) -> str:
+        """Return the key of a binding as it is shown, as the user has it."""
+        found = (active.binding for active in self.active_bindings.values())
+        return next((self.app.get_key_display(b) for b in found if b.id == id), "")
 
     def disabled_keys(self) -> frozenset[str]:
         """Return the ids of keys that may not be used now; pressed, they say why."""
@@ -124,7 +133,7 @@ class BaseScreen(Screen[None]):
         if not self._composed or not self.app.is_running:
             return
         state, now = self.dashboard.daemon_state, self.dashboard.clock()
-        self.query_one(StatusLine).show(state, now)
+        self.query_one(StatusLine).show(state, now, launching=self.dashboard.launching)
         trail, text = self.query_one("#trail", Static), self._trail()
         if text != trail.content:  # else everything would be laid out again for nothing
             trail.update(text)
@@ -152,8 +161,8 @@ class BaseScreen(Screen[None]):
             self.app.pop_screen()
 
     def action_copy(self) -> None:
-        """Copy the command line that says the same."""
-        self.dashboard.copy(self.command())
+        """Copy the command line about what the cursor is on."""
+        self.dashboard.copy(self.cursor_command())
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Hide the way back where there is none."""

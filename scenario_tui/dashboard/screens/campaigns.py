@@ -13,7 +13,7 @@ from textual.widgets import Static
 from daemon.model.search_answer import SearchRow
 from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
-from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
 from scenario_tui.dashboard.search_runs import best_margin
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
@@ -33,9 +33,9 @@ from scenario_tui.text.results import Conclusion
 from scenario_tui.text.search_text import search_line, search_word
 
 _COLUMNS: Final = (
-    Column("campaign", 0),
-    Column("judged", 17),
-    Column("done", 8, right=True),
+    Column("campaign", 16, share=1, whole=True),
+    Column("judged", 15, share=2),
+    Column("done", 7, right=True),
     Column("✗ fail", 6, right=True),
     Column("‼ err", 5, from_width=100, right=True),
     Column("! lost", 6, right=True),
@@ -47,11 +47,12 @@ _SEARCHED: Final = {"fail": "found", "pass": "none", "cancelled": "ended"}
 """What became of a search that is over, shortly."""
 _COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
 _NOTHING: Final = (
-    "No campaigns yet. Press s to choose one, or type in another terminal\n\n"
+    "No campaigns yet. {submit} chooses one, or type in another terminal\n\n"
     "    scenario submit CAMPAIGN.yaml\n\n"
     "or, to see a short one without the daemon,\n\n"
     "    scenario demo"
 )
+_LAUNCHING: Final = "No daemon answers here yet: starting one on this machine."
 _NOBODY: Final = (
     "No daemon answers here. In another terminal, type\n\n"
     "    scenario daemon\n\n"
@@ -63,7 +64,7 @@ _OTHERS: Final = (
     "Somebody answers, but nothing that is understood here. A daemon and its dashboards are of\n"
     "one version: compare\n\n"
     "    scenario --version\n\n"
-    "on both machines. After an update the daemon must be started again: scenario stop"
+    "on both machines. After an update the daemon must be started again: scenario daemon --stop"
 )
 
 
@@ -80,7 +81,9 @@ class CampaignsScreen(SteeringScreen):
         yield Static(id="empty")
         with Horizontal(id="split"):
             yield KeyedTable(_COLUMNS, id="campaigns")
-            with VerticalScroll(id="side", can_focus=False):
+            side = VerticalScroll(id="side", can_focus=False)
+            side.border_title = "campaign"
+            with side:
                 yield Static(id="about")
 
     def trail(self) -> str:
@@ -97,7 +100,7 @@ class CampaignsScreen(SteeringScreen):
     def show(self, state: DashboardState) -> None:
         """Fill the table."""
         now = self.dashboard.clock()
-        message = "" if state.campaigns else _nothing(state)
+        message = "" if state.campaigns else self._nothing(state)
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
         said, found = state.conclusions, state.searches
@@ -107,6 +110,15 @@ class CampaignsScreen(SteeringScreen):
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()
+
+    def _nothing(self, state: DashboardState) -> str:
+        if state.connected:
+            return _NOTHING.format(submit=self.key("submit"))
+        if state.refused:
+            return f"{state.problem}\n\n{_OTHERS}"
+        if self.dashboard.launching:
+            return _LAUNCHING
+        return _NOBODY if state.problem else ""
 
     def on_data_table_row_highlighted(self) -> None:
         """Describe the campaign the cursor came to."""
@@ -125,14 +137,6 @@ class CampaignsScreen(SteeringScreen):
         self.dashboard.open_campaign(self.query_one(KeyedTable).key)
 
 
-def _nothing(state: DashboardState) -> str:
-    if not state.connected:
-        if state.refused:
-            return f"{state.problem}\n\n{_OTHERS}"
-        return _NOBODY if state.problem else ""
-    return _NOTHING
-
-
 def campaign_cells(
     row: CampaignRow, said: Conclusion | None, now: float, search: SearchRow | None = None
 ) -> Row:
@@ -143,11 +147,12 @@ def campaign_cells(
     done = row.total - row.queued - row.running
     total = row.total if search is None else max(row.total, search.task.runs)
     counts = run_counts(row)
-    marks = ["  search"] if row.search else []
-    marks += [f"  prio {row.priority}"] if row.priority else []
+    judged = _judged(row, said) if search is None else _searched(row, search)
+    if row.priority:
+        judged.append(f"  {priority_text(row.priority)}", style="not bold")
     return row.id, (
-        Text("".join([row.id, *marks])),
-        _judged(row, said) if search is None else _searched(row, search),
+        Text(row.id, style="bold"),
+        judged,
         Text(f"{done}/{total}"),
         *(_count(counts.get(word, 0), word) for word in _COUNTED),
         Text(age_text(row.submitted_at, now), style=QUIET),

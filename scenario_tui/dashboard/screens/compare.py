@@ -15,7 +15,7 @@ from textual.widgets import Static
 
 from daemon.batch.errors import DaemonError
 from grammars.text.diagnostics import InputError
-from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.playback import Playback
 from scenario_tui.dashboard.screens.playing import clock_line
 from scenario_tui.dashboard.screens.replay import StandaloneScreen
 from scenario_tui.dashboard.signal_strips import (
@@ -48,11 +48,11 @@ class CompareScreen(StandaloneScreen):
     VIEWS = ("maps", "signals", "differences")
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("a", "align", "Align", id="align",
+        Binding("t", "align", "Align", id="align",
                 tooltip="By simulated time, or by the waypoints both have done"),
-        Binding("x", "swap", "Swap", show=False, id="swap", tooltip="First run and second"),
+        Binding("w", "swap", "Swap", show=False, id="swap", tooltip="First run and second"),
         Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
-        Binding("q,escape", "leave", "Back", id="leave", tooltip="Leave the comparison"),
+        Binding("escape", "leave", "Back", id="leave", tooltip="Leave the comparison"),
     ]  # fmt: skip
 
     def __init__(
@@ -194,6 +194,4 @@ def _playback(dashboard: BaseDashboard, run: str) -> Playback:
     if isinstance(found, UnavailableTrace):
         raise DaemonError(f"{run}: {found.why}")
     assert detail.result is not None
-    playback = open_playback(found, detail.result.verdicts)
-    playback.timeline  # noqa: B018  sampled here and not where it would be waited for
-    return playback
+    return dashboard.read_playback(found, detail.result.verdicts)

@@ -37,8 +37,19 @@ _UNUSUAL: Final = ("command_palette", "select_cursor", "cursor_down", "cursor_up
 """Actions nobody goes to the palette for."""
 
 
+_GROUPS: Final = (
+    "here", "in the list", "while it plays", "about the campaign", "everywhere",
+)  # fmt: skip
+"""Where keys belong, in the order they are told."""
+_ROOMS: Final = {
+    "steering": "about the campaign", "playing": "while it plays", "base": "everywhere",
+    "tables": "in the list", "cell_table": "in the list", "limited_terminal": "everywhere",
+}  # fmt: skip
+"""Where the keys of a module belong, those of apps everywhere and others here."""
+
+
 class Help(ModalScreen[None]):
-    """Keys that work here, then those that work everywhere."""
+    """The keys that do something now, as the user has them, by where they belong."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape,question_mark,f1,q", "dismiss", "Close", id="close", tooltip="Back"),
@@ -53,31 +64,43 @@ class Help(ModalScreen[None]):
         text = Text()
         width = max((len(keys) for _, lines in self._groups for keys, _ in lines), default=0)
         for title, lines in self._groups:
-            text.append(f"Keys {title}\n", style="bold")
+            text.append(f"{title}\n", style=QUIET)
             for keys, words in lines:
-                text.append(f"{keys:>{width}}", style="bold")
-                text.append(f"  {words}\n", style="not bold")
+                name, colon, more = words.partition(":")
+                text.append(f"{keys:>{width}}  ", style="bold")
+                text.append(name)
+                text.append(f"{colon}{more}\n", style=QUIET)
             text.append("\n")
-        text.append("other keys: scenario tui --bindings", style=QUIET)
-        with VerticalScroll(classes="dialog"):
+        text.append("choose other keys: scenario tui --bindings", style=QUIET)
+        dialog = VerticalScroll(classes="dialog")
+        dialog.border_title = "Keys"
+        with dialog:
             yield Static(text)
 
 
 def key_groups(screen: Screen[object]) -> list[tuple[str, Lines]]:
-    """Return the keys of a screen and what they do: those here, and those of the whole app."""
-    here: dict[str, tuple[list[str], str]] = {}
-    everywhere: dict[str, tuple[list[str], str]] = {}
+    """Return the keys that work on a screen and what they do, by where they belong."""
+    groups: dict[str, dict[str, tuple[list[str], str]]] = {title: {} for title in _GROUPS}
     for active in our_bindings(screen):
-        group = everywhere if isinstance(active.node, App) else here
+        group = groups[_group(active)]
         keys, _ = group.setdefault(active.binding.action, ([], ""))
-        keys.append(screen.app.get_key_display(active.binding))
+        shown = screen.app.get_key_display(active.binding)
+        if shown not in keys:
+            keys.append(shown)
         group[active.binding.action] = (keys, binding_meaning(active.binding))
-    groups = (("here", here), ("everywhere", everywhere))
     return [
         (title, [(" ".join(keys), words) for keys, words in group.values()])
-        for title, group in groups
+        for title, group in groups.items()
         if group
     ]
+
+
+def _group(active: ActiveBinding) -> str:
+    if isinstance(active.node, App) or active.binding.id in ("help", "leave"):
+        return "everywhere"  # screens that also stand alone bind these themselves
+    kinds = our_classes(type(active.node))
+    kind = next(k for k in kinds if active.binding.id in {one.id for one in own_bindings(k)})
+    return _ROOMS.get(kind.__module__.rpartition(".")[2], "here")
 
 
 def our_bindings(screen: Screen[object]) -> list[ActiveBinding]:

@@ -15,7 +15,7 @@ from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import DashboardState, Query
-from scenario_tui.dashboard.widgets.tables import CellTable
+from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes, matrix_rows
 from scenario_tui.text.results import CampaignResults
 
@@ -26,8 +26,10 @@ class MatrixScreen(SteeringScreen):
     AUTO_FOCUS = "CellTable"
     IN_FOOTER = ("open", "back", "next-surprise", "all-runs", "retry", "palette", "help", "quit")
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("n", "next", "Next !", id="next-surprise",
+        Binding("n", "next(1)", "Next !", id="next-surprise",
                 tooltip="The next cell that is not as expected"),
+        Binding("N", "next(-1)", "Previous !", show=False, id="previous-surprise",
+                tooltip="The one before"),
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the campaign"),
     ]  # fmt: skip
 
@@ -42,7 +44,9 @@ class MatrixScreen(SteeringScreen):
         yield Static(id="empty")
         with Container(id="grid"):
             yield CellTable(id="matrix")
-            with VerticalScroll(id="notes"):
+            notes = VerticalScroll(id="notes")
+            notes.border_title = "cell"
+            with notes:
                 yield Static(id="about")
 
     def state_query(self) -> Query:
@@ -52,6 +56,18 @@ class MatrixScreen(SteeringScreen):
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown."""
         return self.dashboard.daemon_state.campaign(self._campaign)
+
+    def cursor_command(self) -> str:
+        """Return what to type for the runs of the cell."""
+        cell = self._cell()
+        if cell is None:
+            return self.command()
+        runs = f"{cell.scenario}/{cell.sut}/"
+        return self._line("results", self._campaign, "--filter", runs)
+
+    def cursor_lines(self) -> list[tuple[str, str]]:
+        """Return what can be typed about the cell."""
+        return [("runs of the cell", self.cursor_command())]
 
     def trail(self) -> str:
         """Where we are, how it stands, how far it is."""
@@ -79,10 +95,20 @@ class MatrixScreen(SteeringScreen):
         self._shown = results
         notes, table = Footnotes(), self.query_one(CellTable)
         table.fill(*matrix_rows(results, notes))
+        self._arrange()
         self._rest = campaign_notes(results, notes)
         self._describe()
         if self.focused is None:
             table.focus()
+
+    def on_resize(self) -> None:
+        """Put the words below the matrix, or beside it, as there is room."""
+        self._arrange()
+
+    def _arrange(self) -> None:
+        # Beside it they take two fifths; only from -wide on is there room for that at all.
+        needed = self.query_one(CellTable).needed()
+        self.set_class(needed > self.size.width * 3 // 5, "-stacked")
 
     def _nothing(self, results: CampaignResults | None) -> str:
         if results is not None:
@@ -113,8 +139,8 @@ class MatrixScreen(SteeringScreen):
         """Open all runs of the campaign."""
         self.dashboard.open_runs(self._campaign)
 
-    def action_next(self) -> None:
-        """Go to the next cell that is not as expected, from the last one to the first."""
+    def action_next(self, step: int) -> None:
+        """Go to the next cell that is not as expected, or the one before; round at the end."""
         table = self.query_one(CellTable)
         places = [(cell.scenario, cell.sut) for cell in self._surprising()]
         if not places:
@@ -122,8 +148,8 @@ class MatrixScreen(SteeringScreen):
             return
         order = [(label, sut) for label, sut in table.places if (label, sut) in places]
         here = table.places.index(table.cell) if table.cell else -1
-        after = [place for place in order if table.places.index(place) > here]
-        table.go_to(*(after or order)[0])
+        ahead = [place for place in order if (table.places.index(place) - here) * step > 0]
+        table.go_to(*(ahead or order)[0 if step > 0 else -1])
 
     def _surprising(self) -> list[CellAssessment]:
         results = self._shown

@@ -17,11 +17,11 @@ from scenario_tui.dashboard.playback import Playback, headline, timeline_bar
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.playing import PlayingScreen
 from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
+from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from scenario_tui.text.run_text import verdict_lines
 
 
@@ -55,7 +55,7 @@ class ReplayScreen(StandaloneScreen):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
-        Binding("q,escape", "leave", "Quit", id="leave", tooltip="Leave the replay"),
+        Binding("escape", "leave", "Back", id="leave", tooltip="Leave the replay"),
     ]
 
     def __init__(
@@ -115,13 +115,14 @@ class ReplayScreen(StandaloneScreen):
         self.query_one(TimelineView).move(transport.time)
 
 
-class ReplayApp(LimitedTerminalApp):
+class ReplayApp(ThemedApp):
     """Nothing but a replay, or two of them compared."""
 
     TITLE = "scenario replay"
     CSS_PATH = ["../dashboard.tcss", "../playing.tcss"]  # noqa: RUF012
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("q", "quit", "Quit", id="quit", tooltip="Leave the program"),
         Binding(
             "ctrl+c",
             "quit",

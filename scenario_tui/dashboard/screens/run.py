@@ -130,8 +130,19 @@ class RunScreen(PlayingScreen, SteeringScreen):
         return self._run
 
     def command(self) -> str:
-        """Return what to type to watch it."""
-        return self.dashboard.command_lines.daemon_line("replay", self._run)
+        """Return what to type to be told of it."""
+        return self._line("show", self._run)
+
+    def cursor_command(self) -> str:
+        """Return what to type for the moment of the verdict under the cursor."""
+        chosen = self.query_one(VerdictList).chosen()
+        if chosen is None:
+            return self.command()
+        return self._line("replay", self._run, "--frame", chosen.oracle)
+
+    def cursor_lines(self) -> list[tuple[str, str]]:
+        """Return what can be typed about the verdict and its run."""
+        return [("the verdict's moment", self.cursor_command()), *self.run_lines(self._run)]
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
@@ -314,11 +325,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         """Read the whole trace outside the thread that draws, then show it."""
         # What reads traces takes a while to load, and the dashboard is to be there at once.
         from daemon.trace import TraceError
-        from scenario_tui.dashboard.playback import open_playback
 
         try:
-            playback = open_playback(path, verdicts)
-            playback.timeline  # noqa: B018  sampled here and not where it would be waited for
+            playback = self.dashboard.read_playback(path, verdicts)
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
             self.app.call_from_thread(self._broken, f"{why}: {path}")

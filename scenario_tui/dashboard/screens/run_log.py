@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
 
 _LINES: Final = 5000
-"""Lines of the log that are laid out at once; `scenario logs` prints all."""
+"""Lines of the log laid out at once; `scenario show --log --all` prints all."""
 
 Line = tuple[float, str, str]
 
@@ -85,7 +85,7 @@ def _append_outputs(text: Text, playback: Playback) -> None:
         text.append(f"\n{name}\n", style="bold")
         if hidden:
             more = pluralise(hidden, "line")
-            text.append(f"{more} before these: scenario logs prints all\n", style=QUIET)
+            text.append(f"{more} before these: scenario show --log --all prints all\n", style=QUIET)
         text.append("".join(f"{line}\n" for line in shown or ["(nothing)"]))
 
 

@@ -16,7 +16,7 @@ from daemon.model.status import CampaignRow, RunPage, RunRow, RunState
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.state import DashboardState, Query, Track
+from scenario_tui.dashboard.state import DashboardState, Query, RunsView, Track
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
@@ -43,13 +43,15 @@ FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("pass", {"outcome": "pass"}),
 )
 _COLUMNS: Final = (
-    Column("run", 0),
+    Column("run", 12, share=3),
     Column("verdict", 14),
-    Column("decided by", 13),
-    Column("margin", 10, right=True),
-    Column("progress", 13, right=True),
-    Column("worker", 14, from_width=100),
+    Column("margin", 11, right=True),
+    Column("decided by", 12, share=2),
+    Column("progress", 12, right=True),
+    Column("worker", 14, from_width=100, share=1),
 )
+_CAMPAIGN: Final = Column("campaign", 12, share=1, whole=True)
+"""Stands behind the run where runs of all campaigns are shown."""
 
 
 class RunsScreen(SteeringScreen):
@@ -73,11 +75,11 @@ class RunsScreen(SteeringScreen):
                 tooltip="By the column before"),
         Binding("i", "reverse", "Invert", show=False, id="sort-invert",
                 tooltip="Sort the other way round"),
-        Binding("n,right_square_bracket", "page(1)", "Next page", show=False, id="next-page",
+        Binding("right_square_bracket", "page(1)", "Next page", show=False, id="next-page",
                 tooltip="The runs after these"),
-        Binding("p,left_square_bracket", "page(-1)", "Page before", show=False, id="previous-page",
-                tooltip="The runs before these"),
-        Binding("equals_sign", "compare", "Compare", show=False, id="compare",
+        Binding("left_square_bracket", "page(-1)", "Page before", show=False,
+                id="previous-page", tooltip="The runs before these"),
+        Binding("C", "compare", "Compare", show=False, id="compare",
                 tooltip="Mark a run, then another one to see both side by side"),
         Binding("tab", "part", "Under way", show=False, id="view",
                 tooltip="To the runs under way, and back to the table"),
@@ -85,23 +87,43 @@ class RunsScreen(SteeringScreen):
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
         super().__init__()
-        self._wanted = RunQuery(campaign, limit=PAGE, scenario=scenario, sut=sut)
+        # Of one campaign in the order of its file; of all, what was submitted last is looked for.
+        self._wanted = RunQuery(
+            campaign, limit=PAGE, scenario=scenario, sut=sut, descending=not campaign
+        )
         self._only = 0
+        self._here = (campaign, scenario, sut)
 
     def body(self) -> ComposeResult:
         """Filter line, table, and the run beside it."""
-        yield Input(placeholder="text in run, oracle or reason", id="filter", compact=True)
+        view = self.dashboard.run_views.get(self._here)
+        if view is not None:
+            self._wanted, self._only = view.wanted, view.only
+        hint, text = "text in run, oracle or reason", self._wanted.text
+        # With its text from the start: an empty line would tell that it changed, and be obeyed.
+        yield Input(text, placeholder=hint, id="filter", compact=True)
         yield RunningGrid(id="running")
         yield Static(id="empty")
         with Horizontal(id="split"):
-            yield KeyedTable(_COLUMNS, id="runs")
-            with Vertical(id="side"):
+            columns = (_COLUMNS[0], _CAMPAIGN, *_COLUMNS[1:])
+            yield KeyedTable(_COLUMNS if self._wanted.campaign else columns, id="runs")
+            side = Vertical(id="side")
+            side.border_title = "run"
+            with side:
                 yield RunPanel(id="panel")
 
     def on_mount(self) -> None:
-        """Start without a filter."""
-        self.query_one(Input).display = False
+        """Start as these runs were looked at last, the first time without a filter."""
+        line, view = self.query_one(Input), self.dashboard.run_views.get(self._here)
+        if view is not None:
+            self.query_one(KeyedTable).begin_at(view.key)
+        line.display = bool(line.value)
         super().on_mount()
+
+    def _remember(self, key: str = "") -> None:
+        """Remember how these runs are looked at, with the run in front if there is one yet."""
+        # At once and not when the screen goes: what comes in its place asks before.
+        self.dashboard.run_views[self._here] = RunsView(self._wanted, self._only, key)
 
     def state_query(self) -> Query:
         """The page; in wide terminals also the run under the cursor."""
@@ -122,13 +144,13 @@ class RunsScreen(SteeringScreen):
             last = wanted.offset + len(page.rows)
             first = wanted.offset + 1 if page.rows else 0
             parts.append(f"{first}-{last} of {page.total}")
-        parts.append(f"by {wanted.sort} {'▼' if wanted.descending else '▲'}")
+        parts.append(_order(wanted))
         if self._only:
             parts.append(f"only {FILTERS[self._only][0]}")
         if wanted.text:
             parts.append(f"/{wanted.text}")
         if self.dashboard.marked_run:
-            parts.append(f"= {self.dashboard.marked_run} marked")
+            parts.append(f"{self.dashboard.marked_run} marked")
         row = self.campaign() if wanted.campaign else None
         parts += schedule_marks(row) if row is not None else []
         return "  ".join(parts)
@@ -136,11 +158,21 @@ class RunsScreen(SteeringScreen):
     def command(self) -> str:
         """Return what to type for the runs of the campaign, the same ones where that can be."""
         row, wanted = self.campaign(), self._wanted
-        if row is None:
-            return super().command()
+        if row is None or not wanted.campaign:
+            return self.dashboard.command_lines.daemon_line("status")
         narrowed = [("--outcome", wanted.outcome), ("--filter", wanted.text)]
         options = [word for option in narrowed if option[1] for word in option]
         return self.dashboard.command_lines.daemon_line("results", row.id, *(options or ["--runs"]))
+
+    def cursor_command(self) -> str:
+        """Return what to type about the run under the cursor."""
+        run = self.query_one(KeyedTable).key
+        return self._line("show", run) if run else self.command()
+
+    def cursor_lines(self) -> list[tuple[str, str]]:
+        """Return what can be typed about the run under the cursor."""
+        run = self.query_one(KeyedTable).key
+        return self.run_lines(run) if run else []
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown, or that of the run under the cursor."""
@@ -162,11 +194,12 @@ class RunsScreen(SteeringScreen):
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
         tracks = self.dashboard.tracks
-        table.fill([run_cells(row, tracks.get(row.id)) for row in page.rows])
-        # A table that was hidden because it was empty has lost the keys to its neighbour.
-        elsewhere = isinstance(self.focused, Input | RunningGrid)
-        if not message and not elsewhere:
-            table.focus(scroll_visible=False)
+        named = not self._wanted.campaign
+        table.fill([run_cells(row, tracks.get(row.id), named) for row in page.rows])
+        # A table that was hidden because it was empty has lost the keys to its neighbour. Now, not
+        # later as focus() does: then somebody may have gone to the filter line.
+        if not message and not isinstance(self.focused, Input | RunningGrid):
+            self.set_focus(table, scroll_visible=False)
         # The cursor may be on another run now that the rows are others.
         if self.has_class("-wide"):
             self.dashboard.feed.set_query(self.state_query())
@@ -194,14 +227,20 @@ class RunsScreen(SteeringScreen):
 
     def _nothing(self) -> str:
         if self._only or self._wanted.text:
-            return "No run matches.\n\n    /  change the text      f  show others      Esc  back"
+            keys = (("filter", "change the text"), ("only", "show others"), ("back", "back"))
+            ways = "      ".join(f"{self.key(id)}  {words}" for id, words in keys)
+            return f"No run matches.\n\n    {ways}"
         return (
-            "No runs yet. Press s to choose a campaign, or type in another terminal\n\n"
-            "    scenario submit CAMPAIGN.yaml"
+            f"No runs yet. {self.key('submit')} chooses a campaign, or type in another terminal"
+            "\n\n    scenario submit CAMPAIGN.yaml"
         )
 
     def on_data_table_row_highlighted(self) -> None:
         """Ask for the run the cursor came to."""
+        key = self.query_one(KeyedTable).key
+        # A screen that was left may still hear of its rows.
+        if key and self.is_current:
+            self._remember(key)
         if self.has_class("-wide"):
             self.dashboard.feed.set_query(self.state_query())
 
@@ -211,6 +250,7 @@ class RunsScreen(SteeringScreen):
 
     def _change(self, **changes: Any) -> None:
         self._wanted = replace(self._wanted, **({"offset": 0} | changes))
+        self._remember()
         self.query_one(KeyedTable).from_top()
         self.query_changed()
 
@@ -298,15 +338,24 @@ class RunsScreen(SteeringScreen):
             self._change(offset=offset)
 
 
-def run_cells(row: RunRow, track: Track | None) -> Row:
-    """Return a run as a row of the table."""
+def _order(wanted: RunQuery) -> str:
+    """Return what runs are sorted by, in words."""
+    if wanted.sort == "index":
+        last = "newest" if not wanted.campaign else "last"
+        return f"{last} first" if wanted.descending else "as submitted"
+    return f"by {wanted.sort} {'▼' if wanted.descending else '▲'}"
+
+
+def run_cells(row: RunRow, track: Track | None, named: bool = False) -> Row:
+    """Return a run as a row of the table; ``named``, with its campaign."""
     word = run_word(row)
     row = so_far(row, track)
     return row.id, (
-        Text(run_label(row)),
+        Text(run_label(row), style="bold"),
+        *([Text(row.campaign, style=QUIET)] if named else []),
         Text(glyph_word(word), style=DASHBOARD_STYLES[word]),
-        Text(row.oracle),
         Text(margin(row.margin, row.unit) if row.oracle else ""),
+        Text(row.oracle),
         Text(progress(row, track)),
         Text(row.worker, style=QUIET),
     )

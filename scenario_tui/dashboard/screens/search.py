@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 
 _COLUMNS: Final = (
     Column("what to look at", 15),
-    Column("margin", 10, right=True),
-    Column("decided by", 0),
+    Column("margin", 11, right=True),
+    Column("decided by", 9, share=1),
     Column("run", 6, right=True),
 )
 _TABS: Final = 66
@@ -81,6 +81,7 @@ class SearchScreen(SteeringScreen):
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the search"),
         Binding("z", "zoom", "Zoom", show=False, id="zoom",
                 tooltip="Nearer to the robot, then all of it"),
+        Binding("Z", "fit", "Fit", show=False, id="fit", tooltip="All of the map again"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str) -> None:
@@ -104,7 +105,9 @@ class SearchScreen(SteeringScreen):
                 yield SearchCurveView(id="curve")
                 yield Static(id="curve-legend")
                 yield KeyedTable(_COLUMNS, id="notable")
-                with VerticalScroll(id="answer"):
+                answer = VerticalScroll(id="answer")
+                answer.border_title = "answer"
+                with answer:
                     yield Static(id="answer-text")
             with Vertical(id="point"):
                 with VerticalScroll(id="parameters"):
@@ -135,6 +138,16 @@ class SearchScreen(SteeringScreen):
     def command(self) -> str:
         """Return what to type to be told the same."""
         return self._line("search", self._campaign)
+
+    def cursor_command(self) -> str:
+        """Return what to type about the run in front."""
+        front = self._front()
+        return self.command() if front is None else self._line("show", front.run)
+
+    def cursor_lines(self) -> list[tuple[str, str]]:
+        """Return what can be typed about the run in front."""
+        front = self._front()
+        return [] if front is None else self.run_lines(front.run)
 
     def trail(self) -> str:
         """Where we are, and what is going on."""
@@ -243,11 +256,10 @@ class SearchScreen(SteeringScreen):
     def _open(self, path: Path, detail: RunDetail) -> None:
         """Read a whole trace outside the thread that draws, then show it."""
         from daemon.trace import TraceError
-        from scenario_tui.dashboard.playback import open_playback
 
         verdicts = detail.result.verdicts if detail.result is not None else ()
         try:
-            playback = open_playback(path, verdicts)
+            playback = self.dashboard.read_playback(path, verdicts)
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
             self.app.call_from_thread(self._broken, detail.row.id, f"{why}: {path}")
@@ -331,6 +343,10 @@ class SearchScreen(SteeringScreen):
             row = (table.cursor_row + step) % len(self._notable)
             table.move_cursor(row=row, animate=False)
 
+    def action_fit(self) -> None:
+        """Show all of the map again."""
+        self.query_one(TopView).fit()
+
     def action_zoom(self) -> None:
         """Come nearer to the robot on the map."""
         self.query_one(TopView).zoom()
@@ -344,16 +360,6 @@ class SearchScreen(SteeringScreen):
     def _show_part(self) -> None:
         others = {f"-{name}" for name in self.VIEWS}
         self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
-
-    def _lines(self, row: CampaignRow) -> list[tuple[str, str]]:
-        front, lines = self._front(), super()._lines(row)
-        if front is None:
-            return lines
-        return [
-            ("watch the run in front", self._line("replay", front.run)),
-            ("execute it again", self._line("verify", front.run)),
-            *lines,
-        ]
 
 
 def _cells(one: NotableRun) -> Row:

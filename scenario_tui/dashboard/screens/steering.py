@@ -27,6 +27,10 @@ from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Que
 from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report
 from scenario_tui.text.formatting import pluralise
 
+_ABOUT_CAMPAIGN: Final = frozenset(
+    {"matrix", "judge", "report", "commands", *(action.command for action in KEYED)}
+)
+"""Ids of the keys that do something about a campaign."""
 _LOST: Final = "lost|cancelled"
 """What `scenario retry` queues again without --only."""
 _KINDS: Final = (
@@ -50,7 +54,7 @@ class SteeringScreen(BaseScreen):
             for action in KEYED
         ),
         Binding(
-            "J", "judge", "Judge again", show=False, id="judge",
+            "E", "judge", "Judge again", show=False, id="judge",
             tooltip="By other oracles, say",
         ),
         Binding(
@@ -59,7 +63,7 @@ class SteeringScreen(BaseScreen):
         ),
         Binding(
             "Y", "commands", "Commands", show=False, id="commands",
-            tooltip="What to type about it, to copy",
+            tooltip="All commands about it and its campaign, to copy",
         ),
     ]  # fmt: skip
 
@@ -74,7 +78,36 @@ class SteeringScreen(BaseScreen):
     def command(self) -> str:
         """Return what to type for the results of the campaign."""
         row = self.campaign()
-        return super().command() if row is None else self._line("results", row.id)
+        if row is None:
+            return super().command()
+        return self._line("search" if row.search else "results", row.id)
+
+    def cursor_lines(self) -> list[tuple[str, str]]:
+        """Return what can be typed about what the cursor is on: in words, and the commands."""
+        return []
+
+    def run_lines(self, run: str) -> list[tuple[str, str]]:
+        """Return what can be typed about a run."""
+        return [
+            ("show the run", self._line("show", run)),
+            ("watch it", self._line("replay", run)),
+            ("draw its signals", self._line("plot", run)),
+            ("execute it again", self._line("verify", run)),
+        ]
+
+    def disabled_keys(self) -> frozenset[str]:
+        """Return the ids of keys that may not be used now: there is nothing to do them to."""
+        row, barred = self.campaign(), super().disabled_keys()
+        if row is None:
+            # Before anything is known, nothing is known to be missing.
+            return barred | _ABOUT_CAMPAIGN if self.dashboard.daemon_state.at else barred
+        if row.search:
+            barred |= {"matrix"}
+        if row.finished:
+            barred |= {"pause", "cancel", "priority"}
+        else:
+            barred |= {"delete"}
+        return barred if _over(row, "all") else barred | {"retry", "report", "judge"}
 
     def update_from_state(self) -> None:
         """Bring everything up to date; the key that pauses is also the one that resumes."""
@@ -83,9 +116,13 @@ class SteeringScreen(BaseScreen):
             return
         row = self.campaign()
         renamed = {"pause": "Resume"} if row is not None and row.paused else {}
-        if self._renamed != renamed:
-            self._renamed = renamed
+        barred = self.disabled_keys()
+        if (self._renamed, self._barred) != (renamed, barred):
+            self._renamed, self._barred = renamed, barred
             self.refresh_bindings()
+
+    _barred: frozenset[str] = frozenset()
+    """The ids of keys that are shown as barred."""
 
     def palette_commands(self) -> Iterable[SystemCommand]:
         """Yield retrying of each kind: the key only opens a menu of them."""
@@ -275,28 +312,39 @@ class SteeringScreen(BaseScreen):
             if index is not None:
                 self.dashboard.copy(lines[index][1])
 
-        choices = [MenuChoice(str(i), words, line) for i, (words, line) in enumerate(lines, 1)]
-        self.app.push_screen(Menu(f"Copy which command about {row.id}?", choices), decided)
+        choices = [
+            MenuChoice(str(i) if i < 10 else " ", words, line)
+            for i, (words, line) in enumerate(lines, 1)
+        ]
+        self.app.push_screen(Menu("Copy which command?", choices), decided)
 
     def _lines(self, row: CampaignRow) -> list[tuple[str, str]]:
         other = "resume" if row.paused else "pause"
-        return [
+        about = [
+            *self.cursor_lines(),
             ("what this screen shows", self.command()),
-            ("its results", self._line("results", row.id)),
-            (f"{other} it", self._line(other, row.id)),
+            ("results of the campaign", self._line("results", row.id)),
+            ("write its report", self._line("report", row.id)),
+            (f"{other} it", self._line("pause", row.id, *(["--off"] if row.paused else []))),
             ("cancel it", self._line("cancel", row.id)),
             ("retry what failed", self._line("retry", row.id, "--only", "fail")),
             ("retry what was lost or cancelled", self._line("retry", row.id)),
             ("give it priority 1", self._line("priority", row.id, "1")),
             ("delete it", self._line("delete", row.id)),
         ]
+        return [(words, line) for line, words in {line: words for words, line in about}.items()]
 
 
 def schedule_marks(row: CampaignRow) -> list[str]:
     """Return what is unusual about when the runs of a campaign start."""
     paused = "‖ paused" if row.paused and not row.finished else ""
-    unusual = f"priority {row.priority}" if row.priority else ""
+    unusual = priority_text(row.priority) if row.priority else ""
     return [mark for mark in (paused, unusual) if mark]
+
+
+def priority_text(priority: int) -> str:
+    """Return ``priority −5``."""
+    return f"priority {priority}".replace("-", "−")
 
 
 def _over(row: CampaignRow, only: str) -> int:

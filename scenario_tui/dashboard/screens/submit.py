@@ -88,7 +88,9 @@ class SubmitScreen(BaseScreen):
         yield self._empty
         with self._picker:
             yield self._list
-            with VerticalScroll(id="findings", can_focus=False):
+            findings = VerticalScroll(id="findings", can_focus=False)
+            findings.border_title = "check"
+            with findings:
                 yield self._about
 
     def on_mount(self) -> None:
@@ -272,10 +274,9 @@ def _checked_text(found: CheckedFile, here: Path) -> Text:
     """Return what a file is and what was found; other files are named from ``here``."""
     wrong = any(d.severity is Severity.ERROR for d in found.findings)
     about = f"{found.about}, " if found.about else ""
-    text = Text(
-        f"{GLYPHS['fail' if wrong else 'pass']} {about}{diagnostic_counts(found.findings)}",
-        DASHBOARD_STYLES["fail" if wrong else "pass"],
-    )
+    word = "fail" if wrong else "pass"
+    said = f"{GLYPHS[word]} {about}{diagnostic_counts(found.findings)}"
+    text = Text.assemble((said, DASHBOARD_STYLES[word]))
     for diagnostic in found.findings:
         where = diagnostic.where
         # Screens are narrow: from here the name is shorter.

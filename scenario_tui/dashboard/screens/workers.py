@@ -15,12 +15,12 @@ from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import age_text, duration, pluralise
 
 _COLUMNS: Final = (
-    Column("worker", 0),
-    Column("host", 16),
+    Column("worker", 16, share=1, whole=True),
+    Column("host", 12, share=1),
     Column("busy", 9, right=True),
     Column("here for", 12, right=True),
-    Column("last heard", 16, right=True),
-    Column("process", 8, from_width=90, right=True),
+    Column("last heard", 16, share=1, right=True),
+    Column("process", 8, from_width=90, share=1, right=True),
     Column("version", 9, from_width=100),
 )
 _NOBODY: Final = (
@@ -33,6 +33,8 @@ _NOBODY: Final = (
 class WorkersScreen(BaseScreen):
     """The workers and how busy they are."""
 
+    IN_FOOTER = ("back", "submit", "palette", "help", "quit")
+
     def body(self) -> ComposeResult:
         """The table."""
         yield Static(id="empty")
@@ -41,6 +43,10 @@ class WorkersScreen(BaseScreen):
     def state_query(self) -> Query:
         """The workers."""
         return Query(workers=True)
+
+    def disabled_keys(self) -> frozenset[str]:
+        """There is no more to a worker than its row."""
+        return super().disabled_keys() | {"open"}
 
     def trail(self) -> str:
         """Where we are, and the sum of it."""

@@ -73,7 +73,7 @@ def area_dots(edges: Floats, columns: int, rows: int) -> Cells:
     """Return the braille dots (rows, columns) in the areas whose ``edges`` (n, 4) are in dots."""
     # Dots are counted from their middles.
     mask = fill_areas(edges + 0.5, 2 * columns, 4 * rows)
-    return _as_dots(mask, 4)
+    return mask_dots(mask, 4)
 
 
 def draw_strokes(mask: Mask, lines: Floats) -> None:
@@ -102,24 +102,36 @@ def _may_be_seen(lines: Floats, width: int, height: int) -> Mask:
 
 def ring_edges(rings: Sequence[Floats]) -> Floats:
     """Return the edges (n, 4) of closed rings, each (k, 2), all turned the same way around."""
-    found = []
-    for ring in rings:
-        after = np.roll(ring, -1, axis=0)
-        area = float(np.sum(ring[:, 0] * after[:, 1] - after[:, 0] * ring[:, 1]))
-        found.append(np.hstack([ring, after] if area >= 0.0 else [after, ring]))
-    return np.vstack(found) if found else np.empty((0, 4))
+    if not rings:
+        return np.empty((0, 4))
+    points, lengths = np.vstack(rings), np.array([len(ring) for ring in rings])
+    ends = np.cumsum(lengths)
+    following = np.arange(1, len(points) + 1)
+    following[ends - 1] = ends - lengths
+    after = points[following]
+    areas = np.add.reduceat(points[:, 0] * after[:, 1] - after[:, 0] * points[:, 1], ends - lengths)
+    back = np.repeat(areas < 0.0, lengths)[:, None]
+    return np.hstack([np.where(back, after, points), np.where(back, points, after)])
 
 
 def middle_line(ring: Floats) -> Floats:
     """Return the line (4,) along the middle of a convex ring (k, 2), in its longest direction."""
-    ways = np.roll(ring, -1, axis=0) - ring
-    lengths = np.hypot(*ways.T)
+    after = np.roll(ring, -1, axis=0)
+    lengths = np.hypot(*(after - ring).T)
     longest = int(np.argmax(lengths))
-    along = ways[longest] / max(float(lengths[longest]), 1e-12)
+    along = (after - ring)[longest] / max(float(lengths[longest]), 1e-12)
     across = np.array([-along[1], along[0]])
     reach, breadth = ring @ along, ring @ across
+    off = breadth - (breadth.min() + breadth.max()) / 2.0
+    # It ends where it crosses the ring: walls are cut aslant where they meet.
+    crossing = off * np.roll(off, -1) < 0.0
+    share = np.zeros(len(ring))
+    np.divide(off, off - np.roll(off, -1), out=share, where=crossing)
+    at = (reach + share * (np.roll(reach, -1) - reach))[crossing]
+    if len(at) < 2:
+        at = reach
     middle = (breadth.min() + breadth.max()) / 2.0 * across
-    ends: Floats = np.concatenate([reach.min() * along + middle, reach.max() * along + middle])
+    ends: Floats = np.concatenate([at.min() * along + middle, at.max() * along + middle])
     return ends
 
 
@@ -136,10 +148,10 @@ def to_blocks(mask: Mask, blocks: Blocks) -> BlockLayer:
     for row in range(high):
         for column in range(2):
             bits |= squares[:, row, :, column].astype(np.int64) << (2 * row + column)
-    return BlockLayer(_CODES[blocks][bits], _as_dots(mask, high))
+    return BlockLayer(_CODES[blocks][bits], mask_dots(mask, high))
 
 
-def _as_dots(mask: Mask, high: int) -> Cells:
+def mask_dots(mask: Mask, high: int) -> Cells:
     """Return the braille dots that are like a mask with ``high`` squares in a cell."""
     squares = mask.reshape(mask.shape[0] // high, high, mask.shape[1] // 2, 2)
     dots = np.zeros((squares.shape[0], squares.shape[2]), dtype=np.uint8)

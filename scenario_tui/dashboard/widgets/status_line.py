@@ -52,10 +52,12 @@ class _Part:
 class StatusLine(Static):
     """One line: connected or not, counts by word, rate, time left; shorter where it must be."""
 
-    def show(self, state: DashboardState, now: float) -> None:
-        """Show what is known at wall clock time ``now``."""
-        self.set_class(not state.connected, "-gone")
-        text = status_text(state, now, (self.size.width or self.app.size.width - 2))
+    def show(self, state: DashboardState, now: float, *, launching: bool = False) -> None:
+        """Show what is known at wall clock time ``now``; a daemon may be ``launching``."""
+        launching = launching and not state.connected
+        self.set_class(not state.connected and not launching, "-gone")
+        width = self.size.width or self.app.size.width - 2
+        text = Text("… starting a daemon") if launching else status_text(state, now, width)
         if text != self.content:
             self.update(text)
 
@@ -146,12 +148,12 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         count = len(overview.troubles)
         words = f"! {count} trouble{'s' if count > 1 else ''}"
         yield _Part((words, words, f"! {count}"), DASHBOARD_STYLES["lost"], 8)
-    elif overview.workers == 0:
+    elif overview.workers == 0 and not overview.preparing:
         yield _Part(("! no worker",), DASHBOARD_STYLES["lost"], 8)
     if overview.preparing:
         short = overview.preparing.partition(" (")[0]
-        # The worker's words end with how far it is: "...: 7 of 42 kernels".
-        progress = short.rpartition(": ")[2]
+        # The worker's words may end with how far it is: "compiling kernels 7/42".
+        progress = short.rpartition(" ")[2] if "/" in short else short.partition(" ")[0]
         yield _Part((overview.preparing, short, f"… {progress}"), QUIET, 7)
 
 

@@ -23,11 +23,12 @@ from scenario_tui.dashboard.widgets.block_cells import (
     area_dots,
     draw_strokes,
     fill_areas,
+    mask_dots,
     middle_line,
     ring_edges,
     to_blocks,
 )
-from scenario_tui.dashboard.widgets.cell_view import Canvas
+from scenario_tui.dashboard.widgets.cell_view import Canvas, Cells
 from scenario_tui.dashboard.widgets.map_names import MapName, name_area, name_thing, take_place
 from scenario_tui.dashboard.widgets.map_projection import MapProjection, fit, main_axis
 from scenario_tui.dashboard.widgets.map_style import ARROWS, Layer
@@ -44,6 +45,8 @@ _LEAST_DOOR: Final = 1.5
 _BAR_SHARE: Final = 0.2
 """Share of the width the bar of the scale has at most."""
 _LEAST_BAR: Final = 3
+_EVERY_OTHER: Final = 0b01010101
+"""Dots of a braille cell that are shown of a dotted line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,7 @@ class _SceneLines:
     walls: Floats
     middles: Floats
     low: Floats
+    floors: Floats
     sweeps: Floats
     corners: Floats
     axis: float
@@ -109,6 +113,7 @@ def _still_map(
     walls = to_blocks(_wall_mask(lines, projection, columns, rows, blocks), blocks)
     low = Canvas(columns, rows, 1)
     low.lines(_in_dots(lines.low, projection), 0)
+    low.merge(_open_borders(_in_dots(lines.floors, projection), walls), 0)
     texts = _scale_and_axes(projection, columns, rows)
     names: tuple[MapName, ...] = ()
     if columns >= _LEAST_NAMED[0] and rows >= _LEAST_NAMED[1]:
@@ -143,6 +148,7 @@ def _scene_lines(same: _Same) -> _SceneLines:
         walls=edges,
         middles=np.array([middle_line(ring) for ring in walls]).reshape(-1, 4),
         low=ring_edges(low),
+        floors=ring_edges(_rings(plan_shapes.floor_shapes(scene))),
         sweeps=ring_edges(_rings(shape for shape in (*swings, *bodies) if shape.form != "line")),
         corners=np.vstack(rings) if rings else np.empty((0, 2)),
         axis=main_axis(edges),
@@ -177,6 +183,25 @@ def _wall_mask(
     # Walls thinner than a square have no middle of one in them.
     draw_strokes(mask, (_in_dots(lines.middles, projection) + 0.5) * shape)
     return mask
+
+
+def _open_borders(floors: Floats, walls: BlockLayer) -> Cells:
+    """Return every other dot along the border of the floor where no wall is near.
+
+    Maps that were imported end where nobody has looked.
+    """
+    rows, columns = walls.codes.shape
+    floor = fill_areas(floors + 0.5, 2 * columns, 4 * rows)
+    inner = floor.copy()
+    for axis in (0, 1):
+        for step in (1, -1):
+            inner &= np.roll(floor, step, axis=axis)
+    near = np.zeros((rows + 2, columns + 2), dtype=np.bool_)
+    for down in (0, 1, 2):
+        for right in (0, 1, 2):
+            near[down : down + rows, right : right + columns] |= walls.dots > 0
+    dots = mask_dots(floor & ~inner, 4) & np.uint8(_EVERY_OTHER)
+    return np.where(near[1:-1, 1:-1], 0, dots).astype(np.uint8)
 
 
 def _free_cells(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Literal
 
+from rich.cells import cell_len
 from rich.text import Text
 from textual.binding import Binding, BindingType
-from textual.coordinate import Coordinate
 from textual.message import Message
 from textual.widgets import DataTable, OptionList
 from textual.widgets.option_list import Option
@@ -20,83 +20,28 @@ from scenario_tui.text.run_text import by_severity, verdict_text
 
 Row = tuple[str, tuple[Text, ...]]
 """The label or key of a row, and a cell for each column."""
-_LEAST: Final = 9
-"""Cells of the column that takes what is left, at least: the last columns give way to it."""
-
-
-class CellTable(DataTable[Text]):
-    """A :class:`DataTable` with labelled rows and a cursor on one cell."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("h", "cursor_left", "Left", show=False, id="left", tooltip="Also the arrow"),
-        Binding("j", "cursor_down", "Down", show=False, id="down", tooltip="Also the arrow"),
-        Binding("k", "cursor_up", "Up", show=False, id="up", tooltip="Also the arrow"),
-        Binding("l", "cursor_right", "Right", show=False, id="right", tooltip="Also the arrow"),
-        Binding("enter", "select_cursor", "Runs", id="open", tooltip="The runs of the cell"),
-    ]
-
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(cursor_type="cell", id=id)
-        self._titles: tuple[str, ...] = ()
-        self._lines: tuple[Row, ...] = ()
-
-    @property
-    def cell(self) -> tuple[str, str] | None:
-        """Row and column under the cursor, ``None`` in an empty table."""
-        row, column = self.cursor_coordinate
-        if row < len(self._lines) and column < len(self._titles):
-            return self._lines[row][0], self._titles[column]
-        return None
-
-    @property
-    def places(self) -> tuple[tuple[str, str], ...]:
-        """Row and column of every cell, row by row."""
-        return tuple((label, title) for label, _ in self._lines for title in self._titles)
-
-    def go_to(self, row: str, column: str) -> None:
-        """Move the cursor to a cell, to the first one when it is not there."""
-        labels = [label for label, _ in self._lines]
-        found = row in labels and column in self._titles
-        place = (labels.index(row), self._titles.index(column)) if found else (0, 0)
-        self.move_cursor(row=place[0], column=place[1], animate=False)
-
-    def fill(self, titles: Sequence[str], lines: Sequence[Row]) -> None:
-        """Show these rows; unchanged cells are not touched."""
-        # Every cell that is set has its row drawn and its column measured again: over a slow line a
-        # matrix in which nothing changes shall cost nothing.
-        labels = [label for label, _ in lines]
-        if (tuple(titles), labels) != (self._titles, [label for label, _ in self._lines]):
-            self._refill(tuple(titles), tuple(lines))
-            return
-        for row, ((_, before), (_, after)) in enumerate(zip(self._lines, lines, strict=True)):
-            for column, (old, new) in enumerate(zip(before, after, strict=True)):
-                if old != new:
-                    self.update_cell_at(Coordinate(row, column), new, update_width=True)
-        self._lines = tuple(lines)
-
-    def _refill(self, titles: tuple[str, ...], lines: tuple[Row, ...]) -> None:
-        before = self.cell
-        self.clear(columns=True)
-        self._titles, self._lines = titles, lines
-        for title in titles:
-            self.add_column(title, key=title)
-        height = max(
-            (cell.plain.count("\n") + 1 for _, cells in lines for cell in cells), default=1
-        )
-        for label, cells in lines:
-            self.add_row(*cells, key=label, label=label, height=height)
-        if before is not None:
-            self.go_to(*before)
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: ``width`` cells, 0 to take what is left; shown from ``from_width`` cells on."""
+    """A column of ``width`` cells at least, shown from ``from_width`` cells of the table on.
+
+    What the columns leave of the table goes to those with a ``share``, in proportion to it: first
+    as far as their cells need it, then all of it. A ``whole`` column is as wide as its keys are,
+    which are typed, and the last columns give way to it.
+    """
 
     title: str
     width: int
     from_width: int = 0
     right: bool = False
+    share: int = 0
+    whole: bool = False
+
+
+def widest_line(cell: Text) -> int:
+    """Return the width of the widest line of a cell."""
+    return max((cell_len(line) for line in cell.plain.split("\n")), default=0)
 
 
 class KeyedTable(DataTable[Text]):
@@ -130,7 +75,9 @@ class KeyedTable(DataTable[Text]):
         self._shown: tuple[int, ...] = ()
         self._widths: tuple[int, ...] = ()
         self._rows: tuple[Row, ...] = ()
+        self._needs: tuple[int, ...] = (0,) * len(self._all)
         self._from: Literal["", "top", "bottom"] = ""
+        self._begin = ""
 
     @property
     def key(self) -> str:
@@ -140,6 +87,10 @@ class KeyedTable(DataTable[Text]):
     def from_top(self) -> None:
         """Begin at the first row with what is filled in next: it is about something else."""
         self._from = "top"
+
+    def begin_at(self, key: str) -> None:
+        """Begin at the row with this key, when there is one."""
+        self._begin = key
 
     def from_bottom(self) -> None:
         """Begin at the last row with what is filled in next."""
@@ -182,6 +133,7 @@ class KeyedTable(DataTable[Text]):
     def fill(self, rows: Sequence[Row]) -> None:
         """Show these rows; unchanged cells are not touched, the cursor stays on its row."""
         rows, before, key = tuple(rows), self._rows, self.key
+        self._measure(rows)
         # Columns that come or go, after a resize, leave no cell where it was.
         if self._layout():
             self._refill(rows)
@@ -210,6 +162,7 @@ class KeyedTable(DataTable[Text]):
         """Put the cursor on the row of a key, on the first one if there is none."""
         # The scroll of another page would show its middle; where the cursor begins, the view does.
         beginning, self._from = self._from, ""
+        key, self._begin = self._begin or key, ""
         found = next((i for i, (name, _) in enumerate(self._rows) if name == key), 0)
         if beginning:
             found = 0 if beginning == "top" else max(0, len(self._rows) - 1)
@@ -223,22 +176,53 @@ class KeyedTable(DataTable[Text]):
         if self._layout():
             self._refill(self._rows)
 
+    def _measure(self, rows: Sequence[Row]) -> None:
+        """Note how wide the cells of columns are that may grow; about the same rows, only more."""
+        before = (0,) * len(self._all) if self._from else self._needs
+        self._needs = tuple(
+            max((least, *(widest_line(cells[index]) for _, cells in rows)))
+            if column.share or column.whole
+            else 0
+            for index, (column, least) in enumerate(zip(self._all, before, strict=True))
+        )
+
     def _layout(self) -> bool:
         """Choose columns and widths; return whether they are others than before."""
         width = self.size.width or self.app.size.width
         shown = tuple(i for i, c in enumerate(self._all) if c.from_width <= width)
-        while len(shown) > 1 and self._left(shown, width) < _LEAST:
+        while len(shown) > 1 and self._left(shown, width) < 0:
             shown = shown[:-1]
-        left = max(_LEAST, self._left(shown, width))
-        widths = tuple(self._all[i].width or left for i in shown)
+        widths = self._spread(shown, self._left(shown, width))
         if (shown, widths) == (self._shown, self._widths):
             return False
         self._shown, self._widths = shown, widths
         return True
 
+    def _least(self, index: int) -> int:
+        column = self._all[index]
+        return max(column.width, self._needs[index] if column.whole else 0)
+
     def _left(self, shown: tuple[int, ...], width: int) -> int:
-        """Return the cells that columns of fixed width leave to the others."""
-        return width - 1 - sum(self._all[i].width + 2 * self.cell_padding for i in shown)
+        """Return the cells that columns leave when they are as narrow as they may be."""
+        return width - 1 - sum(self._least(i) + 2 * self.cell_padding for i in shown)
+
+    def _spread(self, shown: tuple[int, ...], left: int) -> tuple[int, ...]:
+        """Return widths: what is left goes where cells need it, then in proportion to shares."""
+        widths = {i: self._least(i) for i in shown}
+        widths[shown[0]] += min(left, 0)
+        needs = [i for i in shown if self._all[i].share and self._needs[i] > widths[i]]
+        for index in needs:
+            more = max(0, min(self._needs[index] - widths[index], left))
+            widths[index] += more
+            left -= more
+        shares = sum(self._all[i].share for i in shown)
+        for index in shown:
+            share = self._all[index].share
+            if share and left > 0:
+                more = left * share // shares
+                widths[index] += more
+                left, shares = left - more, shares - share
+        return tuple(widths.values())
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
         key, scroll, anew = self.key, self.scroll_y, bool(self._from)
@@ -267,9 +251,9 @@ class VerdictList(OptionList, inherit_bindings=False):
     # Without the keys of option lists: Home and End are for the clock of the replay.
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down", "cursor_down", "Next verdict", show=False, id="verdict-next",
+        Binding("down,j", "cursor_down", "Next verdict", show=False, id="verdict-next",
                 tooltip="Go to when it was decided"),
-        Binding("up", "cursor_up", "Verdict before", show=False, id="verdict-before",
+        Binding("up,k", "cursor_up", "Verdict before", show=False, id="verdict-before",
                 tooltip="Go to when it was decided"),
         Binding("enter", "select", "To its moment", show=False, id="verdict-moment",
                 tooltip="Back to when it was decided"),

@@ -126,13 +126,16 @@ class MapFrame:
     def draw(self, shape: PlanShape) -> None:
         """Draw a shape that moves."""
         layer = LAYER_OF[shape.role]
-        parts = [self._dots(part) for part in shape.parts if len(part)]
-        if not parts:
+        points = [np.asarray(part, dtype=np.float64) for part in shape.parts if len(part)]
+        if not points:
             return
+        # All at once: each call of numpy takes its time.
+        dots = self.still.projection.dots(np.vstack(points))
+        parts = np.split(dots, np.cumsum([len(part) for part in points])[:-1])
         before = self._shown.copy()
         self._shown.add(layer)
         if shape.form == "dots":
-            self._mark(shape, layer, np.vstack(parts))
+            self._mark(shape, layer, dots)
         elif shape.role is ShapeRole.HEADING:
             self._head(parts[0], layer)
         elif shape.role is ShapeRole.TOUCHING_TRAIL:
@@ -141,7 +144,7 @@ class MapFrame:
         elif shape.role is ShapeRole.PLAN:
             self.canvas.points(np.vstack([_along(part, _DOT_GAP) for part in parts]), layer)
         elif shape.form == "line":
-            lines = np.vstack([np.hstack([part[:-1], part[1:]]) for part in parts])
+            lines = np.vstack([np.hstack((part[:-1], part[1:])) for part in parts])
             # Told from the rest without colours by twice the thickness.
             for off in _THICK if shape.role is ShapeRole.NEAR_TRAIL else _THICK[:1]:
                 self.canvas.lines(lines + np.array(off * 2), layer)
@@ -154,9 +157,6 @@ class MapFrame:
             owner is not layer for _, owner in self._glyphs.values()
         ):
             self._shown = before
-
-    def _dots(self, points: plan_shapes.Points) -> Floats:
-        return self.still.projection.dots(np.asarray(points, dtype=np.float64).reshape(-1, 2))
 
     def _mark(self, shape: PlanShape, layer: Layer, dots: Floats) -> None:
         sign = _GLYPHS.get(shape.role)

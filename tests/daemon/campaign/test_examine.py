@@ -298,3 +298,45 @@ def test_a_pipe_and_a_folder_beside_a_campaign_are_no_campaigns(folder: Path) ->
     os.mkfifo(folder / "pipe.yaml")
     (folder / "folder.yaml").mkdir()
     assert said(folder) == before
+
+
+ALLOW = """\
+allow:
+  - {warning: "scenario * is abstract and no other one is like it", why: "kept for later"}
+"""
+
+
+def test_a_warning_that_is_meant_is_not_said(folder: Path) -> None:
+    lone = ("scenarios:\n", "scenarios:\n  lone: {like: calm, abstract: true}\n")
+    change(folder, "tiny.yaml", lone)
+    assert any("is abstract and no other one" in one for one in said(folder))
+    change(folder, "tiny.yaml", ("scenarios:\n", ALLOW + "scenarios:\n"))
+    campaign, found = examine(folder / "tiny.yaml")
+    assert not [one for one in found if "is abstract" in one.message]
+    assert [one.message for one in campaign.allowed] == [
+        'scenario "lone" is abstract and no other one is like it'
+    ]
+
+
+def test_what_is_allowed_and_never_said_is_a_warning(folder: Path) -> None:
+    change(folder, "tiny.yaml", ("scenarios:\n", ALLOW + "scenarios:\n"))
+    assert said(folder) == ["tiny.yaml:8 W no warning is like this one"]
+
+
+def test_no_error_is_allowed(folder: Path) -> None:
+    allow = 'allow:\n  - {warning: "*", why: "I do not care"}\n'
+    change(folder, "tiny.yaml", ("scenarios:\n", allow + "scenarios:\n"))
+    change(folder, "tiny.yaml", ("mission: courier", "mission: curier"))
+    assert [one for one in said(folder) if " E " in one and "curier" in one]
+
+
+def test_a_reason_is_asked_for(folder: Path) -> None:
+    change(folder, "tiny.yaml", ("scenarios:\n", 'allow:\n  - {warning: "*"}\nscenarios:\n'))
+    assert [one for one in said(folder) if " E " in one and '"why"' in one]
+
+
+def test_what_is_allowed_changes_no_run(folder: Path) -> None:
+    change(folder, "tiny.yaml")
+    before = prepare_submission(folder / "tiny.yaml").submission
+    change(folder, "tiny.yaml", ("scenarios:\n", ALLOW + "scenarios:\n"))
+    assert prepare_submission(folder / "tiny.yaml").submission.runs == before.runs

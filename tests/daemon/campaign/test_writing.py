@@ -175,7 +175,7 @@ def test_a_value_of_the_wrong_form_is_one_finding_in_plain_words(
     [
         ("mission: courier", "mission: courier (the file courier.mission.yaml)"),
         ("floorplan: flat", "floorplan: flat (the file flat.fpm)"),
-        ("robot: courier", "`scenario layers` names those that ship"),
+        ("robot: courier", "`scenario new --layers` names those that ship"),
         ("matrix: {sut: [pilot]}", "matrix: {sut: [pilot]}"),
         ("oracles: [reached]", '"oracles: navigation" at the top names files that hold oracles'),
     ],

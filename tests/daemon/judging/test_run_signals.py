@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
-from daemon.judging.run_signals import RunSignal, door_motions, merge_spans, thin_signal
+import numpy as np
+import pytest
+
+from daemon.judging.oracles import SignalSampler
+from daemon.judging.run_signals import (
+    DOOR_CLEARANCE,
+    RunSignal,
+    door_motions,
+    merge_spans,
+    sample_run_signals,
+    thin_signal,
+)
 from daemon.trace import JointTrack
+from grammars.oracle import Signal
+from tests.daemon.judging.oracles.traces import CORRIDOR, along, door, make_trace, times
 
 
 def test_doors_open_when_they_leave_how_they_are_drawn() -> None:
@@ -36,3 +49,22 @@ def test_a_part_without_samples_holds_the_value_before_it() -> None:
     signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), np.array([2.0, 3.0, 4.0]))
     thin = thin_signal(signal, 0.0, 10.0, 10)
     assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
+
+
+def test_a_thinned_signal_has_no_more_stretches_than_parts() -> None:
+    time = np.arange(0.0, 100.0, 0.05)
+    against = tuple((float(at), float(at) + 0.05) for at in time[::2])
+    thin = thin_signal(RunSignal("it", "bool", time, time % 1.0, (), against), 0.0, 100.0, 20)
+    assert thin.against == ((0.0, pytest.approx(99.95)),)
+    few = RunSignal("it", "bool", time, time, (), ((1.0, 2.0), (50.0, 60.0)))
+    assert thin_signal(few, 0.0, 100.0, 20).against == few.against
+
+
+def test_the_clearance_of_doors_is_the_least_of_every_object() -> None:
+    scene = replace(CORRIDOR, objects=tuple(door(f"door-{i}", 2.0 * i, 1.0) for i in range(1, 5)))
+    trace = make_trace(along(times(15.0)), scene=scene)
+    sampler = SignalSampler(trace)
+    (found,) = (s for s in sample_run_signals(sampler) if s.name == DOOR_CLEARANCE)
+    each = [sampler.sample(Signal("clearance", (Signal(o.name),))).values for o in scene.objects]
+    assert np.array_equal(found.values, np.min(each, axis=0))
+    assert 0.0 < found.values.min() < 1.0

@@ -1,13 +1,20 @@
 """Children are ours wherever they are started."""
 
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from daemon.model.execution import forget_safe_path, python_command, safe_fork_server
+from daemon.model.execution import (
+    available_cores,
+    forget_safe_path,
+    machine_text,
+    python_command,
+    safe_fork_server,
+)
 from tests.daemon.batch.harness import daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_submission
 
@@ -61,3 +68,11 @@ def test_what_children_inherit_is_what_there_was(monkeypatch: pytest.MonkeyPatch
     with safe_fork_server():
         forget_safe_path()
     assert os.environ["PYTHONSAFEPATH"] == "1"
+
+
+def test_a_machine_is_told_by_its_processor_and_cores_and_not_by_its_name() -> None:
+    said = machine_text()
+    assert f"{available_cores()} core" in said
+    assert platform.python_version() in said
+    assert platform.node() not in said
+    assert all(part.strip() for part in said.split(","))

@@ -54,12 +54,10 @@ class PretendedCase:
     def run_case(self, point: Point, number: int) -> RunCase:
         raise NotImplementedError("a pretended run has no layers to take away")
 
-    def found_text(
-        self, result: PointResult, *, comment: str, why: str = "", repeats: int = 1
-    ) -> str:
+    def found_text(self, result: PointResult, *, comment: str, why: str = "") -> str:
         lines = "".join(f"# {line}\n" for line in comment.splitlines())
         name = self.task.scenario_of(result.number)
-        return f"{lines}scenarios: {name} {list(result.values)} {repeats}\n"
+        return f"{lines}scenarios: {name} {list(result.values)}\n"
 
     def execute(self, candidates: Sequence[Candidate]) -> list[RunResult | None]:
         return [self._result(candidate) for candidate in candidates]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -55,3 +56,5 @@ def test_positions_of_logarithmic_ranges_have_equal_ratios() -> None:
     noise = SearchParameter("robot.noise", "robot", 0, "noise", "m", 0.01, 0.04, log=True)
     assert position_in_range(noise, 0.02) == pytest.approx(0.5)
     assert position_in_range(replace(noise, log=False), 0.025) == pytest.approx(0.5)
+    for written in (0.0, -0.01):
+        assert position_in_range(noise, written) == -math.inf

@@ -1,4 +1,4 @@
-"""``scenario new`` and ``scenario layers``: a campaign that runs, and what campaigns can name."""
+"""``scenario new``: a campaign that runs, and with ``--layers`` what campaigns can name."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_a_building_without_room_is_said(scenario, here: Path) -> None:
 
 def test_layers_lists_what_ships_and_what_is_here(scenario, here: Path) -> None:
     scenario("new", "mine")
-    body = json.loads(scenario("layers", "mine", "--json").out)
+    body = json.loads(scenario("new", "mine", "--layers", "--json").out)
     found = {(layer["kind"], layer["name"]): layer for layer in body["layers"]}
     assert found["robot", "courier"]["ships"]
     assert found["robot", "my_robot"]["file"] == "mine/my_robot.yaml"
@@ -96,7 +96,7 @@ def test_layers_lists_what_ships_and_what_is_here(scenario, here: Path) -> None:
     assert ("robot", "campaign") not in found
     names = {name for kind, name in found if kind == "scenery"}
     assert names == {"doors", "door_open", "door_opens_late"}
-    table = scenario("layers", "mine").out
+    table = scenario("new", "mine", "--layers").out
     assert "my_robot" in table
     assert "ships" in table
 

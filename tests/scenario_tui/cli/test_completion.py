@@ -62,7 +62,7 @@ def tab(
 
 
 def test_commands_and_options(tab: Tab) -> None:
-    assert tab("scenario resu") == ["results", "resume"]
+    assert tab("scenario res") == ["results"]
     assert tab("scenario results --exit") == ["--exit-status"]
 
 
@@ -76,7 +76,7 @@ def test_names_no_shell_takes_as_one_word_are_left_out(tab: Tab) -> None:
     assert not [word for word in tab("scenario results Camp") if word]
 
 
-@pytest.mark.parametrize("command", ["replay", "plot", "blame", "report --run", "judge"])
+@pytest.mark.parametrize("command", ["replay", "plot", "blame", "export", "judge"])
 def test_runs_of_a_campaign_failures_first(tab: Tab, command: str) -> None:
     assert tab(f"scenario {command} old-1.") == ["old-1.2", "old-1.0", "old-1.1"]
 
@@ -125,6 +125,7 @@ def test_files_that_fit(tab: Tab, tmp_path: Path) -> None:
     assert tab("scenario export tests/inner/") == [
         "tests/inner/one.yaml",
         "tests/inner/plan.fpm",
+        "tests/inner/run.mcap",
     ]
     assert tab("scenario replay tests/inner/r") == ["tests/inner/run.mcap"]
     assert tab("scenario run tests/inner/r") == []  # then the shell offers every file

@@ -39,7 +39,7 @@ def test_nothing_to_print_is_wrong_usage(arguments: list[str]) -> None:
 
 
 def test_the_extension_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command_line.invoke(["vscode", "-o", str(tmp_path)]) == 0
+    assert command_line.invoke(["schema", "--vscode", str(tmp_path)]) == 0
     path = Path(capsys.readouterr().out.strip())
     with zipfile.ZipFile(path) as archive:
         assert "extension/schemas/campaign.schema.json" in archive.namelist()

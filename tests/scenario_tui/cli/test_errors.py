@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from daemon.batch.paths import StatePaths
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import ExitCode, exit_code
+from scenario_tui.cli.steer import PriorityOutput
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
+from tests.scenario_tui.cli.outputs import declared
 
 
 @pytest.fixture
@@ -205,3 +210,81 @@ def test_a_malformed_endpoint_in_the_environment_is_bad_input(
     said = capsys.readouterr().err
     assert said.startswith("SCENARIO_CONNECT: error: 'garbage' is not an endpoint")
     assert "write tcp/<host>:<port>" in said
+
+
+def test_a_command_without_an_answer_writes_why_for_machines(scenario, fake) -> None:
+    fake.reachable = False
+    said = scenario("results", "--json")
+    body = json.loads(said.out)
+    assert body["schema"] == "scenario/error/1"
+    assert body["error"].startswith("no daemon answers")
+    assert body["exit_code"] == said.code == 3
+    assert said.err.startswith("scenario: no daemon answers")
+
+
+def test_wrong_usage_is_for_machines_too(scenario) -> None:
+    said = scenario("results", "--jsn", "--json")
+    assert said.code == json.loads(said.out)["exit_code"] == 2
+    assert "No such option: --jsn" in json.loads(said.out)["error"]
+    assert scenario("results", "--", "--json").out == ""
+
+
+def test_what_is_wrong_in_a_file_has_its_place(scenario, tmp_path: Path) -> None:
+    file = tmp_path / "house.yaml"
+    file.write_text("campaign: house\nlimit: 2 min\nscenarios: {}\nrepeats: fife\n")
+    said = scenario("run", str(file), "--json")
+    body = json.loads(said.out)
+    assert said.code == body["exit_code"] == 2
+    (found,) = (one for one in body["diagnostics"] if one["line"] == 4)
+    assert found["message"].startswith("repeats: must be a whole number")
+    assert (found["file"], found["column"], found["severity"]) == (str(file), 1, "error")
+
+
+def test_a_command_that_has_answered_says_no_more(raising, capsys, monkeypatch) -> None:
+    def answer_and_fail(**_: object) -> None:
+        PriorityOutput("c-1", 3).emit()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(command_line, "app", answer_and_fail)
+    assert command_line.invoke(["priority", "c", "3", "--json"]) == ExitCode.INFRASTRUCTURE
+    assert json.loads(capsys.readouterr().out)["schema"] == "scenario/priority/1"
+
+
+def test_the_error_of_the_docs_is_one(campaigns: Path) -> None:
+    text = (campaigns.parent / "docs" / "command-line.md").read_text("utf-8")
+    declared(text.partition("```json\n")[2].partition("```")[0])
+
+
+@pytest.mark.parametrize("typed", ["nigthly", "nigthly.yaml", "tests/nigthly.yaml", "tests"])
+@pytest.mark.parametrize("command", ["run", "submit", "serve", "check", "search", "coverage"])
+def test_a_missing_campaign_suggests_those_near_by(
+    command: str, typed: str, scenario, tmp_path: Path, monkeypatch
+) -> None:
+    if command in ("check", "search", "coverage") and not typed.endswith(".yaml"):
+        return  # no name of a file
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "nightly.yaml").write_text("campaign: nightly\n")
+    said = scenario(command, typed)
+    assert said.code == 2
+    expected = "is a folder" if typed == "tests" else "did you mean tests/nightly.yaml?"
+    assert expected in said.err
+
+
+def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "`scenario new NAME` writes one" in scenario("run", "x.yaml").err
+    for name in ("alpha", "beta"):
+        (tmp_path / f"{name}.yaml").write_text(f"campaign: {name}\n")
+    assert "campaign files here: " in scenario("run", "x.yaml").err
+
+
+def test_a_missing_campaign_may_have_been_submitted(scenario, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
+    ledger = StatePaths.find().ledger
+    ledger.parent.mkdir(parents=True, exist_ok=True)
+    with sqlite3.connect(ledger) as db:
+        db.execute("CREATE TABLE campaign (serial INTEGER PRIMARY KEY, id, name, total, about)")
+        db.execute("INSERT INTO campaign VALUES (1, 'nightly-1', 'nightly', 3, '')")
+    assert '"nightly" was submitted: `scenario results nightly`' in scenario("run", "nightly").err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -40,7 +41,55 @@ def files(folder: Path) -> set[str]:
 
 
 def test_every_kind_there_is_can_be_asked_for() -> None:
-    assert {kind.value for kind in export.Artefact} == {ALL, *KINDS}
+    assert {kind.value for kind in export.Artefact} == {ALL, "traces", *KINDS}
+
+
+def test_an_ending_names_the_file_and_anything_else_a_folder(
+    campaigns: Path, scenario, tmp_path: Path
+) -> None:
+    plan = str(campaigns / "demo" / "flat.fpm")
+    named = tmp_path / "home.geojson"
+    assert scenario("export", plan, "geojson", "-o", str(named)).out == f"{named}\n"
+    assert json.loads(named.read_text())["type"] == "FeatureCollection"
+    folder = tmp_path / "v1.2"
+    assert scenario("export", plan, "geojson", "-o", str(folder)).code == 0
+    assert (folder / "flat.geojson").read_bytes() == named.read_bytes()
+    page = tmp_path / "home.foxglove.json"
+    assert scenario("export", plan, "foxglove", "-o", str(page)).code == 0
+    assert page.is_file()
+
+
+@pytest.mark.parametrize(
+    ("kind", "out", "why"),
+    [
+        ("geojson", "home.svg", "a file of geojson ends in .geojson"),
+        ("mesh", "home.json", "a file of mesh ends in .stl or .glb"),
+        ("geojson", "none/home.geojson", "cannot be written: none is not there"),
+        ("map", "taken.txt", "taken.txt is no folder"),
+        ("traces", "there", "traces are of recorded runs, not of files"),
+    ],
+)
+def test_a_place_that_cannot_be_is_wrong_usage(
+    kind: str, out: str, why: str, demo: Path, scenario, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("taken.txt").write_text("")
+    said = scenario("export", str(demo.with_name("flat.fpm")), kind, "-o", out)
+    assert (said.code, said.out) == (2, "")
+    assert why in said.err
+    assert [path.name for path in tmp_path.iterdir()] == ["taken.txt"]
+
+
+def test_several_worlds_are_no_file(demo: Path, scenario, tmp_path: Path) -> None:
+    said = scenario("export", str(demo), "geojson", "-o", str(tmp_path / "o.geojson"))
+    assert said.code == 2
+    assert "has 3 worlds" in said.err
+
+
+def test_what_was_recorded_has_no_building_to_export(scenario) -> None:
+    said = scenario("export", "first.3", "geojson")
+    assert said.code == 2
+    assert "geojson is of a building or a campaign file, and first.3 is no file" in said.err
 
 
 def test_a_campaign_has_a_folder_per_scenario(everything: Path) -> None:

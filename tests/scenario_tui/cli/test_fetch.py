@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
@@ -43,7 +44,7 @@ def campaign_at(places: StatePaths, store: str = "") -> None:
             path.unlink()
         result = RunResult(
             grant.spec.digest, overall_outcome(trace, verdicts), verdicts, "finished", info,
-            Timing(1.5, 1.0, 20.0),
+            Timing(1.5, 1.0, 20.0, 1_760_000_000.25 if grant.run == "corr-1.0" else 0.0),
         )  # fmt: skip
         done = Completion("w", grant.run, grant.attempt, grant.token, result, url)
         book.complete(done, 2.0)
@@ -83,7 +84,7 @@ def cached(here: Path) -> list[Path]:
 def test_a_campaign_is_fetched_once_and_verified(
     here: Path, far: DaemonPart, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert invoke(["fetch", "corr", "-o", "out", "--json"]) == 0
+    assert invoke(["export", "corr", "traces", "-o", "out", "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["missing"] == {}
     assert [trace["run"] for trace in body["traces"]] == ["corr-1.0", "corr-1.1"]
@@ -93,15 +94,39 @@ def test_a_campaign_is_fetched_once_and_verified(
         assert trace["path"] == str(Path("out") / name)
         assert path.read_bytes() == StatePaths(far.state).trace(name).read_bytes()
         before = path.stat().st_mtime_ns
-        assert invoke(["fetch", trace["run"], "-o", "out"]) == 0
+        assert invoke(["export", trace["run"], "traces", "-o", "out"]) == 0
         assert path.stat().st_mtime_ns == before
     assert f"1 trace in out/corr-1, {path.stat().st_size / 1e6:.1f} MB" in capsys.readouterr().out
 
 
+def test_a_copy_says_when_its_run_began(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    typed = ["export", "corr-1.0", "traces", "-o", "out", "--wall-clock", "metadata", "--json"]
+    assert invoke(typed) == 0
+    (found,) = declared(capsys.readouterr().out)["traces"]
+    copy = here / found["path"]
+    assert copy.name.endswith(".0.wall.mcap")
+    assert (found["bytes"], found["sha256"]) == (copy.stat().st_size, file_sha256(copy))
+    with copy.open("rb") as stream:
+        facts = {m.name: m.metadata for m in make_reader(stream).iter_metadata()}["wall_clock"]
+    assert (facts["started"], facts["worker"]) == ("2025-10-09T08:53:20.250+00:00", "w")
+    assert read_trace(copy).complete
+    assert invoke(["export", "corr-1.0", "traces", "-o", "out", "--wall-clock", "stamps"]) == 0
+    with copy.open("rb") as stream:
+        assert make_reader(stream).get_summary().statistics.message_start_time > 1.7e18
+
+
+def test_a_run_of_which_nobody_kept_the_start_has_no_such_copy(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["export", "corr-1.1", "traces", "-o", "out", "--wall-clock", "metadata"]) == 3
+    assert "corr-1.1: nobody kept when it began; run it again" in capsys.readouterr().err
+    assert not list(here.glob("out/**/*.mcap"))
+
+
 def test_what_cannot_be_fetched_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke(["fetch", "corr-1.2"]) == 3
-    assert "corr-1.2 has no trace: it is queued" in capsys.readouterr().err
-    assert invoke(["fetch", "cor-2"]) == 2
+    assert invoke(["export", "corr-1.2", "traces"]) == 2
+    assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err
+    assert invoke(["export", "cor-2", "traces"]) == 2
     assert "cor-2 is no file and no run" in capsys.readouterr().err
 
 

@@ -56,7 +56,7 @@ def test_nothing_that_is_there_is_overwritten(scenario, folder, tmp_path) -> Non
     assert "choose another name" in scenario("keys", "issue", "daemon", "", "--host", "x").err
     assert scenario("keys", "bundle", "viewer", "-o", str(tmp_path / "v.tar")).code == 0
     again = scenario("keys", "bundle", "viewer", "-o", str(tmp_path / "v.tar"))
-    assert again.code == 3
+    assert again.code == 2
     assert "is there already" in again.err
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
@@ -73,7 +73,7 @@ def test_wrong_words_are_refused(scenario, folder) -> None:
 def test_every_command_that_connects_takes_keys(scenario, folder, monkeypatch, tmp_path) -> None:
     assert scenario("status", "--keys", str(tmp_path)).err == ""
     assert os.environ["SCENARIO_KEYS"] == str(tmp_path)
-    for command in ("submit", "results", "cancel", "doctor", "metrics", "tui", "worker", "daemon"):
+    for command in ("submit", "results", "cancel", "doctor", "export", "tui", "worker", "daemon"):
         assert "--keys" in scenario(command, "--help").out
 
 

@@ -52,14 +52,14 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
         assert client.overview().queued > 0
         assert scenario("priority", "second", "3").code == 0
         assert client.campaigns()[0].priority == 3
-        assert scenario("resume", "second").code == 0
+        assert scenario("pause", "second", "--off").code == 0
         eventually(lambda: finished(client, 34))
         healthy = scenario("doctor", "--json")
         told = declared(healthy.out)
         levels = {finding["subject"]: finding["level"] for finding in told["findings"]}
         assert (healthy.code, told["schema"]) == (0, "scenario/doctor/1")
         assert levels["daemon"] == levels["workers"] == levels["ledger"] == levels["state"] == "ok"
-        numbers = read_exposition(scenario("metrics").out)
+        numbers = read_exposition(scenario("status", "--metrics").out)
         assert numbers["scenario_outcomes", frozenset({("outcome", "pass")})] == 34
         assert numbers["scenario_workers", frozenset()] == 1
         assert numbers["scenario_ledger_bytes", frozenset()] > 4096

@@ -19,7 +19,7 @@ from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN
 
 DOC = Path(__file__).parents[3] / "docs" / "command-line.md"
-SILENT = {"tui", "serve", "daemon", "worker", "schema", "vscode"}
+SILENT = {"tui", "serve", "worker", "schema"}
 """Commands that stay, or write files for editors: the others answer with ``--json``."""
 
 
@@ -70,13 +70,16 @@ def test_numbers_that_json_has_not_are_null(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_numbers_for_machines_and_for_prometheus(scenario) -> None:
-    assert declared(scenario("metrics", "--json").out)["standing"]["disk"]["total"] == 10**12
-    assert scenario("metrics").out.startswith("# HELP")
+    assert (
+        declared(scenario("status", "--metrics", "--json").out)["standing"]["disk"]["total"]
+        == 10**12
+    )
+    assert scenario("status", "--metrics").out.startswith("# HELP")
 
 
 def test_stopping_says_what_goes_on(scenario, monkeypatch) -> None:
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
-    body = declared(scenario("stop", "--json").out)
+    body = declared(scenario("daemon", "--stop", "--json").out)
     assert (body["endpoint"], body["unfinished"]) == ("tcp/127.0.0.1:7", 2)
 
 
@@ -98,7 +101,8 @@ def test_the_table_of_commands_is_true() -> None:
         written = set(re.findall(r"`(\w+)`", outputs))
         told |= dict.fromkeys(re.findall(r"`(\w+)`", names), written)
     assert set(told) == set(command.commands)  # type: ignore[attr-defined]
-    assert set().union(*told.values()) == set(OUTPUTS)
+    # What any command writes that has no other answer is explained below the table.
+    assert set().union(*told.values()) | {"error"} == set(OUTPUTS)
     assert {name for name, outputs in told.items() if not outputs} == SILENT
 
 

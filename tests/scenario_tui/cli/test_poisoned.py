@@ -36,8 +36,7 @@ from tests.scenario_tui.terminal.pseudo_terminal import ROOT, typed_here
 RUN: Final = "first-ab12cd34.5"
 CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "demo": (("--out", "taken/{NAME}"),),
-    "new": (("mine{NAME}",), ("mine", "--floorplan", "{NAME}.fpm")),
-    "layers": ((), ("{NAME}",)),
+    "new": (("mine{NAME}",), ("mine", "--floorplan", "{NAME}.fpm"), ("--layers",)),
     "check": (
         ("demo/campaign.yaml",),
         ("broken/campaign.yaml",),
@@ -62,17 +61,19 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "wait": (("first", "--timeout", "0s"), ("none{NAME}",), (SEARCH,)),
     "serve": (("broken/campaign.yaml",), ("demo/campaign.yaml", "{NAME}")),
     "tui": ((), ("--keys", "{NAME}")),
-    "status": ((), ("--json",)),
+    "status": ((), ("--json",), ("--metrics",), ("--metrics", "--json")),
     "results": (("first",), (SEARCH,), ("first", "--runs"), ("first", "--json"), ("none{NAME}",)),
-    "show": ((RUN,), (RUN, "--json"), ("{TRACE}",), ("none{NAME}.1",)),
-    "logs": (
-        ("{TRACE}",),
-        ("{TRACE}", "--all"),
-        ("{TRACE}", "--json"),
-        ("{FOREIGN}",),
+    "show": (
         (RUN,),
+        (RUN, "--json"),
+        ("{TRACE}",),
+        ("none{NAME}.1",),
+        ("{TRACE}", "--log"),
+        ("{TRACE}", "--all"),
+        ("{TRACE}", "--log", "--json"),
+        ("{FOREIGN}", "--log"),
+        (RUN, "--log"),
     ),
-    "fetch": (("first",), ("{TRACE}",)),
     "replay": (("{TRACE}", "--frame", "0.5"), ("{TRACE}", "{TRACE}"), ("{FOREIGN}",)),
     "plot": (("{TRACE}", "speed"), ("{TRACE}", "spe{NAME}"), ("{FOREIGN}", "speed")),
     "judge": (("{TRACE}", "{FOREIGN}"), ("{TRACE}", "--json")),
@@ -86,21 +87,23 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "blame": (("{FOREIGN}",), (RUN, "--oracle", "{NAME}")),
     "cancel": (("first",), ("none{NAME}",)),
     "retry": (("first",), ("first", "--only", "{NAME}")),
-    "pause": (("first",), ("first", "--json")),
-    "resume": (("first",),),
+    "pause": (("first",), ("first", "--json"), ("first", "--off")),
     "priority": (("first", "3"), ("first", "{NAME}")),
     "delete": (("first", "--yes"), ("first",), ("none{NAME}", "-n")),
-    "stop": ((),),
-    "daemon": (("--print-unit", "--state", "{NAME}"), ("--listen", "{NAME}")),
+    "daemon": (("--stop",), ("--print-unit", "--state", "{NAME}"), ("--listen", "{NAME}")),
     "worker": (("--print-unit", "--state", "{NAME}"), ("--connect", "{NAME}")),
     "doctor": (("--state", "{NAME}"), ("--state", "{NAME}", "--json")),
-    "metrics": ((), ("--json",)),
     "gc": (("--keep", "0", "--state", "{NAME}"),),
     "import": (("map{NAME}.yaml",), ("map.yaml", "-o", "{NAME}"), ("plan.fpm",)),
-    "export": (("plan.fpm", "geojson"), ("demo/campaign.yaml", "{NAME}")),
+    "export": (
+        ("plan.fpm", "geojson"),
+        ("demo/campaign.yaml", "{NAME}"),
+        ("first", "traces"),
+        ("{TRACE}", "traces"),
+        ("{TRACE}", "picture", "-o", "out/{NAME}.svg"),
+    ),
     "vary": (("flat{NAME}.variation",),),
-    "schema": (("{NAME}",),),
-    "vscode": (("-o", "taken/{NAME}"),),
+    "schema": (("{NAME}",), ("--vscode", "taken/{NAME}")),
     "sut show": (("sut{NAME}.yaml",), ("fro-omni{NAME}",)),
     "sut check": (("sut{NAME}.yaml",), ("{NAME}",)),
     "sut relay": ((),),
@@ -111,7 +114,7 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "keys bundle": (("me{NAME}", "-o", "{NAME}.tar"),),
 }
 """What is typed about hostile things, for every command."""
-QUIET: Final = {"sut relay", "resume", "stop", "tui", "layers"}
+QUIET: Final = {"sut relay", "tui"}
 """Commands that may say nothing of what is poisoned."""
 
 

@@ -15,7 +15,7 @@ from scenario_tui.cli import progress
 from scenario_tui.cli.progress import CampaignProgress, progress_lines, watch
 from tests.scenario_tui.fake import CAMPAIGN, OLD, WAITING, FakeDaemon, make_live, make_row
 
-PREPARING = "compiling machine code: 7 of 42 kernels (first run on this machine)"
+PREPARING = "compiling kernels 7/42 (once on this machine)"
 
 
 @pytest.fixture(autouse=True)
@@ -81,7 +81,7 @@ def test_waiting_for_the_first_run_is_explained(fake) -> None:
     with console.capture() as capture:
         console.print(progress_lines(CampaignProgress(fake.campaigns()[0]), 80))
     assert "0/10 runs" in capture.get()
-    assert "compile for a while" in capture.get()
+    assert "waiting for a free slot" in capture.get()
     with console.capture() as capture:
         progress = CampaignProgress(fake.campaigns()[0], preparing=PREPARING)
         console.print(progress_lines(progress, 80))
@@ -99,11 +99,9 @@ def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake) -> No
 
 @pytest.mark.parametrize("width", [80, 140])
 def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
-    row = fake.campaigns()[0]
+    row = replace(fake.campaigns()[0], seconds_left=95.0)
     live = make_live(7, time=61.0)
-    sight = CampaignProgress(
-        row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5, 95.0
-    )
+    sight = CampaignProgress(row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5)
     console = Console(width=width)
     with console.capture() as capture:
         console.print(progress_lines(sight, width))

@@ -32,7 +32,7 @@ def finished(place: Path) -> Iterator[Path]:
     assert done.returncode == exit_code(row["outcome"] for row in body["runs"]), done.stderr
     assert "started a daemon on this machine" in done.stderr
     yield state
-    assert call("stop", state=state, cwd=place).returncode == 0
+    assert call("daemon", "--stop", state=state, cwd=place).returncode == 0
 
 
 def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
@@ -49,8 +49,10 @@ def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(
 ) -> None:
     shown = call_here("show", "demo.0", state=finished, cwd=place)
     assert (shown.returncode, shown.stderr) == (0, "")
-    assert "scenario logs demo-" in shown.stdout
-    told = declared(call_here("logs", "demo.0", "--json", state=finished, cwd=place).stdout)
+    assert "scenario show demo-" in shown.stdout
+    told = declared(
+        call_here("show", "demo.0", "--log", "--json", state=finished, cwd=place).stdout
+    )
     assert [step["state"] for step in told["steps"]] == ["running", "done"]
     assert told["recorded"][-1]["source"] == "run"
     waited = call_here("wait", "demo", state=finished, cwd=place)

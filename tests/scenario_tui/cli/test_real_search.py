@@ -54,4 +54,4 @@ def test_what_is_found_says_the_same_on_its_own(place: Path) -> None:
         hint = call_here("check", file, state=state, cwd=place)
         assert "1 search" in hint.stderr
     finally:
-        call_here("stop", state=state, cwd=place)
+        call_here("daemon", "--stop", state=state, cwd=place)

@@ -88,7 +88,7 @@ def test_what_is_not_as_expected_names_a_trace_that_other_commands_read(
     named = {line.rpartition(" -> ")[2] for line in capfd.readouterr().out.splitlines()}
     (trace,) = (name for name in named if name.endswith(".mcap"))
     assert trace.startswith("scenario-results/limits-")
-    assert invoke(["logs", trace]) == 0
+    assert invoke(["show", trace, "--log"]) == 0
 
 
 def test_a_limit_is_a_time_longer_than_none(capfd: pytest.CaptureFixture[str]) -> None:

@@ -41,6 +41,7 @@ def _no_waiting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(progress, "INTERVAL", 0.001)
     monkeypatch.setattr(progress, "_POLL", 0.0)
     monkeypatch.chdir(tmp_path)
+    Path("campaign.yaml").write_text("campaign: house\n")
 
 
 def _have(fake: FakeDaemon, row: SearchRow) -> None:
@@ -282,10 +283,10 @@ def test_a_search_before_its_first_run_says_what_it_waits_for(fake) -> None:
     watched.look(fake, ProgressDisplay(None))
     console = Console(width=100, record=True)
     console.print(watched.draw({}, "", 100))
-    console.print(watched.draw({}, "compiling machine code", 100))
+    console.print(watched.draw({}, "compiling kernels 7/42", 100))
     text = console.export_text()
-    assert "waiting for a worker" in text
-    assert "compiling machine code" in text
+    assert "waiting for a free slot" in text
+    assert "compiling kernels 7/42" in text
 
 
 def test_only_runs_that_may_have_changed_are_asked_for_again(fake) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +13,12 @@ import pytest
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import ReleaseRequest
-from daemon.model.status import RunState
+from daemon.model.status import LiveSnapshot, RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.target import resolve_recorded
 from tests.daemon.batch.samples import make_submission
-from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
+from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, FakeWatch, make_live
 from tests.scenario_tui.recorded import record_run
 
 NOW = 1_000_000.0
@@ -87,31 +88,31 @@ def test_names_mean_ids_wherever_traces_are_named(state: Path, tmp_path: Path) -
 
 
 def test_logs_tell_attempts_and_reasons(scenario, state: Path) -> None:
-    said = scenario("logs", "c.0", "--state", str(state))
+    said = scenario("show", "c.0", "--log", "--state", str(state))
     assert said.code == 0
     assert [line.split()[2:] for line in said.out.splitlines()[:2]] == [
         ["running"],
         ["queued", "the", "SUT", "crashed"],
     ]
     assert said.out.count("the SUT crashed") == 1
-    body = json.loads(scenario("logs", "c-1.0", "--state", str(state), "--json").out)
+    body = json.loads(scenario("show", "c-1.0", "--log", "--state", str(state), "--json").out)
     assert [step["state"] for step in body["steps"]] == ["running", "queued"]
 
 
 def test_logs_tell_what_an_attempt_prints(scenario, state: Path) -> None:
-    assert "loading the map" in scenario("logs", "c-1.1", "--state", str(state)).out
+    assert "loading the map" in scenario("show", "c-1.1", "--log", "--state", str(state)).out
 
 
 def test_logs_tell_what_a_trace_recorded(scenario, tmp_path: Path) -> None:
     trace = record_run(tmp_path / "run.mcap")
-    said = scenario("logs", str(trace))
+    said = scenario("show", str(trace), "--log")
     lines = [line.split(maxsplit=3) for line in said.out.splitlines() if " s  " in line]
     assert [(line[0], line[2], line[3]) for line in lines] == [
         ("6.0", "mission", "w1 reached, 1 of 3"),
         ("6.0", "contact", "robot touches door-1/leaf"),
         ("10.0", "run", "finished"),
     ]
-    body = json.loads(scenario("logs", str(trace), "--json").out)
+    body = json.loads(scenario("show", str(trace), "--log", "--json").out)
     assert [said["level"] for said in body["recorded"]] == ["info", "warn", "info"]
 
 
@@ -127,11 +128,11 @@ def external(tmp_path: Path) -> str:
 
 
 def test_logs_end_with_the_last_lines_of_what_a_stack_printed(scenario, external: str) -> None:
-    lines = scenario("logs", external).out.splitlines()
+    lines = scenario("show", external, "--log").out.splitlines()
     assert any(line.endswith("planner_server  no path yet") for line in lines)
     begin = lines.index("stack.txt")
     assert lines[begin + 1] == (
-        f"(21 lines before these: scenario logs {external} --output stack.txt)"
+        f"(21 lines before these: scenario show {external} --output stack.txt)"
     )
     assert lines[begin + 2 : begin + 42] == [f"line {i}" for i in range(20, 60)]
     # A bell and a byte that is no UTF-8 are to be seen and not to be heard.
@@ -140,11 +141,11 @@ def test_logs_end_with_the_last_lines_of_what_a_stack_printed(scenario, external
 
 def test_logs_print_all_of_an_output_when_it_is_asked_for(scenario, external: str) -> None:
     whole = ["[INFO] [launch]: started", *(f"line {i}" for i in range(60))]
-    assert scenario("logs", external, "--output", "stack.txt").out.splitlines() == whole
-    lines = scenario("logs", external, "--all").out.splitlines()
+    assert scenario("show", external, "--log", "--output", "stack.txt").out.splitlines() == whole
+    lines = scenario("show", external, "--log", "--all").out.splitlines()
     begin = lines.index("stack.txt")
     assert lines[begin + 1 : begin + 62] == whole
-    body = json.loads(scenario("logs", external, "--json").out)
+    body = json.loads(scenario("show", external, "--log", "--json").out)
     assert body["printed"]["stack.txt"] == STACK.decode()
     assert body["printed"]["relay.txt"].startswith("10 %\r50 %")
 
@@ -152,21 +153,21 @@ def test_logs_print_all_of_an_output_when_it_is_asked_for(scenario, external: st
 def test_an_output_that_a_run_has_not_is_answered_with_those_it_has(
     scenario, external: str, tmp_path: Path
 ) -> None:
-    said = scenario("logs", external, "--output", "stak.txt")
+    said = scenario("show", external, "--log", "--output", "stak.txt")
     assert said.code == 2
     assert 'did you mean "stack.txt"?' in " ".join(said.err.split())
     silent = str(record_run(tmp_path / "silent.mcap"))
-    said = scenario("logs", silent, "--output", "stack.txt")
+    said = scenario("show", silent, "--log", "--output", "stack.txt")
     assert said.code == 2
     assert "printed nothing" in said.err
-    assert json.loads(scenario("logs", silent, "--json").out)["printed"] == {}
+    assert json.loads(scenario("show", silent, "--log", "--json").out)["printed"] == {}
 
 
 def test_logs_need_a_state_directory_or_a_trace(scenario, tmp_path: Path) -> None:
-    said = scenario("logs", "c-1.0", "--state", str(tmp_path))
+    said = scenario("show", "c-1.0", "--log", "--state", str(tmp_path))
     assert said.code == 3
     assert "is no state directory" in said.err
-    assert scenario("logs", str(tmp_path / "none.mcap")).code == 2
+    assert scenario("show", str(tmp_path / "none.mcap"), "--log").code == 2
 
 
 def _finish(daemon: FakeDaemon) -> None:
@@ -245,3 +246,17 @@ def test_where_there_never_was_a_daemon_nobody_waits(scenario, away) -> None:
     (away / "ledger.db").touch()
     assert scenario("wait", "first", "--timeout", "0s").code == 3
     assert scenario("wait", "first").code == 1
+
+
+def test_a_run_that_runs_is_shown_with_how_far_it_is(scenario, fake, monkeypatch) -> None:
+    live = make_live(7, time=61.0)
+    watch = fake.watch
+
+    def told(run: str, on_live: Callable[[LiveSnapshot], None]) -> FakeWatch:
+        on_live(live)
+        return watch(run, on_live)
+
+    monkeypatch.setattr(fake, "watch", told)
+    said = scenario("show", f"{CAMPAIGN}.7").out
+    assert "61 s of 1200 s simulated" in said
+    assert fake.watchers == {}

@@ -33,8 +33,8 @@ def test_retry_can_be_told_which(scenario, fake) -> None:
 
 def test_a_campaign_is_paused_resumed_and_preferred(scenario, fake) -> None:
     said = scenario("pause", "first")
-    assert f"paused {CAMPAIGN}; 2 runs wait until `scenario resume {CAMPAIGN}`" in said.err
-    resumed = json.loads(scenario("resume", "first", "--json").out)
+    assert f"paused {CAMPAIGN}; 2 runs wait until `scenario pause {CAMPAIGN} --off`" in said.err
+    resumed = json.loads(scenario("pause", "first", "--off", "--json").out)
     assert resumed == {"schema": "scenario/resume/1", "campaign": CAMPAIGN, "runs": 2}
     preferred = json.loads(scenario("priority", "first", "--json", "--", "-3").out)
     assert preferred == {"schema": "scenario/priority/1", "campaign": CAMPAIGN, "priority": -3}
@@ -55,7 +55,7 @@ def test_stop_copes_with_a_daemon_that_is_gone_at_once(
         '{"endpoint": "tcp/127.0.0.1:4711", "pid": 1, "version": "0", "started_at": 0.0}'
     )
     monkeypatch.setattr(fake, "shutdown", contact.unlink)
-    said = scenario("stop", "--state", str(tmp_path))
+    said = scenario("daemon", "--stop", "--state", str(tmp_path))
     assert said.code == 0
     assert "the daemon at tcp/127.0.0.1:4711 is leaving" in said.err
 
@@ -73,7 +73,7 @@ def test_people_see_the_path_of_a_socket_and_programs_the_endpoint(
 
 
 def test_stop_says_that_queued_work_waits(scenario, fake) -> None:
-    said = scenario("stop")
+    said = scenario("daemon", "--stop")
     assert ("shutdown",) in fake.calls
     assert "2 unfinished runs go on when it is started again" in said.err
 

@@ -15,6 +15,7 @@ from daemon.batch.errors import DaemonError
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.background import BackgroundTasks, Problem
 from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.playback_process import read_playback
 from scenario_tui.dashboard.state import CampaignAssessor, DashboardState, LiveNews, Notice
 from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.fake import FakeDaemon
@@ -70,6 +71,8 @@ class CountedTasks(BackgroundTasks):
 
 
 def make_dashboard(fake: FakeDaemon, **settings: Any) -> Dashboard:
+    # A process for each trace that is looked at would take most of the time of these tests.
+    settings.setdefault("read_playback", read_playback)
     dashboard = Dashboard(InlineFeed(fake), clock=lambda: fake.now, **settings)
     dashboard.background_tasks = CountedTasks(dashboard.run_command)
     # On a busy machine what a test reads would be gone before.

@@ -136,11 +136,11 @@ async def test_both_runs_have_one_clock(both) -> None:
         assert shown(pilot).count(f"{HIT} s  1/3 wp") == 2
         for words in ("loc.error", "≠", "by simulated time"):
             assert words in shown(pilot)
-        await pilot.press("a")
+        await pilot.press("t")
         await pilot.pause(0)
         assert "by waypoints done" in shown(pilot)
         assert f"{HIT} s of 10.0 s" in shown(pilot)
-        await pilot.press("x", "end")
+        await pilot.press("w", "end")
         await pilot.pause(0)
         assert pilot.app.screen.first is both[1]
         await pilot.press("q")
@@ -150,7 +150,7 @@ async def test_both_runs_have_one_clock(both) -> None:
 @pytest.mark.parametrize("size", [(40, 10), (20, 6)])
 async def test_tiny_terminals_are_no_trouble(both, size: tuple[int, int]) -> None:
     async with opened(both, size) as pilot:
-        await pilot.press("tab", "tab", "tab", "z", "n", "a")
+        await pilot.press("tab", "tab", "tab", "z", "n", "t")
         await pilot.pause(0)
         assert "6.0 s" in shown(pilot)
 

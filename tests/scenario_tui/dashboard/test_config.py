@@ -13,8 +13,11 @@ from textual.color import Color
 from grammars.text.diagnostics import InputError
 from scenario_tui.dashboard.config import read_config
 from scenario_tui.dashboard.key_bindings import (
+    DRIVING,
+    SHARED_MEANINGS,
     check_config,
     classes_with_bindings,
+    key_meanings,
     list_key_bindings,
 )
 from scenario_tui.dashboard.screens.help import key_groups, own_bindings
@@ -123,6 +126,25 @@ def test_every_key_has_an_id_a_name_and_an_explanation() -> None:
             assert binding.tooltip, (kind, binding)
 
 
+def test_a_key_means_one_thing_on_all_screens() -> None:
+    found = key_meanings()
+    assert {key: sorted(meant) for key, meant in found.items() if len(meant) > 1} == {}
+    assert found["n"] == {"next to look at"}
+
+
+def test_a_meaning_has_the_same_keys_on_all_screens() -> None:
+    keys: dict[str, set[str]] = {}
+    for bound in list_key_bindings():
+        if bound.place not in (DRIVING, "dialogs", "help"):
+            keys.setdefault(bound.id, set()).add(bound.keys)
+    assert {id: sorted(found) for id, found in keys.items() if len(found) > 1} == {}
+
+
+def test_shared_meanings_are_those_of_keys_there_are() -> None:
+    ids = {bound.id for bound in list_key_bindings()}
+    assert {id for shared in SHARED_MEANINGS.values() for id in shared} <= ids
+
+
 async def test_footers_fit_and_help_tells_the_rest() -> None:
     async with make_dashboard(SteeredDaemon()).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
@@ -130,11 +152,11 @@ async def test_footers_fit_and_help_tells_the_rest() -> None:
             await press(pilot, key)
             screen = pilot.app.screen
             assert screen.query_one("Footer").virtual_size.width <= 80
-            here, everywhere = key_groups(screen)
-            assert (here[0], everywhere[0]) == ("here", "everywhere")
+            groups = dict(key_groups(screen))
+            assert list(groups)[-1] == "everywhere"
             footer = {a.binding.description for a in screen.active_bindings.values()
-                      if a.binding.show}  # fmt: skip
-            told = {words.partition(":")[0] for _, words in here[1] + everywhere[1]}
+                      if a.binding.show and a.enabled}  # fmt: skip
+            told = {words.partition(":")[0] for lines in groups.values() for _, words in lines}
             assert footer
             assert footer <= told
 

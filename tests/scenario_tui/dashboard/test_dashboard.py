@@ -11,6 +11,7 @@ import pytest
 
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
+from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, Question
 from scenario_tui.dashboard.screens.help import Help, key_groups
@@ -156,7 +157,7 @@ async def test_columns_are_sorted_by_and_inverted(opened) -> None:
         assert "by margin ▼" in shown(pilot)
         for _ in SORTS[2:]:
             await press(pilot, ">")
-        assert "by index ▲" in shown(pilot)
+        assert "as submitted" in shown(pilot)
         await press(pilot, "<")
         assert "by simulated ▲" in shown(pilot)
 
@@ -168,7 +169,7 @@ async def test_only_a_page_is_asked_for_and_pages_are_turned(opened, fake) -> No
         await press(pilot, "enter")
         assert len(first_column(pilot)) == 100
         assert "1-100 of 250" in shown(pilot)
-        await press(pilot, "p", "n", "right_square_bracket", "n")
+        await press(pilot, "left_square_bracket", *["right_square_bracket"] * 3)
         assert "201-250 of 250" in shown(pilot)
         assert first_column(pilot)[0] == "S2/pilot/200"
         await press(pilot, "left_square_bracket")
@@ -304,8 +305,94 @@ async def test_help_lists_every_binding_of_ours(opened) -> None:
         await press(pilot, "escape")
         assert isinstance(pilot.app.screen, RunsScreen)
     keys = " ".join(lines)
-    for key in (*"/fs<>inpcrPJoyYq?123:jkgG#",):
+    for key in (*"/fs<>i[]cCrPEoyYq?123:jkgG#",):
         assert key in keys.split(), key
+
+
+async def test_help_tells_the_keys_the_user_has_by_where_they_belong(fake) -> None:
+    config = Config(keys={"view": "f6", "retry": "ctrl+t"})
+    async with make_dashboard(fake, config=config).run_test(size=(80, 40)) as pilot:
+        await settle(pilot)
+        groups = dict(key_groups(pilot.app.screen))
+        assert ("^t", "Retry: Queue lost, failed or all runs again") in groups["about the campaign"]
+        assert "⏎" in [keys for keys, _ in groups["in the list"]]
+        assert [keys for keys, words in groups["everywhere"] if words.startswith("Copy")] == ["y"]
+        await press(pilot, "enter", "enter")
+        told = dict(key_groups(pilot.app.screen))
+        views = [keys for lines in told.values() for keys, words in lines if "View:" in words]
+        assert views == ["f6"]
+
+
+async def test_help_and_footer_leave_out_what_cannot_be_done_here(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
+        assert {"Cancel", "Pause", "Retry"} <= names
+        assert "Delete" not in names  # it is not finished
+        await press(pilot, "down")
+        names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
+        assert "Delete" in names
+        assert not {"Cancel", "Pause", "Priority"} & names
+        await press(pilot, "3")
+        names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
+        assert not {"Open", "Retry", "Matrix"} & names
+
+
+async def test_copying_gives_the_command_for_what_the_cursor_is_on(opened) -> None:
+    copied = []
+    async with opened() as pilot:
+        await settle(pilot)
+        for keys in (["y"], ["enter", "down", "y"], ["enter", "y"], ["escape", "m", "y"],
+                     ["3", "y"]):  # fmt: skip
+            await press(pilot, *keys)
+            copied.append(pilot.app.clipboard)
+    assert copied == [
+        f"scenario results {CAMPAIGN}",
+        f"scenario show {CAMPAIGN}.1",
+        f"scenario replay {CAMPAIGN}.1 --frame no-contact",
+        f"scenario results {CAMPAIGN} --filter S1/pilot/",
+        "scenario status",
+    ]
+
+
+async def test_all_commands_about_it_can_be_copied_from_a_list(opened) -> None:
+    async with opened(100, 30) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "down", "Y")
+        text = shown(pilot)
+        for words in ("show the run", "watch it", "draw its signals", "cancel it"):
+            assert words in text
+        await press(pilot, "2")
+        assert pilot.app.clipboard == f"scenario replay {CAMPAIGN}.1"
+
+
+async def test_runs_of_all_campaigns_name_theirs_the_newest_first(opened) -> None:
+    async with opened(120, 30) as pilot:
+        await settle(pilot)
+        await press(pilot, "2")
+        row = pilot.app.screen.query_one(KeyedTable).get_row_at(0)
+        assert [str(cell) for cell in row[:2]] == ["S2/pilot/4", CAMPAIGN]
+        assert "all runs  1-10 of 10  newest first" in shown(pilot)
+
+
+async def test_filter_and_order_are_still_there_when_one_comes_back(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "2", "f", ">", ">", "i", "down")
+        before = shown(pilot)
+        table = pilot.app.screen.query_one(KeyedTable)
+        key = table.key
+        assert key != f"{CAMPAIGN}.0"
+        assert "by margin ▼  only fail" in before
+        await press(pilot, "1", "2")
+        assert shown(pilot) == before
+        assert pilot.app.screen.query_one(KeyedTable).key == key
+        await press(pilot, "slash", *"S2/", "enter", "1", "2")
+        assert "/S2/" in shown(pilot)
+        assert pilot.app.focused is pilot.app.screen.query_one(KeyedTable)
+        # Other runs are looked at in their own way.
+        await press(pilot, "1", "enter")
+        assert "as submitted" in shown(pilot)
 
 
 async def test_the_colon_opens_a_list_of_places(opened) -> None:

@@ -96,7 +96,7 @@ async def test_only_whole_numbers_in_range_are_priorities(fake) -> None:
         await settle(pilot)
         assert f"scenario priority {CAMPAIGN} -- -5" in shown(pilot)
         await press(pilot, "enter")
-        assert "priority -5" in shown(pilot)
+        assert "priority −5" in shown(pilot)
     assert fake.told("prioritise") == [(CAMPAIGN, -5)]
 
 
@@ -144,7 +144,7 @@ async def test_without_a_campaign_every_key_says_so(fake) -> None:
     fake.empty = True
     async with opened(fake) as pilot:
         await settle(pilot)
-        await pilot.press("P", "c", "r", "number_sign", "J", "o", "Y", "m")
+        await pilot.press("P", "c", "r", "number_sign", "E", "o", "Y", "m")
         assert notices(pilot).count("there is no campaign here") == 8
 
 
@@ -238,7 +238,7 @@ async def test_traces_on_another_machine_are_not_judged_here(fake) -> None:
     ask = Commands()
     async with opened(fake, run_command=ask) as pilot:
         await settle(pilot)
-        await press(pilot, "o", "J")
+        await press(pilot, "o", "E")
         assert notices(pilot).count("are not on this machine") == 2
     assert not ask.asked
 
@@ -257,7 +257,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
     ask = Commands({"traces": [to_plain(found) | {"changes": []}]})
     async with opened(fake, run_command=ask, command_lines=local(tmp_path)) as pilot:
         await settle(pilot)
-        await press(pilot, "J")
+        await press(pilot, "E")
         await until(pilot, lambda: isinstance(pilot.app.screen, Menu))
         assert "1  strict.oracles.yaml" in shown(pilot)
         ask.done.set()
@@ -265,7 +265,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
         await until(pilot, lambda: isinstance(pilot.app.screen, TextDialog))
         assert "1 verdict changed" in shown(pilot)
         assert "✓ pass → ✗ fail  S1/pilot/0" in shown(pilot)
-        await press(pilot, "q", "enter", "enter", "J")
+        await press(pilot, "q", "enter", "enter", "E")
         await until(pilot, lambda: isinstance(pilot.app.screen, Menu))
         assert f"Judge {CAMPAIGN}.0 again by" in shown(pilot)
     assert ask.asked[0][:4] == ("judge", CAMPAIGN, "--oracles", "strict.oracles.yaml")

@@ -129,18 +129,18 @@ async def test_the_line_to_type_can_be_copied(campaigns: Path) -> None:
     copied: list[str] = []
     async with shown.opened((120, 30)) as pilot:
         shown.screen.app.copy_to_clipboard = copied.append  # type: ignore[method-assign]
-        await pilot.press("c")
+        await pilot.press("y")
         assert copied == [LINE]
         await pilot.press("question_mark")
         assert isinstance(pilot.app.screen, Help)
         assert "Sideways" not in "\n".join(screen_text(pilot)), "it has two wheels"
-        await pilot.press("escape", "z", "h", "f", "z", "q")
+        await pilot.press("escape", "z", "H", "F", "z", "q")
     assert shown.simulation.watched is False
 
 
 async def test_without_a_line_to_type_there_is_nothing_to_copy(shown: Shown) -> None:
     async with shown.opened() as pilot:
-        await pilot.press("c")
+        await pilot.press("y")
         assert "Copy" not in screen_text(pilot)[-1]
 
 

@@ -13,7 +13,12 @@ from hypothesis import strategies as st
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.scene import Scene
-from scenario_tui.dashboard.widgets.block_cells import fill_areas, ring_edges, to_blocks
+from scenario_tui.dashboard.widgets.block_cells import (
+    fill_areas,
+    middle_line,
+    ring_edges,
+    to_blocks,
+)
 from scenario_tui.dashboard.widgets.map_names import name_area
 from scenario_tui.dashboard.widgets.map_projection import fit, main_axis
 from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
@@ -227,3 +232,20 @@ def test_zooming_and_panning_keep_what_they_show_where_it_is() -> None:
         frame = draw_view(shown, 100, 30, zoom=4, middle=(3.0, 2.0))
         ((x, y),) = frame.still.projection.dots(np.array([(3.0, 2.0)]))
         assert (x, y) == pytest.approx(frame.still.projection.centre)
+
+
+def test_floor_that_ends_without_a_wall_has_a_dotted_border() -> None:
+    scene = make_scene()
+    open_end = replace(scene, solids=tuple(s for s in scene.solids if s.owner != "hall-wall-4"))
+    end = []
+    for one in (scene, open_end):
+        still = draw_view(View(one, ROBOT, MISSION, (0.0,)), 100, 30).still
+        ((x, y),) = still.projection.dots(np.array([(12.0, 2.0)]))
+        column, row = int(x // 2), int(y // 4)
+        end.append(still.low.layer(0)[row - 1 : row + 2, column - 1 : column + 2].any())
+    assert end == [False, True]
+
+
+def test_middle_lines_end_where_a_wall_is_cut_aslant() -> None:
+    mitred = np.array([(0.0, 0.0), (10.0, 0.0), (9.0, 1.0), (1.0, 1.0)])
+    assert middle_line(mitred) == pytest.approx([0.5, 0.5, 9.5, 0.5])

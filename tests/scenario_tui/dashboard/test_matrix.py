@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
@@ -15,7 +16,7 @@ from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.state import CampaignAssessor
-from scenario_tui.dashboard.widgets.tables import CellTable
+from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.text.results import conclude, overall_conclusion, unexpected_conclusion
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
@@ -98,6 +99,25 @@ async def test_the_matrix_changes_while_runs_finish_and_the_cursor_stays(judged)
         assert pilot.app.screen.query_one(CellTable).cell == ("S2", "a2s")
 
 
+@pytest.mark.parametrize("width", [80, 100, 120, 200])
+async def test_three_systems_fit_without_scrolling_or_cut_numbers(judged, width: int) -> None:
+    others = [row for row in judged.rows if row.sut == "a2s"]
+    more = (replace(row, sut="a-planner-with-a-long-name") for row in others)
+    rows = (*judged.rows, *more)
+    judged.rows = tuple(replace(row, id=f"{CAMPAIGN}.{i}", index=i) for i, row in enumerate(rows))
+    async with opened(judged, width, 40) as pilot:
+        await settle(pilot)
+        await press(pilot, "m")
+        table = pilot.app.screen.query_one(CellTable)
+        assert len(table.columns) == 3
+        assert table.max_scroll_x == 0
+        text = shown(pilot)
+        numbers = re.findall(r"[−+]\d[\d.]* m\b", "\n".join(text.split("\n")[2:13]))
+        assert numbers.count("−0.0312 m") >= 3
+        assert "+0.2 m" in numbers
+        assert "…" not in "\n".join(text.split("\n")[3:12])
+
+
 async def test_a_campaign_with_nothing_unexpected_says_so(judged) -> None:
     async with opened(judged) as pilot:
         await settle(pilot)
@@ -169,7 +189,7 @@ def test_what_did_not_change_is_not_judged_again(judged) -> None:
         (0, True, "✓ as expected"),
         (3, True, "! not all judged"),
         (4, True, "? undecided"),
-        (4, False, "▶ so far fine"),
+        (4, False, "▶ none judged"),
     ],
 )
 def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:

@@ -44,7 +44,7 @@ async def test_p_plays_a_finished_run_and_q_comes_back(fake: FakeDaemon, tmp_pat
         result = fake.run(f"{CAMPAIGN}.0").result
         assert result is not None
         assert pilot.app.screen.playback.verdicts == result.verdicts
-        await press(pilot, "q")
+        await press(pilot, "escape")
         assert isinstance(pilot.app.screen, RunScreen)
 
 

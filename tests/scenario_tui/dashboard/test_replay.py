@@ -94,6 +94,8 @@ async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback: Playbac
     async with opened(playback) as pilot:
         await pilot.press("z")
         assert pilot.app.screen.query_one(TopView)._zoom == 2
+        await pilot.press("z", "Z")
+        assert pilot.app.screen.query_one(TopView)._zoom == 1
         await pilot.press("question_mark")
         await pilot.pause(0)
         assert isinstance(pilot.app.screen, Help)

@@ -108,7 +108,7 @@ async def test_the_log_ends_with_what_an_external_system_printed(tmp_path: Path)
         told = str(pilot.app.screen.query_one("#log-text", Static).content)
         assert "planner_server no path yet" in told
         assert told.endswith(
-            "\nstack.txt\n20 lines before these: scenario logs prints all\n"
+            "\nstack.txt\n20 lines before these: scenario show --log --all prints all\n"
             + "".join(f"line {i}\n" for i in range(20, 60))
             + "\nrelay.txt\n(nothing)\n"
         )
@@ -136,12 +136,12 @@ async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(trace: Path) 
         assert now(pilot) == pytest.approx(2.0)
         assert "▶ 2x" in shown(pilot)
         before = shown(pilot)
-        await press(pilot, "h")
+        await press(pilot, "H")
         assert "z comes nearer" in " ".join(n.message for n in pilot.app._notifications)
-        await pilot.press("z", "z", "l", "k")
+        await pilot.press("z", "z", "L", "K")
         top = screen.query_one(TopView)
         assert not top._follows
-        await press(pilot, "f")
+        await press(pilot, "F")
         assert top._follows
         assert shown(pilot) != before
 
@@ -193,15 +193,15 @@ async def test_two_runs_marked_are_compared(trace: Path) -> None:
         await pilot.pause(0)
         pilot.app.open_runs(CAMPAIGN)
         await settle(pilot)
-        await press(pilot, *["j"] * 5, "equals_sign")
+        await press(pilot, *["j"] * 5, "C")
         assert pilot.app.marked_run == RUN
-        assert f"= {RUN} marked" in shown(pilot)
-        await press(pilot, "j", "equals_sign")
+        assert f"{RUN} marked" in shown(pilot)
+        await press(pilot, "j", "C")
         await pilot.app.workers.wait_for_complete()
         await settle(pilot)
         assert isinstance(pilot.app.screen, CompareScreen)
         assert pilot.app.marked_run == ""
-        await press(pilot, "q")
+        await press(pilot, "escape")
         await look_at(pilot)
         await press(pilot, "C")
         assert pilot.app.marked_run == RUN

@@ -104,9 +104,9 @@ async def test_enter_opens_the_search_with_all_of_it() -> None:
     for words in (
         "✗ 60/60 explore  6 fail  best −0.0468 m  and 1 run after",
         "╌ best space-filling",
-        "best              −0.0468 m  door-1",
-        "nearest failure    −0.018 m",
-        "as written         +0.105 m",
+        "best               −0.0468 m  door-1",
+        "nearest failure     −0.018 m",
+        "as written          +0.105 m",
         "Run 34 is the first that fails",
         "kitchen_opens 0.54 s later",
         "→ 8.32 s",
@@ -130,6 +130,17 @@ async def test_every_part_is_seen_in_every_size(size: tuple[int, int]) -> None:
         assert all(len(line) <= size[0] for line in seen.split("\n"))
 
 
+@pytest.mark.parametrize("width", [60, 80, 120])
+async def test_ids_are_shown_whole_for_they_are_typed(width: int) -> None:
+    async with opened(SearchingDaemon.finished(), (width, 24)) as pilot:
+        await settle(pilot)
+        text = shown(pilot)
+        assert f" {SEARCH} " in text
+        assert "✗ found −0.0468 m" in text
+        await press(pilot, "2")
+        assert f" {CAMPAIGN} " in shown(pilot)
+
+
 async def test_the_run_in_front_is_the_one_of_parameters_and_keys() -> None:
     async with opened(SearchingDaemon.finished()) as pilot:
         await settle(pilot)
@@ -141,7 +152,7 @@ async def test_the_run_in_front_is_the_one_of_parameters_and_keys() -> None:
         await press(pilot, "x")
         assert f"scenario verify {NEAREST.run}" in pilot.app.clipboard
         await press(pilot, "y")
-        assert pilot.app.clipboard == f"scenario search {SEARCH}"
+        assert pilot.app.clipboard == f"scenario show {NEAREST.run}"
         await press(pilot, "N", "enter")
         assert isinstance(pilot.app.screen, RunScreen)
         assert f"{SEARCH} › doors-in-time.34/pilot/0" in shown(pilot)

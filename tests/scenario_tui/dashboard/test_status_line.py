@@ -62,10 +62,17 @@ def test_that_no_run_can_start_is_said_at_every_width(width: int) -> None:
 
 @pytest.mark.parametrize("width", [198, 120, 78])
 def test_how_far_compiling_is_is_said_at_every_usual_width(width: int) -> None:
-    words = "compiling machine code: 7 of 42 kernels (first run on this machine)"
+    words = "compiling kernels 7/42 (once on this machine)"
     first = replace(SMALL, passed=0, failed=0, inconclusive=0, lost=0, running=2, queued=13,
                     rate=0.0, seconds_left=None, preparing=words)  # fmt: skip
-    assert "7 of 42 kernels" in line(width, overview=first, conclusions={})
+    assert "7/42" in line(width, overview=first, conclusions={})
+
+
+def test_a_worker_that_starts_is_no_missing_worker() -> None:
+    starting = "starting the worker on this machine: loading the simulator"
+    shown = line(120, overview=replace(SMALL, workers=0, preparing=starting))
+    assert "! no worker" not in shown
+    assert "starting" in shown
 
 
 def test_that_everything_is_paused_is_said() -> None:

@@ -34,8 +34,10 @@ from daemon.model.spec import RunResult, SutReference
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
 from grammars.text.files import write_atomically
+from grammars.text.terminal_text import printable
 
 _LONGEST_REASON: Final = 6000
+_LONGEST_WORDS: Final = 200
 
 
 class RemoteExecution:
@@ -221,8 +223,7 @@ class Gateway:
         self.trouble = ""
         """Why the cluster has executed nothing for ``patience`` [s] now; empty otherwise."""
         self.waitables: tuple[Waitable, ...] = (self._wakeup.receiver,)
-        self.preparing = ""
-        """Nothing: each process of the cluster prepares itself."""
+        self._preparing: dict[str, str] = {}
 
     def open(self) -> None:
         """Connect; raises :class:`daemon.batch.errors.WorkerBroken` when that is impossible."""
@@ -240,6 +241,11 @@ class Gateway:
             return 0
         wished = self._cluster.threads if self._wished is None else self._wished
         return min(wished, _MOST_SLOTS)
+
+    @property
+    def preparing(self) -> str:
+        """What a process of the cluster does before the first run it was given can start."""
+        return next((f"cluster: {words}" for words in tuple(self._preparing.values())), "")
 
     def listen(self) -> None:
         """Take the wake-ups: executions say themselves what is new. Notice what lasts."""
@@ -298,6 +304,7 @@ class Gateway:
     def forget(self, run: RemoteExecution, key: str) -> None:
         """An attempt has ended and been taken in."""
         self._runs.pop(key, None)
+        self._preparing.pop(key, None)
         if run.attempt.finished:
             self._suspects.pop(run.attempt.lease.run, None)
         if run in self._waiting:
@@ -313,11 +320,16 @@ class Gateway:
             return
         try:
             progress = codec.from_json(JobProgress, message)
+            run = self._runs.get(progress.key)
+            if progress.preparing and run is not None:
+                self._preparing[progress.key] = printable(progress.preparing)[:_LONGEST_WORDS]
+                self.wake()
+                return
             live = codec.from_json(LiveSnapshot, progress.live)
             judged = _judgement(progress.judged)
         except ValueError:
             return
-        run = self._runs.get(progress.key)
+        self._preparing.pop(progress.key, None)
         if run is None or run.attempt.lease.run != live.run:
             return
         run.live, run.where = codec.to_json(live), progress.worker

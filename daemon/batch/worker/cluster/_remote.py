@@ -82,16 +82,18 @@ class JobReport:
 
 @dataclass(frozen=True, slots=True)
 class JobProgress:
-    """What a job under way says: a :class:`daemon.model.status.LiveSnapshot` in JSON.
+    """What a job under way says: a :class:`daemon.model.status.LiveSnapshot` in JSON, or what is
+    prepared before it can start.
 
     ``judged`` is a :class:`daemon.model.live_judgement.LiveJudgement`, packed and in base64, or
     nothing; ``worker`` the Dask worker.
     """
 
     key: str
-    live: str
+    live: str = ""
     judged: str = ""
     worker: str = ""
+    preparing: str = ""
 
 
 _WARM_UP_LIMIT: Final = 330.0
@@ -349,9 +351,9 @@ def _progress_publisher(worker: Any, topic: str, key: str) -> Callable[[LaunchRe
     def tell(report: LaunchReport) -> None:
         nonlocal following, judged
         now, judged = time.monotonic(), report.judged or judged
-        if report.live and now >= following:
+        if (report.live or report.preparing) and now >= following:
             following = now + _LIVE_PERIOD
-            progress = JobProgress(key, report.live, judged, worker.address)
+            progress = JobProgress(key, report.live, judged, worker.address, report.preparing)
             judged = ""
             worker.log_event(topic, codec.to_json(progress).decode())
 

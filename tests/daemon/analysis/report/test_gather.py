@@ -21,6 +21,7 @@ from daemon.analysis.report import (
     thinned_indices,
 )
 from daemon.batch.errors import Refused
+from daemon.campaign import expand, load_campaign
 from daemon.model.verdicts import Outcome
 from tests.daemon.analysis.report.recordings import (
     ABOUT,
@@ -34,6 +35,8 @@ from tests.daemon.analysis.report.recordings import (
     SPEED,
     SUTS,
 )
+
+PAPER = Path("ortega2024") / "paper.yaml"
 
 
 def run_of(data: ReportData, scenario: str, sut: str, repeat: int = 0) -> ReportRun:
@@ -176,6 +179,19 @@ def test_the_buffer_is_what_the_oracles_speak_of(
 ) -> None:
     found = safety_buffer(texts)
     assert (found.half, found.margin) == (half, pytest.approx(margin))
+
+
+def test_a_box_narrower_than_the_robot_is_where_a_collision_begins(campaigns: Path) -> None:
+    """S2 of the paper asks for no collision and names no buffer: its box is no room around it."""
+    runs = {run.scenario: run for run in expand(load_campaign(campaigns / PAPER)).runs}
+    found = {}
+    for name in ("S2", "S3.1"):
+        texts = tuple(oracle.text for oracle in runs[name].oracles)
+        assert any("clearance(0.35 m, 0.20 m)" in text for text in texts)
+        found[name] = safety_buffer(texts, (runs[name].robot.footprint,))
+    assert (found["S2"].half, found["S2"].margin) == (None, pytest.approx(0.2))
+    assert "no oracle names" in found["S2"].source
+    assert found["S3.1"].half == (0.55, 0.433)
 
 
 def test_the_limit_of_a_signal_is_the_strictest() -> None:

@@ -22,6 +22,8 @@ from daemon.analysis.report import (
     write_page,
 )
 from daemon.judging.assessment import assess
+from daemon.model.spec import own_version
+from daemon.model.status import CampaignOrigin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.daemon.analysis.report.recordings import (
     ABOUT,
@@ -38,6 +40,10 @@ HTML = "{http://www.w3.org/1999/xhtml}"
 
 @pytest.fixture(scope="module")
 def tree(page: str) -> Element:
+    return parse(page)
+
+
+def parse(page: str) -> Element:
     """The page as a browser would understand it; anything not well formed raises."""
     parsed: Element = html5lib.HTMLParser(strict=True).parse(page)
     return parsed
@@ -182,7 +188,8 @@ def test_figures_are_drawn_with_numbers_and_names_of_their_own(page: str) -> Non
         paths = re.findall(r' d="([^"]*)"', figure)
         assert paths
         for path in paths:
-            assert re.fullmatch(r"(?:M-?[\d.]+ -?[\d.]+(?: -?[\d.]+)*z?)+", path), path[:80]
+            piece = r"M-?[\d.]+ -?[\d.]+(?: -?[\d.]+)* ?[zZ]? ?"
+            assert re.fullmatch(f"(?:{piece})+", path), path[:80]
 
 
 def test_axes_have_round_numbers(tree: Element) -> None:
@@ -264,3 +271,120 @@ def test_what_was_exercised_is_told_and_what_was_not(tree: Element, data: Report
     assert {door.door for door in coverage.doors} <= set(rows)
     for margin in coverage.margins:
         assert histogram_bars(margin) in words(rows[margin.oracle])
+
+
+def test_the_head_tells_where_the_numbers_are_from(data: ReportData) -> None:
+    origin = CampaignOrigin("c.yaml", "abcdef" * 10, 7, "0123456789abcdef", "main", changed=True)
+    chosen = replace(
+        data.input, origin=origin, submitted_at=1_800_000_000.0, finished_at=1_800_000_090.0
+    )
+    runs = tuple(
+        replace(run, record=replace(run.record, machine="Abacus, 2 cores")) for run in data.runs
+    )
+    head = words(section(parse(write_page(replace(data, input=chosen, runs=runs), ())), "answer"))
+    assert "executed 2027-01-15, 08:00 to 08:01 UTC" in head
+    assert "campaign file c.yaml, SHA-256 abcdefabcdef…" in head
+    assert "commit 0123456789ab on main, with changes that are not committed" in head
+    assert "seed 7" in head
+    assert "machine Abacus, 2 cores" in head
+    assert f"page written by {own_version()}" in head
+
+
+def test_what_nobody_noted_is_left_out(page: str, tree: Element) -> None:
+    head = words(section(tree, "answer"))
+    for name in ("executed", "campaign file", "version control", "seed", "machine"):
+        assert f"<dt>{name}</dt>" not in page, head
+    assert "<dt>simulated with</dt>" in page
+
+
+def test_the_building_is_there_small_and_with_its_names(tree: Element) -> None:
+    drawn = {}
+    for name in ("answer", "building"):
+        plans = [e for e in section(tree, name).iter() if e.get("class") == "plan"]
+        (drawn[name],) = plans
+    names = {
+        name: [words(e) for e in plan.iter() if str(e.tag).endswith("}text")]
+        for name, plan in drawn.items()
+    }
+    assert "door-17" in names["building"]
+    assert "door-17" not in names["answer"]
+    lines = [sum(str(e.tag).endswith("}path") for e in plan.iter()) for plan in drawn.values()]
+    assert 0 < lines[0] <= lines[1]
+
+
+def moments(tree: Element) -> list[Element]:
+    figures = [e for e in tree.iter() if str(e.tag).endswith("}svg")]
+    return [e for e in figures if str(e.get("aria-label")).startswith("The moment that decides")]
+
+
+def part(figure: Element, name: str) -> list[Element]:
+    return [e for e in figure.iter() if e.get("class") == name]
+
+
+def animations(figure: Element, name: str) -> list[Element]:
+    return [e for e in figure.iter() if str(e.tag).endswith(f"}}{name}")]
+
+
+def test_each_failure_moves_by_itself_and_loops_as_one(page: str, tree: Element) -> None:
+    found = moments(tree)
+    assert len(found) >= 2
+    for figure in found:
+        moving = [*animations(figure, "animate"), *animations(figure, "animateTransform")]
+        assert len({(e.get("dur"), e.get("repeatCount")) for e in moving}) == 1
+        assert all(e.get("repeatCount") == "indefinite" for e in moving)
+        # Where nothing moves by itself, and on paper, the moment itself is shown.
+        assert part(figure, "moving")
+        assert part(figure, "still")
+        assert not [e for still in part(figure, "still") for e in still.iter() if e.get("dur")]
+    drawn = re.findall(r"<svg viewBox(?:(?!</svg>).)*The moment that.*?</svg>", page, re.DOTALL)
+    assert max(len(figure.encode()) for figure in drawn) < 60_000
+
+
+def test_the_robot_of_a_failure_goes_where_it_went_and_waits_at_the_moment(
+    data: ReportData, tree: Element
+) -> None:
+    """It drives 0.5 m/s straight on: ten seconds are 5 m, and the same step each time."""
+    figure = moments(tree)[0]
+    tracks = [e for e in animations(figure, "animateTransform") if e.get("type") == "translate"]
+    (robot,) = [e for e in tracks if len(set(str(e.get("values")).split(";"))) > 40]
+    x = [float(place.split()[0]) for place in str(robot.get("values")).split(";")]
+    steps = [round(b - a, 1) for a, b in itertools.pairwise(x)]
+    pauses = [len(list(group)) for step, group in itertools.groupby(steps) if step == 0.0]
+    assert pauses == [12, 8]  # 1.5 s at the moment and 1 s at the end, 8 positions a second
+    times = [words(e) for e in figure.iter() if str(e.tag).endswith("}text")]
+    (caption,) = [words(e) for e in tree.iter() if figure in list(e)]
+    assert caption.partition("around ")[2].partition(" s")[0] + " s" in times
+
+
+def test_figures_that_are_compared_have_the_same_scale(tree: Element) -> None:
+    scales: dict[str, set[tuple[str, ...]]] = {}
+    for figure in tree.iter():
+        label = str(figure.get("aria-label"))
+        for kind in (
+            "Localisation error and",
+            "Clearance over time",
+            "Speed and turning speed around",
+        ):
+            if label.startswith(kind):
+                beside = [e for e in figure.iter() if "text-anchor:end" in str(e.get("style"))]
+                names = [words(e) for e in beside if re.fullmatch(r"−?[\d.]+", words(e))]
+                scales.setdefault(kind, set()).add(tuple(names))
+    assert len(scales) == 3
+    assert all(len(found) == 1 for found in scales.values()), scales
+
+
+def test_intervals_of_comparisons_are_two_sided(data: ReportData, tree: Element) -> None:
+    shown = words(section(tree, "comparisons"))
+    for cell in data.assessment.comparisons:
+        assert cell.interval is not None
+        assert cell.low is not None
+        assert cell.interval[0] <= cell.low
+        low, high = (format_quantity(bound, signed=True) for bound in cell.interval)
+        assert f"{low} to {high} s" in shown
+    assert "two-sided, 95 % confidence" in words(section(tree, "matrix"))
+
+
+def test_figures_of_the_paper_carry_their_numbers(tree: Element) -> None:
+    said = " ".join(words(e) for e in elements(tree, "small"))
+    for number in (8, 9, 10, 11, 13, 14):
+        assert f"Fig. {number}" in said

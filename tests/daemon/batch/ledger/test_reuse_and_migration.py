@@ -35,7 +35,7 @@ from daemon.model.messages import (
 )
 from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import RunResult, RunSpec
-from daemon.model.status import CampaignRow, RunRow, RunState, Submission
+from daemon.model.status import CampaignOrigin, CampaignRow, RunRow, RunState, Submission
 from daemon.model.verdicts import Outcome
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
 
@@ -252,6 +252,17 @@ def test_a_campaign_keeps_what_it_declares(ledger: Ledger) -> None:
         ledger.reader.declared("x")
 
 
+def test_a_campaign_keeps_where_it_was_written_the_first_time(ledger: Ledger) -> None:
+    first = CampaignOrigin("c.yaml", "0" * 64, 7, "a" * 40, "main", changed=False)
+    submission = replace(submission_of("c", *specs(1)), origin=first)
+    ledger.book.submit(submission, NOW)
+    later = replace(submission, origin=replace(first, commit="b" * 40))
+    assert ledger.book.submit(later, NOW).known
+    assert ledger.reader.origin("c") == first
+    with pytest.raises(Refused, match="no campaign x"):
+        ledger.reader.origin("x")
+
+
 def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
     ledger.submit("c", *specs(3))
     ledger.work(lambda spec: make_result(spec, margin=spec.repeat))
@@ -263,7 +274,7 @@ def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
     assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
 
 
-@pytest.mark.parametrize("version", [1, 2, 3, 4, 5, 6, 7])
+@pytest.mark.parametrize("version", [1, 2, 3, 4, 5, 6, 7, 8])
 def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, version: int) -> None:
     path = tmp_path / "ledger.db"
     more = (", declared", ", x''") if version > 1 else ("", "")
@@ -294,6 +305,7 @@ def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, ve
     reader = LedgerReader(upgraded, StatePaths(tmp_path))
     assert (reader.campaigns()[0].paused, reader.campaigns()[0].priority) == (False, 0)
     assert reader.declared("old") == AssessmentRules()
+    assert reader.origin("old") == CampaignOrigin()
     assert [row.id for row in reader.records(RecordQuery("old"))] == ["old.0"]
     upgraded.close()
     made.close()

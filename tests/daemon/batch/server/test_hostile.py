@@ -210,6 +210,7 @@ def valid(target: Target) -> dict[AnyVerb, object]:
         verbs.RUNS: RunQuery("camp"),
         verbs.RUN: IdRequest("camp.0"),
         verbs.DECLARED: IdRequest("camp"),
+        verbs.ORIGIN: IdRequest("camp"),
         verbs.RECORDS: RecordQuery("camp"),
         verbs.SCENE: IdRequest(target.done.spec.scene),
         verbs.FETCH: TraceDownloadRequest(target.done.run, 0),
@@ -258,6 +259,8 @@ def spoilt(document: Any, *, ids: bool) -> Iterator[bytes]:
 
 def fits(wrong: Any, leaf: Any, name: Any, *, ids: bool) -> bool:
     """Whether a value may well do in place of ``leaf``, so that nothing says it is wrong."""
+    if leaf is None:
+        return True
     if isinstance(leaf, str):
         known = isinstance(wrong, str) and not (ids and name in IDS)
         return known and "\ud800" not in wrong
@@ -265,8 +268,6 @@ def fits(wrong: Any, leaf: Any, name: Any, *, ids: bool) -> bool:
         return type(wrong) is type(leaf)
     if isinstance(leaf, float):
         return isinstance(wrong, int | float)
-    if leaf is None:
-        return True
     return type(wrong) is type(leaf)
 
 

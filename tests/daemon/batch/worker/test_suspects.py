@@ -14,8 +14,13 @@ from distributed import KilledWorker
 from daemon.batch.run_process import RESULT
 from daemon.batch.worker import Attempt
 from daemon.batch.worker.cluster import Gateway, RemoteExecution
+from daemon.batch.worker.cluster._remote import JobProgress
 from daemon.model.execution import DaskScheduler, RunLimits
 from daemon.model.messages import Lease
+from daemon.model.spec import Snapshot
+from daemon.model.status import LiveSnapshot
+from grammars.model.geometry import Pose2
+from grammars.text import codec
 from tests.daemon.batch.samples import make_spec
 
 
@@ -160,3 +165,19 @@ def test_a_cluster_may_be_without_slots_for_a_moment() -> None:
     with closing(made):
         made.listen()
         assert (made.trouble, said) == ("", [])
+
+
+def test_what_a_process_of_the_cluster_prepares_is_passed_on_until_a_run_begins(
+    gateway: Any, cluster: Cluster, tmp_path: Path
+) -> None:
+    (run,) = start(gateway, tmp_path, "one")
+    (task,) = cluster.tasks
+    words = "compiling kernels 7/42 (once on this machine)"
+    gateway._on_progress(codec.to_json(JobProgress("another", preparing=words)).decode())
+    assert gateway.preparing == ""
+    gateway._on_progress(codec.to_json(JobProgress(task.key, preparing=words)).decode())
+    assert gateway.preparing == f"cluster: {words}"
+    live = codec.to_json(LiveSnapshot("one", Snapshot(1.0, 9.0, Pose2(), None, 0, 1, ()))).decode()
+    gateway._on_progress(codec.to_json(JobProgress(task.key, live)).decode())
+    assert gateway.preparing == ""
+    assert run.live == live.encode()

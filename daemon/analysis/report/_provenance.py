@@ -1,0 +1,90 @@
+"""Where the numbers of a report are from: when, which file at which commit, on what, with what.
+
+A page is a function of what it is about: no clock and no folder is asked here. What nobody noted is
+left out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime
+from typing import Final
+
+from daemon.analysis.report._data import ReportData
+from daemon.model.spec import own_version
+from daemon.model.status import CampaignOrigin
+from grammars.text.words import count_noun
+
+_SHOWN_OF_HASH: Final = 12
+_MOST_KINDS: Final = 4
+"""Machines, or sets of versions, that are told; of more their number."""
+
+
+def provenance(data: ReportData) -> tuple[tuple[str, str], ...]:
+    """Return what is known of where the runs of a report are from, as names and values."""
+    return tuple((name, value) for name, value in _facts(data) if value)
+
+
+def _facts(data: ReportData) -> Iterator[tuple[str, str]]:
+    chosen = data.input
+    yield "executed", _span(chosen.submitted_at, chosen.finished_at)
+    yield "campaign file", _file(chosen.origin)
+    yield "version control", _commit(chosen.origin)
+    yield "seed", "" if chosen.origin.seed is None else str(chosen.origin.seed)
+    machines = Counter(run.record.machine for run in data.runs if run.record.machine)
+    yield "machine", _kinds(machines, sum(bool(run.record.timing) for run in data.runs))
+    reused = sum(bool(run.record.cached) for run in data.runs)
+    yield "used again", f"{count_noun(reused, 'result')} of earlier campaigns" if reused else ""
+    versions = Counter(_versions(run.versions) for run in data.runs if run.versions)
+    yield "simulated with", _kinds(versions, len(data.runs))
+    yield "page written by", own_version()
+
+
+def _span(start: float | None, end: float | None) -> str:
+    """Return a date and its times: ``2026-11-23, 15:20 to 15:22 UTC``."""
+    if start is None:
+        return ""
+    began = datetime.fromtimestamp(start, UTC)
+    if end is None:
+        return f"{began:%Y-%m-%d, %H:%M} UTC"
+    ended = datetime.fromtimestamp(end, UTC)
+    day = "" if ended.date() == began.date() else f"{ended:%Y-%m-%d, }"
+    return f"{began:%Y-%m-%d, %H:%M} to {day}{ended:%H:%M} UTC"
+
+
+def _file(origin: CampaignOrigin) -> str:
+    if not origin.file:
+        return ""
+    return f"{origin.file}, SHA-256 {origin.digest[:_SHOWN_OF_HASH]}…"
+
+
+def _commit(origin: CampaignOrigin) -> str:
+    if not origin.file:
+        return ""
+    if origin.changed is None:
+        return "no git repository"
+    commit = f"commit {origin.commit[:_SHOWN_OF_HASH]}" if origin.commit else "no commit yet"
+    branch = f" on {origin.branch}" if origin.branch else ""
+    changed = "with changes that are not committed" if origin.changed else "nothing uncommitted"
+    return f"{commit}{branch}, {changed}"
+
+
+def _versions(found: Iterable[tuple[str, str]]) -> str:
+    """Return versions as a trace has them in a line, our own first."""
+    known = dict(found)
+    engine = known.pop("engine", "")
+    own = known.pop("scenario-tui", "")
+    ours = [f"scenario-tui {own}"] if own else []
+    ours += [f"engine {engine}"] if engine else []
+    return ", ".join((*ours, *(f"{name} {version}" for name, version in sorted(known.items()))))
+
+
+def _kinds(found: Counter[str], whole: int) -> str:
+    """Return one thing as it is, of several how many runs each has."""
+    if len(found) > _MOST_KINDS:
+        return f"{len(found)} different ones"
+    alone = len(found) == 1 and sum(found.values()) == whole
+    return "; ".join(
+        name if alone else f"{name} ({count_noun(count, 'run')})" for name, count in found.items()
+    )

@@ -1,0 +1,66 @@
+"""Where a campaign was written: its file, and the commit of the folder it lies in."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+from pathlib import Path
+from typing import Final
+
+from daemon.campaign._campaign import Campaign
+from daemon.model.status import CampaignOrigin
+
+_PATIENCE: Final = 5.0
+"""Seconds git may take: of a repository on a slow disk nothing is said then."""
+
+
+def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
+    """Return where a campaign was written that was loaded from ``file``.
+
+    Nothing is said of the commit without git, outside of a repository, in one that git does not
+    trust, and of a file that is to be ignored there: one of ours in somebody's environment, say.
+    ``changed`` means that a file which git knows differs from the commit, or that git does not know
+    the campaign's file.
+    """
+    digest = hashlib.sha256(campaign.source.encode()).hexdigest()
+    status = _git(file.parent, "status", "--porcelain=v2", "--branch", "--untracked-files=no")
+    known = _git(file.parent, "ls-files", "--error-unmatch", "--", file.name) is not None
+    ignored = not known and _git(file.parent, "check-ignore", "-q", "--", file.name) is not None
+    if status is None or ignored:
+        return CampaignOrigin(file.name, digest, campaign.seed)
+    lines = status.splitlines()
+    heads = dict(line[2:].split(" ", 1) for line in lines if line.startswith("# branch."))
+    commit, branch = heads.get("branch.oid", ""), heads.get("branch.head", "")
+    return CampaignOrigin(
+        file.name,
+        digest,
+        campaign.seed,
+        commit="" if commit == "(initial)" else commit,
+        branch="" if branch == "(detached)" else branch,
+        changed=not known or any(not line.startswith("#") for line in lines),
+    )
+
+
+def _git(folder: Path, *words: str) -> str | None:
+    """Return what git says about the folder, ``None`` when it says no, or nothing in time."""
+    # Looking must change nothing (no lock, no refreshed index) and start nothing: the settings of
+    # a repository may name a program that watches it. Answers must not depend on the language.
+    command = ["git", "-c", "core.fsmonitor=false", "-C", str(folder), *words]
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("GIT_DIR", "GIT_WORK_TREE")
+    } | {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_PATIENCE,
+            env=environment,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.decode("utf-8", errors="replace")

@@ -1,0 +1,189 @@
+"""Messages on their way into a chunk: collected per channel, then put in the order of time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.trace.layouts import HEADER, MESSAGE_OPCODE, ByteArray, IntArray, MessageLayout
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MessageBlock:
+    """Message records of one channel: ``times`` (n,) [ns] and where each starts in ``data``.
+
+    A view as ``data`` is of single bytes.
+    """
+
+    channel: int
+    times: IntArray
+    offsets: IntArray
+    data: bytes | memoryview
+
+    @property
+    def sizes(self) -> IntArray:
+        """Bytes of each record (n,)."""
+        return np.diff(self.offsets, append=len(self.data))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MessageTable:
+    """Message records of many channels as they lie in ``data``, one behind the other.
+
+    ``channels``, ``times`` [ns] and ``offsets`` [bytes] are (n,), in the order of the records.
+    """
+
+    channels: IntArray
+    times: IntArray
+    offsets: IntArray
+    data: ByteArray
+
+
+def split_blocks(
+    blocks: Iterable[MessageBlock], before: int | None
+) -> tuple[list[MessageBlock], list[MessageBlock]]:
+    """Return the messages earlier than ``before`` [ns], all for ``None``, and the rest.
+
+    Of a block that goes back in time everything up to its last earlier message is early.
+    """
+    early, late = [], []
+    for block in blocks:
+        count = len(block.times)
+        if before is not None and count:
+            found = np.flatnonzero(block.times < before)
+            count = int(found[-1]) + 1 if len(found) else 0
+        if count:
+            early.append(_part(block, 0, count))
+        if count < len(block.times):
+            late.append(_part(block, count, len(block.times)))
+    return early, late
+
+
+def interleave(blocks: Sequence[MessageBlock]) -> MessageTable:
+    """Put the messages of some blocks in the order of their times.
+
+    Those of one instant follow each other by channel, those of a block as they were recorded, also
+    where their times go back: a reader sees that they did.
+    """
+    counts = [len(block.times) for block in blocks]
+    channels = np.repeat([block.channel for block in blocks], counts)
+    times = np.concatenate([block.times for block in blocks])
+    due = np.concatenate([np.maximum.accumulate(block.times) for block in blocks])
+    sizes = [block.sizes for block in blocks]
+    order = np.lexsort((channels, due))
+    ordered = np.concatenate(sizes)[order]
+    ends = np.cumsum(ordered)
+    offsets = ends - ordered
+    places = np.empty(len(order), np.int64)
+    places[order] = offsets
+    data = np.empty(int(ends[-1]), np.uint8)
+    first = 0
+    for block, each, count in zip(blocks, sizes, counts, strict=True):
+        _scatter(block, each, data, places[first : first + count])
+        first += count
+    return MessageTable(channels[order], times[order], offsets, data)
+
+
+def _part(block: MessageBlock, first: int, stop: int) -> MessageBlock:
+    """Return the messages ``first`` to ``stop`` of a block."""
+    if stop - first == len(block.times):
+        return block
+    start = int(block.offsets[first])
+    end = int(block.offsets[stop]) if stop < len(block.times) else len(block.data)
+    offsets = block.offsets[first:stop] - start
+    return MessageBlock(block.channel, block.times[first:stop], offsets, block.data[start:end])
+
+
+def _scatter(block: MessageBlock, sizes: IntArray, data: ByteArray, places: IntArray) -> None:
+    """Copy the records of a block to their ``places`` (n,) in ``data``."""
+    rows = np.frombuffer(block.data, np.uint8)
+    size = int(sizes[0])
+    if (sizes == size).all():
+        # Every place a record of this size can lie at, as the rows of a table: n copies at once.
+        table = np.ndarray((len(data) - size + 1, size), np.uint8, data, 0, (1, 1))
+        table[places] = rows.reshape(-1, size)
+        return
+    for place, start, length in zip(
+        places.tolist(), block.offsets.tolist(), sizes.tolist(), strict=True
+    ):
+        data[place : place + length] = rows[start : start + length]
+
+
+class SampleColumns:
+    """Samples of one signal: a time [ns] and a fixed number of floats each.
+
+    Appending costs a fraction of a microsecond; nothing is encoded before :meth:`drain`.
+    """
+
+    __slots__ = ("_times", "_values", "names")
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        # Lists and not ``array``: extending one by seven floats takes 27 ns and 8 ns each when it
+        # becomes columns, extending an ``array`` 350 ns.
+        self._times: list[int] = []
+        self._values: list[float] = []
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    def add(self, time: int, values: Sequence[float]) -> None:
+        """Append a sample; ``values`` in the order of ``names``."""
+        self._times.append(time)
+        self._values.extend(values)
+
+    def drain(self) -> tuple[IntArray, dict[str, npt.NDArray[Any]]]:
+        """Return the samples as times (n,) and one column (n,) per name, and start anew."""
+        times = np.array(self._times, np.int64)
+        values = np.fromiter(self._values, np.float64, len(self._values))
+        self._times, self._values = [], []
+        table = values.reshape(len(times), len(self.names))
+        return times, {name: table[:, i] for i, name in enumerate(self.names)}
+
+
+class MessageRecords:
+    """Ready-made messages of one channel, for what is rare or of varying size."""
+
+    __slots__ = ("_channel", "_lengths", "_parts", "_times", "size")
+
+    def __init__(self, channel: int) -> None:
+        self._channel = channel
+        self._times: list[int] = []
+        self._lengths: list[int] = []
+        self._parts: list[bytes] = []
+        self.size = 0
+
+    def add(self, time: int, payload: bytes) -> None:
+        """Append a serialized message."""
+        length = HEADER.size + len(payload)
+        self._times.append(time)
+        self._lengths.append(length)
+        self._parts.append(HEADER.pack(MESSAGE_OPCODE, length - 9, self._channel, 0, time, time))
+        self._parts.append(payload)
+        self.size += length
+
+    def drain(self) -> MessageBlock:
+        """Return the messages as a block and start anew."""
+        block = MessageBlock(
+            self._channel,
+            np.array(self._times, np.int64),
+            np.cumsum([0, *self._lengths[:-1]], dtype=np.int64)[: len(self._times)],
+            b"".join(self._parts),
+        )
+        self._times, self._lengths, self._parts, self.size = [], [], [], 0
+        return block
+
+
+def encode_block(
+    layout: MessageLayout, channel: int, times: IntArray, columns: dict[str, npt.NDArray[Any]]
+) -> MessageBlock:
+    """Encode columns as a block of messages with the given layout."""
+    if not len(times):
+        return MessageBlock(channel, times, times, b"")
+    rows = layout.encode(channel, times, columns)
+    offsets = np.arange(0, rows.size, rows.shape[1], dtype=np.int64)
+    return MessageBlock(channel, times, offsets, rows.reshape(-1).data)

@@ -1,0 +1,88 @@
+"""What help shows below each command: lines to copy, every one of which the tests execute.
+
+They stand in a folder with a campaign file ``campaign.yaml`` called ``nightly`` that was submitted
+there, a floor plan ``flat.fpm`` and what their own earlier lines have made.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
+    "demo": ("scenario demo",),
+    "new": (
+        "scenario new my-tests",
+        "scenario new my-office --floorplan flat.fpm",
+        "scenario new --layers",
+    ),
+    "check": ("scenario check campaign.yaml", "scenario check flat.fpm doors.scenery"),
+    "run": (
+        "scenario run campaign.yaml",
+        "scenario run campaign.yaml --out results --junit results.xml",
+    ),
+    "submit": ("scenario submit campaign.yaml", "scenario submit campaign.yaml --fresh --watch"),
+    "search": (
+        "scenario search campaign.yaml doors-in-time --budget 4 --detach",
+        "scenario search --list",
+    ),
+    "wait": ("scenario wait nightly --timeout 10min",),
+    "serve": ("scenario serve campaign.yaml --scenario open-house --headless",),
+    "sut show": ("scenario sut show pilot", "scenario sut show pilot --json"),
+    "sut check": ("scenario sut check my_stack.yaml",),
+    "sut relay": ("scenario sut relay > relay.py",),
+    "tui": ("scenario tui", "scenario tui --read-only", "scenario tui --bindings"),
+    "status": ("scenario status", "scenario status --metrics", "scenario status --json"),
+    "results": (
+        "scenario results",
+        "scenario results nightly --runs",
+        "scenario results nightly --outcome fail --json",
+    ),
+    "show": ("scenario show nightly.0", "scenario show nightly.0 --log"),
+    "replay": ("scenario replay nightly.0", "scenario replay nightly.0 --frame 5"),
+    "plot": ("scenario plot nightly.0 clearance speed",),
+    "judge": ("scenario judge nightly.0", "scenario judge nightly.0 --json"),
+    "verify": ("scenario verify nightly.0",),
+    "compare": ("scenario compare nightly nightly",),
+    "report": (
+        "scenario report nightly",
+        "scenario report nightly -o nightly.html --junit nightly.xml",
+    ),
+    "coverage": ("scenario coverage nightly", "scenario coverage campaign.yaml"),
+    "blame": ("scenario blame nightly.1 --runs 20",),
+    "cancel": ("scenario cancel nightly",),
+    "retry": ("scenario retry nightly", 'scenario retry nightly --only "fail|error"'),
+    "pause": ("scenario pause nightly", "scenario pause nightly --off"),
+    "priority": ("scenario priority nightly 5", "scenario priority nightly -- -5"),
+    "delete": ("scenario delete nightly --dry-run",),
+    "daemon": (
+        "scenario daemon",
+        "scenario daemon --listen tls/0.0.0.0:7447 --slots 0",
+        "scenario daemon --print-unit",
+        "scenario daemon --stop",
+    ),
+    "worker": (
+        "scenario worker --connect tls/build.example:7447 -j 8",
+        "scenario worker --connect tls/build.example:7447 --print-unit",
+    ),
+    "keys init": ("scenario keys init my-keys --host build.example",),
+    "keys issue": ("scenario keys issue viewer wall-screen --keys my-keys",),
+    "keys list": ("scenario keys list --keys my-keys",),
+    "keys bundle": ("scenario keys bundle worker -o worker.tar --keys my-keys",),
+    "keys revoke": ("scenario keys revoke viewer.wall-screen --keys my-keys",),
+    "doctor": ("scenario doctor --quick", "scenario doctor --quick --json"),
+    "gc": ("scenario gc --dry-run", "scenario gc --older-than 30d --max-size 20GiB --dry-run"),
+    "import": ("scenario import map.yaml -o home", "scenario import map.yaml -o home --force"),
+    "export": (
+        "scenario export flat.fpm geojson -o flat.geojson",
+        "scenario export campaign.yaml map sdf -o artefacts",
+        "scenario export nightly.0 picture --from 2 --until 6 -o part.svg",
+        "scenario export nightly traces -o traces",
+    ),
+    "vary": ("scenario vary flat.variation -n 3 --seed 7 -o variants",),
+    "schema": (
+        "scenario schema campaign",
+        "scenario schema --outputs",
+        "scenario schema --vscode .",
+    ),
+}
+"""By the words of the command."""

@@ -1,0 +1,125 @@
+"""The colours of the dashboard: a theme for dark terminals and one for light ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from rich.terminal_theme import TerminalTheme
+from textual.color import Color
+from textual.filter import DimFilter, LineFilter
+from textual.theme import Theme
+
+from scenario_tui.terminal.capabilities import TerminalLimits, has_light_background
+from scenario_tui.terminal.filters import BrightThemeColours
+from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
+
+DARK: Final = "scenario-dark"
+LIGHT: Final = "scenario-light"
+_DIM: Final = 0.75
+"""What dim words keep of their colour; the rest is background."""
+
+
+def _ansi(colours: str) -> TerminalTheme:
+    """Return sixteen colours: black, red, green, yellow, blue, magenta, cyan, white, twice."""
+    eight = [Color.parse(colour).rgb for colour in colours.split()]
+    return TerminalTheme(eight[0], eight[-1], eight, eight)
+
+
+# Words of the colours in text.formatting and all others have a contrast of 4.5 to 1 or more, which
+# the WCAG asks for, over every background they stand on; the tests measure it. The selection is
+# bright enough (dark enough) to be shown in reverse where there are few colours, or none.
+THEMES: Final = (
+    Theme(
+        DARK,
+        primary="#6aa6ff",
+        secondary="#7fd5e0",
+        accent="#f5c76a",
+        warning="#f5c76a",
+        error="#ff8f8f",
+        success="#7fd88f",
+        foreground="#dde1e8",
+        background="#12151a",
+        surface="#191d24",
+        panel="#232933",
+        dark=True,
+        variables={
+            "block-cursor-background": "#6aa6ff",
+            "block-cursor-foreground": "#0b0e13",
+            "block-cursor-blurred-background": "#2b3a55",
+            "block-cursor-blurred-foreground": "#f2f4f8",
+            "border": "#6aa6ff",
+            "border-blurred": "#3a4352",
+            "footer-key-foreground": "#f5c76a",
+            "input-selection-background": "#6aa6ff 40%",
+            "text-disabled": "auto 62%",
+            "scrollbar": "#3a4352",
+            "scrollbar-background": "#191d24",
+        },
+    ),
+    Theme(
+        LIGHT,
+        primary="#0b5cad",
+        secondary="#0b6470",
+        accent="#7a4b00",
+        warning="#7a4b00",
+        error="#a31621",
+        success="#176b2c",
+        foreground="#1c2128",
+        background="#fbfbf9",
+        surface="#f3f3f0",
+        panel="#e9e9e5",
+        dark=False,
+        variables={
+            "block-cursor-background": "#0b5cad",
+            "block-cursor-foreground": "#ffffff",
+            "block-cursor-blurred-background": "#cfdff2",
+            "block-cursor-blurred-foreground": "#10151c",
+            "border": "#0b5cad",
+            "border-blurred": "#c4c4be",
+            "footer-key-foreground": "#7a4b00",
+            "input-selection-background": "#0b5cad 30%",
+            "text-disabled": "auto 66%",
+            "scrollbar": "#c4c4be",
+            "scrollbar-background": "#f3f3f0",
+        },
+    ),
+)
+
+
+_ANSI_DARK: Final = _ansi("#12151a #ff8f8f #7fd88f #f5c76a #8ab8ff #e29bff #7fd5e0 #dde1e8")
+_ANSI_LIGHT: Final = _ansi("#1c2128 #a31621 #176b2c #7a4b00 #0b5cad #7a2a96 #0b6470 #fbfbf9")
+"""What words with a colour of the terminal's sixteen look like, as messages of commands have."""
+
+
+class ThemedApp(LimitedTerminalApp):
+    """An app in our colours; those for light backgrounds where the terminal has one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        for theme in THEMES:
+            self.register_theme(theme)
+        self.theme = DARK
+        self.ansi_theme_dark, self.ansi_theme_light = _ANSI_DARK, _ANSI_LIGHT
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Return what makes colours fit: those of words are for dark backgrounds."""
+        # Half of the contrast, as the library dims words, is too little to read them.
+        dim = DimFilter(_DIM)
+        filters = [dim if isinstance(f, DimFilter) else f for f in super().get_line_filters()]
+        return filters if self.current_theme.dark else [BrightThemeColours(), *filters]
+
+    def apply_limits(self, limits: TerminalLimits) -> None:
+        """Show everything within limits; where there are few colours, selections are bright."""
+        super().apply_limits(limits)
+        self.set_class(limits.colours != "all", "-few-colours")
+
+    def limit_to_terminal(self) -> None:
+        """Show everything within what the terminal of this process can do, in fitting colours."""
+        super().limit_to_terminal()
+        if not self.chosen_theme() and has_light_background():
+            self.theme = LIGHT
+
+    def chosen_theme(self) -> str:
+        """Return the theme that people chose, empty when they did not."""
+        return ""

@@ -1,0 +1,79 @@
+"""What is said of runs without a result: where they stand, why, and what brings them on."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from daemon.model.status import CampaignRow, RunRow, RunState
+from scenario_tui.text.formatting import duration, pluralise
+
+_UNFINISHED: Final = ("running", "queued")
+
+
+def unfinished_text(row: CampaignRow) -> str:
+    """Return what is left of a campaign: ``1 run is running, 12 queued, paused, 3 min 20 s left``.
+
+    Empty for one that is finished.
+    """
+    counts = {"running": row.running, "queued": row.queued}
+    parts = [f"{counts[word]:,} {word}" for word in _UNFINISHED if counts[word]]
+    if not parts and not row.finished:
+        parts = ["the search goes on"]
+    if parts and row.paused:
+        parts.append("paused")
+    if row.seconds_left is not None:
+        parts.append(f"{duration(row.seconds_left)} left")
+    return ", ".join(parts)
+
+
+def progress_text(row: CampaignRow) -> str:
+    """Return how many runs a campaign has, and how many have finished while some have not."""
+    runs = pluralise(row.total, "run")
+    if row.queued + row.running == 0:
+        return runs
+    return f"{row.total - row.queued - row.running:,} of {runs} finished"
+
+
+def without_trace_text(run: RunRow, campaign: CampaignRow | None, before: int | None = None) -> str:
+    """Return why a run has no trace, and what to type where that helps.
+
+    ``campaign`` is its own, if known; ``before`` is how many of its runs are queued before it.
+    """
+    if run.state is RunState.RUNNING:
+        return f"{run.id} is running: its trace is there when it ends, `scenario tui` shows it live"
+    if run.state is RunState.QUEUED:
+        return f"{run.id} is queued: {_waiting_text(run, campaign, before)}"
+    if run.state is RunState.CANCELLED:
+        said = f"{run.id} was cancelled before it ended"
+        return f"{said}; `scenario retry {run.campaign}` queues it again"
+    if run.state is RunState.LOST:
+        why = run.reason.strip().splitlines()[-1:]
+        said = f"{run.id} is lost, {pluralise(run.attempt, 'attempt')} left no result"
+        return ": ".join((said, *why)) + f"; `scenario retry {run.campaign}` queues it again"
+    return f"{run.id} has no trace: {run.remark or 'it is not there any more'}"
+
+
+def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None) -> str:
+    """Return what a queued run waits for."""
+    if run.remark:
+        return run.remark if run.not_before else f"once more, {run.remark}"
+    if campaign is not None and campaign.paused:
+        return f"its campaign is paused, `scenario resume {campaign.id}` lets it go on"
+    parts = []
+    if before is not None:
+        first = f"{pluralise(before, 'run')} of its campaign queued before it"
+        parts.append(first if before else "the next of its campaign")
+    if campaign is not None and campaign.seconds_left is not None:
+        parts.append(f"{duration(campaign.seconds_left)} left for all of {campaign.id}")
+    return ", ".join(parts) or "it has not started yet"
+
+
+def without_traces_text(campaign: CampaignRow) -> str:
+    """Return why a campaign has no traces."""
+    if left := unfinished_text(campaign):
+        return f"no run of {campaign.id} has a trace yet: {left}"
+    words = {"cancelled": campaign.cancelled, "lost": campaign.lost}
+    gone = ", ".join(f"{count:,} {word}" for word, count in words.items() if count)
+    if not gone:
+        return f"the traces of {campaign.id} are not there any more"
+    return f"no run of {campaign.id} has a trace: {gone}; `scenario retry` queues them again"

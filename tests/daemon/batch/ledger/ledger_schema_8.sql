@@ -1,0 +1,202 @@
+CREATE TABLE meta (
+    key   TEXT PRIMARY KEY,
+    value INTEGER NOT NULL
+) STRICT, WITHOUT ROWID;
+
+INSERT INTO meta VALUES ('token', 0);
+
+CREATE TABLE campaign (
+    serial       INTEGER PRIMARY KEY,
+    id           TEXT NOT NULL UNIQUE,
+    name         TEXT NOT NULL,
+    about        TEXT NOT NULL,
+    source       TEXT NOT NULL,
+    digest       TEXT NOT NULL,
+    total        INTEGER NOT NULL,
+    submitted_at REAL NOT NULL,
+    finished_at  REAL,
+    declared     BLOB NOT NULL DEFAULT '',
+    fresh        INTEGER NOT NULL DEFAULT 0,
+    cached       INTEGER NOT NULL DEFAULT 0,
+    paused       INTEGER NOT NULL DEFAULT 0,
+    priority     INTEGER NOT NULL DEFAULT 0,
+    served       INTEGER NOT NULL DEFAULT 0, -- token of its latest lease
+    visible      INTEGER NOT NULL DEFAULT 1  -- 0: being entered or removed, part by part
+) STRICT;
+
+-- Whose turn it is: campaigns of one priority take turns.
+CREATE INDEX campaign_turn ON campaign (priority DESC, served, serial) WHERE finished_at IS NULL;
+CREATE INDEX campaign_name ON campaign (name, serial);
+CREATE INDEX campaign_hidden ON campaign (id) WHERE visible = 0;
+
+-- One row per run, kept small: lists read nothing else. Empty text means "none yet".
+CREATE TABLE run (
+    serial      INTEGER PRIMARY KEY,
+    id          TEXT NOT NULL UNIQUE,
+    campaign    TEXT NOT NULL REFERENCES campaign (id),
+    position    INTEGER NOT NULL,
+    scenario    TEXT NOT NULL,
+    sut         TEXT NOT NULL,
+    repeat      INTEGER NOT NULL,
+    time_limit  REAL NOT NULL,
+    digest      TEXT NOT NULL,
+    trace_name  TEXT NOT NULL,
+    state       TEXT NOT NULL DEFAULT 'queued',
+    attempt     INTEGER NOT NULL DEFAULT 0,
+    strikes     INTEGER NOT NULL DEFAULT 0,
+    worker      TEXT NOT NULL DEFAULT '',
+    token       INTEGER NOT NULL DEFAULT 0,
+    lease_until REAL NOT NULL DEFAULT 0,
+    result      TEXT NOT NULL DEFAULT '',
+    reason      TEXT NOT NULL DEFAULT '',
+    outcome     TEXT NOT NULL DEFAULT '',
+    oracle      TEXT NOT NULL DEFAULT '',
+    margin      REAL,
+    unit        TEXT NOT NULL DEFAULT '',
+    simulated   REAL NOT NULL DEFAULT 0,
+    wall        REAL NOT NULL DEFAULT 0,
+    finished_at REAL,
+    seed        TEXT NOT NULL DEFAULT '0',
+    cached      TEXT NOT NULL DEFAULT '',
+    granted     INTEGER NOT NULL DEFAULT 0,  -- token of its latest lease, also when that is over
+    trace_at    TEXT NOT NULL DEFAULT '',    -- URL of its trace, empty for the state directory
+    kind        TEXT NOT NULL DEFAULT '',    -- of its system under test
+    repeatable  INTEGER NOT NULL DEFAULT 1,  -- 0: its system answers otherwise each time
+    not_before  REAL NOT NULL DEFAULT 0,     -- not leased before: it waits after a failed attempt
+    setbacks    INTEGER NOT NULL DEFAULT 0,  -- attempts in a row without a result, blamed or not
+    doubted     INTEGER NOT NULL DEFAULT 0,  -- 1: its specification once came out differently
+    outdated    INTEGER NOT NULL DEFAULT 0,  -- leases up to this token are of before a retry
+    lapses      INTEGER NOT NULL DEFAULT 0,  -- leases in a row that nobody renewed in time
+    UNIQUE (campaign, position),
+    UNIQUE (trace_name)
+) STRICT;
+
+CREATE INDEX run_queue ON run (state, serial);
+-- Ready to be leased; and those that wait after a failed attempt, for whoever ends their wait.
+CREATE INDEX run_ready ON run (campaign, serial) WHERE state = 'queued' AND not_before = 0;
+CREATE INDEX run_delayed ON run (not_before) WHERE state = 'queued' AND not_before > 0;
+CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
+-- What each worker has: asked with every request for work and every renewal.
+CREATE INDEX run_working ON run (worker, token) WHERE state = 'running';
+-- The first lets a new run find an old result of the same specification.
+CREATE INDEX run_result ON run (digest) WHERE result <> '';
+-- Who took the result of a run, when that is to be removed.
+CREATE INDEX run_cached ON run (cached) WHERE cached <> '';
+CREATE INDEX run_doubted ON run (digest) WHERE doubted = 1;
+CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
+
+-- Stores that traces were ever kept in, besides the state directory.
+CREATE TABLE store (
+    url TEXT PRIMARY KEY
+) STRICT, WITHOUT ROWID;
+
+-- Repeats for cells that are not decided by those before; they become runs when they are needed.
+CREATE TABLE reserve (
+    campaign TEXT NOT NULL REFERENCES campaign (id),
+    position INTEGER NOT NULL,
+    scenario TEXT NOT NULL,
+    sut      TEXT NOT NULL,
+    repeat   INTEGER NOT NULL,
+    body     BLOB NOT NULL,
+    PRIMARY KEY (campaign, position)
+) STRICT, WITHOUT ROWID;
+
+-- What runs share: cells (runs without repeat, seed and behaviours) and behaviours, by content.
+CREATE TABLE part (
+    name TEXT PRIMARY KEY,
+    body BLOB NOT NULL
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE spec (
+    run  TEXT PRIMARY KEY REFERENCES run (id),
+    body BLOB NOT NULL
+) STRICT, WITHOUT ROWID;
+
+-- The primary key is what makes a result exactly one.
+CREATE TABLE result (
+    run     TEXT PRIMARY KEY REFERENCES run (id),
+    attempt INTEGER NOT NULL,
+    worker  TEXT NOT NULL,
+    digest  TEXT NOT NULL,
+    at      REAL NOT NULL,
+    body    BLOB NOT NULL,
+    holder  TEXT NOT NULL DEFAULT ''  -- name of the key that brought it, empty for the daemon's owner
+) STRICT, WITHOUT ROWID;
+
+CREATE INDEX result_holder ON result (holder) WHERE holder <> '';
+
+-- Every lease ever granted of a run that is here: under whose name a renewal or a result may come.
+CREATE TABLE lease (
+    token      INTEGER PRIMARY KEY,
+    run        TEXT NOT NULL REFERENCES run (id),
+    attempt    INTEGER NOT NULL,
+    worker     TEXT NOT NULL,
+    holder     TEXT NOT NULL,  -- name of the key, empty for the daemon's owner
+    granted_at REAL NOT NULL
+) STRICT;
+
+CREATE INDEX lease_run ON lease (run);
+CREATE INDEX lease_worker ON lease (worker);
+
+-- Keys whose results do not count: what they delivered was voided.
+CREATE TABLE void_key (
+    name TEXT PRIMARY KEY,
+    at   REAL NOT NULL
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE event (
+    seq      INTEGER PRIMARY KEY AUTOINCREMENT,
+    at       REAL NOT NULL,
+    kind     TEXT NOT NULL,
+    id       TEXT NOT NULL,
+    campaign TEXT NOT NULL,
+    state    TEXT NOT NULL,
+    note     TEXT NOT NULL DEFAULT ''
+) STRICT;
+
+-- How many runs stand how, so that counting never reads them: who enters runs counts them, many
+-- at a time, and a trigger counts them anew when they change.
+CREATE TABLE tally (
+    campaign TEXT NOT NULL,
+    state    TEXT NOT NULL,
+    outcome  TEXT NOT NULL,
+    runs     INTEGER NOT NULL,
+    PRIMARY KEY (campaign, state, outcome)
+) STRICT, WITHOUT ROWID;
+
+CREATE TRIGGER run_recounted AFTER UPDATE OF state, outcome ON run
+WHEN old.state <> new.state OR old.outcome <> new.outcome BEGIN
+    UPDATE tally SET runs = runs - 1
+        WHERE campaign = old.campaign AND state = old.state AND outcome = old.outcome;
+    INSERT INTO tally VALUES (new.campaign, new.state, new.outcome, 1)
+        ON CONFLICT DO UPDATE SET runs = runs + 1;
+END;
+
+-- Campaigns whose runs are proposed one after the other. ``task`` and ``answer`` are JSON, the
+-- latter empty while there is nothing to say; ``file`` is that of the campaign among its files.
+CREATE TABLE search (
+    campaign   TEXT PRIMARY KEY REFERENCES campaign (id),
+    task       BLOB NOT NULL,
+    file       TEXT NOT NULL,
+    state      TEXT NOT NULL DEFAULT 'running',
+    phase      TEXT NOT NULL DEFAULT 'explore',
+    note       TEXT NOT NULL DEFAULT '',
+    answer     BLOB NOT NULL DEFAULT x'',
+    updated_at REAL NOT NULL
+) STRICT, WITHOUT ROWID;
+
+CREATE INDEX search_running ON search (campaign) WHERE state = 'running';
+
+-- What each run of a search is about, by its position; ``vals`` is a list in JSON.
+CREATE TABLE proposal (
+    campaign TEXT NOT NULL REFERENCES campaign (id),
+    position INTEGER NOT NULL,
+    number   INTEGER NOT NULL,
+    repeat   INTEGER NOT NULL,
+    phase    TEXT NOT NULL,
+    method   TEXT NOT NULL,
+    guided   INTEGER NOT NULL,
+    vals     BLOB NOT NULL,
+    note     TEXT NOT NULL,
+    PRIMARY KEY (campaign, position)
+) STRICT, WITHOUT ROWID;

@@ -1,0 +1,51 @@
+"""Machine code is compiled by one process at a time, which the others wait for."""
+
+import fcntl
+import multiprocessing
+import threading
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.kernel_compilation import WAITING, compiling_alone
+from daemon.batch.numba_cache import CACHE_VARIABLE, numba_cache_folder
+
+
+@pytest.fixture
+def wire() -> tuple[Connection, Connection]:
+    return multiprocessing.Pipe(duplex=False)
+
+
+def test_who_comes_second_says_that_it_waits_and_begins_when_the_first_is_done(
+    tmp_path: Path, wire: tuple[Connection, Connection]
+) -> None:
+    ours, theirs = wire
+    begun = threading.Event()
+
+    def second() -> None:
+        with compiling_alone(tmp_path, theirs):
+            begun.set()
+
+    with (tmp_path / "kernels.lock").open("ab") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        waiting = threading.Thread(target=second)
+        waiting.start()
+        assert ours.poll(30.0)
+        assert ours.recv_bytes() == WAITING
+        assert not begun.is_set()
+    assert begun.wait(30.0)
+    waiting.join()
+
+
+def test_nobody_is_waited_for_where_nothing_can_be_written(
+    tmp_path: Path, wire: tuple[Connection, Connection]
+) -> None:
+    (tmp_path / "file").touch()
+    with compiling_alone(tmp_path / "file" / "kernels", wire[1]):
+        assert not wire[0].poll()
+
+
+def test_processes_that_share_a_cache_share_its_folder(tmp_path: Path) -> None:
+    assert numba_cache_folder({CACHE_VARIABLE: str(tmp_path)}) == tmp_path
+    assert numba_cache_folder({}).name in ("__pycache__", "numba")

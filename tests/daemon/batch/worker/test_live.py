@@ -1,0 +1,155 @@
+"""What is published of running runs: nothing unless somebody listens, and no more than the line."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.run_process import Wanted
+from daemon.batch.worker import _live
+from daemon.batch.worker._live import LINE_RATE, LineBudget, LivePublisher
+from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
+from daemon.model.messages import LIVE, Empty
+from daemon.model.spec import Snapshot
+from daemon.model.status import LiveSnapshot
+from daemon.model.verbs import OVERVIEW
+from grammars.model.geometry import Pose2
+from grammars.text import codec
+from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+
+RUN = "c.0"
+POINTS = tuple(range(-430, 430))
+"""So many that a snapshot is as long as a pipe takes."""
+LOG = tuple(LogLine(i / 7.0, "sut", f"{i * 7919 % 100003:x} {i}") for i in range(600))
+
+
+class Told:
+    """An execution that tells what it is given to."""
+
+    def __init__(self) -> None:
+        self.attempt = SimpleNamespace(lease=SimpleNamespace(run=RUN))
+        self.live = self.judged = b""
+        self.wanted: list[Collection[Wanted]] = []
+
+    def watch(self, wanted: frozenset[Wanted]) -> None:
+        self.wanted.append(wanted)
+
+    def tells(self, time: float, *, judged: bool = False) -> None:
+        picture = Snapshot(time, 60.0, Pose2(time), None, 0, 1, (), returns=POINTS)
+        self.live = codec.to_json(LiveSnapshot(RUN, picture))
+        if judged:
+            self.judged = pack_judgement(LiveJudgement(RUN, time, (), (), (), (), LOG))
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    with daemon_at(tmp_path_factory.mktemp("daemon") / "state") as part:
+        yield part
+
+
+@pytest.fixture
+def client(daemon: DaemonPart) -> Iterator[Client]:
+    with daemon.client() as connected:
+        yield connected
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    now = SimpleNamespace(time=1000.0)
+    monkeypatch.setattr(_live, "time", SimpleNamespace(monotonic=lambda: now.time))
+    return now
+
+
+def publish_seconds(publisher: LivePublisher, told: Any, clock: Any, seconds: int) -> None:
+    """Let a run tell itself ten times a second, and what it is judged by once a second."""
+    for step in range(10 * seconds):
+        clock.time += 0.1
+        told.tells(step / 10.0, judged=step % 10 == 0)
+        publisher.publish(told)
+        # Behind it on the same link: nothing is dropped for want of a pause.
+        bus.ask(publisher.session, "the daemon", OVERVIEW, Empty(), 30.0)
+
+
+def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(
+    daemon: DaemonPart, client: Client, clock: SimpleNamespace
+) -> None:
+    told: Any = Told()
+    heard: list[LiveSnapshot] = []
+    with bus.open_client(daemon.endpoint) as session:
+        publisher = LivePublisher(session, "worker-1")
+        publish_seconds(publisher, told, clock, 2)
+        assert told.wanted == []
+        with client.watch("another.1", heard.append, lambda _: None):
+            client.overview()  # behind the subscription on the same link
+            publish_seconds(publisher, told, clock, 2)
+        assert (told.wanted, heard) == ([], [])
+
+
+def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(
+    daemon: DaemonPart, client: Client, clock: SimpleNamespace
+) -> None:
+    told: Any = Told()
+    sizes: dict[str, list[int]] = {}
+    judged: list[LiveJudgement] = []
+    seconds = 20
+    with (
+        bus.open_client(daemon.endpoint) as session,
+        bus.open_client(daemon.endpoint) as line,
+        client.watch(RUN, lambda _: None, judged.append),
+    ):
+
+        def weigh(sample: Any) -> None:
+            sizes.setdefault(str(sample.key_expr), []).append(len(sample.payload.to_bytes()))
+
+        subscriber = line.declare_subscriber(f"{LIVE}/**", weigh)
+        publisher = LivePublisher(session, "worker-1")
+        both = {Wanted.DETAILS, Wanted.JUDGEMENT}
+
+        def is_known() -> bool:
+            told.tells(0.0)
+            publisher.publish(told)
+            return bool(told.wanted) and both <= set(told.wanted[-1])
+
+        eventually(is_known)
+        key = f"{LIVE}/owner/worker-1/{RUN}"
+        before = len(sizes.get(key, ()))
+        publish_seconds(publisher, told, clock, seconds)
+        eventually(lambda: len(sizes.get(f"{key}/judged", ())) == seconds)
+        eventually(lambda: judged and judged[-1].time == seconds - 1.0)
+        subscriber.undeclare()
+    details = sizes[key][before:]
+    assert 5 * seconds < len(details) < 10 * seconds
+    sent = sum(details) + sum(sizes[f"{key}/judged"])
+    assert 0.9 * LINE_RATE * seconds < sent <= LINE_RATE * (seconds + 1)
+    # Who watches all of them is told less: of that run, others see the details.
+    assert max(sizes[f"{LIVE}/owner/worker-1"]) < 300
+
+
+def test_a_short_message_after_a_pause_is_never_left_out() -> None:
+    budget = LineBudget(filled_at=0.0)
+    budget.spend(200_000)
+    assert not budget.allows(1.0)
+    assert budget.allows(6.0)
+    budget.spend(1)
+    assert budget.allows(6.0)
+
+
+@pytest.mark.parametrize("mark", ["", "details", "details judgement", "margin"])
+def test_the_word_for_a_run_is_read_by_it(tmp_path: Path, mark: str) -> None:
+    from multiprocessing import Pipe
+
+    from daemon.batch.run_process import WATCHED, SnapshotSender
+
+    (tmp_path / WATCHED).write_text(mark)
+    ours, theirs = Pipe(duplex=False)
+    with ours, theirs:
+        sender = SnapshotSender(RUN, theirs, tmp_path)
+        assert sender.interest() == ("everything" if "details" in mark else "progress")
+        wanted = {"details judgement": "everything", "margin": "margin"}
+        assert sender.wanted() == wanted.get(mark, "nothing")

@@ -1,0 +1,127 @@
+"""Every line that help shows as an example is typed, as it stands, and does what it should."""
+
+from __future__ import annotations
+
+import importlib.resources
+import shlex
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+import typer
+
+from grammars.model.map_files import write_map
+from scenario_tui.cli import command_line
+from scenario_tui.cli.examples import EXAMPLES
+from tests.grammars.maps.imported import house
+from tests.scenario_tui.cli.real import call, call_here
+from tests.scenario_tui.cli.test_poisoned import commands
+
+STAY: Final = {
+    "scenario serve campaign.yaml --scenario open-house --headless": "goes on until Ctrl-C",
+    "scenario daemon": "goes on until Ctrl-C",
+    "scenario daemon --listen tls/0.0.0.0:7447 --slots 0": "goes on, and takes keys and a port",
+    "scenario worker --connect tls/build.example:7447 -j 8": "the daemon is another machine",
+    "scenario sut check my_stack.yaml": "the stack needs ROS 2",
+    "scenario tui": "needs a terminal",
+    "scenario tui --read-only": "needs a terminal",
+    "scenario replay nightly.0": "needs a terminal",
+}
+"""Lines that cannot be typed here to the end, and why: they are read by the command line only."""
+CAMPAIGN: Final = """\
+campaign: nightly
+about: Two short runs, one of which has too little time.
+seed: 7
+limit: 20 s
+robot: courier
+oracles: navigation
+map: {rule: touch}
+matrix: {sut: [pilot]}
+scenarios:
+  open-house:
+    floorplan: flat
+    objects: doors
+    behaviours: doors_moving
+    mission: courier
+    oracles: [no-contact, keeps-clear, nearest]
+  hurried: {like: open-house, limit: 4 s, oracles: [reached]}
+expect:
+  - {scenario: hurried, oracle: reached, verdict: fail, why: "nobody is that fast"}
+search:
+  doors-in-time:
+    scenario: open-house
+    minimise: keeps-clear
+    over: {doors_moving.bedroom_closes: 5.1 .. 6.9 s}
+    budget: 60 runs
+"""
+WORDS: Final = sorted(
+    {words.partition(" ")[0] for words in EXAMPLES}, key=lambda word: (word == "daemon", word)
+)
+"""First words of commands; the daemon comes last, for one of its examples ends it."""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Iterator[Path]:
+    """A folder with what the examples name, and a daemon that has finished its campaign."""
+    folder = tmp_path_factory.mktemp("examples")
+    shutil.copytree(campaigns / "demo", folder, dirs_exist_ok=True)
+    (folder / "campaign.yaml").write_text(CAMPAIGN)
+    write_map(house(), folder / "map", laser_height=0.2)
+    # What ships is demonstrated with less of it.
+    (folder / "shipped" / "demo").mkdir(parents=True)
+    shutil.copytree(campaigns / "demo", folder / "shipped" / "demo", dirs_exist_ok=True)
+    (folder / "shipped" / "demo" / "campaign.yaml").write_text(CAMPAIGN)
+    done = call("submit", "campaign.yaml", "--watch", state=folder / "state", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    yield folder
+    call_here("daemon", "--stop", state=folder / "state", cwd=folder)
+
+
+def test_every_command_has_examples_and_every_example_its_command() -> None:
+    assert set(EXAMPLES) == {words for words, _ in commands()}
+    for words, lines in EXAMPLES.items():
+        assert lines
+        for line in lines:
+            assert f"{line} ".startswith(f"scenario {words} ")
+            assert len(line) <= 75, "longer ones would be wrapped where help is read"
+    assert set(STAY) <= {line for lines in EXAMPLES.values() for line in lines}
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_examples_do_what_they_show(word: str, place: Path, monkeypatch: Any) -> None:
+    files = importlib.resources.files
+    shipped = {"campaigns": place / "shipped"}
+    monkeypatch.setattr(importlib.resources, "files", lambda name: shipped.get(name) or files(name))
+    for name in ("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, str(place / "home"))
+    # What an example before this one has queued is not what the next one is about.
+    assert call_here("wait", "nightly", state=place / "state", cwd=place).returncode == 0
+    for words, lines in EXAMPLES.items():
+        if words.partition(" ")[0] != word:
+            continue
+        for line in lines:
+            arguments = shlex.split(line.partition(" > ")[0])[1:]
+            if line in STAY:
+                _read(arguments)
+                continue
+            done = call_here(*arguments, state=place / "state", cwd=place)
+            assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+
+
+def _read(arguments: list[str]) -> None:
+    """Read what was typed as far as the command line does, and call nothing."""
+    command = typer.main.get_command(command_line.app)
+    while True:
+        inner = getattr(command, "get_command", None)
+        if inner is None:
+            break
+        command = inner(None, arguments[0])
+        arguments = arguments[1:]
+    command.make_context("scenario", list(arguments))
+
+
+def test_what_examples_name_as_files_is_written(place: Path) -> None:
+    for name in ("my-tests/campaign.yaml", "flat.geojson", "home.walls.yaml", "scenario.vsix"):
+        assert (place / name).is_file(), name

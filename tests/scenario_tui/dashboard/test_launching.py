@@ -1,0 +1,93 @@
+"""The dashboard starts a daemon on its machine when none answers, and says how it is stopped."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.batch.errors import LaunchFailed
+from scenario_tui.cli import machines
+from scenario_tui.dashboard.config import Config
+from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
+from tests.scenario_tui.dashboard.inline import make_dashboard, screen_text, settle
+from tests.scenario_tui.fake import CAMPAIGN
+
+STARTED = (
+    "started a daemon on this machine at tcp/127.0.0.1:7447 (`scenario daemon --stop` ends it)"
+)
+
+
+async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_stop_it() -> None:
+    fake, begin = SteeredDaemon(reachable=False), threading.Event()
+
+    def launch() -> str:
+        begin.wait()
+        fake.reachable = True
+        return STARTED
+
+    app = make_dashboard(fake, launch_daemon=launch)
+    async with app.run_test(size=(80, 24)) as pilot:
+        app.update_state()
+        await until(pilot, lambda: "starting one on this machine" in "".join(screen_text(pilot)))
+        assert screen_text(pilot)[0].strip() == "… starting a daemon"
+        begin.set()
+        await settle(pilot)
+        assert CAMPAIGN in "\n".join(screen_text(pilot))
+        assert STARTED in [notice.message for notice in app._notifications]
+    assert app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
+
+
+async def test_a_daemon_that_answers_is_left_as_it_is() -> None:
+    app = make_dashboard(SteeredDaemon(), launch_daemon=lambda: "")
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        assert not list(app._notifications)
+    assert "stop" not in app.farewell()
+
+
+async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words() -> None:
+    def launch() -> str:
+        raise LaunchFailed("the daemon ended with code 70:\nno space left")
+
+    app = make_dashboard(SteeredDaemon(reachable=False), launch_daemon=launch)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        assert "no space left" in " ".join(notice.message for notice in app._notifications)
+        assert "No daemon answers here. In another terminal" in "\n".join(screen_text(pilot))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "read_only", "started"),
+    [
+        ((), False, True),
+        (("--connect", "tcp/127.0.0.1:9"), False, False),
+        (("--read-only",), False, False),
+        ((), True, False),
+    ],
+)
+def test_none_is_started_behind_the_back_of_who_named_one_or_only_looks(
+    scenario: Callable[..., Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    read_only: bool,
+    started: bool,
+) -> None:
+    launchers = []
+
+    def run(*given: Any) -> tuple[int, str]:
+        launchers.append(given[3])
+        return 0, "left"
+
+    monkeypatch.setattr(machines, "_why_no_dashboard", lambda: "")
+    monkeypatch.setattr("scenario_tui.dashboard.app.run_dashboard", run)
+    monkeypatch.setattr(
+        "scenario_tui.dashboard.config.read_config", lambda: Config(read_only=read_only)
+    )
+    said = scenario("tui", "--state", str(tmp_path), *arguments)
+    assert said.code == 0, said.err
+    assert [launcher is not None for launcher in launchers] == [started]

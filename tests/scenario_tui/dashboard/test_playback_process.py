@@ -1,0 +1,96 @@
+"""Another process reads traces: the same playback, errors in words, and no process left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daemon.trace import TraceError
+from scenario_tui.dashboard.playback_process import PlaybackProcess, read_playback
+from tests.scenario_tui.recorded import record_run
+
+
+@pytest.fixture(scope="module")
+def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_run(tmp_path_factory.mktemp("traces") / "run.mcap")
+
+
+@pytest.fixture
+def process() -> Iterator[PlaybackProcess]:
+    found = PlaybackProcess()
+    yield found
+    found.close()
+
+
+def pid(process: PlaybackProcess) -> int:
+    assert process._child is not None
+    return process._child.pid
+
+
+def test_what_another_process_read_is_what_is_read_here(
+    trace: Path, process: PlaybackProcess
+) -> None:
+    here, there = read_playback(trace, ()), process.read(trace, ())
+    assert there.label == here.label
+    assert there.trace.spec == here.trace.spec
+    for one, other in zip(there.timeline.strips, here.timeline.strips, strict=True):
+        assert (one.name, one.limits, one.against) == (other.name, other.limits, other.against)
+        np.testing.assert_array_equal(one.values, other.values)
+    assert there.timeline.doors == here.timeline.doors
+    for time in np.linspace(here.start, here.end, 7):
+        assert there.view(float(time)) == here.view(float(time))
+    assert there.view(here.end).returns
+
+
+def test_what_cannot_be_read_is_said_and_the_next_one_is(
+    trace: Path, process: PlaybackProcess, tmp_path: Path
+) -> None:
+    (tmp_path / "notes.mcap").write_text("hello")
+    with pytest.raises(TraceError, match="is not an MCAP file") as refused:
+        process.read(tmp_path / "notes.mcap", ())
+    assert "run it again to get one" in str(refused.value)
+    before = pid(process)
+    assert process.read(trace, ()).verdicts == ()
+    assert pid(process) == before
+
+
+def test_a_process_that_was_killed_is_replaced(trace: Path, process: PlaybackProcess) -> None:
+    process.read(trace, ())
+    before = pid(process)
+    os.kill(before, signal.SIGKILL)
+    assert process.read(trace, ()).end > 0.0
+    assert pid(process) != before
+
+
+def test_it_leaves_when_nothing_is_asked(trace: Path) -> None:
+    process = PlaybackProcess(idle=0.1)
+    process.read(trace, ())
+    assert process._child is not None
+    assert process._child.wait(60.0) == 0
+    assert process.read(trace, ()).end > 0.0
+    process.close()
+
+
+def test_nothing_that_judges_is_loaded_to_look_at_a_run(trace: Path) -> None:
+    """What holds the memory: in the process of the dashboard it would stay."""
+    script = (
+        "import sys; from pathlib import Path\n"
+        "import scenario_tui.dashboard.app, scenario_tui.dashboard.screens.run\n"
+        "from scenario_tui.dashboard.playback_process import PlaybackProcess\n"
+        "process = PlaybackProcess()\n"
+        "playback = process.read(Path(sys.argv[1]), ())\n"
+        "playback.view(playback.end)\n"
+        "process.close()\n"
+        "print({'numba', 'llvmlite', 'scipy', 'shapely', 'pymunk'} & sys.modules.keys())\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(trace)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "set()"

@@ -1,0 +1,141 @@
+"""Our colours can be read: on every background they stand on, on dark and on light terminals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.color_triplet import ColorTriplet
+from rich.segment import Segment
+
+from grammars.text.diagnostics import Diagnostic, Severity, Where
+from scenario_tui.dashboard.config import Config
+from scenario_tui.dashboard.themes import DARK, LIGHT
+from scenario_tui.submission import CheckedFile
+from scenario_tui.terminal.capabilities import TerminalLimits, has_light_background
+from tests.scenario_tui.dashboard.driven import SteeredDaemon
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
+from tests.scenario_tui.dashboard.searching import SearchingDaemon
+
+LEAST = 4.5
+"""The contrast that the WCAG asks for between a text and its background."""
+DRAWN = range(0x2500, 0x2900)
+"""Lines, blocks and braille: drawings, not text."""
+SCREENS = ((), ("enter",), ("m",), ("enter", "enter"), ("question_mark",), ("c",), ("r",), ("s",))
+
+
+WHERE = Where("first.yaml", 1, 1)
+CHECKED = CheckedFile(
+    "first: 4 runs",
+    (
+        Diagnostic(WHERE, "something is wrong", "write it right"),
+        Diagnostic(WHERE, "something is odd", severity=Severity.WARNING),
+    ),
+)
+
+
+def luminance(colour: ColorTriplet) -> float:
+    """Relative luminance as the WCAG defines it."""
+    parts = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in colour.normalized]
+    return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
+
+
+def contrast(segment: Segment) -> float:
+    style = segment.style
+    assert style is not None
+    assert style.color is not None
+    assert style.bgcolor is not None
+    both = (luminance(c.get_truecolor()) for c in (style.color, style.bgcolor))
+    low, high = sorted(both)
+    return (high + 0.05) / (low + 0.05)
+
+
+def is_text(segment: Segment) -> bool:
+    written = segment.text.strip()
+    style = segment.style
+    coloured = style is not None and style.color is not None and style.bgcolor is not None
+    return coloured and any(ord(sign) not in DRAWN for sign in written)
+
+
+def poor(pilot: Any) -> Iterator[tuple[str, str]]:
+    for strip in pilot.app.screen._compositor.render_strips():
+        for segment in strip:
+            if is_text(segment) and contrast(segment) < LEAST:
+                yield segment.text.strip(), f"{contrast(segment):.2f} {segment.style}"
+
+
+@pytest.mark.parametrize("theme", [DARK, LIGHT])
+@pytest.mark.parametrize("keys", SCREENS, ids="-".join)
+async def test_every_text_can_be_read(
+    theme: str, keys: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "first.yaml").write_text("campaign: first\n")
+    monkeypatch.chdir(tmp_path)
+    config = Config(theme=theme)
+    app = make_dashboard(judged_campaign(), config=config, check_file=lambda *_, **__: CHECKED)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(pilot)
+        await press(pilot, *keys)
+        assert dict(poor(pilot)) == {}
+
+
+@pytest.mark.parametrize("theme", [DARK, LIGHT])
+async def test_a_search_and_the_banner_of_a_lost_connection_can_be_read(theme: str) -> None:
+    fake = SearchingDaemon.finished()
+    async with make_dashboard(fake, config=Config(theme=theme)).run_test(size=(120, 40)) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert dict(poor(pilot)) == {}
+        await press(pilot, "escape")
+        fake.reachable = False
+        await settle(pilot)
+        assert "no daemon answers" in screen_text(pilot)[0]
+        banner = next(iter(pilot.app.screen._compositor.render_strips()))
+        assert all(contrast(one) >= LEAST for one in banner if is_text(one))
+
+
+@pytest.mark.parametrize("theme", [DARK, LIGHT])
+@pytest.mark.parametrize("colours", ["few", "none"])
+async def test_the_selection_is_seen_without_our_colours(theme: str, colours: Any) -> None:
+    app = make_dashboard(SteeredDaemon(), config=Config(theme=theme))
+    app.apply_limits(TerminalLimits(colours))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "down")
+        strips = list(pilot.app.screen._compositor.render_strips())
+        reverse = [any(s.style and s.style.reverse for s in strip) for strip in strips]
+    assert [row for row, lit in enumerate(reverse) if lit] == [4]
+
+
+@pytest.mark.parametrize(
+    ("environ", "answer", "light"),
+    [
+        ({"COLORFGBG": "0;15"}, b"", True),
+        ({"COLORFGBG": "15;0"}, b"\x1b]11;rgb:ffff/ffff/ffff\x1b\\", False),
+        ({"COLORFGBG": "0;default;15"}, b"", True),
+        ({"COLORFGBG": "15;8"}, b"", False),
+        ({}, b"\x1b]11;rgb:fdfd/f6f6/e3e3\x1b\\\x1b[1;1R", True),
+        ({}, b"\x1b]11;rgb:00/2b/36\x07\x1b[1;1R", False),
+        ({}, b"\x1b[1;1R", False),
+        ({"COLORFGBG": "default"}, b"", False),
+    ],
+)
+def test_a_light_background_is_found_out(
+    environ: dict[str, str], answer: bytes, light: bool
+) -> None:
+    assert has_light_background(environ, lambda: answer) is light
+
+
+async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch) -> None:
+    monkeypatch.setattr("scenario_tui.dashboard.themes.has_light_background", lambda: True)
+    app = make_dashboard(SteeredDaemon())
+    assert app.theme == DARK
+    app.limit_to_terminal()
+    assert app.theme == LIGHT
+    chosen = make_dashboard(SteeredDaemon(), config=Config(theme="nord"))
+    chosen.limit_to_terminal()
+    async with chosen.run_test(size=(80, 24)):
+        assert chosen.theme == "nord"

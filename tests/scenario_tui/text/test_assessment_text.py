@@ -1,0 +1,134 @@
+"""What is said of cells and campaigns whose runs have not all finished."""
+
+from dataclasses import replace
+from typing import Any, get_args
+
+import pytest
+
+from daemon.judging.assessment import assess
+from daemon.model.assessments import (
+    Assessment,
+    AssessmentRules,
+    Expectation,
+    ExpectedVerdict,
+    RepeatPolicy,
+    RunRecord,
+)
+from daemon.model.spec import Timing
+from daemon.model.status import RunDetail, RunRow, RunState
+from daemon.model.verdicts import Outcome, Verdict
+from scenario_tui.text.assessment_text import cell_notes
+from scenario_tui.text.results import conclude
+from scenario_tui.text.run_text import run_text
+from tests.scenario_tui.fake import make_row, make_spec
+
+UNFINISHED = ("queued", "running")
+
+
+def record(repeat: int, state: str, outcome: Outcome | None = None) -> RunRecord:
+    verdicts = () if outcome is None else (Verdict("buffer", "", outcome, 0.1, 0.1, "m"),)
+    timing = None if outcome is None else Timing(1.0, 1.0, 9.0)
+    return RunRecord(
+        f"c.{repeat}", "S1", "pilot", repeat, str(repeat), outcome, verdicts,
+        "finished" if outcome else "", timing, state=state,
+    )  # fmt: skip
+
+
+def judged(*records: RunRecord, expected: ExpectedVerdict = "pass", **policy: Any) -> Assessment:
+    rules = AssessmentRules(
+        RepeatPolicy(n=len(records), **policy),
+        expectations=(Expectation("S1", "buffer", (), expected, "it is narrow"),),
+    )
+    return assess(rules, records)
+
+
+def notes(*records: RunRecord, expected: ExpectedVerdict = "pass", **policy: Any) -> str:
+    (cell,) = judged(*records, expected=expected, **policy).cells
+    return cell_notes(cell).plain
+
+
+@pytest.mark.parametrize("state", UNFINISHED)
+@pytest.mark.parametrize("expected", get_args(ExpectedVerdict))
+@pytest.mark.parametrize("rule", ["all", "rate", "mean"])
+def test_an_oracle_with_runs_to_come_is_neither_inconclusive_nor_unexpected(
+    state: str, expected: ExpectedVerdict, rule: str
+) -> None:
+    passing = Outcome.FAIL if expected in ("fail", "mixed") else Outcome.PASS
+    said = notes(record(0, "done", passing), record(1, state), expected=expected, rule=rule)
+    assert "inconclusive" not in said
+    assert "!" not in said
+    assert "\n" in said
+    if expected == "pass":
+        assert state in said
+        assert "1 of 2 pass, 1 not finished" in said
+    if expected == "fail":
+        assert "so far as expected (fail)" in said
+
+
+@pytest.mark.parametrize("state", UNFINISHED)
+def test_what_runs_to_come_cannot_mend_is_marked_at_once(state: str) -> None:
+    said = notes(record(0, "done", Outcome.FAIL), record(1, state))
+    assert "✗ fail  buffer  ! expected pass" in said
+    said = notes(record(0, "done", Outcome.PASS), record(1, state), expected="fail")
+    assert "! expected fail" in said
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        ("queued", "2 runs queued, none was judged yet"),
+        ("running", "2 runs, none was judged yet"),
+        ("cancelled", "2 runs, none was judged: they were cancelled"),
+        ("lost", "2 runs, none was judged: what was executed gave no result"),
+    ],
+)
+def test_a_cell_without_a_verdict_says_why(state: str, words: str) -> None:
+    assert words in notes(record(0, state), record(1, state))
+
+
+def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait() -> None:
+    (cell,) = judged(record(0, "queued"), record(1, "running"), record(2, "lost")).cells
+    assert (cell.word, cell.state) == ("running", "running")
+
+
+@pytest.mark.parametrize(
+    ("records", "finished", "words"),
+    [
+        ((record(0, "queued"), record(1, "queued")), False, "… none judged"),
+        ((record(0, "running"), record(1, "queued")), False, "▶ none judged"),
+        ((record(0, "done", Outcome.PASS), record(1, "queued")), False, "▶ so far fine"),
+        ((record(0, "done", Outcome.FAIL), record(1, "queued")), False, "✗ 1 unexpected"),
+        ((record(0, "done", Outcome.PASS), record(1, "cancelled")), True, "- cancelled"),
+        ((record(0, "cancelled"), record(1, "cancelled")), True, "- cancelled"),
+        ((record(0, "lost"), record(1, "queued")), False, "! not all judged"),
+        ((record(0, "done", Outcome.INCONCLUSIVE),), True, "? undecided"),
+    ],
+)
+def test_the_conclusion_is_about_what_was_judged(
+    records: tuple[RunRecord, ...], finished: bool, words: str
+) -> None:
+    assert conclude(judged(*records), finished=finished).glyph_text == words
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"state": RunState.QUEUED}, ("… queued", "has not started yet", "will be judged by")),
+        ({"state": RunState.QUEUED, "not_before": 1e9, "setbacks": 2, "reason": "it broke"},
+         ("waits until", "after 2 failed attempts: it broke", "will be judged by")),
+        ({"state": RunState.RUNNING}, ("▶ running", "starting, it has said nothing yet")),
+        ({"state": RunState.CANCELLED}, ("was cancelled before it ended", "was to be judged by")),
+        ({"state": RunState.LOST}, ("! lost", "no attempt left a result", "was to be judged by")),
+        ({"state": RunState.LOST, "reason": "it broke"}, ("it broke", "was to be judged by")),
+    ],
+)  # fmt: skip
+def test_a_run_without_a_result_says_how_it_stands(
+    changes: dict[str, Any], words: tuple[str, ...]
+) -> None:
+    fresh = {"outcome": None, "oracle": "", "margin": None, "worker": "", "trace": ""}
+    row: RunRow = replace(make_row(0), **(fresh | changes))
+    said = run_text(RunDetail(row, make_spec(row, "0" * 64), None), None).plain
+    for part in words:
+        assert part in said
+    assert "inconclusive" not in said
+    assert "no oracle" not in said

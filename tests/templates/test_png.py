@@ -1,0 +1,33 @@
+"""Texts of drawings as PNG: every letter is there, whatever fonts the machine has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from templates.picture import Drawing, write_png
+from templates.picture._drawing import TextLabel
+
+SAID = "−–—×·→←°±²³…∞≤≥µσΩ“”’½äöüßéñçøåłşПж✓✗▶"
+"""What we say ourselves (minus, dashes, arrows, units), and letters of names in Europe."""
+
+
+def painted(text: str, path: Path, *, bold: bool = False) -> bytes:
+    drawing = Drawing(60.0, 40.0, "#ffffff", "letters", "")
+    drawing.add("words", [TextLabel((30.0, 25.0), text, 20.0, "#000000", bold=bold)])
+    return write_png(drawing, path).read_bytes()
+
+
+@pytest.mark.parametrize("bold", [False, True])
+def test_no_letter_comes_out_as_a_box(tmp_path: Path, bold: bool) -> None:
+    box = painted("\ue000", tmp_path / "box.png", bold=bold)
+    blank = painted(" ", tmp_path / "blank.png", bold=bold)
+    for letter in SAID:
+        shown = painted(letter, tmp_path / "letter.png", bold=bold)
+        assert shown not in (box, blank), letter
+
+
+def test_bold_texts_are_bold(tmp_path: Path) -> None:
+    plain, bold = (painted("door", tmp_path / "a.png", bold=bold) for bold in (False, True))
+    assert plain != bold
