@@ -32,8 +32,8 @@ _ROOMS: Final = ("screens", "widgets")
 SHARED_MEANINGS: Final[Mapping[str, tuple[str, ...]]] = {
     "take what the cursor is on": ("open", "submit-file", "verdict-moment"),
     "one step back": ("back", "leave"),
-    "down": ("down", "next-file", "verdict-next"),
-    "up": ("up", "previous-file", "verdict-before"),
+    "down": ("down", "next-file", "verdict-next", "running-next"),
+    "up": ("up", "previous-file", "verdict-before", "running-before"),
     "to the first": ("top", "start"),
     "to the last": ("bottom", "end"),
     "next page": ("next-page", "signals-on"),

@@ -81,7 +81,7 @@ class RunsScreen(SteeringScreen):
                 id="previous-page", tooltip="The runs before these"),
         Binding("C", "compare", "Compare", show=False, id="compare",
                 tooltip="Mark a run, then another one to see both side by side"),
-        Binding("tab", "part", "Under way", show=False, id="view",
+        Binding("tab,v", "part", "Under way", show=False, id="view",
                 tooltip="To the runs under way, and back to the table"),
     ]  # fmt: skip
 
