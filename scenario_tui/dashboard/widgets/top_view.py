@@ -314,6 +314,11 @@ class TopView(CellView):
         self._follows = True
         self._names: dict[MapName, Place] = {}
 
+    @property
+    def view(self) -> View | None:
+        """What is shown, if anything."""
+        return self._view
+
     def show(self, view: View | None) -> None:
         """Show another view, or nothing."""
         other = view is None or self._view is None or view.mission is not self._view.mission
