@@ -222,8 +222,3 @@ def trail_shapes(
         lines = tuple(points[a : b + 1] for a, b in spans if pieces[a] == grade)
         if lines:
             yield PlanShape(role, "line", lines)
-
-
-def points_shape(role: ShapeRole, points: Points) -> PlanShape:
-    """Return single points: laser returns, contacts."""
-    return PlanShape(role, "dots", (points,))

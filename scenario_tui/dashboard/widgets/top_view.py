@@ -19,6 +19,7 @@ from grammars.model.scene import Scene
 from scenario_tui.dashboard.widgets.block_cells import area_dots, ring_edges
 from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, CellView, Codes
 from scenario_tui.dashboard.widgets.map_names import MapName, Place
+from scenario_tui.dashboard.widgets.map_projection import cell_of
 from scenario_tui.dashboard.widgets.map_style import (
     AHEAD,
     ARROWS,
@@ -166,7 +167,7 @@ class MapFrame:
         for x, y in dots.tolist():
             self._glyph(x, y, sign, layer)
             if shape.text:
-                self._numbers.setdefault(_cell_of(x, y), {})[shape.text] = layer
+                self._numbers.setdefault(cell_of(x, y), {})[shape.text] = layer
 
     def _head(self, line: Floats, layer: Layer) -> None:
         """Draw the way a robot looks: a line to its nose where it is large, and an arrow."""
@@ -178,7 +179,7 @@ class MapFrame:
 
     def _glyph(self, x: float, y: float, sign: str, layer: Layer) -> None:
         """Put a sign into the cell that holds a dot, over those of lower layers."""
-        place = _cell_of(x, y)
+        place = cell_of(x, y)
         inside = 0 <= place[0] < self.canvas.rows and 0 <= place[1] < self.canvas.columns
         if inside and (place not in self._glyphs or self._glyphs[place][1] <= layer):
             self._glyphs[place] = (sign, layer)
@@ -252,11 +253,6 @@ _GLYPHS: Final = {
     ShapeRole.ESTIMATE: ESTIMATE,
     ShapeRole.CONTACT: CONTACT,
 }
-
-
-def _cell_of(x: float, y: float) -> Place:
-    """Return the row and column of the cell that holds a dot."""
-    return int((y + 0.5) // 4), int((x + 0.5) // 2)
 
 
 def _write(codes: Codes, owners: Codes, row: int, column: int, text: str, layer: int) -> None:

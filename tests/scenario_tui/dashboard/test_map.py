@@ -20,7 +20,7 @@ from scenario_tui.dashboard.widgets.block_cells import (
     to_blocks,
 )
 from scenario_tui.dashboard.widgets.map_names import name_area
-from scenario_tui.dashboard.widgets.map_projection import fit, main_axis
+from scenario_tui.dashboard.widgets.map_projection import cell_of, fit, main_axis
 from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
 from scenario_tui.dashboard.widgets.top_view import MapFrame, View, draw_view
 from tests.scenario_tui.fake import MISSION, ROBOT, make_scene
@@ -244,6 +244,22 @@ def test_floor_that_ends_without_a_wall_has_a_dotted_border() -> None:
         column, row = int(x // 2), int(y // 4)
         end.append(still.low.layer(0)[row - 1 : row + 2, column - 1 : column + 2].any())
     assert end == [False, True]
+
+
+def test_floor_that_goes_on_beyond_the_pane_has_no_border_there() -> None:
+    still = draw_view(view(), 40, 10, zoom=8, middle=(6.0, 2.0)).still
+    assert not still.low.layer(0).any()
+
+
+def test_no_name_covers_a_waypoint() -> None:
+    for columns in range(40, 140, 7):
+        still = draw_view(view(), columns, 24).still
+        points = np.array([(w.x, w.y) for w in MISSION.waypoints])
+        stops = [cell_of(x, y) for x, y in still.projection.dots(points).tolist()]
+        for name in still.names:
+            for row, column in name.spots:
+                covered = {(row, column + i) for i in range(name.width)}
+                assert not covered & set(stops)
 
 
 def test_middle_lines_end_where_a_wall_is_cut_aslant() -> None:
