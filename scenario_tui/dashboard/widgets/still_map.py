@@ -118,7 +118,7 @@ def _still_map(
     names: tuple[MapName, ...] = ()
     if columns >= _LEAST_NAMED[0] and rows >= _LEAST_NAMED[1]:
         free = _free_cells(lines, projection, walls, mission.value, texts)
-        names = tuple(_names(lines, projection, free))
+        names = tuple(_names(lines, projection, free, walls.dots > 0))
     return StillMap(columns, rows, projection, walls, low, names, texts)
 
 
@@ -153,7 +153,12 @@ def _scene_lines(same: _Same) -> _SceneLines:
         corners=np.vstack(rings) if rings else np.empty((0, 2)),
         axis=main_axis(edges),
         spaces=tuple(plan_shapes.space_names(scene)),
-        doors=tuple(plan_shapes.object_names(scene, start)),
+        # Whoever walks takes their name along.
+        doors=tuple(
+            shape
+            for shape in plan_shapes.object_names(scene, start)
+            if shape.role is ShapeRole.OBJECT_NAME
+        ),
     )
 
 
@@ -224,7 +229,7 @@ def _free_cells(
     return free
 
 
-def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> list[MapName]:
+def _names(lines: _SceneLines, projection: MapProjection, free: Mask, walls: Mask) -> list[MapName]:
     found = []
     cell = np.array([2.0, 4.0])
     # Doors first, whose names have far fewer places to stand.
@@ -233,7 +238,7 @@ def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> list[Ma
         if np.ptp(dots, axis=0).max() < _LEAST_DOOR:
             continue
         box = [*((dots.min(axis=0) + 0.5) / cell), *((dots.max(axis=0) + 0.5) / cell)]
-        name = name_thing(shape.text, Layer.DOOR_NAME, box, free)
+        name = name_thing(shape.text, Layer.DOOR_NAME, box, free, walls)
         if name is not None:
             take_place(name, free)
             found.append(name)

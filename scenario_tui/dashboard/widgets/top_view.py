@@ -18,7 +18,7 @@ from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.widgets.block_cells import area_dots, ring_edges
 from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, CellView, Codes
-from scenario_tui.dashboard.widgets.map_names import MapName, Place
+from scenario_tui.dashboard.widgets.map_names import MapName, Place, name_thing, take_place
 from scenario_tui.dashboard.widgets.map_projection import cell_of
 from scenario_tui.dashboard.widgets.map_style import (
     AHEAD,
@@ -54,6 +54,8 @@ Not whole numbers: halves are rounded to even ones, and two lines could fall on 
 """
 _LEAST_BODY: Final = 4.0
 """Dots a robot is long at least to be shown with a line to its nose."""
+_CELL: Final = (2.0, 4.0)
+"""Dots across and down a cell."""
 _MOST_NUMBERS: Final = 7
 """Letters beside a waypoint at most: several may lie in one cell."""
 
@@ -117,6 +119,7 @@ class MapFrame:
         self.canvas.merge(still.low.layer(0), Layer.LOW)
         self._glyphs: dict[Place, tuple[str, Layer]] = {}
         self._numbers: dict[Place, dict[str, Layer]] = {}
+        self._movers: dict[str, Floats] = {}
         self._shown: set[Layer] = set()
 
     @property
@@ -135,6 +138,8 @@ class MapFrame:
         parts = np.split(dots, np.cumsum([len(part) for part in points])[:-1])
         before = self._shown.copy()
         self._shown.add(layer)
+        if shape.role is ShapeRole.MOVER:
+            self._movers[shape.text] = dots
         if shape.form == "dots":
             self._mark(shape, layer, dots)
         elif shape.role is ShapeRole.HEADING:
@@ -229,6 +234,14 @@ class MapFrame:
                         shift = (name.width - len(line)) // 2
                         _write(codes, owners, row + below, column + shift, line, name.layer)
                     break
+        walls = self.still.walls.dots > 0
+        free = ~(taken | walls)
+        for text, dots in self._movers.items() if self.still.names else ():
+            box = [*((dots.min(axis=0) + 0.5) / _CELL), *((dots.max(axis=0) + 0.5) / _CELL)]
+            called = name_thing(text, Layer.DOOR_NAME, box, free, walls)
+            if called is not None:
+                _write(codes, owners, *called.spots[0], text, called.layer)
+                take_place(called, free)
 
     def _write_signs(self, codes: Codes, owners: Codes) -> None:
         """Write the numbers of waypoints beside them, then the signs, higher layers last."""
@@ -255,6 +268,10 @@ _GLYPHS: Final = {
 }
 
 
+_TOLD: Final = (ShapeRole.WAYPOINT, ShapeRole.REACHED, ShapeRole.MOVER)
+"""Roles whose texts are written beside their shapes."""
+
+
 def _write(codes: Codes, owners: Codes, row: int, column: int, text: str, layer: int) -> None:
     """Write a text, cut at the edge of the map."""
     shown = text[: max(codes.shape[1] - column, 0)]
@@ -273,9 +290,9 @@ def _along(dots: Floats, gap: float) -> Floats:
 
 
 def _joined(shapes: Iterable[PlanShape]) -> Iterator[PlanShape]:
-    """Yield neighbours without a text that are alike as one: every drawing takes its time."""
+    """Yield neighbours that are alike as one, for every drawing takes its time."""
     for (role, form, text), same in itertools.groupby(
-        shapes, key=lambda one: (one.role, one.form, one.text if one.form == "dots" else "")
+        shapes, key=lambda one: (one.role, one.form, one.text if one.role in _TOLD else "")
     ):
         yield PlanShape(role, form, tuple(part for one in same for part in one.parts), text)
 
