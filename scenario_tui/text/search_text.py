@@ -205,7 +205,8 @@ def search_line(row: SearchRow) -> str:
     else:
         parts.append(pluralise(row.finished, "run"))
     if answer is not None:
-        parts.append(failures_text(answer.failed))
+        yet = " yet" if row.state == "running" and not answer.failed else ""
+        parts.append(f"{failures_text(answer.failed)}{yet}")
         parts.append(best_text(answer.best.value if answer.best else None))
     # While it explores the note has the same numbers, as they were when it was written.
     if row.note and not exploring:
