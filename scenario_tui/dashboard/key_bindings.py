@@ -38,8 +38,8 @@ SHARED_MEANINGS: Final[Mapping[str, tuple[str, ...]]] = {
     "to the last": ("bottom", "end"),
     "next page": ("next-page", "signals-on"),
     "page before": ("previous-page", "signals-back"),
-    "next to look at": ("next-surprise", "next-failure", "next-found"),
-    "the one before to look at": ("previous-surprise", "previous-failure", "previous-found"),
+    "next to look at": ("next-unexpected", "next-failure", "next-found"),
+    "the one before to look at": ("previous-unexpected", "previous-failure", "previous-found"),
 }
 """Ids that say one thing of different screens; every other id is a meaning of its own.
 

@@ -142,7 +142,7 @@ def surprise_text(found: UnexpectedVerdict, styles: Styles) -> Text:
     known = found.why and f"known: {found.why}"
     text = _attention_line(str(found.verdict), found.text, [known], styles)
     if found.run:
-        text.append(f"  -> {found.run}", style=styles["measure"])
+        text.append(f"  → {found.run}", style=styles["measure"])
     return text
 
 

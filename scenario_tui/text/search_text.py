@@ -291,7 +291,7 @@ def nearest_lines(
     lines = []
     for name, written, value, passing in rows:
         line = Text(f"  {name:<{widths[0]}}  ")
-        line.append(f"{written:>{widths[1]}} -> ", style=quiet_style(styles))
+        line.append(f"{written:>{widths[1]}} → ", style=quiet_style(styles))
         line.append(f"{value:<{widths[2]}}", style=styles["fail"])
         if passing:
             line.append(f"  passes at {passing}", style=quiet_style(styles))
