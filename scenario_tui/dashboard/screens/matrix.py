@@ -45,7 +45,7 @@ class MatrixScreen(SteeringScreen):
         with Container(id="grid"):
             yield CellTable(id="matrix")
             notes = VerticalScroll(id="notes")
-            notes.border_title = "cell"
+            notes.border_title = "cell "
             with notes:
                 yield Static(id="about")
 

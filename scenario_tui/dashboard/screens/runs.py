@@ -108,7 +108,7 @@ class RunsScreen(SteeringScreen):
             columns = (_COLUMNS[0], _CAMPAIGN, *_COLUMNS[1:])
             yield KeyedTable(_COLUMNS if self._wanted.campaign else columns, id="runs")
             side = Vertical(id="side")
-            side.border_title = "run"
+            side.border_title = "run "
             with side:
                 yield RunPanel(id="panel")
 

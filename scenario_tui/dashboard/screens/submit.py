@@ -91,7 +91,7 @@ class SubmitScreen(BaseScreen):
         with self._picker:
             yield self._list
             findings = VerticalScroll(id="findings", can_focus=False)
-            findings.border_title = "check"
+            findings.border_title = "check "
             with findings:
                 yield self._about
 
