@@ -23,6 +23,8 @@ class Interrupting:
                 {fate}
         return None
 
+# Whoever starts the tests in the background may have interrupts be ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 import scenario_tui
 sys.meta_path.insert(0, Interrupting())
 from scenario_tui.cli import main
