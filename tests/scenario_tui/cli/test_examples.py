@@ -96,6 +96,7 @@ def test_examples_do_what_they_show(word: str, place: Path, monkeypatch: Any) ->
     monkeypatch.setattr(importlib.resources, "files", lambda name: shipped.get(name) or files(name))
     for name in ("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(place / "home"))
+    monkeypatch.chdir(place)
     # What an example before this one has queued is not what the next one is about.
     assert call_here("wait", "nightly", state=place / "state", cwd=place).returncode == 0
     for words, lines in EXAMPLES.items():
