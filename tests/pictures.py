@@ -4,7 +4,7 @@
 data: the tests say when they are not true any more. ``docs/demo.svg`` is what ``scenario demo``
 prints, ``docs/dashboard.svg`` the dashboard while the same campaign runs, ``docs/flat.svg`` the
 flat as ``scenario export`` draws it; ``--views`` leaves these three, which take a while, as they
-are.
+are. ``--cast`` records a session for asciinema instead, ``docs/pictures/first-hour.cast``.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from daemon.campaign import expand, load_campaign
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.feed import Feed
 from tests.scenario_tui.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
+from tests.session_cast import record_session
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -96,6 +97,9 @@ def record_views() -> None:
 
 
 if __name__ == "__main__":
+    if "--cast" in sys.argv[1:]:
+        record_session()
+        sys.exit()
     record_views()
     if "--views" in sys.argv[1:]:
         sys.exit()

@@ -306,3 +306,11 @@ def test_ctrl_c_is_an_answer_for_machines_too(raising, capsys) -> None:
     raising(KeyboardInterrupt())
     assert command_line.invoke(["wait", "c", "--json"]) == 130
     assert declared(capsys.readouterr().out)["error"] == "interrupted"
+
+
+def test_a_file_is_no_name_of_what_was_submitted(scenario, tmp_path: Path) -> None:
+    file = tmp_path / "one.yaml"
+    file.write_text("# about\ncampaign: nightly-tests   # its name\n")
+    said = scenario("results", str(file))
+    assert said.code == 2
+    assert 'one.yaml is a file: what was submitted of it is called "nightly-tests"' in said.err
