@@ -160,7 +160,8 @@ def _plan(campaign: Campaign, state: Path | None) -> SubmissionPlan:
         None
         if state is None
         else _forecast(
-            [PlannedRun(r.digest, r.scenario, r.sut.name, r.sut.repeatable) for r in runs], state
+            [PlannedRun(r.digest, r.scenario, r.sut.name, r.limit, r.sut.repeatable) for r in runs],
+            state,
         )
     )
     if forecast is None:

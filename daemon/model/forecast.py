@@ -8,11 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """A run by the ``digest`` of its specification; only ``repeatable`` ones reuse results."""
+    """A run by the ``digest`` of its specification, with its ``limit`` of simulated time [s]; only
+    ``repeatable`` ones reuse results.
+    """
 
     digest: str
     scenario: str
     sut: str
+    limit: float
     repeatable: bool = True
 
 
@@ -20,8 +23,8 @@ class PlannedRun:
 class Forecast:
     """For each run whether it has a result already, and how long it takes a worker [s].
 
-    The time is that of executed runs of the same scenario and system, else of the same system;
-    ``None`` when there was no run of it.
+    The time is that of executed runs of the same scenario and system, else the share of its limit
+    that others of the same system took of theirs; ``None`` when there was no run of it.
     """
 
     cached: Sequence[bool]

@@ -21,27 +21,29 @@ _WITH_RESULT: Final = (
     " WHERE result.run = old.id)"
 )
 _WALLS: Final = (
-    "SELECT scenario, sut, avg(wall), count(*) FROM run"
+    "SELECT scenario, sut, avg(wall), total(wall), total(time_limit) FROM run"
     " WHERE state = 'done' AND cached = '' AND wall > 0 GROUP BY scenario, sut"
 )
 
 
 def read_forecast(db: sqlite3.Connection, runs: Sequence[PlannedRun]) -> Forecast:
     """Return which runs need not be executed, and how long the others took so far."""
-    walls, counts = {}, {}
-    for scenario, sut, wall, count in db.execute(_WALLS):
-        walls[scenario, sut], counts[scenario, sut] = float(wall), int(count)
+    walls: dict[tuple[str, str], float] = {}
     spent: dict[str, float] = {}
-    executed: dict[str, int] = {}
-    for (scenario, sut), wall in walls.items():
-        spent[sut] = spent.get(sut, 0.0) + wall * counts[scenario, sut]
-        executed[sut] = executed.get(sut, 0) + counts[scenario, sut]
+    limits: dict[str, float] = {}
+    for scenario, sut, wall, whole, limit in db.execute(_WALLS):
+        walls[scenario, sut] = float(wall)
+        spent[sut] = spent.get(sut, 0.0) + whole
+        limits[sut] = limits.get(sut, 0.0) + limit
     known = _with_result(db, [run.digest for run in runs if run.repeatable])
 
     def expected(run: PlannedRun) -> float | None:
         if (run.scenario, run.sut) in walls:
             return walls[run.scenario, run.sut]
-        return spent[run.sut] / executed[run.sut] if run.sut in spent else None
+        # Of another scenario: a limit of three minutes is not reached as late as one of twenty.
+        if limits.get(run.sut, 0.0) > 0.0:
+            return run.limit * spent[run.sut] / limits[run.sut]
+        return None
 
     return Forecast(
         tuple(run.repeatable and run.digest in known for run in runs), tuple(map(expected, runs))
