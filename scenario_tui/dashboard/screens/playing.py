@@ -31,7 +31,7 @@ class PlayingScreen(Screen[None]):
     # The clock itself is ReplayTransport.
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("space", "play", "Play/pause", id="replay-play", tooltip="At the end: once more"),
+        Binding("space", "play", "Play", id="replay-play", tooltip="Or pause, or once more"),
         Binding("left", "scrub(-1)", "−1 s", show=False, id="back-1", tooltip="A second back"),
         Binding("right", "scrub(1)", "+1 s", show=False, id="on-1", tooltip="A second on"),
         Binding("shift+left", "scrub(-10)", "−10 s", show=False, id="back-10",

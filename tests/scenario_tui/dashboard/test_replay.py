@@ -99,7 +99,7 @@ async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback: Playbac
         await pilot.press("question_mark")
         await pilot.pause(0)
         assert isinstance(pilot.app.screen, Help)
-        for words in ("Play/pause", "Faster: Up to 1000x", "Next ✗", "Previous ✗", "+10 s"):
+        for words in ("Play: Or pause", "Faster: Up to 1000x", "Next ✗", "Previous ✗", "+10 s"):
             assert words in shown(pilot)
         await pilot.press("escape")
         assert isinstance(pilot.app.screen, ReplayScreen)
