@@ -82,20 +82,23 @@ def execute(
         del loop, watched, on_progress
         for name, data in outputs.items():
             trace.attach(name, data)
+        # Judged is the file, not what is still in memory: the verdicts of a run are then the very
+        # ones that anybody gets who judges its trace again, on another machine and years later.
+        recording = trace.finish(ended, note)
         try:
-            # Judged is the file, not what is still in memory: the verdicts of a run are then the
-            # very ones that anybody gets who judges its trace again, elsewhere and years later.
-            recorded = read_trace(trace.finish(ended, note))
+            recorded = read_trace(recording)
             margins: tuple[LeadingMargin, ...] = ()
             if leads:
                 verdicts, margins = judge_leading(recorded, spec.oracles)
             else:
                 verdicts = judge(recorded, spec.oracles)
             outcome = overall_outcome(recorded, verdicts)
-            trace.add_verdicts(codec.to_json({"outcome": outcome, "verdicts": verdicts}))
-        finally:
-            # Without verdicts where a judge failed: the recording is worth as much as ever.
-            info = trace.publish()
+        except BaseException:
+            # Where a judge failed: the recording is worth as much as ever.
+            trace.publish()
+            raise
+        trace.add_verdicts(codec.to_json({"outcome": outcome, "verdicts": verdicts}))
+        info = trace.publish()
     timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated, started)
     found = (spec.digest, outcome, verdicts, ended, info, timing, note, margins)
     return RunResult(*found, machine_text())

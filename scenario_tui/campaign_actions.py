@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 class CampaignAction:
     """``command`` is the word behind ``scenario``, and in the dashboard the id of its ``key``.
 
+    Where that is another command with an option, ``typed`` are these words.
+
     ``outcome`` is what to say when it is done: ``campaign`` and ``runs`` are filled in, and what
     else it names.
     """
@@ -29,6 +31,12 @@ class CampaignAction:
     key: str = ""
     name: str = ""
     tooltip: str = ""
+    typed: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is typed behind ``scenario``: a command, and options."""
+        return self.typed or (self.command,)
 
     def outcome_text(self, campaign: str, runs: int = 0, **words: object) -> str:
         """Say what became of ``runs`` runs of a campaign."""
@@ -42,7 +50,9 @@ PAUSE: Final = CampaignAction(
     "Pause",
     "Start no more runs of the campaign, or go on",
 )
-RESUME: Final = CampaignAction("resume", "resumed {campaign}, {runs} queued")
+RESUME: Final = CampaignAction(
+    "resume", "resumed {campaign}, {runs} queued", typed=("pause", "--off")
+)
 """Has no key of its own: the one that pauses resumes a paused campaign."""
 CANCEL: Final = CampaignAction(
     "cancel", "cancelled {runs} of {campaign}", "c", "Cancel", "What is not over, after a question"

@@ -140,6 +140,15 @@ def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    about, found, _ = check_campaign(path)
+    return about, found
+
+
+def check_campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...], Campaign]:
+    """Return what a campaign is in a few words, what was found, and the campaign itself.
+
+    Raises :class:`InputError` when it cannot be read at all.
+    """
     from daemon.campaign import examine
 
     campaign, found = examine(path)
@@ -152,7 +161,11 @@ def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     runs = pluralise(campaign.runs + campaign.lost_runs, "run")
     searches = f", {pluralise(len(campaign.searches), 'search', 'searches')}"
     meant = f", {pluralise(len(campaign.allowed), 'warning')} allowed" if campaign.allowed else ""
-    return f"{scenarios}, {runs}{more}{searches if campaign.searches else ''}{meant}", found
+    return (
+        f"{scenarios}, {runs}{more}{searches if campaign.searches else ''}{meant}",
+        found,
+        campaign,
+    )
 
 
 def _search_findings(campaign: Campaign) -> tuple[Diagnostic, ...]:

@@ -9,19 +9,26 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import python_command
 from daemon.model.status import Submission, SubmissionReceipt
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity
-from scenario_tui.text.formatting import pluralise
+from scenario_tui.text.formatting import duration, pluralise
+
+if TYPE_CHECKING:
+    from daemon.campaign import Campaign
+    from daemon.model.forecast import Forecast, PlannedRun
 
 _SUBMIT: Final = "--submit"
 _FRESH: Final = "--fresh"
+_STATE: Final = "--state"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,28 +74,57 @@ def receipt_text(receipt: SubmissionReceipt) -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class SubmissionPlan:
+    """What would be executed: ``cells`` times ``repeats``, 0 when these differ from cell to cell.
+
+    ``seconds`` are those of the runs that have no result yet, ``seconds_anew`` those of all, each
+    as one worker takes them one after the other; ``untimed`` and ``untimed_anew`` of them are not
+    in there, because nothing like them was run. All of this is 0 where ``asked`` is false: no
+    ledger could be asked.
+    """
+
+    cells: int
+    repeats: int
+    runs: int
+    asked: bool = False
+    cached: int = 0
+    seconds: float = 0.0
+    untimed: int = 0
+    seconds_anew: float = 0.0
+    untimed_anew: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class CheckedFile:
     """What a file is in a few words, what was found, and what to hand over if that was asked for
-    and nothing stands against it.
+    and nothing stands against it; of a campaign without errors also what would be executed, and
+    the names of its searches.
     """
 
     about: str = ""
     findings: tuple[Diagnostic, ...] = ()
     submission: Submission | None = None
+    plan: SubmissionPlan | None = None
+    searches: tuple[str, ...] = ()
 
 
 class FileChecker(Protocol):
-    """How a campaign file is examined; ``submit`` asks for what to hand over."""
+    """How a campaign file is examined; ``submit`` asks for what to hand over.
 
-    def __call__(self, path: Path, *, submit: bool = False, fresh: bool = False) -> CheckedFile: ...  # noqa: D102
+    ``state`` is the state directory of a daemon of this machine, whose ledger knows earlier runs.
+    """
+
+    def __call__(  # noqa: D102
+        self, path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
+    ) -> CheckedFile: ...
 
 
-def check_file(path: Path, *, submit: bool = False, fresh: bool = False) -> CheckedFile:
+def check_file(
+    path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
+) -> CheckedFile:
     """Examine a file in this process."""
-    from scenario_tui import file_check
-
     if not submit:
-        return CheckedFile(*file_check.check_file(path))
+        return _examine(path, state)
     try:
         prepared = prepare_submission(path, fresh=fresh)
     except InputError as error:
@@ -96,12 +132,99 @@ def check_file(path: Path, *, submit: bool = False, fresh: bool = False) -> Chec
     return CheckedFile("", prepared.warnings, prepared.submission)
 
 
-def check_file_in_child(path: Path, *, submit: bool = False, fresh: bool = False) -> CheckedFile:
+def _examine(path: Path, state: Path | None) -> CheckedFile:
+    from scenario_tui import file_check
+    from scenario_tui.campaign_files import is_campaign
+
+    if not is_campaign(path):
+        return CheckedFile(*file_check.check_file(path))
+    try:
+        about, found, campaign = file_check.check_campaign(path)
+        wrong = any(d.severity is Severity.ERROR for d in found)
+        plan = None if wrong else _plan(campaign, state)
+    except InputError as error:
+        return CheckedFile("", error.diagnostics)
+    return CheckedFile(about, found, None, plan, tuple(task.name for task in campaign.searches))
+
+
+def _plan(campaign: Campaign, state: Path | None) -> SubmissionPlan:
+    """Return what would be executed of a campaign, asking the ledger below ``state``."""
+    from daemon.campaign import expand
+    from daemon.model.forecast import PlannedRun
+
+    runs = expand(campaign).runs
+    cells = Counter((run.scenario, run.sut.name) for run in runs)
+    repeats = set(cells.values())
+    plan = SubmissionPlan(len(cells), repeats.pop() if len(repeats) == 1 else 0, len(runs))
+    forecast = (
+        None
+        if state is None
+        else _forecast(
+            [PlannedRun(r.digest, r.scenario, r.sut.name, r.sut.repeatable) for r in runs], state
+        )
+    )
+    if forecast is None:
+        return plan
+    new = [s for s, cached in zip(forecast.seconds, forecast.cached, strict=True) if not cached]
+    return replace(
+        plan,
+        asked=True,
+        cached=sum(forecast.cached),
+        seconds=sum(s or 0.0 for s in new),
+        untimed=new.count(None),
+        seconds_anew=sum(s or 0.0 for s in forecast.seconds),
+        untimed_anew=sum(s is None for s in forecast.seconds),
+    )
+
+
+def _forecast(runs: Sequence[PlannedRun], state: Path) -> Forecast | None:
+    from daemon.batch.ledger import LedgerReader
+    from daemon.batch.paths import StatePaths
+
+    paths = StatePaths(state)
+    if not paths.ledger.is_file():
+        return None
+    try:
+        with LedgerReader.open(paths) as ledger:
+            return ledger.forecast(runs)
+    except DaemonError:
+        return None  # of another version: what is to be run is known without it
+
+
+def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
+    """Say what would be executed, and about how long that takes ``slots`` runs at a time."""
+    cells, runs = pluralise(plan.cells, "cell"), pluralise(plan.runs, "run")
+    counted = (
+        f"{cells} × {pluralise(plan.repeats, 'repeat')} = {runs}"
+        if plan.repeats
+        else (f"{cells}, {runs}")
+    )
+    if not plan.asked:
+        return counted
+    cached = 0 if fresh else plan.cached
+    if cached == plan.runs:
+        return f"{counted}, all cached: nothing is executed"
+    seconds, untimed = (
+        (plan.seconds_anew, plan.untimed_anew) if fresh else (plan.seconds, plan.untimed)
+    )
+    known = f"{counted}, {cached:,} cached" if cached else counted
+    if untimed == plan.runs - cached:
+        return f"{known}; how long they take is unknown: no run of these yet"
+    at_once = max(1, min(slots, plan.runs - cached))
+    about = "at least" if untimed else "about"
+    more = f", {untimed:,} of them unknown" if untimed else ""
+    return f"{known}; {about} {duration(seconds / at_once)} on {pluralise(at_once, 'slot')}{more}"
+
+
+def check_file_in_child(
+    path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
+) -> CheckedFile:
     """Examine a file in another process.
 
     Raises :class:`daemon.batch.errors.DaemonError` with its last words when it answers nothing.
     """
     options = [*([_SUBMIT] if submit else []), *([_FRESH] if fresh else [])]
+    options += [] if state is None else [_STATE, str(state)]
     done = subprocess.run(
         python_command("-m", "scenario_tui.submission", str(path), *options),
         stdin=subprocess.DEVNULL,
@@ -124,7 +247,8 @@ def main(arguments: list[str]) -> None:
     answer = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     path, *options = arguments
-    found = check_file(Path(path), submit=_SUBMIT in options, fresh=_FRESH in options)
+    state = Path(options[options.index(_STATE) + 1]) if _STATE in options else None
+    found = check_file(Path(path), submit=_SUBMIT in options, fresh=_FRESH in options, state=state)
     with os.fdopen(answer, "wb") as output:
         output.write(codec.to_json(found))
 

@@ -43,6 +43,7 @@ class ShapeRole(StrEnum):
     MOVER = "mover"
     SPACE_NAME = "space name"
     OBJECT_NAME = "object name"
+    MOVER_NAME = "mover name"
     WAYPOINT = "waypoint"
     REACHED = "reached"
     ROBOT = "robot"
@@ -98,14 +99,15 @@ def body_shapes(
 ) -> Iterator[PlanShape]:
     """Yield the links of all objects, or those that cross the height ``cut`` [m].
 
+    Whoever walks is there at any height: a robot is not to run into what nobody sees.
     ``positions`` [rad or m] go by scene-wide joint name; what is not named is where it starts.
     """
     for thing in scene.objects:
         moving = {joint.child for joint in thing.joints} if not thing.frozen else set()
         mobile = ShapeRole.MOVER if is_mover(thing.joints) else ShapeRole.DOOR
         for link, rings in placed_links(thing, positions):
-            if rings and (cut is None or is_cut(link, cut)):
-                role = mobile if link.name in moving else ShapeRole.POST
+            role = mobile if link.name in moving else ShapeRole.POST
+            if rings and (cut is None or role is ShapeRole.MOVER or is_cut(link, cut)):
                 yield PlanShape(role, "area", rings, thing.name)
 
 
@@ -162,7 +164,8 @@ def object_names(scene: Scene, positions: Mapping[str, float]) -> Iterator[PlanS
     for thing in scene.objects:
         rings = tuple(ring for _, placed in placed_links(thing, positions) for ring in placed)
         if rings:
-            yield PlanShape(ShapeRole.OBJECT_NAME, "area", rings, thing.name)
+            role = ShapeRole.MOVER_NAME if is_mover(thing.joints) else ShapeRole.OBJECT_NAME
+            yield PlanShape(role, "area", rings, thing.name)
 
 
 def waypoint_shapes(mission: Mission, reached: int = 0) -> Iterator[PlanShape]:
@@ -222,8 +225,3 @@ def trail_shapes(
         lines = tuple(points[a : b + 1] for a, b in spans if pieces[a] == grade)
         if lines:
             yield PlanShape(role, "line", lines)
-
-
-def points_shape(role: ShapeRole, points: Points) -> PlanShape:
-    """Return single points: laser returns, contacts."""
-    return PlanShape(role, "dots", (points,))

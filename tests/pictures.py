@@ -4,7 +4,8 @@
 campaign that is executed for them: the tests say when they are not true any more. ``docs/demo.svg``
 is what ``scenario demo`` prints, ``docs/dashboard.svg`` the dashboard while the same campaign runs,
 ``docs/flat.svg`` the flat as ``scenario export`` draws it; ``--views`` leaves these three, which
-take a while, as they are.
+take a while, as they are. ``--cast`` records the first hour with the dashboard for asciinema
+instead, ``docs/pictures/first-hour.cast``.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.feed import Feed
 from tests.scenario_tui.executed_campaign import execute_campaign
 from tests.scenario_tui.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
+from tests.session_cast import record_session
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -103,6 +105,9 @@ def record_views() -> None:
 
 
 if __name__ == "__main__":
+    if "--cast" in sys.argv[1:]:
+        record_session()
+        sys.exit()
     record_views()
     if "--views" in sys.argv[1:]:
         sys.exit()

@@ -130,6 +130,12 @@ def has_no_words(parameters):
 
 def refuses(parameters):
     raise ValueError('"speed" must be positive')
+
+
+def reads_with_a_library(parameters):
+    from pydantic import TypeAdapter
+
+    TypeAdapter(dict[str, float]).validate_python({"speed": "fast"})
 """
 
 _KINDS: Final = {
@@ -151,6 +157,7 @@ _KINDS: Final = {
     "factory-prints": "prints",
     "factory-has-no-words": "has_no_words",
     "factory-refuses": "refuses",
+    "factory-reads-with-a-library": "reads_with_a_library",
 }
 
 

@@ -18,6 +18,8 @@ _PARTS_OF_A_SLOT: Final = 50
 """Parts that a queue is laid on each slot in, at least: the end is wrong by less than one."""
 _FEWEST_PARTS: Final = 2000
 """Up to so many runs are laid one by one."""
+_SETTLING: Final = 5.0
+"""Seconds after which two thirds of a new estimate are said."""
 _LEAST_REST: Final = 0.05
 """What a run that takes longer than its repeats still takes, as a share of what they took."""
 
@@ -107,6 +109,27 @@ class TimeLeft:
 
     all: float | None = None
     campaigns: Mapping[str, float | None] = field(default_factory=dict)
+
+
+def follow_time_left(before: TimeLeft, passed: float, found: TimeLeft) -> TimeLeft:
+    """Return what to say ``passed`` seconds after ``before`` was said, when now ``found`` is known.
+
+    What is said comes nearer to what is known in some seconds: the first run of a cell that
+    finishes may change what is thought of many others.
+    """
+    share = 1.0 - math.exp(-passed / _SETTLING)
+
+    def follow(last: float | None, known: float | None) -> float | None:
+        # Nothing is left, or not known, at once.
+        if not known or not last:
+            return known
+        expected = max(0.0, last - passed)
+        return expected + share * (known - expected)
+
+    return TimeLeft(
+        follow(before.all, found.all),
+        {name: follow(before.campaigns.get(name), one) for name, one in found.campaigns.items()},
+    )
 
 
 def estimate_time_left(work: Sequence[CampaignWork], slots: int) -> TimeLeft:

@@ -127,7 +127,7 @@ def _probe(
     except ParameterError as error:
         answer = ProbeAnswer(problems=error.problems)
     except ValueError as error:
-        answer = ProbeAnswer(wrong=str(error) or "ValueError without a word")
+        answer = ProbeAnswer(wrong=codec.reading_error(error) or "ValueError without a word")
     else:
         answer = ProbeAnswer()
     sys.stdout.flush()

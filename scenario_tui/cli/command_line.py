@@ -102,22 +102,30 @@ def invoke(arguments: Sequence[str]) -> int:
 
 
 def _invoke(arguments: Sequence[str]) -> int:
-    written = Output.emitted
+    written, ErrorOutput.said = Output.emitted, ""
+    code, answer = _call(arguments)
+    # A command that has answered already leaves it at that: who reads it reads one object.
+    if answer is not None and Output.emitted == written and _wants_json(arguments):
+        with suppress(BrokenPipeError):
+            answer.emit()
+    return code
+
+
+def _call(arguments: Sequence[str]) -> tuple[int, ErrorOutput | None]:
+    """Call what was typed; returns the exit code, and what to write where there is no answer."""
     # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
     # tests and the dashboard can call this.
     try:
-        return _exit_code_of(app(args=list(arguments), prog_name="scenario", standalone_mode=False))
+        code = _exit_code_of(app(args=list(arguments), prog_name="scenario", standalone_mode=False))
+        return code, ErrorOutput(
+            ErrorOutput.said.removeprefix("scenario: "), code
+        ) if code else None
     except (KeyboardInterrupt, typer.Abort):
-        return ExitCode.INTERRUPTED
+        return ExitCode.INTERRUPTED, ErrorOutput("interrupted", ExitCode.INTERRUPTED)
     except SystemExit as left:
-        return _typer_left(left)
+        return _typer_left(left), None
     except Exception as error:
-        code, answer = _report(error)
-        # A command that has answered already leaves it at that: who reads it reads one object.
-        if answer is not None and Output.emitted == written and _wants_json(arguments):
-            with suppress(BrokenPipeError):
-                answer.emit()
-        return code
+        return _report(error)
 
 
 def _wants_json(arguments: Sequence[str]) -> bool:

@@ -48,7 +48,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
         "scenario report nightly -o nightly.html --junit nightly.xml",
     ),
     "coverage": ("scenario coverage nightly", "scenario coverage campaign.yaml"),
-    "blame": ("scenario blame nightly.1 --runs 20",),
+    "blame": ("scenario blame nightly.1 --runs 10",),
     "cancel": ("scenario cancel nightly",),
     "retry": ("scenario retry nightly", 'scenario retry nightly --only "fail|error"'),
     "pause": ("scenario pause nightly", "scenario pause nightly --off"),

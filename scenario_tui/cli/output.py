@@ -137,6 +137,7 @@ def plain_table(*titles: str, figures: bool = False) -> Table:
 
 def say(message: str) -> None:
     """Write a message for people to standard error; that nobody reads it changes nothing."""
+    ErrorOutput.said = message.strip()
     with suppress(BrokenPipeError):
         sys.stderr.write(printable(message) + "\n")
         sys.stderr.flush()
@@ -202,6 +203,9 @@ class ErrorPlace(OutputPart):
 
 class ErrorOutput(Output, schema="error"):
     """Why a command that was asked for JSON has no other answer, and the code it leaves with."""
+
+    said: ClassVar[str] = ""
+    """What was said to people last: why a command leaves that has no answer."""
 
     error: str
     exit_code: int

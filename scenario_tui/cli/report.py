@@ -128,7 +128,8 @@ def report(
         if file is not None:
             check_writable(file, option)
     if since is not None or until is not None:
-        raise typer.BadParameter("goes with --run only", param_hint="--from, --until")
+        message = "are of pictures: scenario export RUN picture --from 70 --until 90"
+        raise typer.BadParameter(message, param_hint="--from, --until")
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
     if _report_search(campaign, output, target, tables, exit_status=exit_status, as_json=as_json):
         return

@@ -6,6 +6,7 @@ Traces are those of this machine, or brought here from where they lie.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -191,11 +192,24 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
         raise Refused(f'several campaigns begin with "{wanted}": {ids}')
     if close:
         return close[0]
+    if name := _name_in_file(wanted):
+        raise Refused(f'{wanted} is a file: what was submitted of it is called "{name}"')
     rows = daemon.campaign_page()
     if not rows:
         raise Refused(_NONE_YET)
     names = {row.name for row in rows} | {row.id for row in rows}
     raise Refused(f'there is no campaign "{wanted}": {did_you_mean(wanted, names)}')
+
+
+def _name_in_file(path: str) -> str:
+    """Return how a campaign file calls its campaign, empty for what is none."""
+    from scenario_tui.campaign_files import is_campaign
+
+    file = Path(path)
+    if not is_campaign(file):
+        return ""
+    found = re.search(r"^campaign\s*:\s*([\w-]+)", file.read_text("utf-8", "replace"), re.MULTILINE)
+    return found[1] if found else ""
 
 
 def find_campaign_or_search(daemon: DaemonClient, wanted: str) -> CampaignRow:

@@ -170,6 +170,8 @@ class CheckQueue:
         self, tasks: BackgroundTasks, check_file: FileChecker, on_checked: Callable[[], None]
     ) -> None:
         self._tasks, self._check_file, self._on_checked = tasks, check_file, on_checked
+        self.state: Path | None = None
+        """The state directory of the daemon, when it is on this machine."""
         self._checked: dict[Path, tuple[float, CheckedFile]] = {}
         self._checking: set[Path] = set()
 
@@ -201,7 +203,7 @@ class CheckQueue:
 
     def _check_now(self, path: Path) -> tuple[float, CheckedFile]:
         # The time first: what is saved while the check goes on makes it out of date.
-        return newest_change(path.parent), self._check_file(path)
+        return newest_change(path.parent), self._check_file(path, state=self.state)
 
     def _note_change(self, path: Path, changed: float) -> None:
         # What was found before stays on the screen until the next check is done: no flicker.

@@ -4,6 +4,7 @@
 theme = "nord"
 read-only = true
 mouse = false
+pictures = "auto"
 
 [keys]
 cancel = "ctrl+d"
@@ -20,7 +21,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal, get_args
 
 import platformdirs
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -29,12 +30,16 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import plain_message
 
+Pictures = Literal["off", "auto", "kitty", "sixel"]
+"""Whether maps are shown as pictures when asked for, and by which protocol of the terminal."""
 _AT: Final = re.compile(r"\(at line (\d+), column (\d+)\)")
 _HEADER: Final = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]")
 _WRONG_TYPE: Final = {
     "string_type": "must be a text in quotes",
     "bool_type": "must be true or false",
     "float_type": "must be a number",
+    # The only setting with a choice of words.
+    "literal_error": f"must be one of {', '.join(get_args(Pictures))}",
 }
 
 
@@ -85,6 +90,7 @@ class _DashboardTable(_Table):
     theme: str = ""
     read_only: bool = False
     mouse: bool = True
+    pictures: Pictures = "off"
 
 
 class _ThemeTable(_Table):
@@ -126,6 +132,7 @@ class Config:
     theme: str = ""
     read_only: bool = False
     mouse: bool = True
+    pictures: Pictures = "off"
     keys: Mapping[str, str] = field(default_factory=dict)
     themes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 

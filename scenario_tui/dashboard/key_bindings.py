@@ -32,14 +32,14 @@ _ROOMS: Final = ("screens", "widgets")
 SHARED_MEANINGS: Final[Mapping[str, tuple[str, ...]]] = {
     "take what the cursor is on": ("open", "submit-file", "verdict-moment"),
     "one step back": ("back", "leave"),
-    "down": ("down", "next-file", "verdict-next"),
-    "up": ("up", "previous-file", "verdict-before"),
+    "down": ("down", "next-file", "verdict-next", "running-next"),
+    "up": ("up", "previous-file", "verdict-before", "running-before"),
     "to the first": ("top", "start"),
     "to the last": ("bottom", "end"),
     "next page": ("next-page", "signals-on"),
     "page before": ("previous-page", "signals-back"),
-    "next to look at": ("next-surprise", "next-failure", "next-found"),
-    "the one before to look at": ("previous-surprise", "previous-failure", "previous-found"),
+    "next to look at": ("next-unexpected", "next-failure", "next-found"),
+    "the one before to look at": ("previous-unexpected", "previous-failure", "previous-found"),
 }
 """Ids that say one thing of different screens; every other id is a meaning of its own.
 

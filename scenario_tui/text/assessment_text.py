@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
@@ -40,6 +41,8 @@ from scenario_tui.text.run_text import evidence_parts
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
+_HYPHEN: Final = re.compile(r"(?<![\w.-])-(?=\d)")
+"""A hyphen that is the sign of a number, and no part of a name."""
 _MANY: Final = 20
 """Repeats that get a glyph each: more of them leave no room for the oracle in 80 columns."""
 MatrixRow = tuple[str, tuple[Text, ...]]
@@ -137,12 +140,17 @@ def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styl
     return text
 
 
+def _in_signs(text: str) -> str:
+    """Return what an assessment says, written for programs, as people are told it."""
+    return _HYPHEN.sub("−", text).replace("  t=", "  at ")
+
+
 def surprise_text(found: UnexpectedVerdict, styles: Styles) -> Text:
     """Return what is not as expected, with the run to look at."""
     known = found.why and f"known: {found.why}"
-    text = _attention_line(str(found.verdict), found.text, [known], styles)
+    text = _attention_line(str(found.verdict), _in_signs(found.text), [known], styles)
     if found.run:
-        text.append(f"  -> {found.run}", style=styles["measure"])
+        text.append(f"  → {found.run}", style=styles["measure"])
     return text
 
 

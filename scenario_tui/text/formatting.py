@@ -50,6 +50,7 @@ Styles = Mapping[str, str]
 """A style for each word: one of the two above."""
 
 NOTHING: Final = "–"
+_SEED_DIGITS: Final = 6
 NOT_REPEATABLE: Final = "not repeatable"
 """Of a system under test outside of the simulator: the same run gives something else each time."""
 
@@ -75,6 +76,12 @@ def glyph_word(word: str) -> str:
 def pluralise(number: int, noun: str, plural: str = "") -> str:
     """Return ``1 run`` or ``2 runs``."""
     return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
+
+
+def brief_seed(seed: int) -> str:
+    """Return the first digits of a seed, enough to tell two apart: nobody types it."""
+    digits = str(seed)
+    return digits if len(digits) <= _SEED_DIGITS + 2 else f"{digits[:_SEED_DIGITS]}…"
 
 
 def quantity(value: float | None, unit: str, *, signed: bool = False) -> str:

@@ -18,6 +18,7 @@ from scenario_tui.text.formatting import (
     QUIET,
     SEVERITY,
     Styles,
+    brief_seed,
     fine_duration,
     glyph_word,
     margin,
@@ -215,7 +216,7 @@ def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLE
     row, spec, result = detail.row, detail.spec, detail.result
     repeatable = "" if spec.sut.repeatable else f", {NOT_REPEATABLE}"
     found = [
-        ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {spec.seed}"),
+        ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {brief_seed(spec.seed)}"),
         ("SUT", f"{spec.sut.name} ({spec.sut.kind}{repeatable})"),
         ("robot", f"{spec.robot.name}, {spec.robot.drive.kind}"),
         ("mission", f"{spec.mission.name}, {pluralise(len(spec.mission.waypoints), 'waypoint')}"),

@@ -205,7 +205,8 @@ def search_line(row: SearchRow) -> str:
     else:
         parts.append(pluralise(row.finished, "run"))
     if answer is not None:
-        parts.append(failures_text(answer.failed))
+        yet = " yet" if row.state == "running" and not answer.failed else ""
+        parts.append(f"{failures_text(answer.failed)}{yet}")
         parts.append(best_text(answer.best.value if answer.best else None))
     # While it explores the note has the same numbers, as they were when it was written.
     if row.note and not exploring:
@@ -290,7 +291,7 @@ def nearest_lines(
     lines = []
     for name, written, value, passing in rows:
         line = Text(f"  {name:<{widths[0]}}  ")
-        line.append(f"{written:>{widths[1]}} -> ", style=quiet_style(styles))
+        line.append(f"{written:>{widths[1]}} → ", style=quiet_style(styles))
         line.append(f"{value:<{widths[2]}}", style=styles["fail"])
         if passing:
             line.append(f"  passes at {passing}", style=quiet_style(styles))

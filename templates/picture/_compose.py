@@ -76,7 +76,8 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
         figure.add("margins", _page.margins(page))
     figure.add("heading", _page.heading(figure))
     low = any(is_below(s, CUT) for s in scene.solids)
-    doors = ("end" if closely else "start") if scene.objects else ""
+    late = closely or (run is not None and bool(run.positions))
+    doors = ("end" if late else "start") if scene.objects else ""
     driven = mission is not None
     row = _page.legend(page, doors=doors, low=low, mission=driven, robot=driven and not closely)
     figure.add("legend", row)

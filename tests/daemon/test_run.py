@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
@@ -24,7 +25,7 @@ from daemon.model.sut import Briefing, CostmapPicture, Decision, Estimate, Obser
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError, execute
 from daemon.stacks import registry
-from daemon.trace import read_trace
+from daemon.trace import TraceWriter, read_trace
 from grammars.model.files import load_robot
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.scene import Scene
@@ -204,6 +205,19 @@ def test_a_judge_that_fails_leaves_the_recording(
     with pytest.raises(RuntimeError, match="no judgement"):
         execute(idle(demo, seconds=1.0), scene, trace_path=tmp_path / "run.mcap")
     assert read_trace(tmp_path / "run.mcap").complete
+
+
+def test_a_trace_whose_verdicts_could_not_be_written_has_no_name(
+    demo: Submission, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(self: TraceWriter, data: bytes) -> None:
+        self._container.reopen()
+        raise OSError(errno.ENOSPC, "no space left")
+
+    monkeypatch.setattr(TraceWriter, "add_verdicts", fail)
+    with pytest.raises(OSError, match="no space left"):
+        execute(idle(demo, seconds=1.0), scene, trace_path=tmp_path / "run.mcap")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap.partial"]
 
 
 def test_another_seed_gives_another_trace(demo: Submission, scene: Scene, tmp_path: Path) -> None:

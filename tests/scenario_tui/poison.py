@@ -42,8 +42,11 @@ _MEANT: Final = frozenset(
 """Fields with a meaning to the program: other texts there are refused before they are shown."""
 
 # What we send: styles, the cursor moved, hidden and shown, lines erased, modes of the keyboard and
-# mouse set and asked for, the shape of its pointer. The poison is none of these.
-_OURS: Final = re.compile(r"\x1b\[[?<>=]?[0-9;]*\$?[A-DHKchlmnpu]|\x1b\]22;\w+\x07|\r")
+# mouse set and asked for, the shape of its pointer; the background asked for. The poison is none
+# of these.
+_OURS: Final = re.compile(
+    r"\x1b\[[?<>=]?[0-9;]*\$?[A-DHKchlmnpu]|\x1b\]22;\w+\x07|\x1b\]11;\?\x1b\\|\r"
+)
 _KEPT: Final = "\n\t\u200c\u200d\u00ad"
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Pose2
+from grammars.model.movers import with_planar_chain
+from grammars.model.scene import Link, SceneObject
 from templates import plan_shapes
 from templates.plan_shapes import PlanShape, ShapeRole, trail_shapes
-from tests.templates.worlds import world
+from tests.templates.worlds import box, world
 
 
 def lines(shapes: list[PlanShape]) -> dict[ShapeRole, list[list[tuple[float, float]]]]:
@@ -75,3 +78,15 @@ def test_a_plan_leaves_out_what_its_height_does_not_cross() -> None:
     start = start_positions(scene, world().draws[0].behaviours)
     assert list(plan_shapes.body_shapes(scene, start, cut=50.0)) == []
     assert list(plan_shapes.solid_shapes(scene, cut=-50.0)) == []
+
+
+def test_whoever_walks_is_seen_at_any_height_and_named_as_such() -> None:
+    trunk = Link("trunk", (box(-0.2, -0.1, 0.2, 0.1),), 4.0, 0.0, 0.25)
+    links, joints = with_planar_chain((trunk,), (), "trunk")
+    cat = SceneObject("tom", "cat", Pose2(1.0, 1.0), links, joints, (0.0, 0.0, 0.0))
+    scene = replace(world().scene, objects=(cat,))
+    (body,) = plan_shapes.body_shapes(scene, {"tom.x": 2.0}, cut=0.3)
+    assert (body.role, body.text) == (ShapeRole.MOVER, "tom")
+    assert np.mean(body.parts[0], axis=0) == pytest.approx([3.0, 1.0])
+    (name,) = plan_shapes.object_names(scene, {})
+    assert name.role is ShapeRole.MOVER_NAME

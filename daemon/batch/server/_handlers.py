@@ -168,7 +168,7 @@ class Handlers(SearchHandlers):
         rows, now = ledger.campaigns(query), self.clock.now()
         return tuple(
             row
-            if row.finished_at is not None
+            if row.finished_at is not None or row.paused
             else replace(row, seconds_left=self._time_left.of_campaign(ledger, row.id, now))
             for row in rows
         )

@@ -8,7 +8,7 @@ from typing import Final
 
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.server._workers import WorkerRegistry
-from daemon.batch.time_left import TimeLeft, estimate_time_left
+from daemon.batch.time_left import TimeLeft, estimate_time_left, follow_time_left
 
 _FRESH: Final = 0.25
 """Seconds for which an estimate holds, at least: several questions come with each look."""
@@ -22,6 +22,7 @@ class _Estimate:
     made_at: float
     until: float
     left: TimeLeft
+    about: object = None
 
 
 class TimeLeftClock:
@@ -50,9 +51,14 @@ class TimeLeftClock:
         begun = time.perf_counter()
         rows = self._registry.rows(now)
         slots = sum(row.slots for row in rows if not row.away and not row.trouble)
-        left = estimate_time_left(ledger.workload(now, self._registry.progress()), slots)
+        work = ledger.workload(now, self._registry.progress())
+        left = estimate_time_left(work, slots)
+        # What people do, or a worker that comes or leaves, is seen at once.
+        about = (slots, tuple((one.id, one.paused, one.priority) for one in work))
+        if about == last.about and now > last.made_at:
+            left = follow_time_left(last.left, now - last.made_at, left)
         took = time.perf_counter() - begun
-        self._last = _Estimate(now, now + max(_FRESH, took / _SHARE), left)
+        self._last = _Estimate(now, now + max(_FRESH, took / _SHARE), left, about)
         return self._last
 
 

@@ -353,11 +353,12 @@ class WorkerLoop:
 
     def _fill_slots(self) -> None:
         slots = 0 if self._signals.abort else self._backend.slots
-        while self._leased and len(self._executions) < slots:
-            lease = self._leased[0]
-            if not self._begin(lease):
-                return  # the backend wakes this loop when it is prepared
-            if lease in self._leased:  # else a renewal meanwhile said that it is gone
+        for lease in tuple(self._leased):
+            if len(self._executions) >= slots:
+                return
+            # A renewal meanwhile may have said that one is gone. One whose kernels are compiled
+            # keeps no other from its slot: the backend wakes this loop when it is prepared.
+            if lease in self._leased and self._begin(lease) and lease in self._leased:
                 self._leased.remove(lease)
 
     def _begin(self, lease: Lease) -> bool:

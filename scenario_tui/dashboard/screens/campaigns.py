@@ -82,7 +82,7 @@ class CampaignsScreen(SteeringScreen):
         with Horizontal(id="split"):
             yield KeyedTable(_COLUMNS, id="campaigns")
             side = VerticalScroll(id="side", can_focus=False)
-            side.border_title = "campaign"
+            side.border_title = "campaign "
             with side:
                 yield Static(id="about")
 

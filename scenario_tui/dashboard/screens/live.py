@@ -66,6 +66,8 @@ class LiveScreen(Screen[None]):
                 tooltip="At once, whatever key is held"),
         Binding("z", "zoom", "Zoom", id="live-zoom", tooltip="Nearer to the robot, then all of it"),
         Binding("Z", "fit", "Fit", show=False, id="live-fit", tooltip="All of the map again"),
+        Binding("I", "picture", "Picture", show=False, id="live-picture",
+                tooltip="The map as a picture, in terminals that show some"),
         Binding("F", "follow", "Follow", show=False, id="live-follow",
                 tooltip="Follow the robot when zoomed, or stay"),
         Binding("H", "pan(-1, 0)", "Pan left", show=False, id="live-pan-left",
@@ -183,6 +185,13 @@ class LiveScreen(Screen[None]):
     def action_fit(self) -> None:
         """Show all of the map again."""
         self.query_one(TopView).fit()
+
+    def action_picture(self) -> None:
+        """Show the map as a picture, in place of the dashboard."""
+        # What paints takes a while to load, and few ask for it.
+        from scenario_tui.dashboard.map_picture import look_at_picture
+
+        look_at_picture(self.query_one(TopView))
 
     def action_follow(self) -> None:
         """Follow the robot on the map, or stay where it is now."""

@@ -24,11 +24,11 @@ class MatrixScreen(SteeringScreen):
     """The matrix of a campaign; below it, or beside it, the cell under the cursor in words."""
 
     AUTO_FOCUS = "CellTable"
-    IN_FOOTER = ("open", "back", "next-surprise", "all-runs", "retry", "palette", "help", "quit")
+    IN_FOOTER = ("open", "back", "next-unexpected", "all-runs", "retry", "palette", "help", "quit")
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("n", "next(1)", "Next !", id="next-surprise",
+        Binding("n", "next(1)", "Next !", id="next-unexpected",
                 tooltip="The next cell that is not as expected"),
-        Binding("N", "next(-1)", "Previous !", show=False, id="previous-surprise",
+        Binding("N", "next(-1)", "Previous !", show=False, id="previous-unexpected",
                 tooltip="The one before"),
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the campaign"),
     ]  # fmt: skip
@@ -45,7 +45,7 @@ class MatrixScreen(SteeringScreen):
         with Container(id="grid"):
             yield CellTable(id="matrix")
             notes = VerticalScroll(id="notes")
-            notes.border_title = "cell"
+            notes.border_title = "cell "
             with notes:
                 yield Static(id="about")
 

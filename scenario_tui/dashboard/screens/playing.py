@@ -54,6 +54,8 @@ class PlayingScreen(Screen[None]):
                 tooltip="The part before"),
         Binding("z", "zoom", "Zoom", id="zoom", tooltip="Nearer to the robot, then all of it"),
         Binding("Z", "fit", "Fit", show=False, id="fit", tooltip="All of the map again"),
+        Binding("I", "picture", "Picture", show=False, id="picture",
+                tooltip="The map as a picture, in terminals that show some"),
         Binding("F", "follow", "Follow", show=False, id="follow",
                 tooltip="Follow the robot when zoomed, or stay"),
         Binding("H", "pan(-1, 0)", "Pan left", show=False, id="pan-left", tooltip="When zoomed"),
@@ -195,6 +197,15 @@ class PlayingScreen(Screen[None]):
         """Show all of the map again."""
         for top in self.query(TopView):
             top.fit()
+
+    def action_picture(self) -> None:
+        """Show the map as a picture, in place of the dashboard."""
+        top = next(iter(self.query(TopView)), None)
+        if top is not None:
+            # What paints takes a while to load, and few ask for it.
+            from scenario_tui.dashboard.map_picture import look_at_picture
+
+            look_at_picture(top)
 
     def action_follow(self) -> None:
         """Follow the robot on the map, or stay where it is now."""

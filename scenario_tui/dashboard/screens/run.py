@@ -109,6 +109,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
                 with VerticalScroll(id="log"):
                     yield Static(id="log-text")
             with Vertical(id="right"):
+                yield Static(id="starting")
                 yield RunMap()
                 with Vertical(id="along"):
                     yield Static(id="untold")
@@ -231,7 +232,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
         # Where the words are not beside the map, the first line has no room for all of it.
         starting = track.snapshot.waiting if track and not self.has_class("-wide") else ""
-        above.explain(why or starting)
+        above.explain(why)
+        self.query_one("#starting", Static).update(Text(starting))
+        self.set_class(bool(starting), "-starting")
         judgement = track.judgement if track else None
         if judgement is not None and judgement is not self._judgement and judgement.signals:
             self._judgement = judgement
@@ -246,6 +249,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         untold = "" if self._so_far else self._untold(detail, track)
         show_message_or(self.query_one("#untold"), signals, why or untold)
         told = not (why or untold)
+        self.set_class(bool(untold) and not why, "-untold")
         soon = "" if judgement or not _runs(detail) else self._untold(detail, track)
         self.query_one("#signs").display = told
         self.query_one("#signs", Static).update(soon or SIGNS)
@@ -285,7 +289,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def _say_live(self, said: Text, track: Track) -> None:
         now, silence = track.snapshot, self.dashboard.tracks.silence(track)
-        far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
+        far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s"
+        if self.has_class("-wide") or now.margin is None:  # else the margin would be cut
+            far += f" of {now.limit:.0f} s"
         if silence > _SILENT:
             said.append(f"  last heard {duration(silence)} ago", style=UNSURE)
         said.append(f"  {now.waiting or far}", style="default not bold")
@@ -336,6 +342,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         """Show the run at the moment that tells most."""
         self._playback = playback
         self.query_one(RunMap).explain("")
+        self.remove_class("-untold", "-starting")
         self.query_one("#untold").display = False
         signals = self.query_one("#signals", TimelineView)
         signals.display = self.query_one("#signs").display = True

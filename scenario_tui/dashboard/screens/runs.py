@@ -81,7 +81,7 @@ class RunsScreen(SteeringScreen):
                 id="previous-page", tooltip="The runs before these"),
         Binding("C", "compare", "Compare", show=False, id="compare",
                 tooltip="Mark a run, then another one to see both side by side"),
-        Binding("tab", "part", "Under way", show=False, id="view",
+        Binding("tab,v", "part", "Under way", show=False, id="view",
                 tooltip="To the runs under way, and back to the table"),
     ]  # fmt: skip
 
@@ -108,7 +108,7 @@ class RunsScreen(SteeringScreen):
             columns = (_COLUMNS[0], _CAMPAIGN, *_COLUMNS[1:])
             yield KeyedTable(_COLUMNS if self._wanted.campaign else columns, id="runs")
             side = Vertical(id="side")
-            side.border_title = "run"
+            side.border_title = "run "
             with side:
                 yield RunPanel(id="panel")
 

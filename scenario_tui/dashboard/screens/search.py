@@ -106,7 +106,7 @@ class SearchScreen(SteeringScreen):
                 yield Static(id="curve-legend")
                 yield KeyedTable(_COLUMNS, id="notable")
                 answer = VerticalScroll(id="answer")
-                answer.border_title = "answer"
+                answer.border_title = "answer "
                 with answer:
                     yield Static(id="answer-text")
             with Vertical(id="point"):

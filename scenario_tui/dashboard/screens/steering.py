@@ -158,7 +158,8 @@ class SteeringScreen(BaseScreen):
             runs = answer if isinstance(answer, int) else 0
             return action.outcome_text(row.id, runs, **words) + ending
 
-        self.dashboard.steer(act, self._line(action.command, row.id, *options))
+        command, *given = action.words
+        self.dashboard.steer(act, self._line(command, row.id, *given, *options))
 
     def action_matrix(self) -> None:
         """Show the campaign's matrix."""

@@ -15,6 +15,7 @@ from textual.containers import Container, VerticalScroll
 from textual.timer import Timer
 from textual.widgets import Input, OptionList, Static
 
+from daemon.batch.paths import StatePaths
 from daemon.model.status import Submission
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Severity
@@ -28,8 +29,8 @@ from scenario_tui.campaign_files import (
 from scenario_tui.dashboard.background import CheckQueue
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
-from scenario_tui.dashboard.state import DashboardState
-from scenario_tui.submission import CheckedFile, receipt_text
+from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.submission import CheckedFile, plan_text, receipt_text, searches_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET, pluralise
 
@@ -72,6 +73,7 @@ class SubmitScreen(BaseScreen):
         self._files: tuple[Path, ...] | None = None
         self._names: tuple[str, ...] = ()
         self._fresh = self._busy = False
+        self._slots = 0
         self._pausing: Timer | None = None
         self._news: int | None = None
         hint = "parts of the name, or the way to a folder"
@@ -89,7 +91,7 @@ class SubmitScreen(BaseScreen):
         with self._picker:
             yield self._list
             findings = VerticalScroll(id="findings", can_focus=False)
-            findings.border_title = "check"
+            findings.border_title = "check "
             with findings:
                 yield self._about
 
@@ -117,8 +119,19 @@ class SubmitScreen(BaseScreen):
         fresh = ("--fresh",) if self._fresh else ()
         return self.dashboard.command_lines.daemon_line("submit", name, *fresh)
 
+    def state_query(self) -> Query:
+        """The workers: how many runs at a time."""
+        return Query(workers=True)
+
     def show(self, state: DashboardState) -> None:
-        """Nothing here depends on the daemon."""
+        """Have the check ask the ledger of the daemon, when that is on this machine."""
+        here = Path(state.overview.state) if state.overview is not None else None
+        local = here is not None and StatePaths(here).ledger.is_file()
+        self._checks.state = here if local else None
+        slots = sum(row.slots for row in state.workers if not row.away)
+        if slots != self._slots:
+            self._slots = slots
+            self._tell()
 
     def _look_in(self, folder: Path) -> None:
         self._folder, self._files = folder, None
@@ -206,6 +219,7 @@ class SubmitScreen(BaseScreen):
                 text = Text("… submitting" if self._busy else "… checking", style=QUIET)
             else:
                 text = _checked_text(found, self._here)
+                append_plan(text, found, relative_name(path, self._here), self._slots, self._fresh)
             text.append("\n\n")
             text.append_text(same_as(self.command()))
             self._about.update(text)
@@ -268,6 +282,14 @@ class SubmitScreen(BaseScreen):
 
 def _submit(submission: Submission, daemon: DaemonClient) -> str:
     return receipt_text(daemon.submit(submission))
+
+
+def append_plan(text: Text, found: CheckedFile, name: str, slots: int, fresh: bool) -> None:
+    """Add what would be executed of a file called ``name``, and which searches it has besides."""
+    if found.plan is not None:
+        text.append(f"\n\n{plan_text(found.plan, slots, fresh=fresh)}")
+    if found.searches:
+        text.append(f"\n\n{searches_text(Path(name), found.searches)}", style=QUIET)
 
 
 def _checked_text(found: CheckedFile, here: Path) -> Text:

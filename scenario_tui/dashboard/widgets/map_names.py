@@ -63,8 +63,13 @@ def name_area(name: str, layer: int, rings: Sequence[Floats], free: Mask) -> Map
     return None
 
 
-def name_thing(name: str, layer: int, box: Sequence[float], free: Mask) -> MapName | None:
-    """Return a name beside a thing; ``box`` is left, top, right, bottom of it in cells."""
+def name_thing(
+    name: str, layer: int, box: Sequence[float], free: Mask, walls: Mask
+) -> MapName | None:
+    """Return a name beside a thing, on this side of the ``walls`` (rows, columns) around it.
+
+    ``box`` is left, top, right, bottom of it in cells.
+    """
     rows, columns = free.shape
     left, top, right, bottom = (int(np.floor(edge)) for edge in box)
     if right < 0 or bottom < 0 or left >= columns or top >= rows:
@@ -72,12 +77,14 @@ def name_thing(name: str, layer: int, box: Sequence[float], free: Mask) -> MapNa
     width = len(name)
     middle, centre = (top + bottom) // 2, (left + right) // 2 - (width - 1) // 2
     wanted = [(middle, right + 2), (middle, left - width - 1)]
+    across = slice(max(left, 0), right + 1)
     for step in range(1, _ASIDE + 1):
-        wanted += [
-            (row, column)
-            for row in (top - step, bottom + step)
-            for column in (centre, right + 1, left - width)
-        ]
+        for row, between in (
+            (top - step, walls[max(top - step + 1, 0) : max(top, 0), across]),
+            (bottom + step, walls[bottom + 1 : bottom + step, across]),
+        ):
+            if not between.any():
+                wanted += [(row, column) for column in (centre, right + 1, left - width)]
     spots = [
         (row, column)
         for row, column in wanted

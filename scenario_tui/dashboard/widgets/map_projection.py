@@ -53,6 +53,11 @@ class MapProjection:
         return (self.scale * (c * off[0] - s * off[1]), self.scale * (s * off[0] + c * off[1]))
 
 
+def cell_of(x: float, y: float) -> tuple[int, int]:
+    """Return the row and column of the cell that holds a dot, which is counted from its middle."""
+    return math.floor((y + 0.5) / 4), math.floor((x + 0.5) / 2)
+
+
 def fit(points: Floats, axis: float, width: int, height: int) -> MapProjection:
     """Return the projection that has all ``points`` (n, 2) [m] on ``width`` x ``height`` dots.
 

@@ -57,10 +57,14 @@ class RunningGrid(Widget, can_focus=True):
     """Shows runs under way; of more than fit those with the least margin, in their order."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down,j", "step(1)", "Down", show=False, id="down", tooltip="The next run"),
-        Binding("up,k", "step(-1)", "Up", show=False, id="up", tooltip="The run before"),
+        Binding("j", "step(1)", "Down", show=False, id="down", tooltip="Also the arrow"),
+        Binding("k", "step(-1)", "Up", show=False, id="up", tooltip="Also the arrow"),
+        Binding("down", "step(1)", "Next run", show=False, id="running-next",
+                tooltip="Of those under way"),
+        Binding("up", "step(-1)", "Run before", show=False, id="running-before",
+                tooltip="Of those under way"),
         Binding("enter", "open", "Open", id="open", tooltip="The run, live"),
-    ]
+    ]  # fmt: skip
 
     class Opened(Message):
         """Somebody wants to see a ``run``."""

@@ -153,7 +153,8 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
     if overview.preparing:
         short = overview.preparing.partition(" (")[0]
         # The worker's words may end with how far it is: "compiling kernels 7/42".
-        progress = short.rpartition(" ")[2] if "/" in short else short.partition(" ")[0]
+        far = short.rpartition(" ")[2]
+        progress = f"{far} kernels" if "/" in far else short.partition(" ")[0]
         yield _Part((overview.preparing, short, f"… {progress}"), QUIET, 7)
 
 

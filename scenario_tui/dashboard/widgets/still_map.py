@@ -30,7 +30,7 @@ from scenario_tui.dashboard.widgets.block_cells import (
 )
 from scenario_tui.dashboard.widgets.cell_view import Canvas, Cells
 from scenario_tui.dashboard.widgets.map_names import MapName, name_area, name_thing, take_place
-from scenario_tui.dashboard.widgets.map_projection import MapProjection, fit, main_axis
+from scenario_tui.dashboard.widgets.map_projection import MapProjection, cell_of, fit, main_axis
 from scenario_tui.dashboard.widgets.map_style import ARROWS, Layer
 from scenario_tui.terminal.capabilities import Blocks
 from templates import plan_shapes
@@ -118,7 +118,7 @@ def _still_map(
     names: tuple[MapName, ...] = ()
     if columns >= _LEAST_NAMED[0] and rows >= _LEAST_NAMED[1]:
         free = _free_cells(lines, projection, walls, mission.value, texts)
-        names = tuple(_names(lines, projection, free))
+        names = tuple(_names(lines, projection, free, walls.dots > 0))
     return StillMap(columns, rows, projection, walls, low, names, texts)
 
 
@@ -153,7 +153,12 @@ def _scene_lines(same: _Same) -> _SceneLines:
         corners=np.vstack(rings) if rings else np.empty((0, 2)),
         axis=main_axis(edges),
         spaces=tuple(plan_shapes.space_names(scene)),
-        doors=tuple(plan_shapes.object_names(scene, start)),
+        # Whoever walks takes their name along.
+        doors=tuple(
+            shape
+            for shape in plan_shapes.object_names(scene, start)
+            if shape.role is ShapeRole.OBJECT_NAME
+        ),
     )
 
 
@@ -192,10 +197,9 @@ def _open_borders(floors: Floats, walls: BlockLayer) -> Cells:
     """
     rows, columns = walls.codes.shape
     floor = fill_areas(floors + 0.5, 2 * columns, 4 * rows)
-    inner = floor.copy()
-    for axis in (0, 1):
-        for step in (1, -1):
-            inner &= np.roll(floor, step, axis=axis)
+    # Floor that goes on beyond the edge of the map has no border there.
+    around = np.pad(floor, 1, mode="edge")
+    inner = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:] & floor
     near = np.zeros((rows + 2, columns + 2), dtype=np.bool_)
     for down in (0, 1, 2):
         for right in (0, 1, 2):
@@ -217,7 +221,7 @@ def _free_cells(
     free: Mask = (walls.dots == 0) & (taken.layer(0) == 0)
     points = [(mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints)]
     for x, y in projection.dots(np.array(points)).tolist():
-        column, row = int(x // 2), int(y // 4)
+        row, column = cell_of(x, y)
         if 0 <= row < rows:
             free[row, max(column - 1, 0) : max(column + 4, 0)] = False
     for text in texts:
@@ -225,7 +229,7 @@ def _free_cells(
     return free
 
 
-def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> list[MapName]:
+def _names(lines: _SceneLines, projection: MapProjection, free: Mask, walls: Mask) -> list[MapName]:
     found = []
     cell = np.array([2.0, 4.0])
     # Doors first, whose names have far fewer places to stand.
@@ -234,7 +238,7 @@ def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> list[Ma
         if np.ptp(dots, axis=0).max() < _LEAST_DOOR:
             continue
         box = [*((dots.min(axis=0) + 0.5) / cell), *((dots.max(axis=0) + 0.5) / cell)]
-        name = name_thing(shape.text, Layer.DOOR_NAME, box, free)
+        name = name_thing(shape.text, Layer.DOOR_NAME, box, free, walls)
         if name is not None:
             take_place(name, free)
             found.append(name)

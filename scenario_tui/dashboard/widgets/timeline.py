@@ -35,9 +35,9 @@ def at_cursor(strip: SignalStrip, time: float) -> str:
         return NOTHING
     if strip.unit == "bool":
         return "yes" if most > 0.5 else "no"
-    least, greatest = quantity(value, ""), quantity(most, strip.unit)
-    if quantity(value, strip.unit) == greatest:
-        return greatest
+    if _brief(value) == _brief(most):
+        return quantity(most, strip.unit)
+    least, greatest = _brief(value), _brief(most, strip.unit)
     # A thinned signal knows no more than that. A dash beside a minus sign would be read as one.
     return f"{least} to {greatest}" if min(value, most) < 0.0 else f"{least}–{greatest}"
 

@@ -18,7 +18,8 @@ from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.widgets.block_cells import area_dots, ring_edges
 from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, CellView, Codes
-from scenario_tui.dashboard.widgets.map_names import MapName, Place
+from scenario_tui.dashboard.widgets.map_names import MapName, Place, name_thing, take_place
+from scenario_tui.dashboard.widgets.map_projection import cell_of
 from scenario_tui.dashboard.widgets.map_style import (
     AHEAD,
     ARROWS,
@@ -53,6 +54,8 @@ Not whole numbers: halves are rounded to even ones, and two lines could fall on 
 """
 _LEAST_BODY: Final = 4.0
 """Dots a robot is long at least to be shown with a line to its nose."""
+_CELL: Final = (2.0, 4.0)
+"""Dots across and down a cell."""
 _MOST_NUMBERS: Final = 7
 """Letters beside a waypoint at most: several may lie in one cell."""
 
@@ -116,6 +119,7 @@ class MapFrame:
         self.canvas.merge(still.low.layer(0), Layer.LOW)
         self._glyphs: dict[Place, tuple[str, Layer]] = {}
         self._numbers: dict[Place, dict[str, Layer]] = {}
+        self._movers: dict[str, Floats] = {}
         self._shown: set[Layer] = set()
 
     @property
@@ -134,6 +138,8 @@ class MapFrame:
         parts = np.split(dots, np.cumsum([len(part) for part in points])[:-1])
         before = self._shown.copy()
         self._shown.add(layer)
+        if shape.role is ShapeRole.MOVER:
+            self._movers[shape.text] = dots
         if shape.form == "dots":
             self._mark(shape, layer, dots)
         elif shape.role is ShapeRole.HEADING:
@@ -166,7 +172,7 @@ class MapFrame:
         for x, y in dots.tolist():
             self._glyph(x, y, sign, layer)
             if shape.text:
-                self._numbers.setdefault(_cell_of(x, y), {})[shape.text] = layer
+                self._numbers.setdefault(cell_of(x, y), {})[shape.text] = layer
 
     def _head(self, line: Floats, layer: Layer) -> None:
         """Draw the way a robot looks: a line to its nose where it is large, and an arrow."""
@@ -178,7 +184,7 @@ class MapFrame:
 
     def _glyph(self, x: float, y: float, sign: str, layer: Layer) -> None:
         """Put a sign into the cell that holds a dot, over those of lower layers."""
-        place = _cell_of(x, y)
+        place = cell_of(x, y)
         inside = 0 <= place[0] < self.canvas.rows and 0 <= place[1] < self.canvas.columns
         if inside and (place not in self._glyphs or self._glyphs[place][1] <= layer):
             self._glyphs[place] = (sign, layer)
@@ -228,6 +234,14 @@ class MapFrame:
                         shift = (name.width - len(line)) // 2
                         _write(codes, owners, row + below, column + shift, line, name.layer)
                     break
+        walls = self.still.walls.dots > 0
+        free = ~(taken | walls)
+        for text, dots in self._movers.items() if self.still.names else ():
+            box = [*((dots.min(axis=0) + 0.5) / _CELL), *((dots.max(axis=0) + 0.5) / _CELL)]
+            called = name_thing(text, Layer.DOOR_NAME, box, free, walls)
+            if called is not None:
+                _write(codes, owners, *called.spots[0], text, called.layer)
+                take_place(called, free)
 
     def _write_signs(self, codes: Codes, owners: Codes) -> None:
         """Write the numbers of waypoints beside them, then the signs, higher layers last."""
@@ -254,9 +268,8 @@ _GLYPHS: Final = {
 }
 
 
-def _cell_of(x: float, y: float) -> Place:
-    """Return the row and column of the cell that holds a dot."""
-    return int((y + 0.5) // 4), int((x + 0.5) // 2)
+_TOLD: Final = (ShapeRole.WAYPOINT, ShapeRole.REACHED, ShapeRole.MOVER)
+"""Roles whose texts are written beside their shapes."""
 
 
 def _write(codes: Codes, owners: Codes, row: int, column: int, text: str, layer: int) -> None:
@@ -277,9 +290,9 @@ def _along(dots: Floats, gap: float) -> Floats:
 
 
 def _joined(shapes: Iterable[PlanShape]) -> Iterator[PlanShape]:
-    """Yield neighbours without a text that are alike as one: every drawing takes its time."""
+    """Yield neighbours that are alike as one, for every drawing takes its time."""
     for (role, form, text), same in itertools.groupby(
-        shapes, key=lambda one: (one.role, one.form, one.text if one.form == "dots" else "")
+        shapes, key=lambda one: (one.role, one.form, one.text if one.role in _TOLD else "")
     ):
         yield PlanShape(role, form, tuple(part for one in same for part in one.parts), text)
 
@@ -313,6 +326,11 @@ class TopView(CellView):
         self._middle: Point2 | None = None
         self._follows = True
         self._names: dict[MapName, Place] = {}
+
+    @property
+    def view(self) -> View | None:
+        """What is shown, if anything."""
+        return self._view
 
     def show(self, view: View | None) -> None:
         """Show another view, or nothing."""

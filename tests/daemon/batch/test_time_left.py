@@ -13,7 +13,9 @@ from daemon.batch.time_left import (
     CellWork,
     ExecutedRuns,
     RunInProgress,
+    TimeLeft,
     estimate_time_left,
+    follow_time_left,
 )
 
 LIMIT = 600.0
@@ -161,16 +163,27 @@ def test_the_time_left_is_near_the_truth_and_never_jumps_up(seed: int, by: str) 
         times = [times[12 * c + repeat] for repeat in range(12) for c in range(4)]
     queue = SimulatedQueue(times)
     told = [
-        (now, estimate_time_left([seen], SLOTS).all)
+        (now, estimate_time_left([seen], SLOTS).all, all(one.executed.runs for one in seen.cells))
         for now, seen in queue.looks()
-        if all(one.executed.runs for one in seen.cells)
     ]
     # In the last seconds one of them is a large share of what is left.
-    before = np.inf
-    looked = [(now, left) for now, left in told if queue.over - now > 30.0]
-    assert len(looked) > 100
-    for now, left in looked:
-        assert left == pytest.approx(queue.over - now, rel=0.3)
-        assert left is not None
-        assert left <= 1.2 * before
-        before = left
+    late = [(queue.over - now, left) for now, left, known in told if known]
+    late = [(true, left) for true, left in late if true > 30.0]
+    assert len(late) > 100
+    for true, left in late:
+        assert left == pytest.approx(true, rel=0.3)
+    for (_, one), (_, other) in itertools.pairwise(late):
+        assert one is not None
+        assert other is not None
+        assert other <= 1.2 * one
+
+
+def test_what_is_said_follows_what_is_known_in_a_few_seconds() -> None:
+    said = follow_time_left(TimeLeft(100.0, {"c": 100.0}), 2.0, TimeLeft(200.0, {"c": 200.0}))
+    assert said.all == pytest.approx(131.6, abs=0.1)
+    assert said.campaigns == {"c": said.all}
+    for _ in range(15):
+        said = follow_time_left(said, 1.0, TimeLeft(200.0, {"c": 200.0}))
+    assert said.all == pytest.approx(200.0, rel=0.1)
+    assert follow_time_left(said, 1.0, TimeLeft(None)).all is None
+    assert follow_time_left(TimeLeft(None), 1.0, TimeLeft(50.0)).all == 50.0

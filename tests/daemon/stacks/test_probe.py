@@ -40,6 +40,7 @@ def test_a_sound_stack_has_nothing_said_about_it_and_is_not_loaded_here() -> Non
         ("factory-leaves-at-once", "ended its process with code 5 while it was made"),
         ("factory-crashes", rf"crashed its process by SIGSEGV \(.*{MODULE}.py:\d+\)"),
         ("factory-refuses", '^"speed" must be positive$'),
+        ("factory-reads-with-a-library", "^speed must be a valid number"),
         ("factory-has-no-words", "ValueError without a word"),
     ],
 )

@@ -16,6 +16,7 @@ from daemon.batch.paths import StatePaths
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import ExitCode, exit_code
+from scenario_tui.cli.output import say
 from scenario_tui.cli.steer import PriorityOutput
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
 from tests.scenario_tui.cli.outputs import declared
@@ -288,3 +289,28 @@ def test_a_missing_campaign_may_have_been_submitted(scenario, tmp_path: Path, mo
         db.execute("CREATE TABLE campaign (serial INTEGER PRIMARY KEY, id, name, total, about)")
         db.execute("INSERT INTO campaign VALUES (1, 'nightly-1', 'nightly', 3, '')")
     assert '"nightly" was submitted: `scenario results nightly`' in scenario("run", "nightly").err
+
+
+def test_a_command_that_leaves_without_an_answer_writes_what_it_said(monkeypatch, capsys) -> None:
+    def leave(**_: object) -> int:
+        say("scenario: no run fails")
+        return 4
+
+    monkeypatch.setattr(command_line, "app", leave)
+    assert command_line.invoke(["blame", "c.0", "--json"]) == 4
+    body = declared(capsys.readouterr().out)
+    assert (body["error"], body["exit_code"]) == ("no run fails", 4)
+
+
+def test_ctrl_c_is_an_answer_for_machines_too(raising, capsys) -> None:
+    raising(KeyboardInterrupt())
+    assert command_line.invoke(["wait", "c", "--json"]) == 130
+    assert declared(capsys.readouterr().out)["error"] == "interrupted"
+
+
+def test_a_file_is_no_name_of_what_was_submitted(scenario, tmp_path: Path) -> None:
+    file = tmp_path / "one.yaml"
+    file.write_text("# about\ncampaign: nightly-tests   # its name\n")
+    said = scenario("results", str(file))
+    assert said.code == 2
+    assert 'one.yaml is a file: what was submitted of it is called "nightly-tests"' in said.err

@@ -87,7 +87,7 @@ def test_gc_wants_to_know_what_to_keep(scenario, tmp_path, options, words) -> No
 
 def test_gc_without_a_ledger_says_so(scenario, tmp_path) -> None:
     said = scenario("gc", "--keep", "3", "--state", str(tmp_path))
-    assert said.code == 3
+    assert said.code == 2
     assert "there is no ledger" in said.err
 
 

@@ -117,7 +117,7 @@ def test_a_part_of_a_run_is_drawn_closely(ledger: StatePaths) -> None:
         (["--run", "traces"], "means 2 traces (a.mcap, b.mcap): name one of them"),
         (["--run", "traces/a.mcap", "-o", "run.gif"], "must end in .svg or .png"),
         (["traces", "--run", "traces/a.mcap"], "not both"),
-        (["traces", "--from", "3"], "goes with --run only"),
+        (["traces", "--from", "3"], "scenario export RUN picture"),
         (["--run", "traces/a.mcap", "--from", "30"], "no part of a run that goes from 0 s to 20 s"),
         (["--run", "traces/a.mcap", "--until", "-1"], "is no part of a run"),
         (["empty"], "holds no traces"),

@@ -165,7 +165,7 @@ def test_an_output_that_a_run_has_not_is_answered_with_those_it_has(
 
 def test_logs_need_a_state_directory_or_a_trace(scenario, tmp_path: Path) -> None:
     said = scenario("show", "c-1.0", "--log", "--state", str(tmp_path))
-    assert said.code == 3
+    assert said.code == 2
     assert "is no state directory" in said.err
     assert scenario("show", str(tmp_path / "none.mcap"), "--log").code == 2
 

@@ -48,6 +48,7 @@ BAD = {
     "[keys]\ncancel = 1": 'config.toml:2: "cancel" must be a key in quotes',
     "[dashboard]\ntheme = 'nrod'": 'config.toml:2: unknown theme "nrod"; themes are ',
     "[dashboard]\nmouse = 'no'": 'config.toml:2: "mouse" must be true or false',
+    "[dashboard]\npictures = 'on'": 'config.toml:2: "pictures" must be one of off, auto, kitty',
     "[dashboard]\nmuose = true": 'config.toml:2: unknown setting "muose"',
     "mouse = true": 'config.toml:1: unknown table or setting "mouse"',
     "[keyz]\na = 'b'": 'config.toml:1: unknown table or setting "keyz"',
@@ -73,6 +74,7 @@ def test_no_file_says_nothing(tmp_path: Path) -> None:
     check_config(config)
     assert not config.read_only
     assert config.mouse
+    assert config.pictures == "off"
     assert not config.keys
 
 

@@ -81,6 +81,8 @@ async def test_one_key_pauses_and_resumes_and_the_footer_says_which(fake) -> Non
         await press(pilot, "r", "f")
         assert "again; it is paused, they wait until it is resumed" in notices(pilot)
         await press(pilot, "P")
+        await settle(pilot)
+        assert f"same as: scenario pause {CAMPAIGN} --off" in notices(pilot)
     assert fake.told("resume") == [(CAMPAIGN,)]
 
 

@@ -69,6 +69,31 @@ async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map() -> No
         assert "elapsed" in shown(pilot)
 
 
+async def test_signals_are_drawn_anew_only_when_there_is_a_new_judgement() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        signals = pilot.app.screen.query_one(TimelineView)
+        drawing = signals._drawing
+        assert drawing is not None
+        fake.watchers[RUN](make_live(7, 60.4))
+        await settle(pilot)
+        assert signals._drawing is drawing
+        fake.judged[RUN] = make_judgement(time=61.0)
+        await settle(pilot)
+        assert signals._drawing is not drawing
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_while_a_system_starts_the_map_shows_where_it_will(size: tuple[int, int]) -> None:
+    async with opened(FakeDaemon(live=(make_live(7, waiting=WAITING),)), size) as pilot:
+        await look_at(pilot)
+        assert WAITING in shown(pilot)
+        assert "◆3" in shown(pilot)
+        assert pilot.app.screen.query_one(TopView).size.height > size[1] / 2
+
+
 async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on() -> None:
     fake = running()
     fake.judged[RUN] = make_judgement(contact=True)

@@ -12,15 +12,16 @@ from hypothesis import strategies as st
 
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.scene import Scene
+from grammars.model.movers import with_planar_chain
+from grammars.model.scene import Link, Scene, SceneObject
 from scenario_tui.dashboard.widgets.block_cells import (
     fill_areas,
     middle_line,
     ring_edges,
     to_blocks,
 )
-from scenario_tui.dashboard.widgets.map_names import name_area
-from scenario_tui.dashboard.widgets.map_projection import fit, main_axis
+from scenario_tui.dashboard.widgets.map_names import name_area, name_thing
+from scenario_tui.dashboard.widgets.map_projection import cell_of, fit, main_axis
 from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
 from scenario_tui.dashboard.widgets.top_view import MapFrame, View, draw_view
 from tests.scenario_tui.fake import MISSION, ROBOT, make_scene
@@ -246,6 +247,43 @@ def test_floor_that_ends_without_a_wall_has_a_dotted_border() -> None:
     assert end == [False, True]
 
 
+def test_floor_that_goes_on_beyond_the_pane_has_no_border_there() -> None:
+    still = draw_view(view(), 40, 10, zoom=8, middle=(6.0, 2.0)).still
+    assert not still.low.layer(0).any()
+
+
+def test_no_name_covers_a_waypoint() -> None:
+    for columns in range(40, 140, 7):
+        still = draw_view(view(), columns, 24).still
+        points = np.array([(w.x, w.y) for w in MISSION.waypoints])
+        stops = [cell_of(x, y) for x, y in still.projection.dots(points).tolist()]
+        for name in still.names:
+            for row, column in name.spots:
+                covered = {(row, column + i) for i in range(name.width)}
+                assert not covered & set(stops)
+
+
 def test_middle_lines_end_where_a_wall_is_cut_aslant() -> None:
     mitred = np.array([(0.0, 0.0), (10.0, 0.0), (9.0, 1.0), (1.0, 1.0)])
     assert middle_line(mitred) == pytest.approx([0.5, 0.5, 9.5, 0.5])
+
+
+def test_whoever_walks_takes_their_name_along() -> None:
+    body = Link("body", (((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)),), 70.0, 0.0, 1.7)
+    links, joints = with_planar_chain((body,), (), "body")
+    visitor = SceneObject("visitor", "person", Pose2(), links, joints, (0.0, 0.0, 0.0))
+    scene = replace(make_scene(), objects=(visitor,))
+    for x in (3.0, 7.5):
+        frame = draw_view(View(scene, ROBOT, MISSION, (x, 1.0, 0.0)), 100, 30)
+        ((at, _),) = frame.still.projection.dots(np.array([(x, 1.0)]))
+        (line,) = (row for row in rows_of(frame) if "visitor" in row)
+        assert abs(line.index("visitor") + 3 - at / 2) < 9
+
+
+def test_a_name_stays_on_its_side_of_a_wall() -> None:
+    free, walls = np.ones((9, 30), dtype=bool), np.zeros((9, 30), dtype=bool)
+    free[4, :] = False
+    walls[3, :] = True
+    found = name_thing("door", Layer.DOOR_NAME, (12, 4, 14, 4), free & ~walls, walls)
+    assert found is not None
+    assert all(row > 4 for row, _ in found.spots)

@@ -213,7 +213,7 @@ from scenario_tui.cli import main, target
 from tests.scenario_tui.poison import PoisonedDaemon
 fake = PoisonedDaemon(trouble="no space left")
 target.DaemonTarget.open = lambda self: fake.open()
-main(["tui"])
+main(["tui", "--connect", "tcp/127.0.0.1:9"])
 """
 
 

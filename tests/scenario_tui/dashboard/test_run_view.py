@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from textual.screen import Screen
 from textual.widgets import Static
 
 from daemon.judging.oracles import judge
@@ -325,3 +326,20 @@ def test_what_a_failed_run_looks_like(
 
     dashboard = make_dashboard(Recorded(trace))
     assert snap_compare(dashboard, terminal_size=size, run_before=before)
+
+
+async def test_a_screen_that_is_covered_lets_go_of_what_it_drew(trace: Path) -> None:
+    """Textual keeps every cut of each line: going through runs would take 5 MB each."""
+
+    def lines(screen: Screen[None]) -> int:
+        return sum(len(each._styles_cache._cache) for each in screen.walk_children(with_self=True))
+
+    async with opened(Recorded(trace), (200, 50)) as pilot:
+        await press(pilot, "enter")
+        covered, before = pilot.app.screen, screen_text(pilot)
+        assert lines(covered) > 0
+        await look_at(pilot)
+        assert lines(covered) == 0
+        await press(pilot, "escape")
+        assert pilot.app.screen is covered
+        assert screen_text(pilot) == before

@@ -65,7 +65,9 @@ def test_how_far_compiling_is_is_said_at_every_usual_width(width: int) -> None:
     words = "compiling kernels 7/42 (once on this machine)"
     first = replace(SMALL, passed=0, failed=0, inconclusive=0, lost=0, running=2, queued=13,
                     rate=0.0, seconds_left=None, preparing=words)  # fmt: skip
-    assert "7/42" in line(width, overview=first, conclusions={})
+    shown = line(width, overview=first, conclusions={})
+    assert "7/42" in shown
+    assert "kernels" in shown
 
 
 def test_a_worker_that_starts_is_no_missing_worker() -> None:

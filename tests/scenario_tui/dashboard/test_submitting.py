@@ -14,7 +14,7 @@ from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, 
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
-from scenario_tui.submission import check_file
+from scenario_tui.submission import SubmissionPlan, check_file, plan_text
 from tests.scenario_tui.dashboard import inline
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, notices, until
 from tests.scenario_tui.dashboard.inline import press, screen_text, settle
@@ -71,6 +71,35 @@ async def test_a_campaign_is_checked_beside_its_name_and_submitted(fake, folder)
         await settle(pilot)
         assert isinstance(pilot.app.screen, CampaignsScreen)
         assert ": 15 runs" in notices(pilot)
+
+
+async def test_what_would_be_executed_is_said_before(fake, folder) -> None:
+    async with make_dashboard(fake).run_test(size=(120, 30)) as pilot:
+        await opened_at(pilot, "demo/camp")
+        await until(pilot, lambda: "✓" in about(pilot))
+        assert "3 cells × 5 repeats = 15 runs\n" in about(pilot)  # no ledger is here to ask
+        searches = "doors-in-time is a search: start it with `scenario search demo/campaign.yaml`"
+        assert searches in about(pilot)
+
+
+@pytest.mark.parametrize(
+    ("plan", "fresh", "said"),
+    [
+        ({"asked": False}, False, ""),
+        ({"untimed": 15}, False, "; how long they take is unknown: no run of these yet"),
+        ({"seconds": 480.0}, False, "; about 4 min 00 s on 2 slots"),
+        ({"cached": 12, "seconds": 90.0}, False, ", 12 cached; about 45 s on 2 slots"),
+        ({"cached": 14, "seconds": 90.0}, False, ", 14 cached; about 1 min 30 s on 1 slot"),
+        ({"seconds": 90.0, "untimed": 5}, False, "; at least 45 s on 2 slots, 5 of them unknown"),
+        ({"cached": 15}, False, ", all cached: nothing is executed"),
+        ({"cached": 15, "seconds_anew": 30.0}, True, "; about 15 s on 2 slots"),
+    ],
+)
+def test_a_plan_says_what_is_cached_and_how_long_the_rest_takes(
+    plan: dict[str, Any], fresh: bool, said: str
+) -> None:
+    found = SubmissionPlan(3, 5, 15, **{"asked": True} | plan)
+    assert plan_text(found, 2, fresh=fresh) == f"3 cells × 5 repeats = 15 runs{said}"
 
 
 async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folder) -> None:

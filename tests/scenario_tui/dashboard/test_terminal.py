@@ -117,7 +117,8 @@ def test_while_nothing_happens_next_to_nothing_is_sent(daemon) -> None:
 
 def test_sixteen_colours_and_ascii_are_enough(daemon) -> None:
     # The terminal of this test says nothing when it is asked, as old ones do.
-    with terminal(dashboard(daemon), environ={"TERM": "xterm", "LANG": "C"}) as shown:
+    plain = {"TERM": "xterm", "LANG": "C"}
+    with terminal(dashboard(daemon), environ=plain, background="") as shown:
         shown.until("corridor-1")
         shown.until("x 1 fail")
         shown.type("\r")
@@ -133,6 +134,18 @@ def test_sixteen_colours_and_ascii_are_enough(daemon) -> None:
         assert b"38;" not in drawn
         assert b"48;" not in drawn
         assert not is_reverse("S2/pilot/0")
+
+
+@pytest.mark.parametrize(
+    ("background", "shown_on"), [("ffff/ffff/ffff", "fbfbf9"), ("1c1c/1c1c/1c1c", "12151a")]
+)
+def test_colours_follow_the_background_of_the_terminal(
+    daemon, background: str, shown_on: str
+) -> None:
+    colours = {"COLORTERM": "truecolor"}
+    with terminal(dashboard(daemon), environ=colours, background=background) as shown:
+        shown.until("corridor-1")
+        shown.until(lambda: shown.screen.buffer[10][2].bg == shown_on)
 
 
 def test_a_dumb_terminal_is_told_what_to_do() -> None:

@@ -25,14 +25,19 @@ DEADLINE: Final = 120.0
 ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
 _PRIVATE: Final = 5
 """How far pyte shifts the numbers of private modes."""
+_ASKED: Final = b"\x1b]11;?\x1b\\\x1b[6n"
 _KEPT: Final = ("PATH", "VIRTUAL_ENV", "PYTHONPATH")
 
 
 class Terminal:
-    """A terminal of ``columns`` x ``rows`` with a program in it; ``sent`` counts its bytes."""
+    """A terminal of ``columns`` x ``rows`` with a program in it; ``sent`` counts its bytes.
 
-    def __init__(self, pid: int, master: int, columns: int, rows: int) -> None:
+    Asked for its ``background`` it says that, nothing where it is empty, as old ones do.
+    """
+
+    def __init__(self, pid: int, master: int, columns: int, rows: int, background: str) -> None:
         self.pid, self._master = pid, master
+        self._background = background
         self.screen = pyte.Screen(columns, rows)
         self._stream = pyte.ByteStream(self.screen)
         self.sent = 0
@@ -68,6 +73,8 @@ class Terminal:
         self.sent += len(data)
         self.raw += data
         self._stream.feed(data)
+        if self._background and _ASKED in data:
+            self.type(f"\x1b]11;rgb:{self._background}\x1b\\\x1b[1;1R")
         return bool(data)
 
     def until(self, seen: str | Callable[[], bool], seconds: float = DEADLINE) -> None:
@@ -157,6 +164,7 @@ def terminal(
     columns: int = 80,
     rows: int = 24,
     environ: Mapping[str, str] | None = None,
+    background: str = "0000/0000/0000",
 ) -> Iterator[Terminal]:
     """Run a command in a terminal of its own; nothing of it is left afterwards."""
     around = {name: os.environ[name] for name in _KEPT if name in os.environ}
@@ -166,7 +174,7 @@ def terminal(
     _set_size(slave, columns, rows)
     pid = _spawn(list(command), os.ttyname(slave), around)
     os.close(slave)
-    shown = Terminal(pid, master, columns, rows)
+    shown = Terminal(pid, master, columns, rows, background)
     try:
         yield shown
     finally:

@@ -102,3 +102,8 @@ def test_counting_uses_the_plural_for_all_but_one() -> None:
     assert formatting.pluralise(1, "run") == "1 run"
     assert formatting.pluralise(0, "run") == "0 runs"
     assert formatting.pluralise(12_000, "run") == "12,000 runs"
+
+
+def test_seeds_are_shown_short() -> None:
+    assert formatting.brief_seed(3386250816931739734) == "338625…"
+    assert formatting.brief_seed(20240101) == "20240101"

@@ -161,8 +161,8 @@ def test_several_changes_of_the_nearest_failure_are_a_table() -> None:
     text = "\n".join(line.plain.rstrip() for line in answer_lines(row))
     assert (
         "the nearest failure:\n"
-        "  kitchen_opens     8 s -> 8.54 s   passes at 8.32 s\n"
-        "  laser.noise    0.01 m -> 0.024 m\n"
+        "  kitchen_opens     8 s → 8.54 s   passes at 8.32 s\n"
+        "  laser.noise    0.01 m → 0.024 m\n"
     ) in text
 
 

@@ -24,6 +24,7 @@ from daemon.model.assessments import (
     RunRecord,
     ScenarioComparison,
 )
+from daemon.model.forecast import PlannedRun
 from daemon.model.messages import (
     Completion,
     LeaseRef,
@@ -34,7 +35,7 @@ from daemon.model.messages import (
     RunQuery,
 )
 from daemon.model.packed_submission import pack_submission
-from daemon.model.spec import RunResult, RunSpec
+from daemon.model.spec import RunResult, RunSpec, SutReference, Timing
 from daemon.model.status import CampaignOrigin, CampaignRow, RunRow, RunState, Submission
 from daemon.model.verdicts import Outcome
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
@@ -96,6 +97,34 @@ def specs(count: int, *, scenario: str = "S1", first: int = 0) -> list[RunSpec]:
 
 def failing(spec: RunSpec) -> RunResult:
     return make_result(spec, outcome=Outcome.FAIL, margin=-0.5)
+
+
+def test_what_a_submission_would_reuse_and_take_is_known_before(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(3))
+    ledger.work(
+        lambda spec: replace(make_result(spec), timing=Timing(2.0 + spec.repeat, 1.0, 10.0))
+    )
+    other = replace(make_spec(0), sut=SutReference("other", "pilot", {}))
+    wanted = (*specs(4), make_spec(0, scenario="S2"), other)
+    forecast = ledger.reader.forecast([planned(spec) for spec in wanted])
+    submission = replace(submission_of("second", *wanted), fresh=False)
+    receipt = ledger.book.submit(submission, NOW)
+    assert sum(forecast.cached) == receipt.cached == 3
+    assert list(forecast.cached) == [True, True, True, False, False, False]
+    # The cell's mean; for another scenario that of the system; of another system nothing is known.
+    assert list(forecast.seconds) == [3.0, 3.0, 3.0, 3.0, 3.0, None]
+
+
+def test_runs_of_systems_that_are_not_repeatable_are_not_reused(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(1))
+    ledger.work()
+    (spec,) = specs(1)
+    assert ledger.reader.forecast([planned(spec)]).cached == (True,)
+    assert ledger.reader.forecast([replace(planned(spec), repeatable=False)]).cached == (False,)
+
+
+def planned(spec: RunSpec) -> PlannedRun:
+    return PlannedRun(spec.digest, spec.scenario, spec.sut.name, spec.sut.repeatable)
 
 
 def test_only_runs_without_a_result_are_executed(ledger: Ledger) -> None:

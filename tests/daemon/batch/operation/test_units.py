@@ -57,6 +57,8 @@ def test_a_worker_is_given_the_time_of_a_run() -> None:
     assert words(service["ExecStart"]) == ["/bin/scenario", "worker", "--connect", "tcp/far:7447"]
     assert float(service["TimeoutStopSec"]) > RunLimits().wall_of(0.0)
     assert (service["KillMode"], service["Restart"]) == ("mixed", "always")
+    # It starts before its daemon does after a power cut: that it was refused is no reason to stay.
+    assert "RestartPreventExitStatus" not in service
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")

@@ -15,7 +15,7 @@ from daemon.batch.paths import StatePaths
 from daemon.model import verbs
 from daemon.model.messages import ASK, OWNER, ErrorReply
 from grammars.text import codec
-from tests.daemon.batch.harness import DaemonPart, Part, daemon_at
+from tests.daemon.batch.harness import DaemonPart, Part, daemon_at, eventually
 from tests.daemon.batch.samples import SCENE, make_spec, make_submission, submission_of
 
 
@@ -184,3 +184,29 @@ def test_strange_traffic_does_not_stop_the_daemon(daemon: DaemonPart, client: Cl
         token = session.liveliness().declare_token("scenario/v1/alive/ghost")
         token.undeclare()
     assert client.overview().workers == 0
+
+
+def test_the_time_left_is_said_once_a_run_has_finished_and_not_of_what_is_paused(
+    tmp_path: Path,
+) -> None:
+    gate = tmp_path / "gate"
+    held = (make_spec(n, until=str(gate)) for n in range(1, 4))
+    with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
+        assert client.overview().seconds_left is None
+        client.submit(submission_of("c", make_spec(0, sleep=0.2, until=str(tmp_path)), *held))
+
+        def said() -> float | None:
+            row = client.campaign("c")
+            assert row is not None
+            return row.seconds_left if row.done == 1 and row.running else None
+
+        assert eventually(said) > 0.0
+        assert client.overview().seconds_left is not None
+        client.pause("c")
+        paused = client.campaign("c")
+        assert paused is not None
+        assert paused.paused
+        assert paused.seconds_left is None
+        gate.touch()
+        client.cancel("c")
+        eventually(lambda: client.overview().seconds_left is None)

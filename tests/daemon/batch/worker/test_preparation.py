@@ -6,18 +6,21 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from multiprocessing import Pipe
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from daemon.batch import kernel_compilation
 from daemon.batch.run_process import RESULT
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._fork_server_preparation import ForkServerPreparation
 from daemon.model.execution import DEFAULT_EXECUTOR, EXECUTOR_VARIABLE, PREPARATION_VARIABLE
 from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.messages import Lease
-from daemon.model.spec import MapSettings, RunSpec
+from daemon.model.spec import MapSettings, RunSpec, SutReference
 from daemon.run import execute, warm_up
 from grammars.model.scene import Scene
 from grammars.text import codec
@@ -133,3 +136,29 @@ def test_a_fork_server_outlives_a_scene_that_is_gone(tmp_path: Path) -> None:
     assert code == 1
     assert "gone.json" in said
     assert "'NoneType' object is not callable" in said
+
+
+def test_only_what_the_system_of_a_run_calls_is_compiled_and_how_far_that_is_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(EXECUTOR_VARIABLE, DEFAULT_EXECUTOR)
+    monkeypatch.setenv(PREPARATION_VARIABLE, "")
+    ours, theirs = Pipe(duplex=False)
+    process = SimpleNamespace(join=lambda: None, close=lambda: None)
+    preparation = ForkServerPreparation(lambda *_: (process, ours))  # type: ignore[arg-type]
+    pilot, ros = SutReference("p", "pilot", {}), SutReference("r", "ros", {})
+    assert not preparation.prepare(pilot, 0)
+    listed = Path(os.environ[PREPARATION_VARIABLE]).read_text().split()[1:]
+    assert set(listed) == set(kernel_rooms("pilot", {}))
+    theirs.send_bytes(kernel_compilation.WAITING)
+    preparation.listen()
+    assert "another process" in preparation.words
+    theirs.send_bytes(kernel_compilation.COUNT + b"63 164")
+    preparation.listen()
+    assert preparation.words == "compiling kernels 63/164 (once on this machine)"
+    assert not preparation.prepare(ros, 0), "one compiles at a time"
+    theirs.send_bytes(kernel_compilation.READY)
+    theirs.close()
+    preparation.listen()
+    assert preparation.words == ""
+    assert preparation.prepare(pilot, 0)

@@ -1,0 +1,60 @@
+"""A run that waits for its kernels keeps no other from the slots that are free."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+from daemon.batch.worker import Attempt, _work, work
+from daemon.model.execution import RunLimits
+from daemon.model.spec import SutReference
+from tests.daemon.batch.harness import EXECUTOR, daemon_at
+from tests.daemon.batch.samples import make_spec, submission_of
+
+LOOKS = 5
+
+
+class Compiling:
+    """A backend with the kernels of ``pilot`` alone; ends the worker when it has seen enough."""
+
+    slots = 2
+    waitables = ()
+    trouble = ""
+    preparing = "compiling kernels 1/2"
+
+    def __init__(self) -> None:
+        self.started: list[str] = []
+        self._looks = 0
+
+    def listen(self) -> None: ...
+
+    def prepare(self, sut: SutReference, _: RunLimits) -> bool:
+        if sut.kind == "pilot":
+            return True
+        self._looks += 1
+        if self._looks == LOOKS:
+            os.kill(os.getpid(), signal.SIGQUIT)
+        return False
+
+    def start(self, attempt: Attempt, *_: object) -> NoReturn:
+        self.started.append(attempt.lease.run)
+        os.kill(os.getpid(), signal.SIGQUIT)
+        raise OSError("it has been seen")
+
+
+def test_a_run_that_waits_for_kernels_keeps_no_other_waiting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = replace(make_spec(0), sut=SutReference("ros", "ros", {}))
+    backend = Compiling()
+    monkeypatch.setattr(_work, "_open_backend", lambda *_: backend)
+    with daemon_at(tmp_path / "state") as daemon:
+        with daemon.client() as client:
+            client.submit(submission_of("c", first, make_spec(1)))
+        work(daemon.endpoint, slots=2, executor=EXECUTOR)
+    assert backend.started == ["c.1"]
