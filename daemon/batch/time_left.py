@@ -20,6 +20,9 @@ _FEWEST_PARTS: Final = 2000
 """Up to so many runs are laid one by one."""
 _SETTLING: Final = 5.0
 """Seconds after which two thirds of a new estimate are said."""
+_TELLING: Final = 0.1
+"""Share of its limit that a run has to have simulated before its speed tells how long others take:
+what it waited for at its start is most of its time until then."""
 _LEAST_REST: Final = 0.05
 """What a run that takes longer than its repeats still takes, as a share of what they took."""
 
@@ -226,7 +229,7 @@ class CellTimes:
         self._any = sum(self._suts.values(), ExecutedRuns())
         self._running: dict[str, tuple[float, float]] = {}
         for run in work.running:
-            if run.simulated > 0.0:
+            if run.simulated >= _TELLING * run.limit:
                 wall, simulated = self._running.get(run.sut, (0.0, 0.0))
                 spent = run.elapsed - run.age
                 self._running[run.sut] = wall + spent, simulated + run.simulated

@@ -253,7 +253,7 @@ def test_one_folder_of_templates_replaces_ours(campaigns: Path, tmp_path: Path) 
     ("arguments", "words"),
     [
         (["keyframes"], "keyframes cannot be made of flat"),
-        (["mapp"], 'did you mean "map"?'),
+        (["mapp"], """'mapp' is none of them: did you mean "map"?"""),
         ([], "Missing argument"),
         (["tasks", "--distance", "0"], "distance"),
         (["prov", "--timestamp", "yesterday"], "is no time"),

@@ -137,6 +137,17 @@ def test_runs_of_systems_that_are_not_repeatable_are_not_reused(ledger: Ledger) 
     assert ledger.reader.forecast([replace(planned(spec), repeatable=False)]).cached == (False,)
 
 
+def test_a_run_of_another_scenario_is_forecast_by_its_limit(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(1))
+    ledger.work()
+    (spec,) = specs(1)
+    (known,) = ledger.reader.forecast([planned(spec)]).seconds
+    other = replace(planned(spec), scenario="S9", limit=spec.limit / 4)
+    (expected,) = ledger.reader.forecast([other]).seconds
+    assert known
+    assert expected == pytest.approx(known / 4)
+
+
 def planned(spec: RunSpec) -> PlannedRun:
     return PlannedRun(spec.digest, spec.scenario, spec.sut.name, spec.limit, spec.sut.repeatable)
 
