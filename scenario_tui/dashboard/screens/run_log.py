@@ -95,7 +95,7 @@ def log_lines(playback: Playback) -> Iterator[Line]:
     said = sorted((e.time, e.source, e.text) for e in trace.events)
     decided = [(m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments]
     doors = [
-        (event.time, event.name, "opens" if event.opens else "is shut")
+        (event.time, event.joint, "opens" if event.opens else "is shut")
         for event in playback.timeline.doors or ()
     ]
     touched = sorted((c.time, "contact", f"{c.first} touches {c.second}") for c in trace.contacts)
