@@ -27,11 +27,11 @@ def unfinished_text(row: CampaignRow) -> str:
 
 
 def progress_text(row: CampaignRow) -> str:
-    """Return how many runs a campaign has, and how many have finished while some have not."""
+    """Return how many runs a campaign has, and how many have finished if some have not."""
     runs = pluralise(row.total, "run")
-    if row.queued + row.running == 0:
+    if row.ended == row.total:
         return runs
-    return f"{row.total - row.queued - row.running:,} of {runs} finished"
+    return f"{row.ended:,} of {runs} finished"
 
 
 def without_trace_text(run: RunRow, campaign: CampaignRow | None, before: int | None = None) -> str:
@@ -58,7 +58,7 @@ def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None)
     if run.remark:
         return run.remark if run.not_before else f"once more, {run.remark}"
     if campaign is not None and campaign.paused:
-        return f"its campaign is paused, `scenario resume {campaign.id}` lets it go on"
+        return f"its campaign is paused, `scenario pause {campaign.id} --off` lets it go on"
     parts = []
     if before is not None:
         first = f"{pluralise(before, 'run')} of its campaign queued before it"

@@ -46,7 +46,7 @@ FORBIDDEN = dict.fromkeys(STATES, NOT_OVER) | {"cancelled": NEVER, "lost": NEVER
 
 WAITS = {
     "queued": "is queued: the next of its campaign",
-    "paused": "is queued: its campaign is paused, `scenario resume paused-1`",
+    "paused": "is queued: its campaign is paused, `scenario pause paused-1 --off`",
     "running": "is running: its trace is there when it ends",
     "retrying": "is queued: waits until",
     "cancelled": "was cancelled before it ended; `scenario retry cancelled-1`",
@@ -336,4 +336,4 @@ def test_status_says_what_is_paused_and_what_waits(say: Say) -> None:
         said, "queued", "paused-1 (paused) 0/4 … 4 queued", "running-1 0/4 ▶ 1 running … 3 queued"
     )
     check(said, "lost", "lost-1 4/4 ! 4 lost")
-    check(said, "cancelled", "cancelled-1 4/4 - 4 cancelled")
+    check(said, "cancelled", "cancelled-1 0/4 - 4 cancelled")
