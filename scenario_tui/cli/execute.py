@@ -5,6 +5,7 @@ Imports the client and the launcher; commands import this module when they need 
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import signal
 import tempfile
@@ -152,7 +153,9 @@ def launch_daemon(target: DaemonTarget, slots: int | None = None) -> str:
     if running_daemon(state) is not None:
         return ""
     where = endpoint_text(ensure_daemon(state, slots=slots))
-    return f"started a daemon on this machine at {where} (`scenario daemon --stop` ends it)"
+    named = ("--state", str(target.state)) if target.state is not None else ()
+    end = shlex.join(("scenario", "daemon", "--stop", *named))
+    return f"started a daemon on this machine at {where} (`{end}` ends it)"
 
 
 def watch_to_end(

@@ -121,7 +121,7 @@ def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     line.add_row(head, bar, tail)
     waiting = progress.preparing
     if row.paused:
-        waiting = f"paused: `scenario resume {row.id}` lets it go on"
+        waiting = f"paused: `scenario pause {row.id} --off` lets it go on"
     elif not progress.running and not waiting and not row.finished:
         waiting = WAITING
     return Group(line, *run_lines(progress.running, progress.live, waiting))

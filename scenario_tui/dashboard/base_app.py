@@ -50,6 +50,7 @@ class BaseDashboard(ThemedApp):
         self.config = config or Config()
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
+        self.submitted_campaign = ""
         self.running_jobs: set[str] = set()
         self.run_views: dict[tuple[str, str, str], RunsView] = {}
         self.launch_daemon = launch_daemon
@@ -115,8 +116,11 @@ class BaseDashboard(ThemedApp):
         self.background_tasks.start(partial(copy_to_tmux, command), _nothing, self.problem)
         self.notify(f"copied: {command}", markup=False)
 
-    def remember(self, file: Path) -> None:
-        """Note that a campaign file was submitted: it is offered first the next time."""
+    def remember(self, file: Path, campaign: str) -> None:
+        """Note that a file was submitted as ``campaign``: it is offered first the next time, and
+        the cursor goes to the campaign once that is on the list.
+        """
+        self.submitted_campaign = campaign
         self.submitted = tuple(dict.fromkeys((file, *self.submitted)))
 
 

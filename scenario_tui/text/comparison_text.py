@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from scenario_tui.text.formatting import (
     QUIET,
     SEVERITY,
     Styles,
+    brief_seed,
     glyph_word,
     margin,
     moment_text,
@@ -56,9 +58,15 @@ class VerdictPair:
 
     @property
     def change(self) -> float | None:
-        """How much larger the margin of the second is, or the measured value."""
+        """How much larger the margin of the second is, or the measured value.
+
+        To the third digit of the larger of both: they are shown with no more.
+        """
         a, b = _amount(self.first), _amount(self.second)
-        return None if a is None or b is None else b - a
+        if a is None or b is None or not math.isfinite(b - a):
+            return None if a is None or b is None else b - a
+        size = max(abs(a), abs(b))
+        return round(b - a, 2 - math.floor(math.log10(size))) if size else 0.0
 
 
 def _amount(verdict: Verdict | None) -> float | None:
@@ -119,7 +127,8 @@ def _short(text: str) -> str:
         number = float(text)
     except ValueError:
         return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
-    return f"{number:.6g}" if "." in text else text
+    # Whole numbers with so many digits are seeds.
+    return f"{number:.6g}" if "." in text else brief_seed(int(text)) if text.isdigit() else text
 
 
 def _flat(path: str, value: Any) -> Iterator[tuple[str, str]]:
@@ -161,6 +170,10 @@ def comparison_text(
     return text
 
 
+_CELL: Final = 18
+"""Cells for a verdict with its margin; the sign says it where the word has no room."""
+
+
 def _cell(verdict: Verdict | None) -> tuple[str, str]:
     """Return a verdict in 19 columns and its style."""
     if verdict is None:
@@ -170,7 +183,10 @@ def _cell(verdict: Verdict | None) -> tuple[str, str]:
     if amount is None:
         shown = quantity(verdict.evidence.value, verdict.unit)
     sign = glyph_word(verdict.outcome).split()[0]
-    return f"{f'{sign} {verdict.outcome:.4} {shown}':<18.18} ", DASHBOARD_STYLES[verdict.outcome]
+    said = f"{sign} {verdict.outcome} {shown}"
+    if len(said) > _CELL:
+        said = f"{sign} {shown}"
+    return f"{said:<{_CELL}.{_CELL}} ", DASHBOARD_STYLES[verdict.outcome]
 
 
 LISTED: Final = 20

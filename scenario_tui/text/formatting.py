@@ -84,21 +84,34 @@ def brief_seed(seed: int) -> str:
     return digits if len(digits) <= _SEED_DIGITS + 2 else f"{digits[:_SEED_DIGITS]}…"
 
 
+_NOTHING_OF_A_UNIT: Final = 5e-7
+"""Of all units here: a millionth of a metre, second or radian is what arithmetic leaves over."""
+
+
 def quantity(value: float | None, unit: str, *, signed: bool = False) -> str:
-    """Return a value with three significant digits and its unit: ``+0.0312 m``."""
+    """Return a value with three significant digits and its unit: ``+0.0312 m``.
+
+    What is less than a millionth of a unit is nothing, and keeps its sign: a limit may be broken
+    by that. Numbers without a unit may be as small as they like.
+    """
     if value is None:
         return NOTHING
     if not math.isfinite(value):
         number = ("+" if signed and value > 0 else "") + ("∞" if value > 0 else "−∞")
         return number if not math.isnan(value) else "nan"
+    bare = unit in ("", "1")
     # The margin of a strict limit that is met exactly is less than nothing, by nothing.
-    shown = math.copysign(0.0, value) if abs(value) < sys.float_info.min * 2 else value
-    number = f"{shown:{'+' if signed else ''}.3g}"
+    nothing = abs(value) < (sys.float_info.min * 2 if bare else _NOTHING_OF_A_UNIT)
+    shown = math.copysign(0.0, value) if nothing else value
+    sign = "+" if signed else ""
+    number = f"{shown:{sign}.3g}"
     # The format turns to powers of ten at 1,000 already; up to a million digits are read faster.
     if "e" in number and 1e-4 <= abs(value) < 1e6:
-        number = f"{value:{'+' if signed else ''}.0f}"
+        number = f"{value:{sign}.0f}"
+    elif "e-" in number and not bare:
+        number = f"{shown:{sign}.6f}"
     number = number.replace("-", "−")
-    return f"{number} {unit}" if unit not in ("", "1") else number
+    return number if bare else f"{number} {unit}"
 
 
 def margin(value: float | None, unit: str) -> str:

@@ -34,6 +34,9 @@ class Conclusion:
         return f"{GLYPHS[self.word]} {self.text}"
 
 
+NONE_JUDGED: Final = "none judged"
+"""What is said of a campaign while no oracle has judged any of its runs."""
+
 _CONCLUSIONS: Final = {
     0: Conclusion("pass", "as expected"),
     3: Conclusion("lost", "not all judged"),
@@ -118,7 +121,7 @@ def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
             return Conclusion("running", "so far fine")
         # A search that runs has no run between two proposals.
         begun = "queued" not in states or "running" in states
-        return Conclusion("running" if begun else "queued", "none judged")
+        return Conclusion("running" if begun else "queued", NONE_JUDGED)
     if code == 4 and "cancelled" in states:
         return Conclusion("cancelled", "cancelled")
     return _CONCLUSIONS[code]

@@ -58,7 +58,7 @@ def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None)
     if run.remark:
         return run.remark if run.not_before else f"once more, {run.remark}"
     if campaign is not None and campaign.paused:
-        return f"its campaign is paused, `scenario resume {campaign.id}` lets it go on"
+        return f"its campaign is paused, `scenario pause {campaign.id} --off` lets it go on"
     parts = []
     if before is not None:
         first = f"{pluralise(before, 'run')} of its campaign queued before it"

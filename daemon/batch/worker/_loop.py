@@ -272,7 +272,9 @@ class WorkerLoop:
         own = (self._shortage, self._trouble.words, self._deliveries.trouble.words)
         words = (*own, self._backend.trouble)
         trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
-        info = self._info(len(self._executions))
+        # What is leased and waits for machine code has a slot as well, what is ahead of that none.
+        held = len(self._executions) + len(self._leased)
+        info = self._info(min(held, max(self._backend.slots, len(self._executions))))
         return replace(info, trouble=trouble, preparing=self._preparing)
 
     def _renew(self) -> None:

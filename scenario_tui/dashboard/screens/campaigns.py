@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar, Final
 
 from rich.text import Text
@@ -29,7 +30,7 @@ from scenario_tui.text.formatting import (
     pluralise,
     run_counts,
 )
-from scenario_tui.text.results import Conclusion
+from scenario_tui.text.results import NONE_JUDGED, Conclusion
 from scenario_tui.text.search_text import search_line, search_word
 
 _COLUMNS: Final = (
@@ -106,6 +107,10 @@ class CampaignsScreen(SteeringScreen):
         said, found = state.conclusions, state.searches
         rows = state.campaigns[:CAMPAIGNS_SHOWN]
         table.fill([campaign_cells(row, said.get(row.id), now, found.get(row.id)) for row in rows])
+        places = {row.id: place for place, row in enumerate(rows)}
+        if self.dashboard.submitted_campaign in places:
+            table.move_cursor(row=places[self.dashboard.submitted_campaign], animate=False)
+            self.dashboard.submitted_campaign = ""
         # A table that was hidden, because there was no campaign, could not take the keys.
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
@@ -147,6 +152,7 @@ def campaign_cells(
     done = row.total - row.queued - row.running
     total = row.total if search is None else max(row.total, search.task.runs)
     counts = run_counts(row)
+    said = _up_to_date(row, said)
     judged = _judged(row, said) if search is None else _searched(row, search)
     if row.priority:
         judged.append(f"  {priority_text(row.priority)}", style="not bold")
@@ -157,6 +163,13 @@ def campaign_cells(
         *(_count(counts.get(word, 0), word) for word in _COUNTED),
         Text(age_text(row.submitted_at, now), style=QUIET),
     )
+
+
+def _up_to_date(row: CampaignRow, said: Conclusion | None) -> Conclusion | None:
+    """Return what is said of a campaign; its counts are newer than what was made of them."""
+    if said is not None and said.text == NONE_JUDGED and row.done:
+        return replace(said, text="running")
+    return said
 
 
 def _judged(row: CampaignRow, said: Conclusion | None) -> Text:
@@ -193,6 +206,7 @@ def campaign_text(
     row: CampaignRow, said: Conclusion | None, now: float, search: SearchRow | None = None
 ) -> Text:
     """Return a campaign in words, and what to type about it."""
+    said = _up_to_date(row, said)
     text = Text.assemble((row.name, "bold"), "\n")
     if search is not None:
         text.append(f"search: {search_line(search)}\n", style=DASHBOARD_STYLES[search_word(search)])

@@ -31,7 +31,7 @@ class PlayingScreen(Screen[None]):
     # The clock itself is ReplayTransport.
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("space", "play", "Play/pause", id="replay-play", tooltip="At the end: once more"),
+        Binding("space", "play", "Play", id="replay-play", tooltip="Or pause, or once more"),
         Binding("left", "scrub(-1)", "−1 s", show=False, id="back-1", tooltip="A second back"),
         Binding("right", "scrub(1)", "+1 s", show=False, id="on-1", tooltip="A second on"),
         Binding("shift+left", "scrub(-10)", "−10 s", show=False, id="back-10",
@@ -169,18 +169,20 @@ class PlayingScreen(Screen[None]):
             self.show_moment()
 
     def action_next(self) -> None:
-        """Go to the next moment an oracle was decided against, and stay there."""
+        """Go to the next moment an oracle was decided against, behind the last to the first."""
         if self.transport is not None:
-            self._jump(next_moment(self.moments(), self.transport.time), "after")
+            self._jump(next_moment(self.moments(), self.transport.time), self.moments()[:1])
 
     def action_previous(self) -> None:
-        """Go to the previous moment an oracle was decided against, and stay there."""
+        """Go to the moment before an oracle was decided against, before the first to the last."""
         if self.transport is not None:
-            self._jump(previous_moment(self.moments(), self.transport.time), "before")
+            self._jump(previous_moment(self.moments(), self.transport.time), self.moments()[-1:])
 
-    def _jump(self, found: FailureMoment | None, where: str) -> None:
+    def _jump(self, found: FailureMoment | None, around: Sequence[FailureMoment]) -> None:
+        # A finished run opens at its end: behind that the first moment is what is looked for.
+        found = found or next(iter(around), None)
         if found is None:
-            self.notify(f"no oracle was decided against {where} this moment")
+            self.notify("no oracle was decided against")
         else:
             self.go(found.time)
 

@@ -246,7 +246,7 @@ class SubmitScreen(BaseScreen):
             return
         command, submission = self.command(), found.submission
         self._busy = False
-        self.dashboard.remember(path)
+        self.dashboard.remember(path, submission.campaign)
         self.dashboard.steer(partial(_submit, submission), command)
         if self.is_current:
             self.app.pop_screen()

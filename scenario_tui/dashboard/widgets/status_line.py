@@ -24,7 +24,7 @@ from scenario_tui.text.formatting import (
     rate_text,
     run_counts,
 )
-from scenario_tui.text.results import overall_conclusion
+from scenario_tui.text.results import NONE_JUDGED, overall_conclusion
 
 _SHORT: Final = {"inconclusive": "incon", "cancelled": "canc", "running": "run", "queued": "queue"}
 _LAST: Final = 3
@@ -127,7 +127,8 @@ def _standing(state: DashboardState) -> Iterator[_Part]:
     yield _Part(("✓ connected", "✓ up", "✓ up", "✓"), GOOD, 9)
     yield from _troubles(overview)
     said = overall_conclusion(state.campaigns, state.conclusions)
-    if said is not None:
+    # Until something is judged the counts say all; others may have passed long ago.
+    if said is not None and said.text != NONE_JUDGED:
         keep = 8 if said.unexpected else 3
         yield _Part((said.glyph_text,), DASHBOARD_STYLES[said.word], keep)
     counts = run_counts(overview)

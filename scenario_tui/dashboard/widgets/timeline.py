@@ -37,9 +37,19 @@ def at_cursor(strip: SignalStrip, time: float) -> str:
         return "yes" if most > 0.5 else "no"
     if _brief(value) == _brief(most):
         return quantity(most, strip.unit)
-    least, greatest = _brief(value), _brief(most, strip.unit)
-    # A thinned signal knows no more than that. A dash beside a minus sign would be read as one.
-    return f"{least} to {greatest}" if min(value, most) < 0.0 else f"{least}–{greatest}"
+    # A thinned signal knows no more than that.
+    return _range(value, most, strip.unit)
+
+
+def _range(least: float, greatest: float, unit: str) -> str:
+    """Return from where to where: ``0.1–0.3 m``; the lesser end to the third digit of the other."""
+    size = max(abs(least), abs(greatest))
+    if size and math.isfinite(size):
+        places = 2 - math.floor(math.log10(size))
+        least, greatest = round(least, places), round(greatest, places)
+    low, high = _brief(least, unit).removesuffix(f" {unit}"), _brief(greatest, unit)
+    # A dash beside a minus sign would be read as one.
+    return f"{low} to {high}" if min(least, greatest) < 0.0 else f"{low}–{high}"
 
 
 def _brief(value: float, unit: str = "") -> str:
@@ -182,5 +192,5 @@ def _words(
         most = strip.values if strip.most is None else strip.most
         least, greatest = strip.values[known].min(), most[known].max()
         if _brief(least) != _brief(greatest):
-            words.append((f"{_brief(least)}…{_brief(greatest, strip.unit)}", FAINT))
+            words.append((_range(least, greatest, strip.unit), FAINT))
     return words

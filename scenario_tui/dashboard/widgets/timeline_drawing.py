@@ -275,6 +275,9 @@ class TimelineDrawing:
         """Draw a bar while any door of a lane stands open."""
         at, span = self.gutter, self.span
         ends = span.column(timeline.end)
+        if not events:
+            self.write(row, at, _STILL, FAINT)
+            return
         self.write(row, at, "·" * (ends + 1), FAINT)
         first = {event.name: event.opens for event in reversed(events)}
         is_open = {name for name, opens in first.items() if not opens}
@@ -314,6 +317,10 @@ class TimelineDrawing:
             text = f"┴{tick_text(value, scale.step)} s"
             if column + len(text) <= span.columns:
                 self.write(row, at + column, text, FAINT)
+
+
+_STILL: Final = "none moves"
+"""Of doors: whether they stand open or shut the map shows."""
 
 
 def _door_lanes(

@@ -58,6 +58,12 @@ def test_before_any_run_has_finished_the_speed_of_those_that_run_tells_with_thei
     assert left.all == pytest.approx(270.0 + 300.0)
 
 
+def test_a_run_that_has_hardly_begun_tells_no_speed() -> None:
+    # Most of its time went into starting: by that speed the queue would take hours.
+    running = RunInProgress("S1", "ros", LIMIT, elapsed=12.0, simulated=1.0)
+    assert estimate_time_left([work(cell("ros", 1), running=(running,))], 1).all is None
+
+
 def test_nothing_is_said_while_nothing_is_known() -> None:
     running = RunInProgress("S1", "ros", LIMIT, elapsed=30.0)
     assert estimate_time_left([work(cell("ros", 1), running=(running,))], 1).all is None

@@ -46,7 +46,7 @@ FORBIDDEN = dict.fromkeys(STATES, NOT_OVER) | {"cancelled": NEVER, "lost": NEVER
 
 WAITS = {
     "queued": "is queued: the next of its campaign",
-    "paused": "is queued: its campaign is paused, `scenario resume paused-1`",
+    "paused": "is queued: its campaign is paused, `scenario pause paused-1 --off`",
     "running": "is running: its trace is there when it ends",
     "retrying": "is queued: waits until",
     "cancelled": "was cancelled before it ended; `scenario retry cancelled-1`",

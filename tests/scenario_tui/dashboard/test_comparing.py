@@ -54,6 +54,16 @@ def verdict(name: str, outcome: Outcome, margin: float) -> Verdict:
     return Verdict(name, "", outcome, margin, margin, "m", Evidence())
 
 
+def test_a_change_has_no_more_digits_than_what_changes() -> None:
+    (same,) = pair_verdicts(
+        (verdict("a", Outcome.PASS, 0.294),), (verdict("a", Outcome.PASS, 0.29402),)
+    )
+    (less,) = pair_verdicts(
+        (verdict("a", Outcome.PASS, 0.0111),), (verdict("a", Outcome.PASS, 0.00803),)
+    )
+    assert (same.change, less.change) == (0.0, -0.0031)
+
+
 def test_verdicts_that_differ_come_first() -> None:
     first = (verdict("same", Outcome.PASS, 1.0), verdict("turns", Outcome.PASS, 0.5))
     second = (verdict("turns", Outcome.FAIL, -0.1), verdict("same", Outcome.PASS, 3.0))

@@ -49,7 +49,7 @@ async def test_keys_move_through_the_run(playback: Playback) -> None:
         for key, time in (
             ("right", "3.0"), ("left", "2.0"), ("shift+right", "10.0"), ("shift+left", "0.0"),
             ("end", "10.0"), ("home", "0.0"), ("n", f"{HIT}"), ("n", f"{TURNED}"),
-            ("n", f"{TURNED}"), ("N", f"{HIT}"),
+            ("n", f"{HIT}"), ("N", f"{TURNED}"), ("N", f"{HIT}"),
         ):  # fmt: skip
             await pilot.press(key)
             await pilot.pause(0)
@@ -99,7 +99,7 @@ async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback: Playbac
         await pilot.press("question_mark")
         await pilot.pause(0)
         assert isinstance(pilot.app.screen, Help)
-        for words in ("Play/pause", "Faster: Up to 1000x", "Next ✗", "Previous ✗", "+10 s"):
+        for words in ("Play: Or pause", "Faster: Up to 1000x", "Next ✗", "Previous ✗", "+10 s"):
             assert words in shown(pilot)
         await pilot.press("escape")
         assert isinstance(pilot.app.screen, ReplayScreen)

@@ -185,6 +185,20 @@ def test_a_thinned_signal_says_what_it_knows_of_a_moment() -> None:
     assert (low[0], high[0]) == (0.1, 0.3)
 
 
+def test_an_end_of_a_range_has_no_more_digits_than_the_other() -> None:
+    time = np.array([0.0, 1.0])
+    least, most = np.array([0.0000986, 0.03]), np.array([0.0063, 1.9])
+    strip = SignalStrip("it", "m", time, least, most=most)
+    assert [at_cursor(strip, t) for t in (0.5, 1.5)] == ["0.0001–0.0063 m", "0.03–1.9 m"]
+
+
+def test_doors_of_which_none_moves_are_not_drawn_as_shut(playback: Playback) -> None:
+    lane = next(
+        line for line in drawn_of(replace(playback.timeline, doors=())) if line.startswith("doors")
+    )
+    assert "none moves" in lane
+
+
 def test_what_does_not_fit_is_counted(playback: Playback) -> None:
     assert any("> 3 more" in line for line in drawn(playback, 80, 8))
     few = [replace(playback.timeline.strips[0])] * 3

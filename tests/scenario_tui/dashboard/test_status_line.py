@@ -8,7 +8,7 @@ import pytest
 
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.status_line import status_text
-from scenario_tui.text.results import Conclusion
+from scenario_tui.text.results import NONE_JUDGED, Conclusion
 from tests.scenario_tui.fake import CAMPAIGN, NOW, FakeDaemon
 
 SMALL = FakeDaemon().overview()
@@ -81,6 +81,12 @@ def test_that_everything_is_paused_is_said() -> None:
     paused = tuple(replace(row, paused=True) for row in CAMPAIGNS)
     assert "‖ paused" in line(160, campaigns=paused)
     assert "paused" not in line(160)
+
+
+def test_a_campaign_of_which_nothing_is_judged_does_not_stand_beside_what_has_passed() -> None:
+    shown = line(118, conclusions={CAMPAIGN: Conclusion("running", NONE_JUDGED)})
+    assert NONE_JUDGED not in shown
+    assert "pass" in shown
 
 
 def test_nothing_to_do_is_fine() -> None:

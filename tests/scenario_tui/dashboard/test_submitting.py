@@ -14,6 +14,7 @@ from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, 
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
+from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.submission import SubmissionPlan, check_file, plan_text
 from tests.scenario_tui.dashboard import inline
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, notices, until
@@ -71,6 +72,16 @@ async def test_a_campaign_is_checked_beside_its_name_and_submitted(fake, folder)
         await settle(pilot)
         assert isinstance(pilot.app.screen, CampaignsScreen)
         assert ": 15 runs" in notices(pilot)
+
+
+async def test_the_cursor_goes_to_what_was_submitted(fake, folder) -> None:
+    async with make_dashboard(fake).run_test(size=(120, 30)) as pilot:
+        await settle(pilot)
+        rows = fake.campaigns()
+        table = pilot.app.screen.query_one(KeyedTable)
+        assert table.key == rows[0].id != rows[1].id
+        pilot.app.remember(folder / "demo" / "campaign.yaml", rows[1].id)
+        await until(pilot, lambda: table.key == rows[1].id)
 
 
 async def test_what_would_be_executed_is_said_before(fake, folder) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
 
+from daemon.batch.client import Client
 from daemon.batch.worker import Attempt, _work, work
 from daemon.model.execution import RunLimits
 from daemon.model.spec import SutReference
@@ -58,3 +60,33 @@ def test_a_run_that_waits_for_kernels_keeps_no_other_waiting(
             client.submit(submission_of("c", first, make_spec(1)))
         work(daemon.endpoint, slots=2, executor=EXECUTOR)
     assert backend.started == ["c.1"]
+
+
+class Counting(Compiling):
+    """Compiles on and on; ends the worker when the daemon calls it busy, or after a while."""
+
+    def __init__(self, client: Client) -> None:
+        super().__init__()
+        self.client, self.busy, self._until = client, 0, time.monotonic() + 20.0
+
+    @property
+    def preparing(self) -> str:  # type: ignore[override]
+        self._looks += 1
+        return f"compiling kernels {self._looks}/1000"
+
+    def prepare(self, *_: object) -> bool:
+        self.busy = sum(row.busy for row in self.client.workers())
+        if self.busy == self.slots or time.monotonic() > self._until:
+            os.kill(os.getpid(), signal.SIGQUIT)
+        return False
+
+
+def test_runs_that_wait_for_kernels_have_their_slots(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+        backend = Counting(client)
+        monkeypatch.setattr(_work, "_open_backend", lambda *_: backend)
+        client.submit(submission_of("c", *(make_spec(repeat) for repeat in range(3))))
+        work(daemon.endpoint, slots=2, executor=EXECUTOR)
+    assert backend.busy == 2
