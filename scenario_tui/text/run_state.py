@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from daemon.model.status import CampaignRow, RunRow, RunState
+from daemon.model.run_state import RunState
 from scenario_tui.text.formatting import duration, pluralise
+
+if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow, RunRow
 
 _UNFINISHED: Final = ("running", "queued")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -10,8 +10,6 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Static
 
-from daemon.model.search_answer import SearchRow
-from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
 from scenario_tui.dashboard.search_runs import best_margin
@@ -29,8 +27,12 @@ from scenario_tui.text.formatting import (
     pluralise,
     run_counts,
 )
-from scenario_tui.text.results import Conclusion
 from scenario_tui.text.search_text import search_line, search_word
+
+if TYPE_CHECKING:
+    from daemon.model.search_answer import SearchRow
+    from daemon.model.status import CampaignRow
+    from scenario_tui.text.results import Conclusion
 
 _COLUMNS: Final = (
     Column("campaign", 16, share=1, whole=True),
