@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 from textual.widgets import Static
 
-from daemon.model.status import CampaignRow, DaemonOverview
-from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -25,6 +23,10 @@ from scenario_tui.text.formatting import (
     run_counts,
 )
 from scenario_tui.text.results import NONE_JUDGED, overall_conclusion
+
+if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow, DaemonOverview
+    from scenario_tui.dashboard.state import DashboardState
 
 _SHORT: Final = {"inconclusive": "incon", "cancelled": "canc", "running": "run", "queued": "queue"}
 _LAST: Final = 3
