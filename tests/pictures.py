@@ -27,7 +27,7 @@ from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.feed import Feed
 from tests.scenario_tui.executed_campaign import execute_campaign
 from tests.scenario_tui.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
-from tests.session_cast import record_session
+from tests.scenario_tui.terminal.session_cast import record_session
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -24,11 +24,11 @@ def unfinished_text(row: CampaignRow) -> str:
 
 
 def progress_text(row: CampaignRow) -> str:
-    """Return how many runs a campaign has, and how many have finished while some have not."""
+    """Return how many runs a campaign has, and how many have finished if some have not."""
     runs = pluralise(row.total, "run")
-    if row.queued + row.running == 0:
+    if row.ended == row.total:
         return runs
-    return f"{row.total - row.queued - row.running:,} of {runs} finished"
+    return f"{row.ended:,} of {runs} finished"
 
 
 def without_trace_text(run: RunRow, campaign: CampaignRow | None, before: int | None = None) -> str:

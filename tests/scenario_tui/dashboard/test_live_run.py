@@ -215,8 +215,10 @@ async def test_a_worker_that_tells_no_signals_is_said_to_be_one() -> None:
 async def test_a_run_nothing_is_heard_of_any_more_says_for_how_long() -> None:
     fake = running()
     clock = [0.0]
-    async with opened(fake) as pilot:
-        pilot.app.tracks = Tracks(clock=lambda: clock[0])
+    app = make_dashboard(fake)
+    # Before it begins: what is live is told once, and taken in as soon as there is a screen.
+    app.tracks = Tracks(clock=lambda: clock[0])
+    async with app.run_test(size=(120, 40)) as pilot:
         await look_at(pilot)
         assert "last heard" not in shown(pilot)
         clock[0] += 72.0
