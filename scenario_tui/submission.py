@@ -23,8 +23,9 @@ from grammars.text.diagnostics import Diagnostic, InputError, Severity
 from scenario_tui.text.formatting import duration, pluralise
 
 if TYPE_CHECKING:
+    from daemon.batch.ledger import Forecast
     from daemon.campaign import Campaign
-    from daemon.model.forecast import Forecast, PlannedRun
+    from daemon.model.spec import RunSpec
 
 _SUBMIT: Final = "--submit"
 _FRESH: Final = "--fresh"
@@ -150,20 +151,12 @@ def _examine(path: Path, state: Path | None) -> CheckedFile:
 def _plan(campaign: Campaign, state: Path | None) -> SubmissionPlan:
     """Return what would be executed of a campaign, asking the ledger below ``state``."""
     from daemon.campaign import expand
-    from daemon.model.forecast import PlannedRun
 
     runs = expand(campaign).runs
     cells = Counter((run.scenario, run.sut.name) for run in runs)
     repeats = set(cells.values())
     plan = SubmissionPlan(len(cells), repeats.pop() if len(repeats) == 1 else 0, len(runs))
-    forecast = (
-        None
-        if state is None
-        else _forecast(
-            [PlannedRun(r.digest, r.scenario, r.sut.name, r.limit, r.sut.repeatable) for r in runs],
-            state,
-        )
-    )
+    forecast = None if state is None else _forecast(runs, state)
     if forecast is None:
         return plan
     new = [s for s, cached in zip(forecast.seconds, forecast.cached, strict=True) if not cached]
@@ -178,8 +171,8 @@ def _plan(campaign: Campaign, state: Path | None) -> SubmissionPlan:
     )
 
 
-def _forecast(runs: Sequence[PlannedRun], state: Path) -> Forecast | None:
-    from daemon.batch.ledger import LedgerReader
+def _forecast(runs: Sequence[RunSpec], state: Path) -> Forecast | None:
+    from daemon.batch.ledger import LedgerReader, PlannedRun
     from daemon.batch.paths import StatePaths
 
     paths = StatePaths(state)
@@ -187,7 +180,12 @@ def _forecast(runs: Sequence[PlannedRun], state: Path) -> Forecast | None:
         return None
     try:
         with LedgerReader.open(paths) as ledger:
-            return ledger.forecast(runs)
+            return ledger.forecast(
+                [
+                    PlannedRun(r.digest, r.scenario, r.sut.name, r.limit, r.sut.repeatable)
+                    for r in runs
+                ]
+            )
     except DaemonError:
         return None  # of another version: what is to be run is known without it
 

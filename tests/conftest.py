@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from grammars.text.parsing import Language
 
 # A round of all tests looks at fewer examples than hypothesis would by itself, and each round on a
 # developer's machine at others; "--hypothesis-profile thorough" looks at many.
@@ -33,6 +37,28 @@ def pytest_collection_finish() -> None:
     """Leave what lives until the end out of every later garbage collection."""
     gc.collect()
     gc.freeze()
+
+
+def pytest_sessionfinish() -> None:
+    """Look for what was left open once: pytest does five times, through all there is."""
+    gc.collect()
+    gc.freeze()
+
+
+_read_once = functools.lru_cache(maxsize=256)(Language._tree)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _texts_are_read_once(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Read the same text of a language once, but where reading it is what is tested.
+
+    Nobody changes a tree, and reading the campaigns that ship again and again took two fifths of
+    the time of the tests that load them.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if "grammars" not in request.path.parts:
+            patch.setattr(Language, "_tree", lambda language, text: _read_once(language, text))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,11 @@
 """Record the pictures of the documentation: ``python -m tests.pictures``.
 
-``docs/pictures`` holds every view of the dashboard and the output of the main commands, from fixed
-data: the tests say when they are not true any more. ``docs/demo.svg`` is what ``scenario demo``
-prints, ``docs/dashboard.svg`` the dashboard while the same campaign runs, ``docs/flat.svg`` the
-flat as ``scenario export`` draws it; ``--views`` leaves these three, which take a while, as they
-are. ``--cast`` records a session for asciinema instead, ``docs/pictures/first-hour.cast``.
+``docs/pictures`` holds every view of the dashboard and the output of the main commands, of a small
+campaign that is executed for them: the tests say when they are not true any more. ``docs/demo.svg``
+is what ``scenario demo`` prints, ``docs/dashboard.svg`` the dashboard while the same campaign runs,
+``docs/flat.svg`` the flat as ``scenario export`` draws it; ``--views`` leaves these three, which
+take a while, as they are. ``--cast`` records the first hour with the dashboard for asciinema
+instead, ``docs/pictures/first-hour.cast``.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from daemon.batch.launch import embedded_daemon
 from daemon.campaign import expand, load_campaign
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.feed import Feed
+from tests.scenario_tui.executed_campaign import execute_campaign
 from tests.scenario_tui.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
-from tests.session_cast import record_session
+from tests.scenario_tui.terminal.session_cast import record_session
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -89,11 +91,17 @@ def record_views() -> None:
     before, _, _ = document.read_text().partition(KEYS)
     document.write_text(before + KEYS + key_table())
     FOLDER.mkdir(exist_ok=True)
-    for name in (*SHOTS, *COMMANDS):
-        with tempfile.TemporaryDirectory() as place:
-            folder = Path(place)
-            svg = asyncio.run(draw(name, folder)) if name in SHOTS else typed(name, folder)
-        (FOLDER / f"{name}.svg").write_text(svg)
+    with tempfile.TemporaryDirectory() as kept:
+        executed = execute_campaign(Path(kept))
+        for name in (*SHOTS, *COMMANDS):
+            with tempfile.TemporaryDirectory() as place:
+                folder = Path(place)
+                svg = (
+                    asyncio.run(draw(name, folder, executed))
+                    if name in SHOTS
+                    else typed(name, folder, executed)
+                )
+            (FOLDER / f"{name}.svg").write_text(svg)
 
 
 if __name__ == "__main__":

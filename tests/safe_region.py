@@ -24,7 +24,6 @@ from typing import Any, Final
 
 import numpy as np
 from pydantic import TypeAdapter
-from scipy.stats import binomtest
 
 from daemon.analysis.report import Axes
 from daemon.analysis.report._svg import text_element
@@ -124,6 +123,9 @@ def paired_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
     The last column is the exact probability of such a split, or one that is less even, if both
     were equally likely to be the better one (McNemar).
     """
+    # Here, for every test process reads this file.
+    from scipy.stats import binomtest
+
     first, second = SYSTEMS
     yield f"| | | points | both | {first} alone | {second} alone | neither | p |"
     yield "|---|---|---|---|---|---|---|---|"

@@ -28,7 +28,7 @@ from typing import Final, Literal, NoReturn
 from daemon.batch.freed_memory import return_freed_memory
 from daemon.model.attachments import FILES_VARIABLE, SutMissing
 from daemon.model.deadline import spare_time, wall_clock_limit
-from daemon.model.live_judgement import LiveJudgement, pack_judgement
+from daemon.model.live_judgement import LARGEST_JUDGEMENT, LiveJudgement, pack_judgement
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, Snapshot, bound_result
 from daemon.model.status import LiveSnapshot
@@ -103,6 +103,16 @@ class RunTask:
 def read_output(folder: Path) -> bytes:
     """Return what an attempt has printed, its first and last part if that is more than a MiB."""
     return OutputFile.read(folder / OUTPUT)
+
+
+def read_judged(folder: Path) -> bytes:
+    """Return what an attempt was last judged by, packed; nothing if that is too long to be it.
+
+    Raises ``OSError`` when there is none.
+    """
+    with (folder / JUDGED_FILE).open("rb") as file:
+        data = file.read(LARGEST_JUDGEMENT + 1)
+    return data if len(data) <= LARGEST_JUDGEMENT else b""
 
 
 def report_readiness(wire: Connection) -> None:

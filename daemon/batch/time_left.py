@@ -143,7 +143,7 @@ def estimate_time_left(work: Sequence[CampaignWork], slots: int) -> TimeLeft:
     """
     busy = sum(len(one.running) for one in work)
     slots = max(slots, busy)
-    speeds = {one.id: _CellTimes(one, work) for one in work}
+    speeds = {one.id: CellTimes(one, work) for one in work}
     lanes: list[float] = []
     ends: dict[str, float | None] = {one.id: 0.0 for one in work if not one.paused}
     whole = 0.0
@@ -177,7 +177,7 @@ def _note_end(ends: dict[str, float | None], campaign: str, end: float | None) -
 
 def _lay(
     turn: Sequence[CampaignWork],
-    times: Mapping[str, _CellTimes],
+    times: Mapping[str, CellTimes],
     lanes: list[float],
     ends: dict[str, float | None],
 ) -> float:
@@ -205,7 +205,7 @@ def _lay(
     return last
 
 
-def _parts(work: CampaignWork, times: _CellTimes, size: int) -> Iterable[tuple[int, float | None]]:
+def _parts(work: CampaignWork, times: CellTimes, size: int) -> Iterable[tuple[int, float | None]]:
     """Yield so many runs that take so long each, in order."""
     cells = [(cell.queued, times.of_queued(cell)) for cell in work.cells]
     cells.append((work.more, times.of_any()))
@@ -214,8 +214,11 @@ def _parts(work: CampaignWork, times: _CellTimes, size: int) -> Iterable[tuple[i
             yield min(size, queued - first), seconds
 
 
-class _CellTimes:
-    """How long runs of a campaign take, by their cell, else by what is most like them."""
+class CellTimes:
+    """How long runs of a campaign take, by their cell, else by what is most like them.
+
+    Where nothing of it was executed those of ``all_work`` tell.
+    """
 
     def __init__(self, work: CampaignWork, all_work: Sequence[CampaignWork]) -> None:
         self._cells = {(cell.scenario, cell.sut): cell for cell in work.cells}
@@ -237,7 +240,21 @@ class _CellTimes:
 
     def of_queued(self, cell: CellWork) -> float | None:
         """Return the seconds that a run of the cell takes."""
-        return self._of(cell.scenario, cell.sut, cell.limit)
+        return self.of_run(cell.scenario, cell.sut, cell.limit)
+
+    def of_run(self, scenario: str, sut: str, limit: float) -> float | None:
+        """Return the seconds that a run with that ``limit`` [s simulated] takes, if known."""
+        if (same := self._executed(scenario, sut)) is not None:
+            return same.wall / same.runs
+        alike = self._suts.get(sut, ExecutedRuns())
+        # A limit is no duration: runs take the share of it that others have taken.
+        if alike.limit > 0.0:
+            return limit * alike.wall / alike.limit
+        wall, simulated = self._running.get(sut, (0.0, 0.0))
+        if simulated > 0.0:
+            share = self._any.simulated / self._any.limit if self._any.limit > 0.0 else 1.0
+            return limit * share * wall / simulated
+        return limit * self._any.wall / self._any.limit if self._any.limit > 0.0 else None
 
     def of_any(self) -> float | None:
         """Return the seconds that any run takes."""
@@ -245,7 +262,7 @@ class _CellTimes:
 
     def rest(self, run: RunInProgress) -> float | None:
         """Return the seconds that a run in progress still takes."""
-        whole = self._of(run.scenario, run.sut, run.limit)
+        whole = self.of_run(run.scenario, run.sut, run.limit)
         if whole is None:
             return None
         left = whole - run.elapsed
@@ -262,16 +279,3 @@ class _CellTimes:
         if cell is None:
             return None
         return next((found for found in (cell.executed, cell.earlier) if found.runs), None)
-
-    def _of(self, scenario: str, sut: str, limit: float) -> float | None:
-        if (same := self._executed(scenario, sut)) is not None:
-            return same.wall / same.runs
-        alike = self._suts.get(sut, ExecutedRuns())
-        # A limit is no duration: runs take the share of it that others have taken.
-        if alike.limit > 0.0:
-            return limit * alike.wall / alike.limit
-        wall, simulated = self._running.get(sut, (0.0, 0.0))
-        if simulated > 0.0:
-            share = self._any.simulated / self._any.limit if self._any.limit > 0.0 else 1.0
-            return limit * share * wall / simulated
-        return limit * self._any.wall / self._any.limit if self._any.limit > 0.0 else None

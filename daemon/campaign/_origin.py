@@ -13,6 +13,11 @@ from daemon.model.status import CampaignOrigin
 
 _PATIENCE: Final = 5.0
 """Seconds git may take: of a repository on a slow disk nothing is said then."""
+_OF_PEOPLE: Final = (
+    "GIT_CEILING_DIRECTORIES", "GIT_CONFIG_GLOBAL", "GIT_CONFIG_NOSYSTEM", "GIT_CONFIG_SYSTEM",
+    "GIT_DISCOVERY_ACROSS_FILESYSTEM", "GIT_EXEC_PATH",
+)  # fmt: skip
+"""Variables that say how git works here; all others are about one repository or one call."""
 
 
 def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
@@ -24,11 +29,14 @@ def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
     the campaign's file.
     """
     digest = hashlib.sha256(campaign.source.encode()).hexdigest()
-    status = _git(file.parent, "status", "--porcelain=v2", "--branch", "--untracked-files=no")
+    unknown = CampaignOrigin(file.name, digest, campaign.seed)
+    how = ("--porcelain=v2", "--branch", "--no-ahead-behind", "--untracked-files=no")
+    status = _git(file.parent, "status", *how)
+    if status is None:
+        return unknown
     known = _git(file.parent, "ls-files", "--error-unmatch", "--", file.name) is not None
-    ignored = not known and _git(file.parent, "check-ignore", "-q", "--", file.name) is not None
-    if status is None or ignored:
-        return CampaignOrigin(file.name, digest, campaign.seed)
+    if not known and _git(file.parent, "check-ignore", "-q", "--", file.name) is not None:
+        return unknown
     lines = status.splitlines()
     heads = dict(line[2:].split(" ", 1) for line in lines if line.startswith("# branch."))
     commit, branch = heads.get("branch.oid", ""), heads.get("branch.head", "")
@@ -47,10 +55,11 @@ def _git(folder: Path, *words: str) -> str | None:
     # Looking must change nothing (no lock, no refreshed index) and start nothing: the settings of
     # a repository may name a program that watches it. Answers must not depend on the language.
     command = ["git", "-c", "core.fsmonitor=false", "-C", str(folder), *words]
+    # A hook of another repository, from which tests may be started, names its index and objects.
     environment = {
         name: value
         for name, value in os.environ.items()
-        if name not in ("GIT_DIR", "GIT_WORK_TREE")
+        if not name.startswith("GIT_") or name in _OF_PEOPLE
     } | {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
     try:
         done = subprocess.run(

@@ -58,11 +58,12 @@ class ProvisionalVerdict:
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """A line of the log of a run, as it came."""
+    """A line of the log of a run, at a moment of simulated time [s]; ``level`` as in ROS."""
 
     time: float
     source: str
     text: str
+    level: str = "info"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,4 +111,8 @@ def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> Li
         raise ValueError(f"not compressed as judgements are: {error}") from error
     if not inflater.eof:
         raise ValueError(f"cut, or of more than {LARGEST_JUDGEMENT} bytes")
-    return codec.from_json(LiveJudgement, clean(text))
+    judgement = codec.from_json(LiveJudgement, clean(text))
+    for signal in judgement.signals:
+        if len(signal.low) != len(signal.high) or signal.end < signal.start:
+            raise ValueError(f"{signal.name}: least and greatest values do not go together")
+    return judgement

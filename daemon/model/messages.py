@@ -42,6 +42,8 @@ LARGEST_CHUNK: Final = 2**20
 """Bytes of a trace in one request; they travel as base64, a third more."""
 LARGEST_TRACE: Final = 4 * 2**30
 HIGHEST_PRIORITY: Final = 1000
+MOST_SIMULATED: Final = 1e9
+"""Seconds that a run may be said to have simulated."""
 LONGEST_TROUBLE: Final = 2000
 """Characters."""
 LARGEST_ENCLOSED_TRACE: Final = 256 * 2**10
@@ -52,7 +54,7 @@ WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
 ShortText = Annotated[str, Field(max_length=400)]
 # Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
 NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
-SimulatedSeconds = Annotated[float, Field(ge=0.0, le=1e9)]
+SimulatedSeconds = Annotated[float, Field(ge=0.0, le=MOST_SIMULATED)]
 Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Base64Text = Annotated[str, Field(max_length=LARGEST_CHUNK * 4 // 3 + 4)]
 

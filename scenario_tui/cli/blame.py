@@ -130,8 +130,10 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
         raise
     except ValueError as error:
         name = words[0] if words else ""
-        waiting = why_without_traces(name, DaemonTarget(state=state)) if len(words) == 1 else ""
-        message = waiting or _about_search(name, paths) or str(error)
+        message = _about_search(name, paths)
+        if not message and len(words) == 1:
+            message = why_without_traces(name, DaemonTarget(state=state))
+        message = message or str(error)
         raise typer.BadParameter(message, param_hint="RUN") from error
 
 

@@ -230,6 +230,8 @@ def export(
     )
     if named is not None:
         check_writable(named, "--out")
+        if named.exists() and named.samefile(source):
+            raise typer.BadParameter(f"{named} is what is exported", param_hint="--out")
     elif out.exists() and not out.is_dir():
         raise typer.BadParameter(f"{out} is no folder", param_hint="--out")
     own = Templates(templates)

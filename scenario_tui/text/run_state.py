@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Final
-
+from daemon.model.assessments import UNFINISHED_STATES
 from daemon.model.status import CampaignRow, RunRow, RunState
 from scenario_tui.text.formatting import duration, pluralise
-
-_UNFINISHED: Final = ("running", "queued")
 
 
 def unfinished_text(row: CampaignRow) -> str:
@@ -16,7 +13,7 @@ def unfinished_text(row: CampaignRow) -> str:
     Empty for one that is finished.
     """
     counts = {"running": row.running, "queued": row.queued}
-    parts = [f"{counts[word]:,} {word}" for word in _UNFINISHED if counts[word]]
+    parts = [f"{counts[word]:,} {word}" for word in UNFINISHED_STATES if counts[word]]
     if not parts and not row.finished:
         parts = ["the search goes on"]
     if parts and row.paused:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import pytest
 from textual._compositor import Compositor
+from textual.css.model import RuleSet
+from textual.css.stylesheet import Stylesheet
 
 from scenario_tui.cli import invoke, target
 from tests.scenario_tui.cli.outputs import declared
@@ -45,6 +47,24 @@ def _unseen_is_not_painted(monkeypatch: pytest.MonkeyPatch) -> None:
         return None
 
     monkeypatch.setattr(Compositor, "render_update", render_update)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _styles_are_read_once() -> Iterator[None]:
+    """Read the same style sheet for the same theme once, not for each app anew."""
+    read, kept = Stylesheet._parse_rules, dict[Any, list[RuleSet]]()
+
+    def parse_rules(sheet: Stylesheet, *source: Any, **more: Any) -> list[RuleSet]:
+        key = (source, *more.items(), frozenset(sheet._variables.items()))
+        if key not in kept:
+            kept[key] = read(sheet, *source, **more)
+        return kept[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Stylesheet, "_parse_rules", parse_rules)
+        # The same value, some hundred times a widget.
+        patch.setattr(RuleSet, "__hash__", object.__hash__)
+        yield
 
 
 @pytest.fixture(autouse=True)

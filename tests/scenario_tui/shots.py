@@ -1,4 +1,4 @@
-"""Every view of the dashboard with fixed data and a fixed clock, as pictures for the documentation.
+"""Every view of the dashboard as pictures for the documentation: of executed runs, at a fixed time.
 
 ``python -m tests.pictures`` writes them, the tests compare what is written in them.
 """
@@ -11,7 +11,7 @@ import re
 import shutil
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import ExitStack, chdir
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 from unittest import mock
@@ -23,26 +23,22 @@ from textual.keys import format_key
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from daemon.model.spec import RunResult
-from daemon.model.status import RunDetail
 from scenario_tui.cli import invoke, output, target
 from scenario_tui.dashboard.key_bindings import list_key_bindings
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
+from scenario_tui.dashboard.state import Tracks
 from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
-from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.dashboard.searching import SEARCH, SearchingDaemon
-from tests.scenario_tui.fake import (
-    CAMPAIGN,
-    FakeDaemon,
-    make_judgement,
-    make_live,
-    make_result,
-    make_rows,
+from tests.scenario_tui.executed_campaign import (
+    FAILED,
+    PASSED,
+    ExecutedCampaign,
+    ExecutedDaemon,
+    trace_of,
 )
-from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 ROOT: Final = Path(__file__).parents[2]
 FOLDER: Final = ROOT / "docs" / "pictures"
@@ -56,56 +52,31 @@ WIDE: Final = (126, 32)
 _TEXT: Final = re.compile(r'<text class="[^"]*" x="([\d.]+)" y="([\d.]+)"[^>]*>(.*?)</text>')
 
 
-@dataclass
-class Corridor(FakeDaemon):
-    """Runs along the corridor: one on its way, and one that failed, with its trace."""
-
-    failed: RunResult | None = None
-
-    @classmethod
-    def recorded(cls, folder: Path) -> Corridor:
-        """Return it with a trace below ``folder``."""
-        rows = tuple(replace(row, simulated=10.0, limit=20.0) for row in make_rows())
-        found = open_playback(record_run(folder / rows[5].trace)).verdicts
-        worst = next(verdict for verdict in found if verdict.oracle == rows[5].oracle)
-        failing = replace(rows[5], margin=worst.margin, unit=worst.unit)
-        result = make_result(failing)
-        assert result is not None
-        return cls(
-            (*rows[:5], failing, *rows[6:]),
-            live=tuple(make_live(7, float(t)) for t in range(0, 61, 2)),
-            judged={f"{CAMPAIGN}.7": make_judgement()},
-            failed=replace(result, verdicts=found),
-        )
-
-    def run(self, run: str) -> RunDetail:
-        found = super().run(run)
-        return (
-            replace(found, spec=make_run(), result=self.failed) if found.row.index == 5 else found
-        )
+def _executed(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+    dashboard = make_dashboard(ExecutedDaemon.of(executed))
+    # On a busy machine it would be said how long ago the last was heard.
+    dashboard.tracks = Tracks(clock=lambda: 0.0)
+    return dashboard
 
 
-def _corridor(folder: Path) -> App[Any]:
-    return make_dashboard(Corridor.recorded(folder))
+def _replay(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+    playback = open_playback(Path(trace_of(FAILED)))
+    touched = next(found for found in playback.verdicts if found.oracle == "no-contact")
+    assert touched.evidence.time is not None
+    return ReplayApp(ReplayScreen(playback, touched.evidence.time - 0.5, clock=lambda: 0.0))
 
 
-def _replay(folder: Path) -> App[Any]:
-    playback = open_playback(record_run(folder / "run.mcap"))
-    return ReplayApp(ReplayScreen(playback, HIT - 0.5, clock=lambda: 0.0))
-
-
-def _compared(folder: Path) -> App[Any]:
-    first = open_playback(record_run(folder / "fast.mcap"))
-    second = open_playback(record_run(folder / "slow.mcap", index=6, speed=0.4))
+def _compared(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+    first, second = (open_playback(Path(trace_of(name))) for name in (FAILED, PASSED))
     return ReplayApp(CompareScreen(first, second, clock=lambda: 0.0))
 
 
-def _submitting(folder: Path) -> App[Any]:
+def _submitting(folder: Path, executed: ExecutedCampaign) -> App[Any]:
     for name in ("demo", "ortega2024", "robots", "suts"):
         shutil.copytree(CAMPAIGNS / name, folder / HERE / name)
     for age, path in enumerate(sorted(folder.rglob("*.yaml"))):
         os.utime(path, (1e9 - age, 1e9 - age))
-    return _corridor(folder)
+    return _executed(folder, executed)
 
 
 async def _checked(pilot: Pilot[Any]) -> None:
@@ -126,22 +97,14 @@ async def _read(pilot: Pilot[Any]) -> None:
     await until(pilot, lambda: pilot.app.screen._playback)  # type: ignore[attr-defined]
 
 
-def _judged(_: Path) -> App[Any]:
-    return make_dashboard(judged_campaign())
-
-
-def _searching(folder: Path) -> App[Any]:
+def _searching(folder: Path, executed: ExecutedCampaign) -> App[Any]:
     return make_dashboard(SearchingDaemon.running())
 
 
-def _search_over(folder: Path) -> App[Any]:
+def _search_over(folder: Path, executed: ExecutedCampaign) -> App[Any]:
     fake = SearchingDaemon.finished()
     fake.record(Path("state"), f"{SEARCH}.37")
     return make_dashboard(fake)
-
-
-async def _map_read(pilot: Pilot[Any]) -> None:
-    await until(pilot, lambda: pilot.app.screen._playback)  # type: ignore[attr-defined]
 
 
 async def _gone(pilot: Pilot[Any]) -> None:
@@ -157,21 +120,26 @@ class Shot:
 
     keys: tuple[str, ...] = ()
     size: tuple[int, int] = NARROW
-    open: Callable[[Path], App[Any]] = _corridor
+    open: Callable[[Path, ExecutedCampaign], App[Any]] = _executed
     before: Callable[[Pilot[Any]], Awaitable[None]] | None = None
 
 
+_TO_FAILED: Final = ("enter", *["j"] * 8)
+_TO_LIVE: Final = ("enter", *["j"] * 10)
+
 SHOTS: Final[Mapping[str, Shot]] = {
     "campaigns": Shot(),
-    "matrix": Shot(("m", "n"), open=_judged),
-    "runs": Shot(("enter", *"jjjjj"), WIDE),
-    "run": Shot(("enter", *"jjjjj", "enter"), before=_read),
-    "timeline": Shot(("enter", *"jjjjj", "enter", "tab"), before=_read),
-    "live": Shot(("enter", *"jjjjjjj", "enter"), (126, 40)),
+    "matrix": Shot(("m", "n")),
+    "runs": Shot(_TO_FAILED, WIDE),
+    "all-runs": Shot(("2",)),
+    "run": Shot((*_TO_FAILED, "enter"), before=_read),
+    "timeline": Shot((*_TO_FAILED, "enter", "tab"), before=_read),
+    "finished": Shot((*_TO_FAILED, "enter"), (150, 42), before=_read),
+    "live": Shot((*_TO_LIVE, "enter"), (126, 40)),
     "replay": Shot(open=_replay),
     "comparison": Shot(("n",), (112, 27), open=_compared),
     "searches": Shot(open=_searching),
-    "search": Shot(("enter",), (110, 25), open=_search_over, before=_map_read),
+    "search": Shot(("enter",), (110, 25), open=_search_over, before=_read),
     "parameters": Shot(("enter", "n", "n", "tab"), open=_search_over),
     "submit": Shot(("s",), open=_submitting, before=_checked),
     "workers": Shot(("3",)),
@@ -181,20 +149,20 @@ SHOTS: Final[Mapping[str, Shot]] = {
     "gone": Shot(before=_gone),
 }
 
-
+_TRACE: Final = f"{FAILED.replace('/', '.')}.mcap"
 COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     "command-status": ("status",),
     "command-results": ("results",),
-    "command-show": ("show", "first.5"),
-    "command-logs": ("show", "run.mcap", "--log"),
-    "command-plot": ("plot", "run.mcap", "clearance", "speed"),
-    "command-frame": ("replay", "run.mcap", "--frame", "no-contact"),
+    "command-show": ("show", "demo.8"),
+    "command-logs": ("show", _TRACE, "--log"),
+    "command-plot": ("plot", _TRACE, "clearance", "speed"),
+    "command-frame": ("replay", _TRACE, "--frame", "no-contact"),
 }
 """Commands whose output is pictured, about the dashboard's data and a trace in their folder."""
 
 
-def typed(name: str, folder: Path) -> str:
-    """Return what a command prints as SVG."""
+def typed(name: str, folder: Path, executed: ExecutedCampaign) -> str:
+    """Return what a command prints about the runs of ``executed`` as SVG, typed in ``folder``."""
     arguments = COMMANDS[name]
     width, height = 80, 26
     environment = {
@@ -203,8 +171,9 @@ def typed(name: str, folder: Path) -> str:
         "SCENARIO_CONNECT": "tcp/127.0.0.1:7447",
     }
     with Path(os.devnull).open("w") as nowhere, chdir(folder), ExitStack() as patched:
-        record_run(Path("run.mcap"))
-        fake = Corridor.recorded(folder)
+        _put_traces(folder, executed)
+        Path(_TRACE).symlink_to(trace_of(FAILED))
+        fake = ExecutedDaemon.of(executed)
         console = Console(
             record=True, width=width, file=nowhere, force_terminal=True, color_system="truecolor",
             highlight=False, legacy_windows=False,
@@ -221,12 +190,13 @@ def typed(name: str, folder: Path) -> str:
         return _slim(console.export_svg(title=line, unique_id=name))
 
 
-async def draw(name: str, folder: Path) -> str:
-    """Return a view as SVG; ``folder`` is for what it needs on disk."""
+async def draw(name: str, folder: Path, executed: ExecutedCampaign) -> str:
+    """Return a view of ``executed`` as SVG; ``folder`` is for what it needs on disk."""
     shot = SHOTS[name]
+    _put_traces(folder, executed)
     # Paths are relative, so that they are the same everywhere.
     with chdir(folder), mock.patch.object(Path, "cwd", return_value=HERE):
-        app = shot.open(folder)
+        app = shot.open(folder, executed)
         async with app.run_test(size=shot.size) as pilot:
             await pilot.pause(0)
             if hasattr(app, "update_state"):
@@ -242,6 +212,11 @@ async def draw(name: str, folder: Path) -> str:
             await (settle(pilot) if hasattr(app, "update_state") else pilot.pause(0))
             svg = app.export_screenshot(title=f"scenario tui: {name}")
     return _slim(svg.replace(_identifier(svg), name))
+
+
+def _put_traces(folder: Path, executed: ExecutedCampaign) -> None:
+    """Let the traces be where a daemon that was started in ``folder`` has put them."""
+    (folder / "state").symlink_to(executed.folder / "state")
 
 
 def _identifier(svg: str) -> str:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         check_integrity,
         connect,
     )
+    from daemon.batch.ledger._forecast import Forecast, PlannedRun
     from daemon.batch.ledger._reader import LedgerReader, count_states
     from daemon.batch.ledger._retention import (
         RetentionPolicy,
@@ -39,9 +40,11 @@ if TYPE_CHECKING:
 __all__ = [
     "SCHEMA_VERSION",
     "ContentReport",
+    "Forecast",
     "LedgerIntegrity",
     "LedgerReader",
     "LedgerWriter",
+    "PlannedRun",
     "RetentionPolicy",
     "Steps",
     "StrayFile",
@@ -66,9 +69,11 @@ __all__ = [
 _MODULES: Final = {
     "SCHEMA_VERSION": "_connection",
     "ContentReport": "_verification",
+    "Forecast": "_forecast",
     "LedgerIntegrity": "_connection",
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
+    "PlannedRun": "_forecast",
     "Steps": "_steps",
     "StrayFile": "_strays",
     "VerificationProgress": "_verification",

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from daemon.model.forecast import Forecast, PlannedRun
+from daemon.batch.time_left import CampaignWork, CellTimes, CellWork, ExecutedRuns
 
 _AT_ONCE: Final = 500
 """Digests in a question: SQLite takes some thousand values."""
@@ -20,33 +21,48 @@ _WITH_RESULT: Final = (
     " AND NOT EXISTS (SELECT 1 FROM result JOIN void_key ON void_key.name = result.holder"
     " WHERE result.run = old.id)"
 )
-_WALLS: Final = (
-    "SELECT scenario, sut, avg(wall), total(wall), total(time_limit) FROM run"
+_EXECUTED: Final = (
+    "SELECT scenario, sut, count(*), total(wall), total(simulated), total(time_limit) FROM run"
     " WHERE state = 'done' AND cached = '' AND wall > 0 GROUP BY scenario, sut"
 )
 
 
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """A run by the ``digest`` of its specification, with its ``limit`` [s simulated]; only
+    ``repeatable`` ones reuse results.
+    """
+
+    digest: str
+    scenario: str
+    sut: str
+    limit: float
+    repeatable: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """For each run whether it has a result already, and how long it takes a worker [s].
+
+    The time is reckoned as :mod:`daemon.batch.time_left` does of a queue, from all that was ever
+    executed; ``None`` when that is nothing.
+    """
+
+    cached: Sequence[bool]
+    seconds: Sequence[float | None]
+
+
 def read_forecast(db: sqlite3.Connection, runs: Sequence[PlannedRun]) -> Forecast:
-    """Return which runs need not be executed, and how long the others took so far."""
-    walls: dict[tuple[str, str], float] = {}
-    spent: dict[str, float] = {}
-    limits: dict[str, float] = {}
-    for scenario, sut, wall, whole, limit in db.execute(_WALLS):
-        walls[scenario, sut] = float(wall)
-        spent[sut] = spent.get(sut, 0.0) + whole
-        limits[sut] = limits.get(sut, 0.0) + limit
+    """Return which runs need not be executed, and how long each takes."""
+    executed = tuple(
+        CellWork(scenario, sut, 0, 0.0, ExecutedRuns(*sums))
+        for scenario, sut, *sums in db.execute(_EXECUTED)
+    )
+    times = CellTimes(CampaignWork("", executed), ())
     known = _with_result(db, [run.digest for run in runs if run.repeatable])
-
-    def expected(run: PlannedRun) -> float | None:
-        if (run.scenario, run.sut) in walls:
-            return walls[run.scenario, run.sut]
-        # Of another scenario: a limit of three minutes is not reached as late as one of twenty.
-        if limits.get(run.sut, 0.0) > 0.0:
-            return run.limit * spent[run.sut] / limits[run.sut]
-        return None
-
     return Forecast(
-        tuple(run.repeatable and run.digest in known for run in runs), tuple(map(expected, runs))
+        tuple(run.repeatable and run.digest in known for run in runs),
+        tuple(times.of_run(run.scenario, run.sut, run.limit) for run in runs),
     )
 
 

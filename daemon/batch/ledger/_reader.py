@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
-from daemon.batch.ledger._forecast import read_forecast
+from daemon.batch.ledger._forecast import Forecast, PlannedRun, read_forecast
 from daemon.batch.ledger._granted import require_lease
 from daemon.batch.ledger._keys import read_deliveries
 from daemon.batch.ledger._queries import campaign_filter, run_filter, run_order
@@ -31,7 +31,6 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
 from daemon.batch.time_left import CampaignWork, RunProgress
 from daemon.model.assessments import AssessmentRules, RunRecord
-from daemon.model.forecast import Forecast, PlannedRun
 from daemon.model.messages import (
     LARGEST_PAGE_BYTES,
     CampaignQuery,
@@ -245,7 +244,7 @@ class LedgerReader:
         )
 
     def forecast(self, runs: Sequence[PlannedRun]) -> Forecast:
-        """Return which of these runs have results, and how long the others may take."""
+        """Return which of these runs have results, and how long each takes."""
         return read_forecast(self._db, runs)
 
     def searches(self, query: SearchQuery) -> tuple[SearchRow, ...]:

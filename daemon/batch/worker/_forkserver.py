@@ -124,7 +124,7 @@ class ForkedExecution:
                 self.live = message[1:]
             elif message[:1] == run_process.JUDGEMENT:
                 with suppress(OSError):  # the folder went with its run
-                    self.judged = (self.attempt.folder / run_process.JUDGED_FILE).read_bytes()
+                    self.judged = run_process.read_judged(self.attempt.folder)
             elif message[:1] in run_process.FAILURES:
                 self._failure = message[:1]
                 self._reason = message[1:].decode("utf-8", "replace")[-_LONGEST_REASON:]

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.batch.run_process import LIVE, SnapshotSender
+from daemon.batch.run_process import JUDGED_FILE, LIVE, SnapshotSender, read_judged
+from daemon.model.live_judgement import LARGEST_JUDGEMENT
 from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from grammars.model.geometry import Pose2
@@ -104,3 +105,10 @@ def test_a_run_leaves_leading_margins_where_its_lease_asks_for_them(tmp_path: Pa
         text=True,
     )
     assert (done.stdout.split("\n")[:2], done.stderr) == (["[]", "[0.5]"], "")
+
+
+def test_a_judgement_that_is_too_long_to_be_one_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / JUDGED_FILE).write_bytes(b"x" * 10)
+    assert read_judged(tmp_path) == b"x" * 10
+    (tmp_path / JUDGED_FILE).write_bytes(b"x" * (LARGEST_JUDGEMENT + 1))
+    assert read_judged(tmp_path) == b""

@@ -69,3 +69,18 @@ def test_the_commit_is_told_and_what_is_not_in_it(
     robot = next((folder.parent / "robots").iterdir())
     robot.write_text(robot.read_text("utf-8") + "\n# another robot\n", encoding="utf-8")
     assert origin(folder).changed is True
+
+
+@pytest.mark.skipif(GIT is None, reason="no git is installed")
+def test_the_repository_of_a_hook_is_not_that_of_the_campaign(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    git(folder.parent, "init", "-q", "-b", "trunk")
+    git(folder.parent, "add", ".")
+    git(folder.parent, "commit", "-q", "-m", "all")
+    whole = origin(folder)
+    assert whole.changed is False
+    other = folder.parent.parent / "other"
+    for name in ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_OBJECT_DIRECTORY"):
+        monkeypatch.setenv(name, str(other))
+    assert origin(folder) == whole

@@ -9,7 +9,7 @@ import pytest
 
 from daemon.judging.oracles import judge
 from daemon.judging.running import MOST_COLUMNS, MOST_LINES, RunningJudge
-from daemon.model.live_judgement import LiveJudgement, pack_judgement, unpack_judgement
+from daemon.model.live_judgement import LiveJudgement, LiveSignal, pack_judgement, unpack_judgement
 from daemon.model.spec import OracleText
 from daemon.trace import ContactRecord, EventRecord, ProgressRecord, Trace
 from grammars.text import codec
@@ -72,12 +72,13 @@ def test_the_log_tells_events_touches_waypoints_and_decisions_in_order_of_time()
     assert [(line.time, line.source, line.text) for line in judgement.log] == [
         (1.0, "sut", "starts\N{REPLACEMENT CHARACTER}[2J now"),
         (4.0, "accuracy", "decided: fail"),
-        (5.0, "mission", "reached w1, 1 of 1"),
+        (5.0, "mission", "w1 reached, 1 of 1"),
+        (5.0, "mission", "succeeded"),
         (5.0, "arrives", "decided: pass (w1)"),
-        (6.0, "robot", "touches wall-north"),
+        (6.0, "contact", "robot touches wall-north"),
         (6.0, "contact", "decided: fail (wall-north)"),
         (7.0, "door-17", "opens"),
-        (8.0, "robot", "touches wall-north"),
+        (8.0, "contact", "robot touches wall-north"),
     ]
 
 
@@ -121,6 +122,13 @@ def test_what_is_no_judgement_is_refused(change) -> None:  # type: ignore[no-unt
     packed = pack_judgement(LiveJudgement("c.0", 1.0, (), (), (), (), ()))
     with pytest.raises(ValueError):  # noqa: PT011
         unpack_judgement(change(packed))
+
+
+def test_a_judgement_whose_values_do_not_go_together_is_refused() -> None:
+    signal = LiveSignal("speed", "m/s", 0.0, 1.0, (0.0, 0.1), (0.2,))
+    packed = pack_judgement(LiveJudgement("c.0", 1.0, (signal,), (), (), (), ()))
+    with pytest.raises(ValueError, match="speed"):
+        unpack_judgement(packed)
 
 
 def test_a_judgement_that_unpacks_without_end_is_refused() -> None:

@@ -228,6 +228,17 @@ def test_waypoints_are_chosen_on_the_command_line(campaigns: Path, tmp_path: Pat
     assert any(w["yaw"] != 0 for w in waypoints)
 
 
+def test_what_is_exported_is_not_written_over(
+    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = tmp_path / "flat.jsonld"
+    assert invoke(["export", str(campaigns / "demo" / "flat.fpm"), "jsonld", "-o", str(plan)]) == 0
+    before = plan.read_bytes()
+    assert invoke(["export", str(plan), "jsonld", "-o", str(plan)]) == 2
+    assert "is what is exported" in capsys.readouterr().err
+    assert plan.read_bytes() == before
+
+
 def test_one_folder_of_templates_replaces_ours(campaigns: Path, tmp_path: Path) -> None:
     own = tmp_path / "own"
     own.mkdir()
@@ -242,7 +253,7 @@ def test_one_folder_of_templates_replaces_ours(campaigns: Path, tmp_path: Path) 
     ("arguments", "words"),
     [
         (["keyframes"], "keyframes cannot be made of flat"),
-        (["mapp"], "'mapp' is not one of"),
+        (["mapp"], """'mapp' is none of them: did you mean "map"?"""),
         ([], "Missing argument"),
         (["tasks", "--distance", "0"], "distance"),
         (["prov", "--timestamp", "yesterday"], "is no time"),

@@ -85,7 +85,7 @@ def test_what_is_not_as_expected_names_a_trace_that_other_commands_read(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert invoke(["run", str(campaign(tmp_path, campaigns, "gives-up"))]) == 1
-    named = {line.rpartition(" -> ")[2] for line in capfd.readouterr().out.splitlines()}
+    named = {line.rpartition("→ ")[2] for line in capfd.readouterr().out.splitlines()}
     (trace,) = (name for name in named if name.endswith(".mcap"))
     assert trace.startswith("scenario-results/limits-")
     assert invoke(["show", trace, "--log"]) == 0

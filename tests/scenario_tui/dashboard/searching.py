@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -68,6 +69,7 @@ TASK: Final = SearchTask(
 WRITTEN: Final = tuple(one.written for one in TASK.parameters if one.written is not None)
 
 
+@cache
 def make_proposals(count: int = 60, *, settled: int | None = None) -> tuple[ProposalRow, ...]:
     """Proposals of a search, the first ``settled`` of them with a result.
 
@@ -198,6 +200,8 @@ class SearchingDaemon(FakeDaemon):
     """A daemon whose first campaign is a search; ``recorded`` is what one run left, by its id."""
 
     results: tuple[tuple[str, RunResult, str], ...] = ()
+    _made: tuple[object, object, tuple[RunRow, ...]] = ((), (), ())
+    """The runs that are listed, behind what they were made of: they are asked for all the time."""
 
     @classmethod
     def finished(cls, **changes: Any) -> SearchingDaemon:
@@ -230,7 +234,11 @@ class SearchingDaemon(FakeDaemon):
         return replace(found, search=search.state)
 
     def _searched(self) -> tuple[RunRow, ...]:
-        return tuple(self._run_row(row) for row in self.proposed)
+        proposed, results, rows = self._made
+        if proposed is not self.proposed or results is not self.results:
+            rows = tuple(self._run_row(row) for row in self.proposed)
+            self._made = (self.proposed, self.results, rows)
+        return rows
 
     def _run_row(self, row: ProposalRow) -> RunRow:
         trace = next((path for run, _, path in self.results if run == row.run), "")

@@ -22,8 +22,9 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record_run(tmp_path_factory.mktemp("traces") / "run.mcap")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def process() -> Iterator[PlaybackProcess]:
+    """A reader for all: it takes a second to load what reads, and each leaves one that answers."""
     found = PlaybackProcess()
     yield found
     found.close()

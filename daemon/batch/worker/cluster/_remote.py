@@ -206,7 +206,10 @@ class RemoteLauncher:
             self._send(LaunchRequest(key, str(folder), str(scene), limits))
             return _read_output(self._await(key, inbox, wanted, tell), attempt)
         finally:
-            del self._inboxes[key], self._names[name]
+            del self._inboxes[key]
+            # One that Dask began anew here meanwhile goes by the same name.
+            if self._names.get(name) == key:
+                del self._names[name]
             shutil.rmtree(folder.parent, ignore_errors=True)
 
     def watch(self, name: str, wanted: tuple[Wanted, ...]) -> None:

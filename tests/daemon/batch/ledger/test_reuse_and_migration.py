@@ -11,10 +11,17 @@ from pathlib import Path
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect
+from daemon.batch.ledger import (
+    SCHEMA_VERSION,
+    LedgerReader,
+    LedgerWriter,
+    PlannedRun,
+    connect,
+)
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import admit_submission
 from daemon.batch.stores import trace_url
+from daemon.batch.time_left import estimate_time_left
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
     AssessmentRules,
@@ -24,7 +31,6 @@ from daemon.model.assessments import (
     RunRecord,
     ScenarioComparison,
 )
-from daemon.model.forecast import PlannedRun
 from daemon.model.messages import (
     Completion,
     LeaseRef,
@@ -100,19 +106,27 @@ def failing(spec: RunSpec) -> RunResult:
 
 
 def test_what_a_submission_would_reuse_and_take_is_known_before(ledger: Ledger) -> None:
-    ledger.submit("first", *specs(3))
+    first = ledger.submit("first", *specs(3))
     ledger.work(
         lambda spec: replace(make_result(spec), timing=Timing(2.0 + spec.repeat, 1.0, 10.0))
     )
     other = replace(make_spec(0), sut=SutReference("other", "pilot", {}))
-    wanted = (*specs(4), make_spec(0, scenario="S2"), other)
+    longer = replace(make_spec(0, scenario="S2"), limit=2.0 * make_spec(0).limit)
+    wanted = (*specs(4), longer, other)
     forecast = ledger.reader.forecast([planned(spec) for spec in wanted])
-    submission = replace(submission_of("second", *wanted), fresh=False)
+    submission = replace(submission_of("second", *wanted), name=first.name, fresh=False)
     receipt = ledger.book.submit(submission, NOW)
     assert sum(forecast.cached) == receipt.cached == 3
     assert list(forecast.cached) == [True, True, True, False, False, False]
-    # The cell's mean; for another scenario that of the system; of another system nothing is known.
-    assert list(forecast.seconds) == [3.0, 3.0, 3.0, 3.0, 3.0, None]
+    # The cell's mean; for another scenario, or system, the share of the limit that others took.
+    assert list(forecast.seconds) == [3.0, 3.0, 3.0, 3.0, 6.0, 3.0]
+    # The same is said of them once they wait.
+    left = estimate_time_left(ledger.reader.workload(NOW, {}), 1)
+    assert left.all == pytest.approx(3.0 + 6.0 + 3.0)
+
+
+def test_nothing_is_said_of_how_long_the_first_runs_of_all_take(ledger: Ledger) -> None:
+    assert ledger.reader.forecast([planned(make_spec(0))]).seconds == (None,)
 
 
 def test_runs_of_systems_that_are_not_repeatable_are_not_reused(ledger: Ledger) -> None:

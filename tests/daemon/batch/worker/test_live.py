@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -15,7 +15,7 @@ from daemon.batch.run_process import Wanted
 from daemon.batch.worker import _live
 from daemon.batch.worker._live import LINE_RATE, LineBudget, LivePublisher
 from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
-from daemon.model.messages import LIVE, Empty
+from daemon.model.messages import LIVE, MOST_SIMULATED, Empty, LeaseRef, RenewRequest, WorkerInfo
 from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from daemon.model.verbs import OVERVIEW
@@ -138,6 +138,22 @@ def test_a_short_message_after_a_pause_is_never_left_out() -> None:
     assert budget.allows(6.0)
     budget.spend(1)
     assert budget.allows(6.0)
+
+
+@pytest.mark.parametrize(("told", "said"), [(12.5, 12.5), (1e300, MOST_SIMULATED), (-1.0, 0.0)])
+def test_a_renewal_never_says_of_a_run_what_is_refused(
+    daemon: DaemonPart, told: float, said: float
+) -> None:
+    with bus.open_client(daemon.endpoint) as session:
+        publisher, run = LivePublisher(session, "worker-1"), Told()
+        run.tells(told)
+        publisher.publish(cast("Any", run))
+        far = publisher.simulated(RUN)
+        publisher.forget(RUN)
+    assert far == said
+    worker = WorkerInfo("w", "host", 1, "1", 1, 0)
+    asked = codec.to_json(RenewRequest(worker, (LeaseRef(RUN, 1),), (far,)))
+    assert codec.from_json(RenewRequest, asked).simulated == (far,)
 
 
 @pytest.mark.parametrize("mark", ["", "details", "details judgement", "margin"])

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from daemon.model.search import Point, SearchParameter
 from daemon.model.search_answer import Influence, PointResult
@@ -62,6 +61,9 @@ def test_a_failure_is_about_what_its_margin_is_about() -> None:
 
 
 def test_rank_correlation_is_spearmans_with_ties() -> None:
+    # Here, for every test process reads this file.
+    from scipy import stats
+
     rng = np.random.default_rng(4)
     values = rng.integers(0, 8, 40).astype(float)
     margins = np.minimum(0.1, values + rng.normal(size=40))

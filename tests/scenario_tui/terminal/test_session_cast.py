@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pyte
-import pytest
 
-from tests.scenario_tui.terminal.pseudo_terminal import terminal
-from tests.session_cast import CAST, COLUMNS, LARGEST, LONGEST_PAUSE, ROWS, CastRecorder
+from tests.scenario_tui.terminal.first_hour import DOCUMENT, SIZE, read_steps
+from tests.scenario_tui.terminal.pseudo_terminal import ROOT, terminal
+from tests.scenario_tui.terminal.session_cast import CAST, LARGEST, LONGEST_PAUSE, CastRecorder
 
 SLOW = """
 import sys
@@ -43,10 +43,9 @@ def test_what_a_program_sends_is_kept_by_time(tmp_path: Path) -> None:
         cast = CastRecorder(shown)
         cast.until("naïve")
         cast.mark("first")
-        cast.press("\n", 0.05)
-        cast.until("second")
-        cast.press("\n", 0.05)
-        cast.until("third")
+        for word in ("second", "third"):
+            shown.type("\n")
+            cast.until(word)
         cast.write(tmp_path / "run.cast", "words")
         screen = list(shown.lines)
     events = valid(tmp_path / "run.cast")
@@ -59,20 +58,33 @@ def test_what_a_program_sends_is_kept_by_time(tmp_path: Path) -> None:
     assert [data for _, kind, data in events if kind == "m"] == ["first"]
 
 
-def test_the_session_in_the_docs_shows_its_steps() -> None:
-    if not CAST.exists():
-        pytest.skip("recorded with the pictures: python -m tests.pictures --cast")
+def test_the_session_in_the_docs_can_be_played_and_names_no_machine() -> None:
     assert CAST.stat().st_size < LARGEST
+    head, _ = read(CAST)
+    assert (head["width"], head["height"]) == SIZE
+    assert head["title"]
     events = valid(CAST)
     times = [time for time, _, _ in events]
     assert max(b - a for a, b in itertools.pairwise(times)) <= LONGEST_PAUSE + 0.001
-    marks = [data for _, kind, data in events if kind == "m"]
-    assert marks == ["campaigns", "runs", "a run", "signals", "keys"]
-    played = pyte.Screen(COLUMNS, ROWS)
-    stream, seen = pyte.Stream(played), ""
-    for _, kind, data in events:
-        if kind == "o":
-            stream.feed(data)
-            seen += "\n".join(played.display)
-    for words in ("demo-", "running", "clearance", "Quit"):
-        assert words in seen
+    written = "".join(data for _, kind, data in events if kind == "o")
+    assert "\N{REPLACEMENT CHARACTER}" not in written
+    for folder in ("/home", Path.home(), ROOT):
+        assert f"{folder}/" not in written
+
+
+def test_the_session_in_the_docs_shows_what_the_tutorial_says() -> None:
+    played = pyte.Screen(*SIZE)
+    stream, shown = pyte.Stream(played), ""
+    steps = read_steps(DOCUMENT.read_text("utf-8"))
+    ahead, marks = list(steps), []
+    for _, kind, data in valid(CAST):
+        if kind == "m":
+            marks.append(data)
+            continue
+        stream.feed(data)
+        shown = "\n".join(line.rstrip() for line in played.display)
+        while ahead and all(word in shown for word in ahead[0].words):
+            ahead.pop(0)
+    assert ahead == []
+    assert marks == list(dict.fromkeys(step.section for step in steps))
+    assert shown.rstrip().endswith("$")
