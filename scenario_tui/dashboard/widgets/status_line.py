@@ -158,7 +158,9 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         # The worker's words may end with how far it is: "compiling kernels 7/42".
         far = short.rpartition(" ")[2]
         progress = f"{far} kernels" if "/" in far else short.partition(" ")[0]
-        yield _Part((overview.preparing, short, f"… {progress}"), QUIET, 7)
+        # Who does it goes first: "starting the worker on this machine: loading the simulator".
+        brief = short.rpartition(": ")[2]
+        yield _Part((overview.preparing, brief, f"… {progress}"), QUIET, 7)
 
 
 def _counted(word: str, count: int) -> tuple[str, ...]:
