@@ -39,6 +39,12 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+def pytest_sessionfinish() -> None:
+    """Look for what was left open once: pytest does five times, through all there is."""
+    gc.collect()
+    gc.freeze()
+
+
 _read_once = functools.lru_cache(maxsize=256)(Language._tree)
 
 

@@ -5,10 +5,9 @@ Read from a state directory as it is, without a daemon.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from daemon.batch.errors import PlaceUnusable
 from daemon.batch.ledger import LedgerReader
@@ -16,11 +15,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import OUTPUT, read_output
 
 if TYPE_CHECKING:
-    from daemon.trace import Trace
-
-
-# Simulated seconds: bodies that bounce or scrape are in contact in some steps and not in others.
-_CONTACT_GAP: Final = 0.5
+    from daemon.model.live_judgement import LogLine
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +25,6 @@ class RunStep:
     at: float
     state: str
     note: str
-
-
-@dataclass(frozen=True, slots=True)
-class RunLogLine:
-    """A line of the record of a run, at a moment of simulated time [s]."""
-
-    time: float
-    source: str
-    text: str
-    level: str = "info"
 
 
 def read_steps(paths: StatePaths, run: str) -> tuple[RunStep, ...]:
@@ -63,43 +48,16 @@ def read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
     return tuple(filter(None, texts))
 
 
-def read_run_log(path: Path) -> tuple[RunLogLine, ...]:
+def read_run_log(path: Path) -> tuple[LogLine, ...]:
     """Return what a trace recorded besides signals: mission, contacts, words of the SUT, in order.
 
     Raises :class:`daemon.trace.TraceError` for a trace that cannot be read.
     """
+    from daemon.judging.run_log import run_log
+    from daemon.model.live_judgement import LogLine
     from daemon.trace import read_trace
 
     trace = read_trace(path)
-    found = [*_mission(trace), *_contacts(trace)]
-    found += (
-        RunLogLine(event.time, event.source, event.text, event.level) for event in trace.events
-    )
     end = trace.ended or "cut off: the recording has no end"
-    found.append(
-        RunLogLine(trace.valid_until, "run", f"{end}{f', {trace.note}' if trace.note else ''}")
-    )
-    return tuple(sorted(found, key=lambda said: said.time))
-
-
-def _mission(trace: Trace) -> Iterator[RunLogLine]:
-    names = [waypoint.id for waypoint in trace.spec.mission.waypoints]
-    before = 0
-    for progress in trace.progress:
-        for index in range(before, min(progress.reached, len(names))):
-            count = f"{index + 1} of {len(names)}"
-            yield RunLogLine(progress.time, "mission", f"{names[index]} reached, {count}")
-        before = max(before, progress.reached)
-        if progress.state != "active":
-            yield RunLogLine(progress.time, "mission", progress.state)
-
-
-def _contacts(trace: Trace) -> Iterator[RunLogLine]:
-    """Tell contacts once for as long as they last."""
-    last: dict[tuple[str, str], float] = {}
-    for contact in trace.contacts:
-        pair = (contact.first, contact.second)
-        if contact.time - last.get(pair, -1e9) > _CONTACT_GAP:
-            text = f"{contact.first} touches {contact.second}"
-            yield RunLogLine(contact.time, "contact", text, "warn")
-        last[pair] = contact.time
+    last = LogLine(trace.valid_until, "run", f"{end}{f', {trace.note}' if trace.note else ''}")
+    return (*run_log(trace), last)

@@ -7,10 +7,12 @@ verdicts will be.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from daemon.judging.oracles import SignalSampler, judge_so_far, oracle_timeline, trace_problems
+from daemon.judging.run_log import run_log
 from daemon.judging.run_signals import (
     door_motions,
     reached_moments,
@@ -20,7 +22,6 @@ from daemon.judging.run_signals import (
 from daemon.model.live_judgement import LiveJudgement, LiveSignal, LogLine, ProvisionalVerdict
 from daemon.model.verdicts import Outcome
 from daemon.trace import Trace
-from grammars.oracle import ROBOT
 from grammars.text.terminal_text import printable
 
 MOST_COLUMNS: Final = 200
@@ -33,8 +34,6 @@ MOST_LINES: Final = 200
 _LINE_LENGTH: Final = 200
 _MOST_MOTIONS: Final = 1000
 """Motions of doors at most, the last ones: hinges may swing for hours."""
-_SAME_TOUCH: Final = 0.5
-"""Contacts of two bodies that are not farther apart [s] are one touch."""
 
 
 class RunningJudge:
@@ -54,7 +53,7 @@ class RunningJudge:
         verdicts = judge_so_far(trace, trace.spec.oracles, sampler=sampler)
         if sampler is not None:
             self._note_decided(verdicts, sampler)
-        lines = [*heapq.merge(*_log(trace), self._decisions(), key=lambda line: line.time)]
+        lines = [*heapq.merge(run_log(trace), self._decisions(), key=lambda line: line.time)]
         return LiveJudgement(
             "",
             trace.valid_until,
@@ -62,7 +61,7 @@ class RunningJudge:
             verdicts,
             door_motions(trace.joints)[-_MOST_MOTIONS:],
             reached_moments(trace),
-            tuple(lines[-MOST_LINES:]),
+            tuple(map(_short, lines[-MOST_LINES:])),
             max(0, len(lines) - MOST_LINES),
         )
 
@@ -78,8 +77,8 @@ class RunningJudge:
                 time = against[0][0] if against else time
             about = f" ({verdict.evidence.object})" if verdict.evidence.object else ""
             text = f"decided: {verdict.outcome}{about}"
-            line = _log_line(sampler.time_base.end if time is None else time, verdict.oracle, text)
-            self._decided[verdict.oracle] = line
+            when = sampler.time_base.end if time is None else time
+            self._decided[verdict.oracle] = LogLine(when, verdict.oracle, text)
 
     def _decisions(self) -> list[LogLine]:
         return sorted(self._decided.values(), key=lambda line: line.time)
@@ -93,30 +92,6 @@ def _thinned_signals(sampler: SignalSampler) -> tuple[LiveSignal, ...]:
     return tuple(thin_signal(signal, start, end, columns) for signal in found)
 
 
-def _log(trace: Trace) -> tuple[Iterator[LogLine], ...]:
-    """Return what happened, by kind, each in the order of time."""
-    events = (_log_line(event.time, event.source, event.text) for event in trace.events)
-    return events, _touches(trace), _reached(trace)
-
-
-def _touches(trace: Trace) -> Iterator[LogLine]:
-    last: dict[str, float] = {}
-    for record in trace.contacts:
-        if ROBOT not in (record.first, record.second):
-            continue
-        other = record.second if record.first == ROBOT else record.first
-        if record.time - last.get(other, -2.0 * _SAME_TOUCH) > _SAME_TOUCH:
-            yield _log_line(record.time, ROBOT, f"touches {other}")
-        last[other] = record.time
-
-
-def _reached(trace: Trace) -> Iterator[LogLine]:
-    waypoints = trace.spec.mission.waypoints
-    for number, time in enumerate(reached_moments(trace), start=1):
-        name = waypoints[number - 1].id if number <= len(waypoints) else str(number)
-        yield _log_line(time, "mission", f"reached {name}, {number} of {len(waypoints)}")
-
-
-def _log_line(time: float, source: str, text: str) -> LogLine:
-    short = printable(" ".join(text[: 2 * _LINE_LENGTH].split())[:_LINE_LENGTH])
-    return LogLine(time, printable(source[:_LINE_LENGTH]), short)
+def _short(line: LogLine) -> LogLine:
+    text = printable(" ".join(line.text[: 2 * _LINE_LENGTH].split())[:_LINE_LENGTH])
+    return replace(line, source=printable(line.source[:_LINE_LENGTH]), text=text)

@@ -58,11 +58,12 @@ class ProvisionalVerdict:
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """A line of the log of a run, as it came."""
+    """A line of the log of a run, at a moment of simulated time [s]; ``level`` as in ROS."""
 
     time: float
     source: str
     text: str
+    level: str = "info"
 
 
 @dataclass(frozen=True, slots=True)

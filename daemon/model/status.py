@@ -161,6 +161,14 @@ class CampaignRow:
     seconds_left: float | None = None
 
     @property
+    def ended(self) -> int:
+        """How many runs have come to their end, those that were given up included.
+
+        Cancelled ones never came to it.
+        """
+        return self.total - self.queued - self.running - self.cancelled
+
+    @property
     def finished(self) -> bool:
         """Whether no run of the campaign is waiting or running, and none will come."""
         return self.queued == 0 and self.running == 0 and self.search != "running"

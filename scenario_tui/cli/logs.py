@@ -13,7 +13,8 @@ from scenario_tui.cli.output import Output, stdout_console
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from daemon.analysis.run_history import RunLogLine, RunStep
+    from daemon.analysis.run_history import RunStep
+    from daemon.model.live_judgement import LogLine
     from scenario_tui.cli.target import DaemonTarget
 
 
@@ -30,7 +31,7 @@ class LogsOutput(Output, schema="logs"):
     reason: str
     steps: tuple[RunStep, ...]
     output: tuple[str, ...]
-    recorded: tuple[RunLogLine, ...]
+    recorded: tuple[LogLine, ...]
     printed: dict[str, str]
     standing: str = ""
 
@@ -156,7 +157,7 @@ def _print_output(text: str) -> None:
         stdout_console().print(line, markup=False, soft_wrap=True)
 
 
-def _recorded(trace: Path) -> tuple[tuple[RunLogLine, ...], dict[str, str]]:
+def _recorded(trace: Path) -> tuple[tuple[LogLine, ...], dict[str, str]]:
     """Return what a trace recorded in words, and what it keeps that was printed."""
     from daemon.analysis.run_history import read_run_log
     from daemon.trace import read_outputs

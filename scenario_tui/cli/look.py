@@ -151,7 +151,7 @@ def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) 
     from scenario_tui.text.formatting import age_text, duration
 
     table = plain_table("campaign", "runs", "verdicts", "submitted")
-    runs = [f"{row.total - row.queued - row.running}/{row.total}" for row in campaigns]
+    runs = [f"{row.ended}/{row.total}" for row in campaigns]
     # Verdicts wrap between their parts, never inside of one: rich would break at any blank.
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
@@ -161,7 +161,7 @@ def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) 
         counts = wrap_parts(parts, max(24, room))
         marks = ["search"] if row.search else []
         marks += [f"priority {row.priority}"] if row.priority else []
-        marks += ["paused"] if row.paused else []
+        marks += ["paused"] if row.paused and not row.finished else []
         name = f"{row.id} ({', '.join(marks)})" if marks else row.id
         table.add_row(name, progress, counts, age_text(row.submitted_at, now))
     return table

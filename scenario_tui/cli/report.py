@@ -200,17 +200,34 @@ def _report_search(
 def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
     """Return what is meant: a folder of traces, else a campaign of the state directory.
 
+    A folder without any is meant when no campaign is called so.
+
     Of a daemon that was named, the traces are brought here.
     """
-    from daemon.analysis.report import folder_input, ledger_input, open_ledger
-    from scenario_tui.cli.target import find_campaign, newest_results
+    from daemon.analysis.report import folder_input
+    from daemon.batch.errors import DaemonError
+    from scenario_tui.cli.target import names_traces
 
     folder = Path(campaign)
-    if campaign and folder.is_dir():
+    is_folder = bool(campaign) and folder.is_dir()
+    if is_folder and names_traces(campaign):
         return folder_input(folder)
     if folder.suffix == ".mcap":
         message = "a report is about a campaign or a folder of traces"
-        raise typer.BadParameter(f"{message}: for one run there is --run", param_hint="CAMPAIGN")
+        hint = "for one run there is `scenario export RUN picture`"
+        raise typer.BadParameter(f"{message}: {hint}", param_hint="CAMPAIGN")
+    try:
+        return _submitted_campaign(campaign, target)
+    except DaemonError:
+        if is_folder:
+            return folder_input(folder)  # says that it holds none
+        raise
+
+
+def _submitted_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
+    from daemon.analysis.report import ledger_input, open_ledger
+    from scenario_tui.cli.target import find_campaign, newest_results
+
     if target.named:
         return _fetch_campaign(campaign, target)
     if not campaign and not target.paths.ledger.is_file() and (newest := newest_results()):

@@ -400,7 +400,16 @@ def transfer_progress(total: int) -> Iterator[ByteProgress]:
 
 def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
     """Whether a daemon that was named has to be asked."""
-    return target.named and not Path(name).exists() and not name.endswith(".mcap")
+    return target.named and not names_traces(name) and not name.endswith(".mcap")
+
+
+def names_traces(name: str) -> bool:
+    """Whether ``name`` is a file here, or a folder with traces in it.
+
+    `scenario new patrol` makes a folder that is called like its campaign and holds none.
+    """
+    path = Path(name)
+    return path.is_file() or (bool(name) and path.is_dir() and any(path.rglob("*.mcap")))
 
 
 def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
@@ -432,7 +441,7 @@ def resolve_recorded(name: str, paths: StatePaths) -> str:
     """
     from daemon.analysis.report import open_ledger
 
-    if Path(name).exists() or name.endswith(".mcap") or not paths.ledger.is_file():
+    if names_traces(name) or name.endswith(".mcap") or not paths.ledger.is_file():
         return name
     try:
         with open_ledger(paths) as ledger:
@@ -440,6 +449,6 @@ def resolve_recorded(name: str, paths: StatePaths) -> str:
             return found.row.id if isinstance(found, RunDetail) else found.id
     except Refused as error:
         # Traces of a campaign the ledger has forgotten may still be there.
-        if "/" not in name and (paths.traces / name).is_dir():
+        if Path(name).exists() or ("/" not in name and (paths.traces / name).is_dir()):
             return name
         raise ValueError(f"{name} is no trace, no folder and no run: {error}") from error

@@ -13,7 +13,6 @@ from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats, Point2, Pose2
 from scenario_tui.dashboard.signal_strips import (
-    DoorEvent,
     RunTimeline,
     SignalStrip,
     with_limits,
@@ -39,7 +38,7 @@ def live_timeline(
         min(starts, default=0.0),
         judgement.time,
         tuple(_strip(signal) for signal in judgement.signals),
-        tuple(DoorEvent(door.time, door.joint, door.opens) for door in judgement.doors),
+        judgement.doors,
         judgement.reached,
         len(spec.mission.waypoints),
         tuple(sorted(_decided(judgement))),
@@ -72,7 +71,9 @@ def heard_timeline(heard: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline |
     )
     moments: list[float] = []
     for one in heard:
-        moments += [one.time] * (one.reached - len(moments))
+        # A worker may say anything; there are no more than these.
+        reached = min(one.reached, len(spec.mission.waypoints))
+        moments += [one.time] * (reached - len(moments))
     return RunTimeline(
         heard[0].time, heard[-1].time,
         tuple(strip for strip in strips if np.isfinite(strip.values).any()),

@@ -21,7 +21,6 @@ from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
-    DoorEvent,
     FailureMoment,
     RunTimeline,
     SignalStrip,
@@ -64,7 +63,7 @@ def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
             SignalStrip(s.name, s.unit, s.time, s.values, s.limits, s.against, s.readers)
             for s in signals
         ),
-        tuple(DoorEvent(m.time, m.joint, m.opens) for m in door_motions(trace.joints)),
+        door_motions(trace.joints),
         reached_moments(trace),
         len(trace.spec.mission.waypoints),
         tuple(sorted(time for time in against if time is not None)),

@@ -16,6 +16,7 @@ import numpy as np
 from grammars.model.geometry import Floats
 
 if TYPE_CHECKING:
+    from daemon.model.live_judgement import DoorMotion
     from daemon.model.spec import OracleText
     from grammars.oracle import ComparedLimit
 
@@ -83,15 +84,6 @@ class SignalStrip:
         return float(self.values[index]) if index >= 0 else float("nan")
 
 
-@dataclass(frozen=True, slots=True)
-class DoorEvent:
-    """A joint that leaves (``opens``) or comes back to (not ``opens``) how it is drawn, shut."""
-
-    time: float
-    name: str
-    opens: bool
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTimeline:
     """Everything of a run along time.
@@ -105,7 +97,7 @@ class RunTimeline:
     start: float
     end: float
     strips: tuple[SignalStrip, ...]
-    doors: tuple[DoorEvent, ...] | None
+    doors: tuple[DoorMotion, ...] | None
     reached: tuple[float, ...]
     waypoints: int
     decided: tuple[float, ...]

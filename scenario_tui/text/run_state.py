@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Final
-
+from daemon.model.assessments import UNFINISHED_STATES
 from daemon.model.status import CampaignRow, RunRow, RunState
 from scenario_tui.text.formatting import duration, pluralise
-
-_UNFINISHED: Final = ("running", "queued")
 
 
 def unfinished_text(row: CampaignRow) -> str:
@@ -16,7 +13,7 @@ def unfinished_text(row: CampaignRow) -> str:
     Empty for one that is finished.
     """
     counts = {"running": row.running, "queued": row.queued}
-    parts = [f"{counts[word]:,} {word}" for word in _UNFINISHED if counts[word]]
+    parts = [f"{counts[word]:,} {word}" for word in UNFINISHED_STATES if counts[word]]
     if not parts and not row.finished:
         parts = ["the search goes on"]
     if parts and row.paused:
@@ -27,11 +24,11 @@ def unfinished_text(row: CampaignRow) -> str:
 
 
 def progress_text(row: CampaignRow) -> str:
-    """Return how many runs a campaign has, and how many have finished while some have not."""
+    """Return how many runs a campaign has, and how many have finished if some have not."""
     runs = pluralise(row.total, "run")
-    if row.queued + row.running == 0:
+    if row.ended == row.total:
         return runs
-    return f"{row.total - row.queued - row.running:,} of {runs} finished"
+    return f"{row.ended:,} of {runs} finished"
 
 
 def without_trace_text(run: RunRow, campaign: CampaignRow | None, before: int | None = None) -> str:

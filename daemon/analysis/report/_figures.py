@@ -163,7 +163,7 @@ def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         here = {sut: runs for (name, sut), runs in cells.items() if name == scenario}
         shown = _plots.plot_limits([run for runs in here.values() for run in runs])
-        frame = _plots.compared_limits(whole, shown)
+        frame = _plots.panel_limits(whole, shown)
         for sut, runs in here.items():
             of, known = f"{scenario} with {sut}", marks.get((scenario, sut), {})
             if any(not np.isnan(run.error).all() for run in runs):

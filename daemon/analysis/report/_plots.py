@@ -83,7 +83,7 @@ def plot_limits(runs: Sequence[RunTracks], errors: Sequence[float] = ()) -> Plot
     )
 
 
-def compared_limits(whole: PlotLimits, part: PlotLimits) -> PlotLimits:
+def panel_limits(whole: PlotLimits, part: PlotLimits) -> PlotLimits:
     """Return the limits of the panels of a scenario: values as in all others, its own time and map.
 
     Panels are compared across systems and across scenarios: a curve that is twice as high is twice

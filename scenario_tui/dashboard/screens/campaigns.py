@@ -149,7 +149,6 @@ def campaign_cells(
 
     Of a ``search`` it says what that does, or that it found a failure, and the smallest margin.
     """
-    done = row.total - row.queued - row.running
     total = row.total if search is None else max(row.total, search.task.runs)
     counts = run_counts(row)
     said = _up_to_date(row, said)
@@ -159,7 +158,7 @@ def campaign_cells(
     return row.id, (
         Text(row.id, style="bold"),
         judged,
-        Text(f"{done}/{total}"),
+        Text(f"{row.ended}/{total}"),
         *(_count(counts.get(word, 0), word) for word in _COUNTED),
         Text(age_text(row.submitted_at, now), style=QUIET),
     )

@@ -17,7 +17,7 @@ from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_mar
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes, matrix_rows
-from scenario_tui.text.results import CampaignResults
+from scenario_tui.text.results import NONE_JUDGED, CampaignResults
 
 
 class MatrixScreen(SteeringScreen):
@@ -74,10 +74,10 @@ class MatrixScreen(SteeringScreen):
         parts = [f"campaigns › {self._campaign} › matrix"]
         row = self.campaign()
         conclusion = self.dashboard.daemon_state.conclusions.get(self._campaign)
-        if conclusion is not None:
+        if conclusion is not None and conclusion.text != NONE_JUDGED:
             parts.append(conclusion.glyph_text)
         if row is not None and not row.finished:
-            parts.append(f"{row.total - row.queued - row.running}/{row.total} runs")
+            parts.append(f"{row.ended}/{row.total} runs")
             parts += schedule_marks(row)
         return "  ".join(parts)
 

@@ -91,24 +91,16 @@ def _append_outputs(text: Text, playback: Playback) -> None:
 
 def log_lines(playback: Playback) -> Iterator[Line]:
     """Yield what was recorded as words, what oracles decided and what doors did, by time [s]."""
-    trace = playback.trace
-    said = sorted((e.time, e.source, e.text) for e in trace.events)
+    # Loaded when a trace is there to be read.
+    from daemon.judging.run_log import run_log
+
+    said = ((line.time, line.source, line.text) for line in run_log(playback.trace))
     decided = [(m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments]
     doors = [
-        (event.time, event.name, "opens" if event.opens else "is shut")
+        (event.time, event.joint, "opens" if event.opens else "is shut")
         for event in playback.timeline.doors or ()
     ]
-    touched = sorted((c.time, "contact", f"{c.first} touches {c.second}") for c in trace.contacts)
-    yield from heapq.merge(said, decided, doors, _first_of_each(touched))
-
-
-def _first_of_each(touched: list[Line], pause: float = 1.0) -> Iterator[Line]:
-    """Leave out contacts that only go on: the same two within a while."""
-    last: dict[str, float] = {}
-    for time, source, words in touched:
-        if time - last.get(words, -pause) >= pause:
-            yield time, source, words
-        last[words] = time
+    yield from heapq.merge(said, decided, doors, key=lambda line: line[0])
 
 
 def _notes(reason: str, result: RunResult | None) -> list[str]:

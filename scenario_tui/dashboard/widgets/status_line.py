@@ -127,8 +127,8 @@ def _standing(state: DashboardState) -> Iterator[_Part]:
     yield _Part(("✓ connected", "✓ up", "✓ up", "✓"), GOOD, 9)
     yield from _troubles(overview)
     said = overall_conclusion(state.campaigns, state.conclusions)
-    # Until something is judged the counts say all; others may have passed long ago.
-    if said is not None and said.text != NONE_JUDGED:
+    # Where nothing is judged the counts say all; others may have passed long ago.
+    if said is not None and said.text != NONE_JUDGED and said.word != "cancelled":
         keep = 8 if said.unexpected else 3
         yield _Part((said.glyph_text,), DASHBOARD_STYLES[said.word], keep)
     counts = run_counts(overview)

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from rich.style import Style
 
+from daemon.model.live_judgement import DoorMotion
 from grammars.model.geometry import Floats
-from scenario_tui.dashboard.signal_strips import DoorEvent, RunTimeline, SignalStrip
+from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
 from scenario_tui.dashboard.widgets.cell_view import Canvas, Codes
 from scenario_tui.text.formatting import BAD, BUSY, FACT, GOOD, QUIET, UNSURE, quantity
 from scenario_tui.text.scale import AxisScale, fit_axis, mark_axis, tick_text
@@ -271,7 +272,7 @@ class TimelineDrawing:
             for time in timeline.decided:
                 self.write(place, self.gutter + self.span.column(time), "✗", FAIL)
 
-    def _door(self, row: int, timeline: RunTimeline, events: Sequence[DoorEvent]) -> None:
+    def _door(self, row: int, timeline: RunTimeline, events: Sequence[DoorMotion]) -> None:
         """Draw a bar while any door of a lane stands open."""
         at, span = self.gutter, self.span
         ends = span.column(timeline.end)
@@ -279,7 +280,7 @@ class TimelineDrawing:
             self.write(row, at, _STILL, FAINT)
             return
         self.write(row, at, "·" * (ends + 1), FAINT)
-        first = {event.name: event.opens for event in reversed(events)}
+        first = {event.joint: event.opens for event in reversed(events)}
         is_open = {name for name, opens in first.items() if not opens}
         since = span.start
         for event in (*events, None):
@@ -289,7 +290,7 @@ class TimelineDrawing:
                 self.write(row, at + begins, "━" * (until - begins + 1), EVENT)
             if event is not None:
                 since = event.time
-                is_open ^= {event.name} if event.opens is not (event.name in is_open) else set()
+                is_open ^= {event.joint} if event.opens is not (event.joint in is_open) else set()
 
     def _mission(self, row: int, timeline: RunTimeline) -> None:
         """Draw the legs: where each leads, by number and name, and a diamond where it ends."""
@@ -324,21 +325,21 @@ _STILL: Final = "none moves"
 
 
 def _door_lanes(
-    events: Sequence[DoorEvent] | None, most: int
-) -> list[tuple[str, tuple[DoorEvent, ...]]]:
+    events: Sequence[DoorMotion] | None, most: int
+) -> list[tuple[str, tuple[DoorMotion, ...]]]:
     """Return doors that moved, by when they first did, each with its events.
 
     Of more than ``most`` of them the last ones share a lane.
     """
     if events is None:
         return []
-    names = list(dict.fromkeys(event.name for event in events))
+    names = list(dict.fromkeys(event.joint for event in events))
     own = names if len(names) <= most else names[: most - 1]
-    lanes = [(name, tuple(e for e in events if e.name == name)) for name in own]
+    lanes = [(name, tuple(e for e in events if e.joint == name)) for name in own]
     rest = names[len(own) :]
     if rest:
         said = f"{len(rest)} more doors" if own else "doors"
-        lanes.append((said, tuple(e for e in events if e.name in rest)))
+        lanes.append((said, tuple(e for e in events if e.joint in rest)))
     short = [name.rpartition(".")[0] or name for name, _ in lanes]
     # A door is called like its object unless another part of it moves, too.
     return [

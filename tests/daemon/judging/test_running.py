@@ -72,12 +72,13 @@ def test_the_log_tells_events_touches_waypoints_and_decisions_in_order_of_time()
     assert [(line.time, line.source, line.text) for line in judgement.log] == [
         (1.0, "sut", "starts\N{REPLACEMENT CHARACTER}[2J now"),
         (4.0, "accuracy", "decided: fail"),
-        (5.0, "mission", "reached w1, 1 of 1"),
+        (5.0, "mission", "w1 reached, 1 of 1"),
+        (5.0, "mission", "succeeded"),
         (5.0, "arrives", "decided: pass (w1)"),
-        (6.0, "robot", "touches wall-north"),
+        (6.0, "contact", "robot touches wall-north"),
         (6.0, "contact", "decided: fail (wall-north)"),
         (7.0, "door-17", "opens"),
-        (8.0, "robot", "touches wall-north"),
+        (8.0, "contact", "robot touches wall-north"),
     ]
 
 

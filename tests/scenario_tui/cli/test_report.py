@@ -19,6 +19,7 @@ from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.status import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
+from scenario_tui.cli.target import resolve_recorded
 from tests.daemon.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
 from tests.daemon.judging.oracles.traces import CORRIDOR
 from tests.scenario_tui.cli.outputs import declared
@@ -112,7 +113,7 @@ def test_a_part_of_a_run_is_drawn_closely(ledger: StatePaths) -> None:
     ("arguments", "words"),
     [
         (["nowhere"], "is no state directory"),
-        (["traces/a.mcap"], "for one run there is --run"),
+        (["traces/a.mcap"], "for one run there is `scenario export RUN picture`"),
         (["--run", "nothing"], "nothing is no trace"),
         (["--run", "traces"], "means 2 traces (a.mcap, b.mcap): name one of them"),
         (["--run", "traces/a.mcap", "-o", "run.gif"], "must end in .svg or .png"),
@@ -155,6 +156,16 @@ def test_a_ledger_that_is_none_is_said(here: Path, capsys: pytest.CaptureFixture
     (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
     assert invoke(["report"]) == 3
     assert "is not a usable ledger" in capsys.readouterr().err
+
+
+def test_a_folder_called_like_a_campaign_does_not_hide_it(
+    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("corr").mkdir()  # as `scenario new corr` leaves it: files, and no traces
+    (Path("corr") / "campaign.yaml").write_text("campaign: corr\n")
+    assert invoke(["report", "corr", "-o", "corr.html"]) == 0
+    assert resolve_recorded("corr", ledger).startswith("corr-")
+    assert resolve_recorded("traces", ledger) == "traces"
 
 
 def test_campaigns_that_are_not_there_are_named(

@@ -336,4 +336,4 @@ def test_status_says_what_is_paused_and_what_waits(say: Say) -> None:
         said, "queued", "paused-1 (paused) 0/4 … 4 queued", "running-1 0/4 ▶ 1 running … 3 queued"
     )
     check(said, "lost", "lost-1 4/4 ! 4 lost")
-    check(said, "cancelled", "cancelled-1 4/4 - 4 cancelled")
+    check(said, "cancelled", "cancelled-1 0/4 - 4 cancelled")

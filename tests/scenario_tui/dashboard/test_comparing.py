@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard.playback import Playback, open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp
 from scenario_tui.dashboard.signal_strips import (
-    DoorEvent,
     RunTimeline,
     SignalStrip,
     common_clock,
@@ -29,7 +29,7 @@ from tests.scenario_tui.recorded import HIT, make_run, record_run
 def timeline(end: float, reached: tuple[float, ...]) -> RunTimeline:
     time = np.array([0.0, end])
     strip = SignalStrip("speed", "m/s", time, time, against=((0.0, end),))
-    return RunTimeline(0.0, end, (strip,), (DoorEvent(end, "door", True),), reached, 3, (end,))
+    return RunTimeline(0.0, end, (strip,), (DoorMotion(end, "door", True),), reached, 3, (end,))
 
 
 def test_by_time_the_clocks_are_the_same() -> None:

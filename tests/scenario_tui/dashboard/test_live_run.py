@@ -13,9 +13,10 @@ from textual.containers import VerticalScroll
 from daemon.model.live_judgement import LogLine
 from daemon.model.spec import OracleText
 from daemon.model.status import RunDetail, RunState
-from scenario_tui.dashboard.live_timeline import live_timeline
+from grammars.model.geometry import Pose2
+from scenario_tui.dashboard.live_timeline import heard_timeline, live_timeline
 from scenario_tui.dashboard.signal_strips import clearance_along, limits_of
-from scenario_tui.dashboard.state import Tracks
+from scenario_tui.dashboard.state import HeardMoment, Tracks
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
@@ -214,8 +215,10 @@ async def test_a_worker_that_tells_no_signals_is_said_to_be_one() -> None:
 async def test_a_run_nothing_is_heard_of_any_more_says_for_how_long() -> None:
     fake = running()
     clock = [0.0]
-    async with opened(fake) as pilot:
-        pilot.app.tracks = Tracks(clock=lambda: clock[0])
+    app = make_dashboard(fake)
+    # Before it begins: what is live is told once, and taken in as soon as there is a screen.
+    app.tracks = Tracks(clock=lambda: clock[0])
+    async with app.run_test(size=(120, 40)) as pilot:
         await look_at(pilot)
         assert "last heard" not in shown(pilot)
         clock[0] += 72.0
@@ -295,6 +298,13 @@ def test_the_limit_of_the_trail_is_that_of_an_oracle_that_reads_clearance() -> N
     assert limit == 0.05
     assert known[0] == pytest.approx(0.11)
     assert np.isnan(known[1:]).all()
+
+
+def test_a_worker_that_tells_of_more_waypoints_than_there_are_is_not_believed() -> None:
+    heard = [HeardMoment(float(t), Pose2(float(t)), None, 10**9) for t in range(3)]
+    timeline = heard_timeline(heard, SPEC)
+    assert timeline is not None
+    assert timeline.reached == (0.0,) * len(SPEC.mission.waypoints)
 
 
 def test_the_axis_of_time_stands_still_while_a_run_grows() -> None:

@@ -9,9 +9,10 @@ import pytest
 
 from daemon.judging.oracles import SignalSampler, oracle_timeline
 from daemon.judging.run_signals import DOOR_CLEARANCE
+from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import OracleText
 from scenario_tui.dashboard.playback import Playback, open_playback
-from scenario_tui.dashboard.signal_strips import DoorEvent, RunTimeline, SignalStrip
+from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
 from scenario_tui.dashboard.widgets.cell_view import Canvas, changed_spans
 from scenario_tui.dashboard.widgets.timeline import TimelineView, at_cursor
 from scenario_tui.dashboard.widgets.timeline_drawing import fit_heights, ranges
@@ -159,8 +160,8 @@ def test_signals_that_oracles_read_come_first(playback: Playback) -> None:
 
 
 def test_every_door_that_moved_has_a_lane_until_they_have_to_share_one(playback: Playback) -> None:
-    moves = tuple(DoorEvent(float(i), f"door-{i}.hinge", opens=True) for i in range(5))
-    shut = DoorEvent(6.0, "door-0.hinge", opens=False)
+    moves = tuple(DoorMotion(float(i), f"door-{i}.hinge", opens=True) for i in range(5))
+    shut = DoorMotion(6.0, "door-0.hinge", opens=False)
     timeline = replace(playback.timeline, doors=(*moves, shut))
     lines = drawn_of(timeline, 90, 36)
     assert [line.split()[0] for line in lines[-7:-2]] == [f"door-{i}" for i in range(5)]
@@ -171,7 +172,7 @@ def test_every_door_that_moved_has_a_lane_until_they_have_to_share_one(playback:
 
 
 def test_a_door_that_closes_first_was_open_before(playback: Playback) -> None:
-    timeline = replace(playback.timeline, doors=(DoorEvent(5.0, "door-1.hinge", opens=False),))
+    timeline = replace(playback.timeline, doors=(DoorMotion(5.0, "door-1.hinge", opens=False),))
     lane = next(line for line in drawn_of(timeline) if line.startswith("door-1"))
     assert lane.split()[1].startswith("━━")
     assert lane.rstrip().endswith("··")
