@@ -18,13 +18,14 @@ from daemon.judging.oracles import judge_so_far, least_margin
 from daemon.judging.running import RunningJudge
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.live_judgement import LiveJudgement
-from daemon.model.messages import Empty, IdRequest, RecordQuery
+from daemon.model.messages import Empty, IdRequest, RecordQuery, RunQuery
 from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
 from daemon.model.status import (
     CampaignRow,
     DaemonOverview,
     LiveSnapshot,
     RunDetail,
+    RunPage,
     RunRow,
     RunState,
     Submission,
@@ -185,6 +186,13 @@ class ExecutedDaemon(FakeDaemon):
         demo = campaign_row("demo", CAMPAIGN, today, NOW - 20.0)
         nightly = campaign_row("nightly", NIGHTLY, before, NOW - 40_000.0)
         return (replace(demo, about=about, seconds_left=2.0), replace(nightly, about=about))
+
+    def _runs(self, query: RunQuery) -> RunPage:
+        page = super()._runs(replace(query, offset=0, limit=len(self.rows)))
+        rows = page.rows
+        if query.sort == "index":
+            rows = tuple(sorted(rows, key=lambda row: row.campaign, reverse=not query.descending))
+        return replace(page, rows=rows[query.offset : query.offset + query.limit])
 
     def _run(self, request: IdRequest) -> RunDetail:
         for row in self.rows:

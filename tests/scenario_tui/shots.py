@@ -131,7 +131,7 @@ SHOTS: Final[Mapping[str, Shot]] = {
     "campaigns": Shot(),
     "matrix": Shot(("m", "n")),
     "runs": Shot(_TO_FAILED, WIDE),
-    "all-runs": Shot(("2",)),
+    "all-runs": Shot(("2",), (99, 26)),
     "run": Shot((*_TO_FAILED, "enter"), before=_read),
     "timeline": Shot((*_TO_FAILED, "enter", "tab"), before=_read),
     "finished": Shot((*_TO_FAILED, "enter"), (150, 42), before=_read),

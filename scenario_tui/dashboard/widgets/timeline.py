@@ -46,7 +46,8 @@ def _range(least: float, greatest: float, unit: str) -> str:
     size = max(abs(least), abs(greatest))
     if size and math.isfinite(size):
         places = 2 - math.floor(math.log10(size))
-        least, greatest = round(least, places), round(greatest, places)
+        # Also a zero that was less than nothing has no sign.
+        least, greatest = round(least, places) + 0.0, round(greatest, places) + 0.0
     low, high = _brief(least, unit).removesuffix(f" {unit}"), _brief(greatest, unit)
     # A dash beside a minus sign would be read as one.
     return f"{low} to {high}" if min(least, greatest) < 0.0 else f"{low}–{high}"

@@ -187,10 +187,11 @@ def test_a_thinned_signal_says_what_it_knows_of_a_moment() -> None:
 
 
 def test_an_end_of_a_range_has_no_more_digits_than_the_other() -> None:
-    time = np.array([0.0, 1.0])
-    least, most = np.array([0.0000986, 0.03]), np.array([0.0063, 1.9])
+    time = np.array([0.0, 1.0, 2.0])
+    least, most = np.array([0.0000986, 0.03, -0.00276]), np.array([0.0063, 1.9, 1.19])
     strip = SignalStrip("it", "m", time, least, most=most)
-    assert [at_cursor(strip, t) for t in (0.5, 1.5)] == ["0.0001–0.0063 m", "0.03–1.9 m"]
+    shown = [at_cursor(strip, t) for t in (0.5, 1.5, 2.5)]
+    assert shown == ["0.0001–0.0063 m", "0.03–1.9 m", "0–1.2 m"]
 
 
 def test_doors_of_which_none_moves_are_not_drawn_as_shut(playback: Playback) -> None:

@@ -6,8 +6,10 @@ What stands in backquotes is typed; everything else is for people.
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,7 +22,7 @@ from tests.scenario_tui.terminal.paced_run import EXECUTOR
 from tests.scenario_tui.terminal.pseudo_terminal import ROOT, Terminal, terminal
 
 DOCUMENT: Final = ROOT / "docs" / "tutorials" / "first-hour.md"
-SIZE: Final = (120, 34)
+SIZE: Final = (120, 32)
 _HEADING: Final = "| press | you see |"
 _KEYS: Final = {"⏎": "\r", "esc": "\x1b", "tab": "\t", "space": " "}
 _PROMPT: Final = "$ "
@@ -87,7 +89,10 @@ def _shown(shell: Terminal, step: Step) -> bool:
 
 @contextmanager
 def shell_in(folder: Path) -> Iterator[Terminal]:
-    """Open a shell in a folder with short campaigns, whose ``scenario`` is that of this copy."""
+    """Open a shell in a folder with short campaigns, whose ``scenario`` is that of this copy.
+
+    A daemon that was started in it and not stopped is stopped in the end.
+    """
     _copy_campaigns(folder / "robot" / "campaigns")
     commands = folder / "bin"
     commands.mkdir()
@@ -103,8 +108,14 @@ def shell_in(folder: Path) -> Iterator[Terminal]:
         "SCENARIO_GLYPHS": "unicode",
     }
     start = ["/bin/sh", "-c", 'cd "$0" && exec /bin/sh -i', str(folder / "robot")]
-    with terminal(start, columns=SIZE[0], rows=SIZE[1], environ=around) as shell:
-        yield shell
+    try:
+        with terminal(start, columns=SIZE[0], rows=SIZE[1], environ=around) as shell:
+            yield shell
+    finally:
+        # Who fails on the way leaves a daemon.
+        if (folder / "state" / "daemon.json").exists():
+            stop = [command, "daemon", "--stop"]
+            subprocess.run(stop, env=os.environ | around, capture_output=True, check=False)
 
 
 def _copy_campaigns(folder: Path) -> None:

@@ -23,11 +23,11 @@ LONGEST_PAUSE: Final = 1.5
 """Seconds without output that are kept at most."""
 LARGEST: Final = 300_000
 """Bytes of a cast in the documentation."""
-_TO_BE_READ: Final = 1.5
+_TO_BE_READ: Final = 1.2
 """Seconds for which what a step leads to stays, at least."""
 
-_LONGEST_WAIT: Final = 3.0
-"""Seconds of which everything is kept while something is waited for."""
+_LONGEST_WAIT: Final = 1.0
+"""Second of which everything is kept while something is waited for."""
 _CANCEL, _REDRAW = "\x18", "\x0c"
 """What ends an escape sequence that was cut, and the key that draws the screen again."""
 

@@ -11,7 +11,7 @@ from typing import Any
 import pyte
 
 from tests.scenario_tui.terminal.first_hour import DOCUMENT, SIZE, read_steps
-from tests.scenario_tui.terminal.pseudo_terminal import ROOT, terminal
+from tests.scenario_tui.terminal.pseudo_terminal import ALTERNATE, ROOT, terminal
 from tests.scenario_tui.terminal.session_cast import CAST, LARGEST, LONGEST_PAUSE, CastRecorder
 
 SLOW = """
@@ -74,7 +74,7 @@ def test_the_session_in_the_docs_can_be_played_and_names_no_machine() -> None:
 
 def test_the_session_in_the_docs_shows_what_the_tutorial_says() -> None:
     played = pyte.Screen(*SIZE)
-    stream, shown = pyte.Stream(played), ""
+    stream, written = pyte.Stream(played), ""
     steps = read_steps(DOCUMENT.read_text("utf-8"))
     ahead, marks = list(steps), []
     for _, kind, data in valid(CAST):
@@ -82,9 +82,13 @@ def test_the_session_in_the_docs_shows_what_the_tutorial_says() -> None:
             marks.append(data)
             continue
         stream.feed(data)
+        written += data
         shown = "\n".join(line.rstrip() for line in played.display)
         while ahead and all(word in shown for word in ahead[0].words):
             ahead.pop(0)
     assert ahead == []
     assert marks == list(dict.fromkeys(step.section for step in steps))
-    assert shown.rstrip().endswith("$")
+    # The screen of the dashboard is left, and the shell has the last word.
+    _, left, after = written.rpartition(f"\x1b[?{ALTERNATE}l")
+    assert left
+    assert after.rstrip().endswith("$")
