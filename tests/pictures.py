@@ -2,10 +2,9 @@
 
 ``docs/pictures`` holds every view of the dashboard and the output of the main commands, of a small
 campaign that is executed for them: the tests say when they are not true any more. ``docs/demo.svg``
-is what ``scenario demo`` prints, ``docs/dashboard.svg`` the dashboard while the same campaign runs,
-``docs/flat.svg`` the flat as ``scenario export`` draws it; ``--views`` leaves these three, which
-take a while, as they are. ``--cast`` records the first hour with the dashboard for asciinema
-instead, ``docs/pictures/first-hour.cast``.
+is what ``scenario demo`` prints, ``docs/flat.svg`` the flat as ``scenario export`` draws it;
+``--views`` leaves these two, which take a while, as they are. ``--cast`` records the first hour
+with the dashboard for asciinema instead, ``docs/pictures/first-hour.cast``.
 """
 
 from __future__ import annotations
@@ -20,11 +19,6 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from daemon.batch.client import Client
-from daemon.batch.launch import embedded_daemon
-from daemon.campaign import expand, load_campaign
-from scenario_tui.dashboard.app import Dashboard
-from scenario_tui.dashboard.feed import Feed
 from tests.scenario_tui.executed_campaign import execute_campaign
 from tests.scenario_tui.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
 from tests.scenario_tui.terminal.session_cast import record_session
@@ -66,25 +60,6 @@ def record_flat() -> None:
         (DOCS / "flat.svg").write_text(drawn.read_text())
 
 
-async def record_dashboard() -> None:
-    """Open the dashboard on a daemon that runs the demo, and keep a screen of it."""
-    with (
-        tempfile.TemporaryDirectory() as state,
-        embedded_daemon(Path(state)) as endpoint,
-        Client.open(endpoint) as client,
-    ):
-        client.submit(expand(load_campaign(CAMPAIGN)))
-        app = Dashboard(Feed(lambda: Client.open(endpoint)))
-        async with app.run_test(size=(132, 34)) as pilot:
-            await pilot.pause(1.0)
-            await pilot.press("enter")
-            while client.overview().done < 6:
-                await asyncio.sleep(0.2)
-            await pilot.press(*["j"] * 6)
-            await pilot.pause(1.5)
-            (DOCS / "dashboard.svg").write_text(app.export_screenshot(title="scenario tui"))
-
-
 def record_views() -> None:
     """Draw every view and type every command of the documentation, and list the keys."""
     document = DOCS / "dashboard.md"
@@ -113,4 +88,3 @@ if __name__ == "__main__":
         sys.exit()
     record_demo()
     record_flat()
-    asyncio.run(record_dashboard())

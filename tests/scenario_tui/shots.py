@@ -29,6 +29,8 @@ from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
 from scenario_tui.dashboard.state import Tracks
+from scenario_tui.dashboard.widgets.map_style import MapSigns
+from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.searching import SEARCH, SearchingDaemon
@@ -209,7 +211,13 @@ async def draw(name: str, folder: Path, executed: ExecutedCampaign) -> str:
                 await shot.before(pilot)
             for line in app.screen.query(Input):
                 line.cursor_blink = False
-            await (settle(pilot) if hasattr(app, "update_state") else pilot.pause(0))
+            # What was on a map on the way here would stay in its legend, if it was painted.
+            for top in app.screen.query(TopView):
+                top.signs = MapSigns()
+                top.redraw()
+            for _ in range(2):
+                app.export_screenshot()
+                await (settle(pilot) if hasattr(app, "update_state") else pilot.pause(0))
             svg = app.export_screenshot(title=f"scenario tui: {name}")
     return _slim(svg.replace(_identifier(svg), name))
 
