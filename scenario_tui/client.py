@@ -5,21 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
-from daemon.model.proposals import ProposalRow
-from daemon.model.spec import Snapshot
-from daemon.model.status import LiveSnapshot, RunRow
-from daemon.model.verbs import Closeable, DaemonClient
-
-__all__ = [
-    "ClientOpener",
-    "Closeable",
-    "DaemonClient",
-    "all_runs",
-    "latest_snapshot",
-    "newer_proposals",
-]
+if TYPE_CHECKING:
+    from daemon.model.proposals import ProposalRow
+    from daemon.model.spec import Snapshot
+    from daemon.model.status import LiveSnapshot, RunRow
+    from daemon.model.verbs import DaemonClient
 
 _RUNS_PER_QUERY: Final = 500
 """Runs asked for at once when all of them are wanted."""
@@ -27,7 +19,7 @@ _RUNS_PER_QUERY: Final = 500
 LIVE_PATIENCE: Final = 0.5
 """Seconds for a run to say how far it is: it does so several times a second while it is watched."""
 
-ClientOpener: TypeAlias = Callable[[], AbstractContextManager[DaemonClient]]
+ClientOpener: TypeAlias = "Callable[[], AbstractContextManager[DaemonClient]]"
 
 
 def all_runs(

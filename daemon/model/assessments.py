@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
+from daemon.model.run_state import UNFINISHED_STATES
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome, Verdict
 
@@ -14,8 +15,6 @@ ExpectedVerdict: TypeAlias = Literal["pass", "fail", "mixed", "any"]
 ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">"]
 ReferenceStatistic: TypeAlias = Literal["mean", "median", "min", "max", "rate"]
 
-UNFINISHED_STATES: Final = ("running", "queued")
-"""States of runs that may still have a result."""
 MISSING_STATES: Final = (*UNFINISHED_STATES, "lost", "cancelled")
 """States of runs without a result, in the order in which one of them is said of several runs."""
 _ENDED_STATES: Final = ("done", "lost")

@@ -152,6 +152,10 @@ class TraceInfo:
     messages: int
 
 
+UnixTime: TypeAlias = Annotated[float, Field(ge=0.0, le=253_402_300_799.0)]
+"""Seconds since 1970, UTC, up to the last year that has four digits."""
+
+
 @dataclass(frozen=True, slots=True)
 class Timing:
     """What a run cost [s]: wall clock, CPU, and the simulated time it covered.
@@ -162,7 +166,7 @@ class Timing:
     wall: float
     cpu: float
     simulated: float
-    started: float = 0.0
+    started: UnixTime = 0.0
 
 
 @dataclass(frozen=True, slots=True)

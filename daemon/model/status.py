@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import datetime
-from enum import StrEnum
 from typing import Final
 
 from daemon.model.assessments import AssessmentRules
+from daemon.model.run_state import RunState as RunState
 from daemon.model.spec import RunResult, RunSpec, Snapshot
 from daemon.model.verdicts import Outcome
 from grammars.model.scene import Scene
@@ -31,16 +31,6 @@ stored has no other mark, so every ledger there is can be asked.
 
 SEARCHES_HALT: Final = "no proposals are made for searches"
 """The first words of the trouble that says why."""
-
-
-class RunState(StrEnum):
-    """Life of a run in the ledger; ``lost`` means no result after every attempt."""
-
-    QUEUED = "queued"
-    RUNNING = "running"
-    DONE = "done"
-    LOST = "lost"
-    CANCELLED = "cancelled"
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import typer
 
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
-from daemon.model.messages import LARGEST_PAGE
-from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, RunState
-from daemon.model.verbs import DaemonClient
+from daemon.model.run_state import RunState
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import open_progress, say
@@ -28,8 +26,10 @@ from scenario_tui.text.run_state import unfinished_text, without_trace_text, wit
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
-    from daemon.batch.stores import ByteProgress
+    from daemon.batch.stores import ByteProgress, TraceReference
     from daemon.model.search_answer import SearchRow
+    from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow
+    from daemon.model.verbs import DaemonClient
 
 
 _NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
@@ -106,7 +106,7 @@ class CampaignSource(Protocol):
         name: str = "",
         beginning: str = "",
         offset: int = 0,
-        limit: int = LARGEST_PAGE,
+        limit: int = ...,
     ) -> tuple[CampaignRow, ...]:
         """A page of campaigns, the newest first, as a ``CampaignQuery`` asks for it."""
 
@@ -331,6 +331,7 @@ def _say_progress(campaign: CampaignRow, traces: int) -> None:
 def why_without_traces(name: str, target: DaemonTarget) -> str:
     """Return why the campaign or run of that id has no trace, empty when there is none of it."""
     from daemon.analysis.report import open_ledger
+    from daemon.model.status import RunDetail
 
     if not target.paths.ledger.is_file():
         return ""
@@ -347,6 +348,8 @@ def why_no_trace(
     run: RunRow, campaign: CampaignRow | None, run_page: Callable[..., RunPage]
 ) -> str:
     """Return why a run has no trace (yet), and where it stands in the queue of its campaign."""
+    from daemon.model.messages import LARGEST_PAGE
+
     waiting = run_page(campaign=run.campaign, state=RunState.QUEUED, limit=LARGEST_PAGE)
     before = next((k for k, row in enumerate(waiting.rows) if row.id == run.id), None)
     return without_trace_text(run, campaign, before)
@@ -367,6 +370,7 @@ def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunDetail
     Wrong usage of the parameter ``hint``, with the reason, when there is none with a result (yet).
     Raises :class:`Refused` when it means neither.
     """
+    from daemon.model.status import RunDetail
 
     try:
         found = _find_named(daemon, name)
@@ -413,7 +417,7 @@ def names_traces(name: str) -> bool:
 
 
 def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
-    from daemon.batch.stores import TraceReference, local_copy, trace_reference
+    from daemon.batch.stores import local_copy, trace_reference
 
     traces: dict[str, TraceReference] = {}
     with target.open() as daemon:
@@ -440,6 +444,7 @@ def resolve_recorded(name: str, paths: StatePaths) -> str:
     Raises ``ValueError`` for what is none of them.
     """
     from daemon.analysis.report import open_ledger
+    from daemon.model.status import RunDetail
 
     if names_traces(name) or name.endswith(".mcap") or not paths.ledger.is_file():
         return name

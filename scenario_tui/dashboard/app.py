@@ -28,7 +28,7 @@ from scenario_tui.text.formatting import pluralise
 FRAMES: Final = 10
 """How often a second the screen takes over what the feed has found, live maps included."""
 _READY: Final = 0.5
-"""Seconds after which the first screen is there and other ones can be loaded."""
+"""Seconds after the first answer until other screens are loaded: it is shown before."""
 
 
 class Dashboard(BaseDashboard):
@@ -58,6 +58,8 @@ class Dashboard(BaseDashboard):
         ),
     ]  # fmt: skip
 
+    _answered = False
+
     def get_default_screen(self) -> Screen[None]:
         """Begin with the campaigns."""
         return CampaignsScreen()
@@ -77,9 +79,9 @@ class Dashboard(BaseDashboard):
         if self.launch_daemon is not None:
             self.launching = True
             self.background_tasks.start(self.launch_daemon, self._launched, self._not_launched)
-        self.feed.start()
+        # What asks the daemon takes as long to load as all that is shown first: that comes before.
+        self.call_after_refresh(self.feed.start)
         self.set_interval(1.0 / FRAMES, self.update_state)
-        self.set_timer(_READY, self._load_screens)
 
     @work(thread=True)
     def _load_screens(self) -> None:
@@ -112,6 +114,9 @@ class Dashboard(BaseDashboard):
         for notice in notices:
             self.notify(notice.text, severity=notice.severity, markup=False)
         if state is not None:
+            if not self._answered:
+                self._answered = True
+                self.set_timer(_READY, self._load_screens)
             self.daemon_state = state
         now = self.clock()
         # Ages grow even when nothing is new.

@@ -16,13 +16,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import python_command
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from scenario_tui.campaign_files import newest_change
-from scenario_tui.submission import CheckedFile, FileChecker
+
+if TYPE_CHECKING:
+    from scenario_tui.submission import CheckedFile, FileChecker
 
 T = TypeVar("T")
 
@@ -212,6 +214,9 @@ class CheckQueue:
             self.check(path)
 
     def _fail(self, path: Path, why: str) -> None:
+        # It knows the daemon's records, which take longer to load than the first screen.
+        from scenario_tui.submission import CheckedFile
+
         found = CheckedFile("", (Diagnostic(Where(str(path)), why),))
         self._note(path, (time.time(), found))
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from grammars.text.terminal_text import printable
 from scenario_tui.dashboard.background import (
@@ -22,8 +23,10 @@ from scenario_tui.dashboard.feed import Action, Feed
 from scenario_tui.dashboard.playback_process import PlaybackProcess, PlaybackReader
 from scenario_tui.dashboard.state import DashboardState, RunsView, Tracks
 from scenario_tui.dashboard.themes import ThemedApp
-from scenario_tui.submission import FileChecker, check_file_in_child
 from scenario_tui.terminal.capabilities import copy_to_tmux
+
+if TYPE_CHECKING:
+    from scenario_tui.submission import FileChecker
 
 
 class BaseDashboard(ThemedApp):
@@ -37,14 +40,15 @@ class BaseDashboard(ThemedApp):
         config: Config | None = None,
         command_lines: CommandLines | None = None,
         run_command: CommandRunner = run_command,
-        check_file: FileChecker = check_file_in_child,
+        check_file: FileChecker | None = None,
         launch_daemon: Callable[[], str] | None = None,
         read_playback: PlaybackReader | None = None,
     ) -> None:
         super().__init__()
         self.feed = feed
         self.background_tasks = BackgroundTasks()
-        self.run_command, self.check_file = run_command, check_file
+        self.run_command = run_command
+        self._check_file = check_file
         self.read_playback = read_playback or PlaybackProcess().read
         self.command_lines = command_lines or CommandLines()
         self.config = config or Config()
@@ -60,6 +64,16 @@ class BaseDashboard(ThemedApp):
         self.daemon_state = DashboardState()
         self.tracks = Tracks()
         self._said = 0.0
+
+    @property
+    def check_file(self) -> FileChecker:
+        """What examines campaign files."""
+        if self._check_file is None:
+            # It knows the daemon's records, which load longer than the first screen.
+            from scenario_tui.submission import check_file_in_child
+
+            self._check_file = check_file_in_child
+        return self._check_file
 
     def open_matrix(self, campaign: str) -> None:
         """Show a campaign judged."""

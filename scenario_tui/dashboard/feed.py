@@ -7,12 +7,10 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from typing import Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError, Unreachable
-from daemon.model.status import CampaignRow, ChangeEvent, RunPage, RunState
-from daemon.model.verbs import DaemonClient
-from scenario_tui.client import ClientOpener
+from daemon.model.run_state import RunState
 from scenario_tui.dashboard.known_searches import KnownSearches
 from scenario_tui.dashboard.run_watch import RunWatch
 from scenario_tui.dashboard.state import (
@@ -24,6 +22,11 @@ from scenario_tui.dashboard.state import (
     Notice,
     Query,
 )
+
+if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow, ChangeEvent
+    from daemon.model.verbs import DaemonClient
+    from scenario_tui.client import ClientOpener
 
 T = TypeVar("T")
 
@@ -40,7 +43,7 @@ _PATIENCE: Final = 1.0
 _ASSESS_EVERY: Final = 0.1
 """Seconds between two looks for campaigns that should be assessed."""
 
-Action: TypeAlias = Callable[[DaemonClient], str]
+Action: TypeAlias = "Callable[[DaemonClient], str]"
 
 
 class Feed:
@@ -212,6 +215,8 @@ class Feed:
 
     def step(self, daemon: DaemonClient) -> None:
         """Do what was asked for, then take one state."""
+        from daemon.model.status import RunPage
+
         # First what people wait for; a page that was just turned is not asked for twice.
         turned = self.answer(daemon)
         query = self._query
@@ -243,7 +248,10 @@ class Feed:
             state = self._add_search(daemon, state, query.search)
         detail = state.detail if query.run else None
         self._run_watch.follow(daemon, detail, judged=query.judged)
+        first = not self._state.connected
         self._show(state)
+        if first:  # somebody sits before an empty screen
+            self.on_answer()
 
     def _add_search(
         self, daemon: DaemonClient, state: DashboardState, campaign: str

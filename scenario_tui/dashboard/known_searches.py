@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from daemon.model.proposals import ProposalQuery
-from daemon.model.search_answer import SearchRow
-from daemon.model.status import CampaignRow, ChangeEvent
-from daemon.model.verbs import PROPOSALS, DaemonClient
 from scenario_tui.dashboard.search_runs import SearchedRun, SearchRuns, searched_run
+
+if TYPE_CHECKING:
+    from daemon.model.search_answer import SearchRow
+    from daemon.model.status import CampaignRow, ChangeEvent
+    from daemon.model.verbs import DaemonClient
 
 _PAGE: Final = 500
 """Runs of a search asked for at a time."""
@@ -84,6 +85,10 @@ class KnownSearches:
         return found
 
     def _ask(self, daemon: DaemonClient, row: SearchRow, first: int) -> tuple[SearchedRun, ...]:
+        # The dashboard's first screen is not to wait for what only the thread that asks needs.
+        from daemon.model.proposals import ProposalQuery
+        from daemon.model.verbs import PROPOSALS
+
         known = list(self._known[:first])
         while len(known) < row.proposed:
             page = daemon.ask(PROPOSALS, ProposalQuery(row.campaign, len(known), _PAGE))

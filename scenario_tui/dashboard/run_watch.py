@@ -6,13 +6,10 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.model.status import LiveSnapshot, RunDetail, RunState
-from daemon.model.verbs import Closeable, DaemonClient
-from grammars.model.scene import Scene
-from scenario_tui.client import ClientOpener
+from daemon.model.run_state import RunState
 from scenario_tui.dashboard.state import (
     DashboardState,
     LiveNews,
@@ -21,6 +18,12 @@ from scenario_tui.dashboard.state import (
     can_fetch_trace,
     read_trace_summary,
 )
+
+if TYPE_CHECKING:
+    from daemon.model.status import LiveSnapshot, RunDetail
+    from daemon.model.verbs import Closeable, DaemonClient
+    from grammars.model.scene import Scene
+    from scenario_tui.client import ClientOpener
 
 _SCENES_KEPT: Final = 8
 """Who goes through the runs of a campaign comes back to the same few scenes."""

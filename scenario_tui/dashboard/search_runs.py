@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from daemon.model.proposals import ObjectiveValue, Phase, ProposalRow, objective
-from daemon.model.search import Point, SearchTask
-from daemon.model.search_answer import PointResult, SearchRow
-from daemon.model.status import RunState
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.run_state import RunState
+from daemon.model.verdicts import Outcome
 from scenario_tui.text.search_text import row_fails
+
+if TYPE_CHECKING:
+    from daemon.model.proposals import ObjectiveValue, Phase, ProposalRow
+    from daemon.model.search import Point, SearchTask
+    from daemon.model.search_answer import PointResult, SearchRow
+    from daemon.model.verdicts import Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,8 @@ class NotableRun:
 
 def searched_run(task: SearchTask, row: ProposalRow) -> SearchedRun:
     """Return a run of a search in brief."""
+    from daemon.model.proposals import objective
+
     proposal = row.proposal
     return SearchedRun(
         proposal.position,

@@ -7,26 +7,11 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.model.live_judgement import LiveJudgement
-from daemon.model.messages import RunQuery
-from daemon.model.search_answer import SearchRow
-from daemon.model.spec import Snapshot
-from daemon.model.status import (
-    CampaignRow,
-    DaemonOverview,
-    LiveSnapshot,
-    RunDetail,
-    RunPage,
-    RunState,
-    WorkerRow,
-)
-from daemon.model.verbs import DaemonClient
-from grammars.model.geometry import Point2, Pose2
-from grammars.model.scene import Scene
-from scenario_tui.dashboard.search_runs import SearchRuns
+from daemon.model.run_state import RunState
+from grammars.model.geometry import Pose2
 from scenario_tui.text.results import (
     CampaignResults,
     Conclusion,
@@ -35,7 +20,25 @@ from scenario_tui.text.results import (
     gather_results,
 )
 
-LiveNews: TypeAlias = LiveSnapshot | LiveJudgement
+if TYPE_CHECKING:
+    from daemon.model.live_judgement import LiveJudgement
+    from daemon.model.messages import RunQuery
+    from daemon.model.search_answer import SearchRow
+    from daemon.model.spec import Snapshot
+    from daemon.model.status import (
+        CampaignRow,
+        DaemonOverview,
+        LiveSnapshot,
+        RunDetail,
+        RunPage,
+        WorkerRow,
+    )
+    from daemon.model.verbs import DaemonClient
+    from grammars.model.geometry import Point2
+    from grammars.model.scene import Scene
+    from scenario_tui.dashboard.search_runs import SearchRuns
+
+LiveNews: TypeAlias = "LiveSnapshot | LiveJudgement"
 """What running runs tell of themselves, and no ledger keeps."""
 _TRAIL_POINTS: Final = 4000
 """Points of a way at most: more of them would fall into the same dots of the map."""
@@ -169,7 +172,7 @@ _SHARE: Final = 0.25
 """The share of its time the assessor works at most, however large the campaigns are: it is a thread
 beside the one that draws, and only one of them at a time runs Python.
 """
-_State = tuple[CampaignRow, int]
+_State: TypeAlias = "tuple[CampaignRow, int]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,6 +315,8 @@ class Tracks:
 
     def add(self, live: LiveNews) -> None:
         """Take a snapshot in; an earlier time than the last means that the run began anew."""
+        from daemon.model.live_judgement import LiveJudgement
+
         if isinstance(live, LiveJudgement):
             if (judged := self._tracks.get(live.run)) is not None:
                 judged.judgement = live

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
-from daemon.model.live_judgement import ProvisionalVerdict
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import Outcome
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -19,6 +18,10 @@ from scenario_tui.text.formatting import (
     quantity,
 )
 from scenario_tui.text.run_text import verdict_text
+
+if TYPE_CHECKING:
+    from daemon.model.live_judgement import ProvisionalVerdict
+    from daemon.model.verdicts import Verdict
 
 _SO_FAR: Final = {
     Outcome.PASS: "passing so far",

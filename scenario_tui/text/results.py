@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from daemon.judging.assessment import assess
-from daemon.model.assessments import (
-    Assessment,
-    AssessmentRules,
-    CellAssessment,
-    CellVerdict,
-    RunRecord,
-)
-from daemon.model.status import CampaignRow, RunRow
-from daemon.model.verbs import DaemonClient
 from scenario_tui.client import all_runs
 from scenario_tui.text.formatting import GLYPHS, SEVERITY, run_word
+
+if TYPE_CHECKING:
+    from daemon.model.assessments import (
+        Assessment,
+        AssessmentRules,
+        CellAssessment,
+        CellVerdict,
+        RunRecord,
+    )
+    from daemon.model.status import CampaignRow, RunRow
+    from daemon.model.verbs import DaemonClient
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +100,8 @@ class CampaignResults:
 
 def gather_results(daemon: DaemonClient, row: CampaignRow) -> CampaignResults:
     """Ask for everything about a campaign and judge it."""
+    from daemon.judging.assessment import assess
+
     records, declared = daemon.records(row.id), daemon.declared(row.id)
     rows = all_runs(daemon, row.id)
     return CampaignResults(row, rows, records, declared, assess(declared, records))
@@ -106,6 +109,8 @@ def gather_results(daemon: DaemonClient, row: CampaignRow) -> CampaignResults:
 
 def fetch_conclusion(daemon: DaemonClient, row: CampaignRow) -> Conclusion:
     """Ask for what decides whether a campaign is as expected, and no more."""
+    from daemon.judging.assessment import assess
+
     # Without the rows: only the campaign in front needs them, and this is asked of all others.
     return conclude(assess(daemon.declared(row.id), daemon.records(row.id)), finished=row.finished)
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from daemon.model.assessments import UNFINISHED_STATES
-from daemon.model.status import CampaignRow, RunRow, RunState
+from typing import TYPE_CHECKING
+
+from daemon.model.run_state import UNFINISHED_STATES, RunState
 from scenario_tui.text.formatting import duration, pluralise
+
+if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow, RunRow
 
 
 def unfinished_text(row: CampaignRow) -> str:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
-from daemon.model.spec import MapSettings, RunResult, Snapshot
-from daemon.model.status import RunDetail, RunState
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.run_state import RunState
+from daemon.model.verdicts import Outcome
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -30,6 +29,11 @@ from scenario_tui.text.formatting import (
     run_label,
     run_word,
 )
+
+if TYPE_CHECKING:
+    from daemon.model.spec import MapSettings, RunResult, Snapshot
+    from daemon.model.status import RunDetail
+    from daemon.model.verdicts import Verdict
 
 VERDICT_LINES: Final = 3
 """Lines for verdicts: the worst of them, and how the others are."""

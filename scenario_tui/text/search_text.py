@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
-from daemon.model.proposals import objective
-from daemon.search.points import position_in_range
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     NOTHING,
@@ -74,6 +72,8 @@ class SearchTally:
 
 def tally_search(task: SearchTask, rows: Iterable[ProposalRow]) -> SearchTally:
     """Return what the runs of a search, in order, come to so far."""
+    from daemon.model.proposals import objective
+
     explored = failed = 0
     first: ProposalRow | None = None
     best: list[ObjectiveValue] = []
@@ -139,6 +139,8 @@ def share_in_range(parameter: SearchParameter, value: PointValue | None) -> floa
     """Return where in its range [0, 1] a value lies, at an end what lies outside; ``None`` where
     there is no such place.
     """
+    from daemon.search.points import position_in_range
+
     at = position_in_range(parameter, value)
     return None if math.isnan(at) else min(1.0, max(0.0, at))
 

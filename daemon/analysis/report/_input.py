@@ -17,7 +17,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import is_url, local_copy
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import LARGEST_PAGE, RecordQuery
-from daemon.model.spec import RunSpec
+from daemon.model.spec import RunSpec, UnixTime
 from daemon.model.status import CampaignOrigin, CampaignRow, Submission
 from daemon.trace import TraceError, read_spec
 from grammars.model.behaviour import Trigger
@@ -65,7 +65,7 @@ class CampaignNote:
     about: str
     declared: AssessmentRules
     origin: CampaignOrigin = field(default_factory=CampaignOrigin)
-    submitted_at: float | None = None
+    submitted_at: UnixTime | None = None
     machine: str = ""
 
 

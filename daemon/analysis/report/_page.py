@@ -37,13 +37,13 @@ from daemon.analysis.report._tracks import MEASURES, RunMeasure
 from daemon.judging.statistics import cut_percentage
 from daemon.model.assessments import (
     MISSING_STATES,
-    UNFINISHED_STATES,
     Assessment,
     CellAssessment,
     CellVerdict,
     ReferenceComparison,
     state_of,
 )
+from daemon.model.run_state import UNFINISHED_STATES
 from daemon.model.verdicts import Outcome
 from grammars.text.words import count_noun
 from templates.report import render_report

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -11,8 +11,6 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Static
 
-from daemon.model.search_answer import SearchRow
-from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
 from scenario_tui.dashboard.search_runs import best_margin
@@ -32,6 +30,10 @@ from scenario_tui.text.formatting import (
 )
 from scenario_tui.text.results import NONE_JUDGED, Conclusion
 from scenario_tui.text.search_text import search_line, search_word
+
+if TYPE_CHECKING:
+    from daemon.model.search_answer import SearchRow
+    from daemon.model.status import CampaignRow
 
 _COLUMNS: Final = (
     Column("campaign", 16, share=1, whole=True),

@@ -18,11 +18,11 @@ from textual.screen import ModalScreen, Screen
 from textual.widgets import Static
 
 import scenario_tui
-from daemon.model.status import CampaignRow, RunRow
-from daemon.model.verbs import DaemonClient
 from scenario_tui.text.formatting import QUIET, run_label
 
 if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow, RunRow
+    from daemon.model.verbs import DaemonClient
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 Lines = list[tuple[str, str]]

@@ -372,7 +372,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
             from scenario_tui.dashboard.screens.replay import ReplayScreen
 
             self.transport.playing = False
-            self.app.push_screen(ReplayScreen(self._playback, self.transport.time))
+            at, end = self.transport.time, self.transport.end
+            # A finished run opens at its end, where there is nothing left to play.
+            self.app.push_screen(ReplayScreen(self._playback, at if at < end else None))
         else:
             self.notify(self._why_not())
 

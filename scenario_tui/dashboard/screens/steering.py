@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
 
-from daemon.model.messages import HIGHEST_PRIORITY
-from daemon.model.status import CampaignRow
-from daemon.model.verbs import DaemonClient
 from scenario_tui.campaign_actions import (
     CANCEL,
     KEYED,
@@ -26,6 +23,10 @@ from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question
 from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report
 from scenario_tui.text.formatting import pluralise
+
+if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow
+    from daemon.model.verbs import DaemonClient
 
 _ABOUT_CAMPAIGN: Final = frozenset(
     {"matrix", "judge", "report", "commands", *(action.command for action in KEYED)}
@@ -202,6 +203,8 @@ class SteeringScreen(BaseScreen):
                     priority=number,
                 )
 
+        from daemon.model.messages import HIGHEST_PRIORITY
+
         span = f"−{HIGHEST_PRIORITY} to {HIGHEST_PRIORITY}"
         text = f"Priority of {row.id}\n{span}, usual is 0; the highest goes first"
         prompt = Prompt(
@@ -366,6 +369,8 @@ def _only(kind: str) -> tuple[str, ...]:
 
 def _no_priority(answer: str) -> str:
     """Return why an answer is no priority, empty when it is one."""
+    from daemon.model.messages import HIGHEST_PRIORITY
+
     try:
         number = int(answer)
     except ValueError:

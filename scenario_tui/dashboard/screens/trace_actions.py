@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.paths import StatePaths
-from daemon.model.status import CampaignRow
 from scenario_tui.campaign_files import find_files, relative_name
 from scenario_tui.dashboard.background import CommandAnswer, command_line
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, TextDialog
 
 if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 _SSH: Final = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from daemon.model.status import WorkerRow
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import age_text, duration, pluralise
+
+if TYPE_CHECKING:
+    from daemon.model.status import WorkerRow
 
 _COLUMNS: Final = (
     Column("worker", 16, share=1, whole=True),

@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 from textual.widgets import Static
 
-from daemon.model.status import CampaignRow, DaemonOverview
-from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -25,6 +23,10 @@ from scenario_tui.text.formatting import (
     run_counts,
 )
 from scenario_tui.text.results import NONE_JUDGED, overall_conclusion
+
+if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow, DaemonOverview
+    from scenario_tui.dashboard.state import DashboardState
 
 _SHORT: Final = {"inconclusive": "incon", "cancelled": "canc", "running": "run", "queued": "queue"}
 _LAST: Final = 3
@@ -156,7 +158,9 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         # The worker's words may end with how far it is: "compiling kernels 7/42".
         far = short.rpartition(" ")[2]
         progress = f"{far} kernels" if "/" in far else short.partition(" ")[0]
-        yield _Part((overview.preparing, short, f"… {progress}"), QUIET, 7)
+        # Who does it goes first: "starting the worker on this machine: loading the simulator".
+        brief = short.rpartition(": ")[2]
+        yield _Part((overview.preparing, brief, f"… {progress}"), QUIET, 7)
 
 
 def _counted(word: str, count: int) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from rich.cells import cell_len
 from rich.text import Text
@@ -13,10 +13,12 @@ from textual.message import Message
 from textual.widgets import DataTable, OptionList
 from textual.widgets.option_list import Option
 
-from daemon.model.live_judgement import ProvisionalVerdict
-from daemon.model.verdicts import Verdict
 from scenario_tui.text.provisional_text import by_urgency, provisional_text
 from scenario_tui.text.run_text import by_severity, verdict_text
+
+if TYPE_CHECKING:
+    from daemon.model.live_judgement import ProvisionalVerdict
+    from daemon.model.verdicts import Verdict
 
 Row = tuple[str, tuple[Text, ...]]
 """The label or key of a row, and a cell for each column."""

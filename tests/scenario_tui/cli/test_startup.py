@@ -83,6 +83,20 @@ def test_a_command_loads_no_more_than_it_needs(
     assert len(loaded) <= most
 
 
+def test_the_first_screen_loads_nothing_that_only_answers_of_a_daemon_need() -> None:
+    loaded = _loaded_after("""
+import scenario_tui.cli.machines, scenario_tui.cli.target, scenario_tui.dashboard.key_bindings
+from pathlib import Path
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.config import read_config
+from scenario_tui.dashboard.feed import Feed
+Dashboard(Feed(None), config=read_config(Path("/nowhere/config.toml")))
+""")
+    unneeded = {"daemon.model.spec", "daemon.model.status", "numpy", "pydantic", "zenoh"}
+    assert not loaded & ((NEEDED_BY_FEW | unneeded) - {"textual"})
+    assert len(loaded) <= 520
+
+
 @pytest.mark.parametrize(
     "code",
     [

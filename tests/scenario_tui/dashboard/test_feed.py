@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import pytest
 
+from daemon.batch.errors import Unreachable
 from daemon.batch.stores import encode_chunk
 from daemon.model.messages import DownloadChunk, RunQuery
 from daemon.model.spec import TraceInfo
@@ -45,6 +46,17 @@ def test_only_what_is_wanted_is_asked_for(
     assert picture.page.total == 10
     assert len(picture.workers) == 2
     assert sum(call[0] == "scene" for call in fake.calls) == 1  # kept after that
+
+
+def test_a_first_answer_is_told_at_once_and_again_when_the_daemon_is_back(feed, fake) -> None:
+    told: list[bool] = []
+    feed.on_answer = lambda: told.append(feed._state.connected)
+    feed.step(fake)
+    feed.step(fake)
+    assert told == [True]
+    feed._lose(Unreachable("gone"))
+    feed.step(fake)
+    assert told == [True, True]
 
 
 def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake) -> None:

@@ -39,7 +39,10 @@ async def test_p_plays_a_finished_run_and_q_comes_back(fake: FakeDaemon, tmp_pat
     async with opened(fake) as pilot:
         await look_at(pilot, 0)
         await press(pilot, "p")
-        assert isinstance(pilot.app.screen, ReplayScreen)
+        screen = pilot.app.screen
+        assert isinstance(screen, ReplayScreen)
+        assert screen.transport is not None
+        assert screen.transport.time < screen.transport.end  # there is something left to play
         # Shown are the verdicts the run got, not new ones.
         result = fake.run(f"{CAMPAIGN}.0").result
         assert result is not None

@@ -108,6 +108,7 @@ async def test_the_log_ends_with_what_an_external_system_printed(tmp_path: Path)
         await look_at(pilot)
         told = str(pilot.app.screen.query_one("#log-text", Static).content)
         assert "planner_server no path yet" in told
+        assert "mission    w1 reached, 1 of 3" in told
         assert told.endswith(
             "\nstack.txt\n20 lines before these: scenario show --log --all prints all\n"
             + "".join(f"line {i}\n" for i in range(20, 60))

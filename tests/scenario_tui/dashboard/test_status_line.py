@@ -89,6 +89,13 @@ def test_a_campaign_of_which_nothing_is_judged_does_not_stand_beside_what_has_pa
     assert "pass" in shown
 
 
+def test_what_a_worker_prepares_is_shortened_before_counts_lose_their_words() -> None:
+    words = "starting the worker on this machine: loading the simulator"
+    shown = line(145, overview=replace(SMALL, preparing=words))
+    assert "loading the simulator" in shown
+    assert "✓ 8 pass" in shown
+
+
 def test_nothing_to_do_is_fine() -> None:
     nothing = replace(SMALL, **dict.fromkeys(
         ("queued", "running", "done", "lost", "cancelled", "passed", "failed", "inconclusive",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from pathlib import Path
@@ -156,6 +157,14 @@ def test_a_trace_that_went_away_leaves_its_run(folder: Path, tmp_path: Path) -> 
 
 def test_a_folder_without_traces_is_refused(tmp_path: Path) -> None:
     with pytest.raises(Refused, match="holds no traces"):
+        folder_input(tmp_path)
+
+
+def test_a_folder_whose_note_tells_no_moment_is_refused(folder: Path, tmp_path: Path) -> None:
+    copied(folder, tmp_path)
+    note = {"name": "n", "about": "", "declared": {}, "submitted_at": 1e300}
+    (tmp_path / "campaign.json").write_text(json.dumps(note), encoding="utf-8")
+    with pytest.raises(Refused, match=r"campaign\.json is not what `scenario run` leaves"):
         folder_input(tmp_path)
 
 

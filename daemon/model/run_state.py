@@ -1,0 +1,24 @@
+"""Where a run stands in the ledger.
+
+Apart from what is told of runs (:mod:`daemon.model.status`), whose records take longer to load than
+the dashboard's first screen.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+
+class RunState(StrEnum):
+    """Life of a run in the ledger; ``lost`` means no result after every attempt."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    DONE = "done"
+    LOST = "lost"
+    CANCELLED = "cancelled"
+
+
+UNFINISHED_STATES: Final = ("running", "queued")
+"""States of runs that may still have a result."""
