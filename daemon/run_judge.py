@@ -26,7 +26,7 @@ JudgingWanted = Literal["nothing", "margin", "everything"]
 _PERIODS: Final = {"margin": 2.0, "everything": 1.0}
 """Seconds of the wall's clock between two judgements, at least."""
 _SHARES: Final = {"margin": 0.05, "everything": 0.1}
-"""Share of the run's time that judging takes, at most."""
+"""Share of the run's time that judging takes in the long run, at most."""
 
 
 class JudgementReceiver(Protocol):
@@ -47,8 +47,12 @@ class WatchedRun:
     ) -> None:
         self._trace, self._on_progress, self._receiver = trace, on_progress, receiver
         self._judge = RunningJudge()
-        self._next = self._rested = 0.0
         self._failed = False
+        # Until when earlier judgements are paid for, at the share of those that tell everything.
+        self._next = self._rested = 0.0
+        self._early = False
+        self._known: set[JudgingWanted] = set()
+        self._told: LiveJudgement | None = None
         self._wanted: JudgingWanted = "nothing"
         self._least: LeastMargin | None = None
 
@@ -62,14 +66,42 @@ class WatchedRun:
             snapshot = replace(snapshot, margin=least.margin, unit=least.unit, oracle=least.oracle)
         # First what is seen, then what is made of it: that may take longer.
         self._on_progress(snapshot)
+        began, self._wanted = wanted != self._wanted, wanted
+        if wanted == "nothing" or self._failed:
+            return
         now = time.perf_counter()
-        # Who opens a run does not wait for the rest of a period in which less was wanted.
-        due = self._next if wanted == self._wanted else self._rested
-        if wanted != "nothing" and now >= due:
-            self._look(wanted)
-            self._rested = now + (time.perf_counter() - now) / _SHARES[wanted]
-            self._next = max(self._rested, now + _PERIODS[wanted])
-        self._wanted = wanted
+        if now >= self._rested:
+            self._early = False
+        if began:
+            # Who opens a run does not wait for the rest of a period in which less was wanted.
+            self._next = self._rested
+        if now >= self._next:
+            self._look_in_turn(wanted, now)
+        elif began and wanted == "everything":
+            self._open(now)
+
+    def _open(self, now: float) -> None:
+        """Judge for somebody who opens the run before earlier judgements are paid for.
+
+        Done once until all is paid, so that opening and leaving a run does not slow it down.
+        Meanwhile the last judgement is told again.
+        """
+        if not self._early:
+            self._early = True
+            self._look_in_turn("everything", now)
+        elif self._told is not None:
+            self._receiver.tell(self._told)
+
+    def _look_in_turn(self, wanted: JudgingWanted, now: float) -> None:
+        self._look(wanted)
+        took = time.perf_counter() - now
+        if wanted not in self._known:
+            # The first of a kind loads what it needs and reads what is recorded so far: that comes
+            # once, and says nothing of how long the next one takes.
+            self._known.add(wanted)
+            took = 0.0
+        self._rested = max(self._rested, now) + took / _SHARES["everything"]
+        self._next = max(self._rested, now + max(_PERIODS[wanted], took / _SHARES[wanted]))
 
     def finish(self, ended: str, note: str) -> None:
         """Tell the last judgement, that of the run as it ended, if anybody still watches."""
@@ -96,4 +128,5 @@ class WatchedRun:
             random.setstate(chance[0])
             np.random.set_state(chance[1])
         if judgement is not None:
+            self._told = judgement
             self._receiver.tell(judgement)
