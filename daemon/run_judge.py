@@ -13,11 +13,12 @@ from typing import Final, Literal, Protocol
 
 import numpy as np
 
-from daemon.judging.oracles import LeastMargin, judge_so_far, least_margin
+from daemon.judging.oracles import judge_so_far, least_margin
 from daemon.judging.running import RunningJudge
 from daemon.model.deadline import OutOfTime, interruptible
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.spec import Snapshot
+from daemon.model.verdicts import Verdict
 from daemon.run_loop import ProgressCallback
 from daemon.trace import TraceWriter
 
@@ -54,7 +55,7 @@ class WatchedRun:
         self._known: set[JudgingWanted] = set()
         self._told: LiveJudgement | None = None
         self._wanted: JudgingWanted = "nothing"
-        self._least: LeastMargin | None = None
+        self._least: Verdict | None = None
 
     def __call__(self, snapshot: Snapshot) -> None:
         """Take a snapshot of the run."""
@@ -118,7 +119,7 @@ class WatchedRun:
                 trace = self._trace.so_far(ended, note)
                 judgement = self._judge.judge(trace) if wanted == "everything" else None
                 found = judgement.verdicts if judgement else judge_so_far(trace, trace.spec.oracles)
-                self._least = least_margin(found, trace)
+                self._least = least_margin(found)
         except (Exception, OutOfTime):
             # Whatever it is, the run goes on; at its end the same is judged, and told, once more.
             traceback.print_exc()

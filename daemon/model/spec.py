@@ -121,9 +121,9 @@ class Snapshot:
     watches: ``spread`` is xx, xy and yy of the estimate's covariance [m²]; laser ``returns``, the
     global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
     and rounded: x, y, x, y, ... [cm]. ``waiting`` says what an external system that is being
-    brought up still lacks, empty once the run goes on. ``margin`` in ``unit`` is the least margin
-    so far, as a share of its limit, of the oracles that are not waiting for something, that of
-    ``oracle``; those that have failed come first.
+    brought up still lacks, empty once the run goes on. ``margin`` in ``unit`` is that of
+    ``oracle``, which of those that are not waiting for something is the first that has failed, else
+    the one with the least margin so far.
     """
 
     time: float

@@ -71,6 +71,19 @@ def combine(verdicts: Iterable[Verdict], *, valid: bool = True) -> Outcome:
     return Outcome.INCONCLUSIVE
 
 
+def deciding_verdict(verdicts: Iterable[Verdict]) -> Verdict | None:
+    """Return the verdict a list shows of a run: the first failing one, else the least margin's.
+
+    Margins are compared as they are, whatever their units; measures do not count.
+    """
+    judged = [v for v in verdicts if v.outcome is not Outcome.MEASURE]
+    for verdict in judged:
+        if verdict.outcome is Outcome.FAIL:
+            return verdict
+    measured = [v for v in judged if v.margin is not None]
+    return min(measured, key=lambda v: v.margin or 0.0, default=judged[0] if judged else None)
+
+
 @dataclass(frozen=True, slots=True)
 class MarginInterval:
     """An interval of signed margin (infinite where unbounded) and the evidence for it.

@@ -31,7 +31,7 @@ from daemon.model.status import (
     Submission,
 )
 from daemon.model.sut import TICK_RATE
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import deciding_verdict
 from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.trace import TraceWriter
@@ -131,7 +131,7 @@ def _execute_until(spec: RunSpec, scene: Scene, end: float, folder: Path) -> Und
             loop.advance(round(end * TICK_RATE))
             recorded = trace.so_far()
             judgement = RunningJudge().judge(recorded)
-            least = least_margin(judge_so_far(recorded, spec.oracles), recorded)
+            least = least_margin(judge_so_far(recorded, spec.oracles))
         finally:
             loop.close()
     assert least is not None
@@ -238,16 +238,10 @@ def _row(index: int, run: str, spec: RunSpec) -> RunRow:
 def _done(row: RunRow, executed: ExecutedCampaign) -> RunRow:
     """Return the row of a run with its result."""
     result = executed.results[_name(row)]
-    verdict = _deciding(result)
+    verdict = deciding_verdict(result.verdicts)
+    assert verdict is not None
     return replace(
         row, state=RunState.DONE, outcome=result.outcome, oracle=verdict.oracle,
         margin=verdict.margin, unit=verdict.unit, simulated=result.timing.simulated,
         wall=result.timing.wall, trace=trace_of(_name(row)),
     )  # fmt: skip
-
-
-def _deciding(result: RunResult) -> Verdict:
-    """Return what a ledger shows of a result: the first that fails, else the least margin."""
-    judged = [verdict for verdict in result.verdicts if verdict.margin is not None]
-    failing = [verdict for verdict in judged if verdict.outcome is Outcome.FAIL]
-    return failing[0] if failing else min(judged, key=lambda verdict: verdict.margin or 0.0)

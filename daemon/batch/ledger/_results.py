@@ -22,7 +22,7 @@ from daemon.model.messages import Completion
 from daemon.model.packed_submission import Script
 from daemon.model.spec import LARGEST_RESULT, RunResult, RunSpec, bound_result
 from daemon.model.status import CampaignOrigin
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 
 T = TypeVar("T")
@@ -258,7 +258,7 @@ def store_result(
     db: sqlite3.Connection, completion: Completion, digest: str, now: float, holder: str = ""
 ) -> None:
     """Write down what a run gave, for good, and under whose key it came."""
-    result, verdict = completion.result, deciding_verdict(completion.result)
+    result, verdict = completion.result, deciding_verdict(completion.result.verdicts)
     # Ignored when there is one: the primary key makes it the first and only, whoever calls.
     db.execute(
         "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body, holder)"
@@ -304,16 +304,6 @@ def note_of_result(db: sqlite3.Connection, run: str) -> str:
     """Return why a run ended as it did, empty when there is nothing to say or no result."""
     row = db.execute("SELECT body FROM result WHERE run = ?", (run,)).fetchone()
     return read_result(row[0]).note if row else ""
-
-
-def deciding_verdict(result: RunResult) -> Verdict | None:
-    """The verdict a list shows: the first failing one, else the one with the smallest margin."""
-    judged = [v for v in result.verdicts if v.outcome is not Outcome.MEASURE]
-    for verdict in judged:
-        if verdict.outcome is Outcome.FAIL:
-            return verdict
-    measured = [v for v in judged if v.margin is not None]
-    return min(measured, key=lambda v: v.margin or 0.0, default=judged[0] if judged else None)
 
 
 def _insert_run(db: sqlite3.Connection, campaign: str, position: int, body: bytes) -> None:

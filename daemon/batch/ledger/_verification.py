@@ -20,11 +20,12 @@ from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import verify_file, verify_scene
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._inputs import referenced_inputs
-from daemon.batch.ledger._results import SpecReader, deciding_verdict
+from daemon.batch.ledger._results import SpecReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.model.ids import is_digest
 from daemon.model.spec import RunResult
+from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 
 VerificationProgress: TypeAlias = Callable[[str, int, int], None]
@@ -171,7 +172,7 @@ def _verify_results(
 
 
 def _columns(result: RunResult) -> tuple[object, ...]:
-    verdict, simulated = deciding_verdict(result), result.timing.simulated
+    verdict, simulated = deciding_verdict(result.verdicts), result.timing.simulated
     if verdict is None:
         return (str(result.outcome), "", None, "", simulated)
     return (str(result.outcome), verdict.oracle, verdict.margin, verdict.unit, simulated)

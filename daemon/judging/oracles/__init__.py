@@ -14,12 +14,11 @@ if TYPE_CHECKING:
     from daemon.judging.oracles._leading import judge_leading, leading_margins
     from daemon.judging.oracles._leading_kind import leading_kind, oracle_scale
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
-    from daemon.judging.oracles._provisional import LeastMargin, judge_so_far, least_margin
+    from daemon.judging.oracles._provisional import judge_so_far, least_margin
     from daemon.judging.oracles._sampler import SignalSampler
     from daemon.judging.oracles._validity import trace_problems
 
 __all__ = [
-    "LeastMargin",
     "ObstaclePolygons",
     "OracleTimeline",
     "SignalSampler",
@@ -37,7 +36,6 @@ __all__ = [
 ]
 
 _MODULES: Final = {
-    "LeastMargin": "_provisional",
     "ObstaclePolygons": "_clearance",
     "OracleTimeline": "_oracle_timeline",
     "SignalSampler": "_sampler",

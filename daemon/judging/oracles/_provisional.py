@@ -12,16 +12,15 @@ beginning holds for every way in which the run can go on, so that is what is fin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from daemon.judging.oracles._judge import bind_oracle, judge, judge_one
-from daemon.judging.oracles._leading_kind import oracle_scale
 from daemon.judging.oracles._sampler import SignalSampler
 from daemon.judging.oracles._validity import never_moved, trace_problems
 from daemon.model.live_judgement import ProvisionalVerdict
 from daemon.model.spec import OracleText
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import Outcome, Verdict, deciding_verdict
 from daemon.trace import Trace
 from grammars.oracle import (
     Amount,
@@ -39,15 +38,6 @@ from grammars.text.diagnostics import InputError
 
 _DECIDED: Final = (Outcome.PASS, Outcome.FAIL)
 _ESTIMATED: Final = ("loc.", "estimate.")
-
-
-@dataclass(frozen=True, slots=True)
-class LeastMargin:
-    """The least margin of a run's oracles so far, in ``unit``, and whose it is."""
-
-    margin: float
-    unit: str
-    oracle: str
 
 
 def judge_so_far(
@@ -131,25 +121,10 @@ def _is_open(oracle: Oracle, verdict: Verdict) -> bool:
     return False
 
 
-def least_margin(found: Sequence[ProvisionalVerdict], trace: Trace) -> LeastMargin | None:
-    """Return the least margin of the oracles that wait for nothing; failures before all others.
+def least_margin(found: Sequence[ProvisionalVerdict]) -> Verdict | None:
+    """Return the verdict a list shows of a run that goes on, of the oracles that wait for nothing.
 
-    Compared as shares of their limits, since units differ; what is only true or false comes last.
+    By the rule of finished runs, :func:`daemon.model.verdicts.deciding_verdict`.
     """
-    least: tuple[tuple[bool, bool, float], LeastMargin] | None = None
-    for one, written in zip(found, trace.spec.oracles, strict=True):
-        verdict = one.verdict
-        if one.open or verdict.outcome not in _DECIDED or verdict.margin is None:
-            continue
-        share = verdict.margin / _scale(written, trace)
-        key = (verdict.outcome is Outcome.PASS, not verdict.unit, share)
-        if least is None or key < least[0]:
-            least = key, LeastMargin(verdict.margin, verdict.unit, verdict.oracle)
-    return least[1] if least else None
-
-
-def _scale(written: OracleText, trace: Trace) -> float:
-    try:
-        return oracle_scale(bind_oracle(written, trace), trace.spec.robot).scale or 1.0
-    except ValueError:  # a plug-in that cannot be used any more
-        return 1.0
+    decided = (one.verdict for one in found if not one.open and one.verdict.outcome in _DECIDED)
+    return deciding_verdict(verdict for verdict in decided if verdict.margin is not None)

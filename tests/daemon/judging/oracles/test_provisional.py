@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from daemon.judging.oracles import judge, judge_so_far, least_margin
 from daemon.model.live_judgement import ProvisionalVerdict
 from daemon.model.spec import OracleText
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, deciding_verdict
 from daemon.trace import ContactRecord, Trace
 from tests.daemon.judging.oracles.test_properties import FORMS, oracles, traces
 from tests.daemon.judging.oracles.traces import along, cut, make_trace, mission, times, track
@@ -154,10 +154,36 @@ def test_the_least_margin_is_that_of_who_waits_for_nothing() -> None:
     }
     spec = replace(trace.spec, oracles=tuple(OracleText(k, v) for k, v in texts.items()))
     trace = replace(trace, spec=spec)
-    least = least_margin(judge_so_far(trace, spec.oracles), trace)
+    least = least_margin(judge_so_far(trace, spec.oracles))
     assert least is not None
     assert least.oracle == "contact"  # it has failed
     quiet = replace(trace, contacts=())
-    least = least_margin(judge_so_far(quiet, spec.oracles), quiet)
+    least = least_margin(judge_so_far(quiet, spec.oracles))
     assert least is not None
     assert (least.oracle, least.unit, least.margin) == ("accuracy", "m", pytest.approx(0.1))
+
+
+@pytest.mark.parametrize(
+    ("texts", "shown"),
+    [
+        # As a share of its limit the margin of the time is less, 1 of 5 s.
+        (("time(speed > 0.1 m/s) <= 5 s", "always(speed <= 1 m/s)"), 1),
+        (("always(speed <= 1 m/s)", "time(speed > 0.1 m/s) <= 5 s"), 0),
+        # The first that fails, though another fails by more.
+        (("always(speed <= 0.4 m/s)", "always(speed <= 0.1 m/s)"), 0),
+        (("always(speed <= 0.6 m/s)", "always(speed <= 0.1 m/s)"), 1),
+        # What only is true or false, and what measures.
+        (("never(contact)", "always(loc.error <= 0.3 m)"), 0),
+        (("max(speed)", "always(speed <= 1 m/s)"), 1),
+    ],
+)
+def test_a_list_shows_the_same_oracle_of_a_run_before_and_after_its_end(
+    texts: tuple[str, str], shown: int
+) -> None:
+    trace = going_on()
+    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    least = least_margin(judge_so_far(trace, written))
+    assert least is not None
+    assert least.oracle == str(shown)
+    over = replace(trace, complete=True, ended="limit")
+    assert deciding_verdict(judge(over, written)) == least
