@@ -82,17 +82,24 @@ class BaseScreen(Screen[None]):
         """Return the ids of keys that may not be used now; pressed, they say why."""
         return CHANGING_KEYS if self.dashboard.read_only else frozenset()
 
+    def pointless_keys(self) -> frozenset[str]:
+        """Return the ids of keys with nothing to do now, which are not offered."""
+        return frozenset()
+
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """The bindings as the footer and help show them."""
-        barred, renamed = self.disabled_keys(), self._renamed
-        # Footer, help and palette all read this: the order, the names and what is greyed out are
-        # decided here, once.
+        pointless, renamed = self.pointless_keys(), self._renamed
+        barred = self.disabled_keys() | pointless
+        # Footer, help and palette all read this: the order, the names, what is greyed out and what
+        # is left out are decided here, once.
         found = {}
         for key, active in super().active_bindings.items():
             id, binding = active.binding.id or "", active.binding
             if self.IN_FOOTER:
                 binding = replace(binding, show=id in self.IN_FOOTER)
+            if id in pointless:
+                binding = replace(binding, show=False)
             if id in renamed:
                 binding = replace(binding, description=renamed[id])
             enabled = active.enabled and id not in barred

@@ -328,14 +328,26 @@ async def test_help_and_footer_leave_out_what_cannot_be_done_here(opened) -> Non
         await settle(pilot)
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
         assert {"Cancel", "Pause", "Retry"} <= names
+        assert all(name in screen_text(pilot)[-1] for name in ("Cancel", "Pause", "Retry"))
         assert "Delete" not in names  # it is not finished
         await press(pilot, "down")
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
         assert "Delete" in names
         assert not {"Cancel", "Pause", "Priority"} & names
+        assert not any(name in screen_text(pilot)[-1] for name in ("Cancel", "Pause", "Resume"))
+        assert "Retry" in screen_text(pilot)[-1]
         await press(pilot, "3")
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
         assert not {"Open", "Retry", "Matrix"} & names
+
+
+async def test_the_footer_offers_nothing_about_a_campaign_where_there_is_none(opened, fake) -> None:
+    fake.empty, fake.rows = True, ()
+    async with opened() as pilot:
+        await settle(pilot)
+        footer = screen_text(pilot)[-1]
+        assert "Submit" in footer
+        assert not any(name in footer for name in ("Matrix", "Pause", "Cancel", "Retry"))
 
 
 async def test_copying_gives_the_command_for_what_the_cursor_is_on(opened) -> None:
