@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, cast
 from rich.text import Text
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import ActiveBinding, Binding, BindingType
-from textual.screen import Screen
+from textual.screen import ModalScreen, Screen
 from textual.widget import Widget
 from textual.widgets import Static
 
@@ -129,12 +129,17 @@ class BaseScreen(Screen[None]):
         self.query_changed()
 
     def on_screen_suspend(self) -> None:
-        """Let go of the lines drawn: every cut of each is kept, 5 MB for a run that is opened."""
+        """Let go of the lines drawn: every cut of each is kept, 5 MB for a run that is opened.
+
+        Behind a dialog, which takes the keys, the selection is shown as one without them.
+        """
+        self.set_class(isinstance(self.app.screen, ModalScreen), "-behind")
         for widget in self.walk_children(with_self=True):
             widget.refresh()
 
     def on_screen_resume(self) -> None:
         """Ask for what this screen shows, when we come back to it."""
+        self.remove_class("-behind")
         # Comes also before the first mount, when there are no widgets to ask.
         if self._composed:
             self.query_changed()
