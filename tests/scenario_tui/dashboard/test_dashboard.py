@@ -387,6 +387,34 @@ async def test_runs_of_all_campaigns_name_theirs_the_newest_first(opened) -> Non
         assert "all runs  1-10 of 10  newest first" in shown(pilot)
 
 
+@pytest.mark.parametrize("width", [80, 92, 108, 120])
+async def test_repeats_are_told_apart_however_long_names_are(opened, fake, width: int) -> None:
+    fake.rows = tuple(
+        make_row(i, scenario="busy-house-with-many-doors", sut="pilot-b", repeat=i)
+        for i in range(4)
+    )
+    async with opened(width, 24) as pilot:
+        await settle(pilot)
+        await press(pilot, "2")
+        for line, row in zip(screen_text(pilot)[3:7], reversed(fake.rows), strict=True):
+            run, *rest = line.split()
+            assert run.endswith(f"t-b/{row.repeat}"), line
+            assert rest[0] == CAMPAIGN
+            assert rest[1:3] == ["✓", "pass"]
+
+
+async def test_run_names_are_whole_where_other_columns_need_less(opened, fake) -> None:
+    fake.rows = tuple(
+        make_row(i, scenario="busy-house", sut="pilot", repeat=i, outcome=Outcome.PASS)
+        for i in range(4)
+    )
+    async with opened(92, 24) as pilot:
+        await settle(pilot)
+        await press(pilot, "2")
+        assert "busy-house/pilot/3" in screen_text(pilot)[3]
+        assert "✓ pass" in screen_text(pilot)[3]
+
+
 async def test_filter_and_order_are_still_there_when_one_comes_back(opened) -> None:
     async with opened() as pilot:
         await settle(pilot)
