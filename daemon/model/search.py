@@ -80,6 +80,13 @@ class SearchParameter:
         words = value if isinstance(value, str) else f"{value:.10g}"
         return f"{words} {self.unit}" if self.unit and not isinstance(value, str) else words
 
+    def shown(self, value: PointValue) -> str:
+        """Return a value for people: ``−0.12 m``, where files have ``-0.12 m``."""
+        if isinstance(value, str):
+            return value
+        number, space, unit = self.text(value).partition(" ")
+        return f"{number.replace('-', '−')}{space}{unit}"
+
     def override(self, value: PointValue) -> str | float | int | bool:
         """Return what stands in a campaign file as the parameter's value."""
         if self.truth:

@@ -8,9 +8,14 @@ when it is neither, error when there is no interval.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Final
+
+_MOMENT: Final = re.compile(r"\b(at|until|from) (\d+\.\d\d) s\b")
+"""A moment in a note, as oracles write it."""
 
 
 class Outcome(StrEnum):
@@ -32,6 +37,14 @@ class Evidence:
     limit: float | None = None
     object: str = ""
     note: str = ""
+
+    @property
+    def note_text(self) -> str:
+        """The note for people: moments in tenths of a second, as they are told everywhere.
+
+        The note itself is part of recorded traces and stays as it was written.
+        """
+        return moments_in_tenths(self.note)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +122,11 @@ class MarginInterval:
 def unknown_margin(note: str, *, measured: bool = False) -> MarginInterval:
     """Return the interval of an oracle that had nothing to judge."""
     return MarginInterval(-math.inf, math.inf, Evidence(note=note), measured)
+
+
+def moments_in_tenths(text: str) -> str:
+    """Return a note of an oracle with its moments for people: ``first at 34.6 s``."""
+    return _MOMENT.sub(lambda found: f"{found[1]} {float(found[2]):.1f} s", text)
 
 
 def join_notes(*notes: str) -> str:

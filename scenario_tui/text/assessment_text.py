@@ -19,7 +19,7 @@ from daemon.model.assessments import (
     UnexpectedVerdict,
 )
 from daemon.model.status import RunRow
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, moments_in_tenths
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -142,7 +142,7 @@ def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styl
 
 def _in_signs(text: str) -> str:
     """Return what an assessment says, written for programs, as people are told it."""
-    return _HYPHEN.sub("−", text).replace("  t=", "  at ")
+    return moments_in_tenths(_HYPHEN.sub("−", text).replace("  t=", "  at "))
 
 
 def surprise_text(found: UnexpectedVerdict, styles: Styles) -> Text:
@@ -157,7 +157,7 @@ def surprise_text(found: UnexpectedVerdict, styles: Styles) -> Text:
 def undecided_text(oracle: CellVerdict, styles: Styles) -> Text:
     """Return what could not be decided and why."""
     worst = oracle.worst.verdict if oracle.worst else None
-    note = worst.evidence.note if worst and worst.outcome is not Outcome.PASS else ""
+    note = worst.evidence.note_text if worst and worst.outcome is not Outcome.PASS else ""
     # The first line says what happened; the stack's last lines below it are shown with the run.
     note = note.partition("\n")[0]
     said = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"

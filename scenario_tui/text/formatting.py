@@ -216,4 +216,4 @@ def verdict_line(verdict: Verdict) -> str:
     seen = verdict.evidence
     result = f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"
     first = " ".join(filter(None, (result, moment_text(seen.time))))
-    return ", ".join(filter(None, (first, seen.object, seen.note)))
+    return ", ".join(filter(None, (first, seen.object, seen.note_text)))

@@ -67,7 +67,7 @@ def _waiting_text(verdict: Verdict) -> Text:
     text.append(f"\n    {verdict.text}", style=QUIET)
     seen = verdict.evidence
     parts = [quantity(seen.value, verdict.unit)] if seen.value is not None else []
-    parts += [seen.object, seen.note.partition("\n")[0]]
+    parts += [seen.object, seen.note_text.partition("\n")[0]]
     if any(parts):
         text.append(f"\n    now {', '.join(filter(None, parts))}", style=QUIET)
     return text

@@ -94,7 +94,7 @@ def _evidence_lines(verdict: Verdict) -> list[str]:
     if seen.value is not None and seen.limit is not None:
         value, limit = quantity(seen.value, verdict.unit), quantity(seen.limit, verdict.unit)
         amounts = f"{value}, limit {limit}"
-    lines = (where, [amounts, _first_line(seen.note)])
+    lines = (where, [amounts, _first_line(seen.note_text)])
     return [", ".join(filter(None, line)) for line in lines if any(line)]
 
 
@@ -104,7 +104,7 @@ def evidence_parts(verdict: Verdict) -> list[str]:
     amount = "" if verdict.margin is None else margin(verdict.margin, verdict.unit)
     return [
         part
-        for part in (amount, moment_text(seen.time), seen.object, _first_line(seen.note))
+        for part in (amount, moment_text(seen.time), seen.object, _first_line(seen.note_text))
         if part
     ]
 

@@ -116,8 +116,8 @@ def sparkline(values: Sequence[float], width: int = 24) -> str:
 
 
 def value_text(parameter: SearchParameter, value: PointValue | None) -> str:
-    """Return a value of a parameter as it is written in a file; ``–`` for none."""
-    return NOTHING if value is None else parameter.text(value)
+    """Return a value of a parameter for people; ``–`` for none."""
+    return NOTHING if value is None else parameter.shown(value)
 
 
 def parameter_table(
@@ -284,7 +284,7 @@ def nearest_lines(
             task.short_name(change.parameter),
             value_text(named[change.parameter], change.written),
             value_text(named[change.parameter], change.value),
-            "" if change.passing is None else named[change.parameter].text(change.passing),
+            "" if change.passing is None else named[change.parameter].shown(change.passing),
         )
         for change in answer.nearest.changes
         if change.parameter in named

@@ -64,7 +64,7 @@ def verdict_details(verdict: Verdict) -> str:
     if verdict.unit == "" or verdict.margin is None:
         parts = []
     parts.append("" if seen.time is None else f"at {seen.time:.1f} s")
-    parts.extend((seen.object, seen.note))
+    parts.extend((seen.object, seen.note_text))
     return ", ".join(part for part in parts if part)
 
 

@@ -42,12 +42,8 @@ def minus(number: str) -> str:
 
 
 def value_text(parameter: SearchParameter, value: PointValue) -> str:
-    """Return a value for people: ``−0.12 m``, where files have ``-0.12 m``."""
-    text = parameter.text(value)
-    if isinstance(value, str):
-        return text
-    number, space, unit = text.partition(" ")
-    return f"{minus(number)}{space}{unit}"
+    """Return a value for people: ``−0.12 m``."""
+    return parameter.shown(value)
 
 
 def quantity(value: float, unit: str) -> str:

@@ -67,7 +67,7 @@ def _over_one(task: SearchTask, points: Sequence[DrawnPoint], nearest: Point | N
         at = coordinate(parameter, value)
         if math.isfinite(at):
             axes.upright(at, colour, 1.1, dashes="5 3")
-    axes.x_names = [parameter.text(choice) for choice in parameter.choices] or None
+    axes.x_names = [parameter.shown(choice) for choice in parameter.choices] or None
     axes.title, axes.x_label = (
         margin_title(task),
         axis_title(short_name(task, parameter), parameter),

@@ -180,7 +180,7 @@ def _parameter_lines(task: SearchTask, compared: Sequence[Point]) -> list[_Param
     return [
         _ParameterLine(
             parameter.name,
-            range_text(parameter),
+            range_text(parameter, parameter.shown),
             _value_text(parameter, parameter.written),
             tuple(
                 (_value_text(parameter, values[i]), is_as_written(parameter, values[i]))
@@ -192,7 +192,7 @@ def _parameter_lines(task: SearchTask, compared: Sequence[Point]) -> list[_Param
 
 
 def _value_text(parameter: SearchParameter, value: PointValue | None) -> str:
-    return NOTHING if value is None else parameter.text(value)
+    return NOTHING if value is None else parameter.shown(value)
 
 
 def _point_line(task: SearchTask, point: DrawnPoint) -> _PointLine:

@@ -11,7 +11,7 @@ import numpy as np
 
 from daemon.analysis.report import Axes, Sheet
 from daemon.model.search import Point, SearchParameter, SearchTask
-from daemon.search.answers.wording import short_name
+from daemon.search.answers.wording import minus, short_name
 from daemon.search.page._curves import FULL
 from daemon.search.page._points import (
     DrawnPoint,
@@ -62,8 +62,8 @@ def plot_parallel(task: SearchTask, points: Sequence[DrawnPoint], nearest: Point
 
 def _ends(parameter: SearchParameter) -> tuple[str, str]:
     if parameter.choices:
-        return parameter.text(parameter.choices[0]), parameter.text(parameter.choices[-1])
-    return f"{parameter.low:.6g}", parameter.text(float(f"{parameter.high:.6g}"))
+        return parameter.shown(parameter.choices[0]), parameter.shown(parameter.choices[-1])
+    return minus(f"{parameter.low:.6g}"), parameter.shown(float(f"{parameter.high:.6g}"))
 
 
 def _centred(axes: Axes, x: float, y: float, words: str, room: float, colour: str = "soft") -> None:
@@ -116,8 +116,8 @@ def plot_pairs(
 def frame_axes(axes: Axes, task: SearchTask, x: SearchParameter, y: SearchParameter) -> None:
     """Set limits and words of axes that have a parameter each."""
     axes.x_limits, axes.y_limits = _limits(x), _limits(y)
-    axes.x_names = [x.text(choice) for choice in x.choices] or None
-    axes.y_names = [y.text(choice) for choice in y.choices] or None
+    axes.x_names = [x.shown(choice) for choice in x.choices] or None
+    axes.y_names = [y.shown(choice) for choice in y.choices] or None
     axes.x_label = axis_title(short_name(task, x), x)
     axes.title = axis_title(short_name(task, y), y)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, cast
 from rich.text import Text
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import ActiveBinding, Binding, BindingType
-from textual.screen import Screen
+from textual.screen import ModalScreen, Screen
 from textual.widget import Widget
 from textual.widgets import Static
 
@@ -82,17 +82,24 @@ class BaseScreen(Screen[None]):
         """Return the ids of keys that may not be used now; pressed, they say why."""
         return CHANGING_KEYS if self.dashboard.read_only else frozenset()
 
+    def pointless_keys(self) -> frozenset[str]:
+        """Return the ids of keys with nothing to do now, which are not offered."""
+        return frozenset()
+
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """The bindings as the footer and help show them."""
-        barred, renamed = self.disabled_keys(), self._renamed
-        # Footer, help and palette all read this: the order, the names and what is greyed out are
-        # decided here, once.
+        pointless, renamed = self.pointless_keys(), self._renamed
+        barred = self.disabled_keys() | pointless
+        # Footer, help and palette all read this: the order, the names, what is greyed out and what
+        # is left out are decided here, once.
         found = {}
         for key, active in super().active_bindings.items():
             id, binding = active.binding.id or "", active.binding
             if self.IN_FOOTER:
                 binding = replace(binding, show=id in self.IN_FOOTER)
+            if id in pointless:
+                binding = replace(binding, show=False)
             if id in renamed:
                 binding = replace(binding, description=renamed[id])
             enabled = active.enabled and id not in barred
@@ -122,12 +129,17 @@ class BaseScreen(Screen[None]):
         self.query_changed()
 
     def on_screen_suspend(self) -> None:
-        """Let go of the lines drawn: every cut of each is kept, 5 MB for a run that is opened."""
+        """Let go of the lines drawn: every cut of each is kept, 5 MB for a run that is opened.
+
+        Behind a dialog, which takes the keys, the selection is shown as one without them.
+        """
+        self.set_class(isinstance(self.app.screen, ModalScreen), "-behind")
         for widget in self.walk_children(with_self=True):
             widget.refresh()
 
     def on_screen_resume(self) -> None:
         """Ask for what this screen shows, when we come back to it."""
+        self.remove_class("-behind")
         # Comes also before the first mount, when there are no widgets to ask.
         if self._composed:
             self.query_changed()

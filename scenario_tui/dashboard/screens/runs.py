@@ -43,11 +43,11 @@ FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("pass", {"outcome": "pass"}),
 )
 _COLUMNS: Final = (
-    Column("run", 12, share=3),
-    Column("verdict", 14),
-    Column("margin", 11, right=True),
+    Column("run", 12, share=3, ends=True),
+    Column("verdict", 14, yields=True),
+    Column("margin", 11, right=True, yields=True),
     Column("decided by", 12, share=2),
-    Column("progress", 12, right=True),
+    Column("progress", 12, right=True, yields=True),
     Column("worker", 14, from_width=100, share=1),
 )
 _CAMPAIGN: Final = Column("campaign", 12, share=1, whole=True)

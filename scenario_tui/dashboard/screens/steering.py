@@ -96,9 +96,9 @@ class SteeringScreen(BaseScreen):
             ("execute it again", self._line("verify", run)),
         ]
 
-    def disabled_keys(self) -> frozenset[str]:
-        """Return the ids of keys that may not be used now: there is nothing to do them to."""
-        row, barred = self.campaign(), super().disabled_keys()
+    def pointless_keys(self) -> frozenset[str]:
+        """Return the ids of keys with nothing to do now: they are not about such a campaign."""
+        row, barred = self.campaign(), super().pointless_keys()
         if row is None:
             # Before anything is known, nothing is known to be missing.
             return barred | _ABOUT_CAMPAIGN if self.dashboard.daemon_state.at else barred
@@ -117,7 +117,7 @@ class SteeringScreen(BaseScreen):
             return
         row = self.campaign()
         renamed = {"pause": "Resume"} if row is not None and row.paused else {}
-        barred = self.disabled_keys()
+        barred = self.disabled_keys() | self.pointless_keys()
         if (self._renamed, self._barred) != (renamed, barred):
             self._renamed, self._barred = renamed, barred
             self.refresh_bindings()

@@ -46,9 +46,9 @@ class WorkersScreen(BaseScreen):
         """The workers."""
         return Query(workers=True)
 
-    def disabled_keys(self) -> frozenset[str]:
+    def pointless_keys(self) -> frozenset[str]:
         """There is no more to a worker than its row."""
-        return super().disabled_keys() | {"open"}
+        return super().pointless_keys() | {"open"}
 
     def trail(self) -> str:
         """Where we are, and the sum of it."""

@@ -45,7 +45,7 @@ def parameters_text(
     """
     pairs = list(zip(task.parameters, values, strict=False))
     said = [
-        ("" if value == one.written else _written(one, value), one.text(value))
+        ("" if value == one.written else _written(one, value), one.shown(value))
         for one, value in pairs
     ]
     sizes = [max((len(texts[i]) for texts in said), default=0) for i in (0, 1)]

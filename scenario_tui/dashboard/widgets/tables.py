@@ -30,7 +30,8 @@ class Column:
 
     What the columns leave of the table goes to those with a ``share``, in proportion to it: first
     as far as their cells need it, then all of it. A ``whole`` column is as wide as its keys are,
-    which are typed, and the last columns give way to it.
+    which are typed, and the last columns give way to it. Where it is too narrow, one with ``ends``
+    keeps the ends of its cells, and those with ``yields`` leave it what they do not need.
     """
 
     title: str
@@ -39,11 +40,22 @@ class Column:
     right: bool = False
     share: int = 0
     whole: bool = False
+    ends: bool = False
+    yields: bool = False
 
 
 def widest_line(cell: Text) -> int:
     """Return the width of the widest line of a cell."""
     return max((cell_len(line) for line in cell.plain.split("\n")), default=0)
+
+
+def _keep_end(cell: Text, width: int) -> None:
+    """Leave out the beginning of a text that is wider than ``width`` cells."""
+    if cell.cell_len > width:
+        end = cell.plain
+        while cell_len(end) > max(width - 1, 0):
+            end = end[1:]
+        cell.plain = f"…{end}"
 
 
 class KeyedTable(DataTable[Text]):
@@ -183,7 +195,7 @@ class KeyedTable(DataTable[Text]):
         before = (0,) * len(self._all) if self._from else self._needs
         self._needs = tuple(
             max((least, *(widest_line(cells[index]) for _, cells in rows)))
-            if column.share or column.whole
+            if column.share or column.whole or column.yields
             else 0
             for index, (column, least) in enumerate(zip(self._all, before, strict=True))
         )
@@ -217,6 +229,9 @@ class KeyedTable(DataTable[Text]):
             more = max(0, min(self._needs[index] - widths[index], left))
             widths[index] += more
             left -= more
+        for index in needs:
+            if self._all[index].ends:
+                self._take_over(index, widths)
         shares = sum(self._all[i].share for i in shown)
         for index in shown:
             share = self._all[index].share
@@ -225,6 +240,15 @@ class KeyedTable(DataTable[Text]):
                 widths[index] += more
                 left, shares = left - more, shares - share
         return tuple(widths.values())
+
+    def _take_over(self, index: int, widths: dict[int, int]) -> None:
+        """Widen a column, as far as it needs it, by what others do not need."""
+        for other, width in widths.items():
+            if self._all[other].yields:
+                needed = max(self._needs[other], cell_len(self._all[other].title))
+                more = max(0, min(width - needed, self._needs[index] - widths[index]))
+                widths[other] -= more
+                widths[index] += more
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
         key, scroll, anew = self.key, self.scroll_y, bool(self._from)
@@ -242,6 +266,8 @@ class KeyedTable(DataTable[Text]):
 
     def _cell(self, index: int, cells: tuple[Text, ...]) -> Text:
         cell = cells[index].copy()
+        if self._all[index].ends:
+            _keep_end(cell, self._widths[self._shown.index(index)])
         cell.no_wrap, cell.overflow = True, "ellipsis"
         cell.justify = "right" if self._all[index].right else "left"
         return cell

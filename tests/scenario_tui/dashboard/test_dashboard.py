@@ -328,14 +328,26 @@ async def test_help_and_footer_leave_out_what_cannot_be_done_here(opened) -> Non
         await settle(pilot)
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
         assert {"Cancel", "Pause", "Retry"} <= names
+        assert all(name in screen_text(pilot)[-1] for name in ("Cancel", "Pause", "Retry"))
         assert "Delete" not in names  # it is not finished
         await press(pilot, "down")
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
         assert "Delete" in names
         assert not {"Cancel", "Pause", "Priority"} & names
+        assert not any(name in screen_text(pilot)[-1] for name in ("Cancel", "Pause", "Resume"))
+        assert "Retry" in screen_text(pilot)[-1]
         await press(pilot, "3")
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
         assert not {"Open", "Retry", "Matrix"} & names
+
+
+async def test_the_footer_offers_nothing_about_a_campaign_where_there_is_none(opened, fake) -> None:
+    fake.empty, fake.rows = True, ()
+    async with opened() as pilot:
+        await settle(pilot)
+        footer = screen_text(pilot)[-1]
+        assert "Submit" in footer
+        assert not any(name in footer for name in ("Matrix", "Pause", "Cancel", "Retry"))
 
 
 async def test_copying_gives_the_command_for_what_the_cursor_is_on(opened) -> None:
@@ -373,6 +385,34 @@ async def test_runs_of_all_campaigns_name_theirs_the_newest_first(opened) -> Non
         row = pilot.app.screen.query_one(KeyedTable).get_row_at(0)
         assert [str(cell) for cell in row[:2]] == ["S2/pilot/4", CAMPAIGN]
         assert "all runs  1-10 of 10  newest first" in shown(pilot)
+
+
+@pytest.mark.parametrize("width", [80, 92, 108, 120])
+async def test_repeats_are_told_apart_however_long_names_are(opened, fake, width: int) -> None:
+    fake.rows = tuple(
+        make_row(i, scenario="busy-house-with-many-doors", sut="pilot-b", repeat=i)
+        for i in range(4)
+    )
+    async with opened(width, 24) as pilot:
+        await settle(pilot)
+        await press(pilot, "2")
+        for line, row in zip(screen_text(pilot)[3:7], reversed(fake.rows), strict=True):
+            run, *rest = line.split()
+            assert run.endswith(f"t-b/{row.repeat}"), line
+            assert rest[0] == CAMPAIGN
+            assert rest[1:3] == ["✓", "pass"]
+
+
+async def test_run_names_are_whole_where_other_columns_need_less(opened, fake) -> None:
+    fake.rows = tuple(
+        make_row(i, scenario="busy-house", sut="pilot", repeat=i, outcome=Outcome.PASS)
+        for i in range(4)
+    )
+    async with opened(92, 24) as pilot:
+        await settle(pilot)
+        await press(pilot, "2")
+        assert "busy-house/pilot/3" in screen_text(pilot)[3]
+        assert "✓ pass" in screen_text(pilot)[3]
 
 
 async def test_filter_and_order_are_still_there_when_one_comes_back(opened) -> None:

@@ -123,6 +123,15 @@ async def test_wide_terminals_show_everything_at_once(trace: Path) -> None:
             assert words in shown(pilot)
 
 
+@pytest.mark.parametrize(("width", "words"), [(120, 46), (169, 46), (200, 60), (240, 72)])
+async def test_the_words_of_a_run_grow_with_vast_terminals(
+    trace: Path, width: int, words: int
+) -> None:
+    async with opened(Recorded(trace), (width, 40)) as pilot:
+        await look_at(pilot)
+        assert pilot.app.screen.query_one("#left").outer_size.width == words
+
+
 async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(trace: Path) -> None:
     async with opened(Recorded(trace)) as pilot:
         await look_at(pilot)

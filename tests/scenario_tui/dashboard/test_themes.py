@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from rich.color_triplet import ColorTriplet
 from rich.segment import Segment
+from textual._context import visible_screen_stack
+from textual.strip import Strip
 
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 from scenario_tui.dashboard.config import Config
@@ -60,8 +62,16 @@ def is_text(segment: Segment) -> bool:
     return coloured and any(ord(sign) not in DRAWN for sign in written)
 
 
+def drawn(pilot: Any) -> list[Strip]:
+    """Return the lines of the screen in front and, around dialogs, of what is behind it."""
+    screen = pilot.app.screen
+    screen.refresh()
+    visible_screen_stack.set(pilot.app._background_screens)
+    return list(screen._compositor.render_strips())
+
+
 def poor(pilot: Any) -> Iterator[tuple[str, str]]:
-    for strip in pilot.app.screen._compositor.render_strips():
+    for strip in drawn(pilot):
         for segment in strip:
             if is_text(segment) and contrast(segment) < LEAST:
                 yield segment.text.strip(), f"{contrast(segment):.2f} {segment.style}"
@@ -100,6 +110,39 @@ async def test_a_search_and_the_banner_of_a_lost_connection_can_be_read(theme: s
         assert all(contrast(one) >= LEAST for one in banner if is_text(one))
 
 
+STATES = ("gone", "question_mark", "c")
+"""What takes the keys from a screen: that no daemon answers, and keys that open dialogs."""
+
+
+@pytest.mark.parametrize("theme", [DARK, LIGHT])
+@pytest.mark.parametrize("keys", [(), ("enter",), ("m",), ("enter", "enter")])
+async def test_what_is_old_or_behind_a_dialog_can_be_read(
+    theme: str, keys: tuple[str, ...]
+) -> None:
+    fake = judged_campaign()
+    async with make_dashboard(fake, config=Config(theme=theme)).run_test(size=(120, 40)) as pilot:
+        await settle(pilot)
+        await press(pilot, *keys)
+        shown = pilot.app.screen
+        rows = screen_text(pilot)[3:6]
+        for state in STATES:
+            if state == "gone":
+                fake.reachable = False
+                await settle(pilot)
+                assert shown.has_class("-stale")
+            else:
+                await press(pilot, state)
+                assert pilot.app.screen is not shown
+                seen = [strip.text[:10] for strip in drawn(pilot)[3:6]]
+                assert seen == [f"{row:10}"[:10] for row in rows]
+            assert dict(poor(pilot)) == {}, state
+            fake.reachable = True
+            if pilot.app.screen is not shown:
+                await press(pilot, "escape")
+            await settle(pilot)
+            assert not {"-stale", "-behind"} & shown.classes
+
+
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 @pytest.mark.parametrize("colours", ["few", "none"])
 async def test_the_selection_is_seen_without_our_colours(theme: str, colours: Any) -> None:
@@ -110,7 +153,10 @@ async def test_the_selection_is_seen_without_our_colours(theme: str, colours: An
         await press(pilot, "down")
         strips = list(pilot.app.screen._compositor.render_strips())
         reverse = [any(s.style and s.style.reverse for s in strip) for strip in strips]
-    assert [row for row, lit in enumerate(reverse) if lit] == [4]
+        assert [row for row, lit in enumerate(reverse) if lit] == [4]
+        await press(pilot, "d")
+        behind = drawn(pilot)[4]
+        assert any(segment.style and segment.style.reverse for segment in behind)
 
 
 @pytest.mark.parametrize(

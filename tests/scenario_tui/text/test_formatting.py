@@ -8,8 +8,9 @@ import sys
 import pytest
 
 from daemon.model.status import RunState
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.text import formatting
+from scenario_tui.text.run_text import evidence_parts
 
 
 @pytest.mark.parametrize(
@@ -110,3 +111,16 @@ def test_counting_uses_the_plural_for_all_but_one() -> None:
 def test_seeds_are_shown_short() -> None:
     assert formatting.brief_seed(3386250816931739734) == "338625…"
     assert formatting.brief_seed(20240101) == "20240101"
+
+
+def test_moments_in_notes_are_told_as_all_others() -> None:
+    note = "first at 34.65 s; the trace ends at 120.00 s, before the run; until 7.25 s, 0.25 s long"
+    seen = Evidence(41.04, object="door_3", note=note)
+    verdict = Verdict("clear", "", Outcome.FAIL, -0.1, -0.1, "m", seen)
+    said = formatting.verdict_line(verdict)
+    assert said.startswith("clear: −0.1 m at 41.0 s, door_3, first at 34.6 s; the trace ends at ")
+    assert "ends at 120.0 s, before the run; until 7.2 s, 0.25 s long" in said
+    assert said.removeprefix("clear: ") == ", ".join(
+        [" ".join(evidence_parts(verdict)[:2]), *evidence_parts(verdict)[2:]]
+    )
+    assert seen.note == note

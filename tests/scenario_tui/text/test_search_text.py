@@ -10,6 +10,7 @@ import pytest
 from daemon.model.proposals import ObjectiveValue
 from daemon.model.search_answer import ParameterChange
 from daemon.model.status import RunState
+from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.text.search_text import (
     answer_lines,
     headline,
@@ -74,6 +75,16 @@ def test_parameters_are_shown_beside_what_is_written() -> None:
         ("robot.laser.noise", "0.01 m", "0.01 m", False),
         ("doors_moving.leading", "bedroom_door", "kitchen_door", True),
     )
+
+
+def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs() -> None:
+    swing = replace(TASK.parameters[1], low=-0.5, written=-0.1, unit="m")
+    task = replace(TASK, parameters=(swing,))
+    assert parameter_table(task, (-0.124,)) == ((swing.name, "−0.1 m", "−0.124 m", True),)
+    assert "−0.1 → −0.124 m" in parameters_text(task, (-0.124,), 80).plain
+    assert swing.override(-0.124) == "-0.124 m"
+    named = replace(TASK.parameters[2], choices=("left-door",))
+    assert named.shown("left-door") == "left-door"
 
 
 def test_where_in_its_range_a_value_lies() -> None:
