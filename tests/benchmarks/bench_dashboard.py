@@ -54,7 +54,7 @@ def look(shown: Terminal, count: int) -> Iterator[Measurement]:
     further = []
     for _ in range(count - 1):
         shown.type("\x1b")
-        shown.until(f"of {count}  by index")
+        shown.until(f"of {count}  as submitted")
         shown.type("j")
         shown.read(0.3)
         further.append(opened(shown))
