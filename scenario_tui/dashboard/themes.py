@@ -99,8 +99,10 @@ class ThemedApp(LimitedTerminalApp):
         super().__init__()
         for theme in THEMES:
             self.register_theme(theme)
+        # Told of each of these the library would parse all style sheets once more.
+        self.set_reactive(ThemedApp.ansi_theme_dark, _ANSI_DARK)
+        self.set_reactive(ThemedApp.ansi_theme_light, _ANSI_LIGHT)
         self.theme = DARK
-        self.ansi_theme_dark, self.ansi_theme_light = _ANSI_DARK, _ANSI_LIGHT
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """Return what makes colours fit: those of words are for dark backgrounds."""
@@ -108,6 +110,14 @@ class ThemedApp(LimitedTerminalApp):
         dim = DimFilter(_DIM)
         filters = [dim if isinstance(f, DimFilter) else f for f in super().get_line_filters()]
         return filters if self.current_theme.dark else [BrightThemeColours(), *filters]
+
+    def refresh_css(self, animate: bool = True) -> None:
+        """Apply the theme to what is shown; before anything is, it only becomes the one meant."""
+        if self.screen_stack:
+            super().refresh_css(animate)
+        else:
+            # The first screen brings style sheets of its own, and all are parsed then.
+            self.stylesheet.set_variables(self.get_css_variables())
 
     def apply_limits(self, limits: TerminalLimits) -> None:
         """Show everything within limits; where there are few colours, selections are bright."""

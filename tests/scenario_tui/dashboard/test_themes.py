@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from rich.color_triplet import ColorTriplet
 from rich.segment import Segment
+from textual.css.stylesheet import Stylesheet
 
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 from scenario_tui.dashboard.config import Config
@@ -142,3 +143,15 @@ async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch)
     chosen.limit_to_terminal()
     async with chosen.run_test(size=(80, 24)):
         assert chosen.theme == "nord"
+
+
+async def test_style_sheets_are_parsed_once_before_the_first_screen(monkeypatch) -> None:
+    parsed = []
+    parse = Stylesheet.reparse
+    monkeypatch.setattr(Stylesheet, "reparse", lambda sheet: parsed.append(sheet) or parse(sheet))
+    async with make_dashboard(SteeredDaemon(), config=Config()).run_test() as pilot:
+        assert not parsed  # they are when the first screen asks for them
+        pilot.app.theme = LIGHT
+        await pilot.pause()
+        assert len(parsed) == 1
+        assert pilot.app.screen.background_colors[1].hex == "#FBFBF9"
