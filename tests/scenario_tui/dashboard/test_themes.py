@@ -134,7 +134,7 @@ def test_a_light_background_is_found_out(
 
 
 async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch) -> None:
-    monkeypatch.setattr("scenario_tui.dashboard.themes.has_light_background", lambda: True)
+    monkeypatch.setattr("scenario_tui.dashboard.themes.has_light_background", lambda **_: True)
     app = make_dashboard(SteeredDaemon())
     assert app.theme == DARK
     app.limit_to_terminal()
