@@ -29,6 +29,7 @@ from scenario_tui.cli.output import plain_table, say, stay_small, stdout_console
 
 if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
+    from scenario_tui.terminal.background_question import BackgroundQuestion
 
 Commands: TypeAlias = Annotated[
     bool | None,
@@ -182,7 +183,7 @@ def tui(
         _print_bindings()
         return
     why = _why_no_dashboard()
-    with nullcontext() if why else _connecting_screen():
+    with nullcontext() if why else _connecting_screen() as asked:
         from dataclasses import replace
 
         from scenario_tui.cli.target import DaemonTarget
@@ -201,7 +202,7 @@ def tui(
     equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
     launch = None if target.named or config.read_only else partial(_launch_daemon, target)
     stay_small()
-    code, farewell = run_dashboard(target.open, config, equivalent, launch)
+    code, farewell = run_dashboard(target.open, config, equivalent, launch, asked)
     if code:
         raise typer.Exit(ExitCode.BUG)
     say(farewell)
@@ -227,9 +228,14 @@ def _why_no_dashboard() -> str:
 
 
 @contextmanager
-def _connecting_screen() -> Iterator[None]:
-    """Answer at once: the libraries of the dashboard take several times as long as this line."""
+def _connecting_screen() -> Iterator[BackgroundQuestion]:
+    """Answer at once: the libraries of the dashboard take several times as long as this line.
+
+    Meanwhile the terminal tells its background: the question is what this yields.
+    """
     import sys
+
+    from scenario_tui.terminal.background_question import BackgroundQuestion
 
     def write(text: str) -> None:
         stream = unfiltered(sys.stderr)
@@ -238,9 +244,11 @@ def _connecting_screen() -> Iterator[None]:
 
     # Alternate screen, no cursor, cleared; first line, second column.
     write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")
+    asked = BackgroundQuestion()
     try:
-        yield
+        yield asked
     except BaseException:
+        asked.close()
         write("\x1b[?1049l\x1b[?25h")
         raise
 

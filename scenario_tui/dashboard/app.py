@@ -23,6 +23,7 @@ from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
 from scenario_tui.dashboard.screens.workers import WorkersScreen
+from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.text.formatting import pluralise
 
 FRAMES: Final = 10
@@ -204,10 +205,12 @@ def run_dashboard(
     config: Config | None = None,
     command_lines: CommandLines | None = None,
     launch_daemon: Callable[[], str] | None = None,
+    asked: BackgroundQuestion | None = None,
 ) -> tuple[int, str]:
     """Show the dashboard until somebody leaves it; return exit code and parting words.
 
     ``launch_daemon`` sees to it that a daemon answers, and returns what to say if it started one.
+    ``asked`` is the question for the background of the terminal, if it was put already.
     """
     app = Dashboard(
         Feed(open_daemon), config=config, command_lines=command_lines, launch_daemon=launch_daemon
@@ -216,6 +219,6 @@ def run_dashboard(
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        app.limit_to_terminal()
+        app.limit_to_terminal(asked)
         app.run(mouse=app.config.mouse)
     return app.return_code or 0, app.farewell()

@@ -49,7 +49,9 @@ class BaseDashboard(ThemedApp):
         self.background_tasks = BackgroundTasks()
         self.run_command = run_command
         self._check_file = check_file
-        self.read_playback = read_playback or PlaybackProcess().read
+        process = PlaybackProcess()
+        self.read_playback = read_playback or process.read
+        self._begin_playback = process.begin if read_playback is None else None
         self.command_lines = command_lines or CommandLines()
         self.config = config or Config()
         self.read_only = self.config.read_only
@@ -74,6 +76,11 @@ class BaseDashboard(ThemedApp):
 
             self._check_file = check_file_in_child
         return self._check_file
+
+    def prepare_playback(self) -> None:
+        """Have what reads traces there: somebody is about to open a run."""
+        if self._begin_playback is not None:
+            self.background_tasks.start(self._begin_playback, _nothing, self.problem)
 
     def open_matrix(self, campaign: str) -> None:
         """Show a campaign judged."""

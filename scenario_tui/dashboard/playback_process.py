@@ -2,8 +2,9 @@
 
 Sampling signals loads what judges: numba, scipy and shapely, and what they keep. In the process of
 the dashboard that would stay for as long as it is open: 245 MB with one run of the published
-building, 120 with what the other process hands over. That waits for the next trace, because to read
-one takes 0.05 CPU s and to load what reads it 1.0; after a minute without one it leaves.
+building, 120 with what the other process hands over. It starts when runs are shown and waits for
+the next trace, because to read one takes 0.05 CPU s and to load what reads it 1.0; after a minute
+without one it leaves.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -46,12 +48,24 @@ def read_playback(path: Path, verdicts: Sequence[Verdict]) -> Playback:
 
 
 class PlaybackProcess:
-    """Reads traces in a child process, which is there from the first one on; for any thread."""
+    """Reads traces in a child process, there from :meth:`begin` or the first one; any thread."""
 
     def __init__(self, idle: float = IDLE) -> None:
         self._idle = idle
         self._child: subprocess.Popen[bytes] | None = None
         self._turn = threading.Lock()
+
+    def begin(self) -> None:
+        """Have the process there, and what it needs loaded, before the first trace is asked for."""
+        # Whoever asks for a trace just now starts it by that.
+        if self._turn.acquire(blocking=False):
+            try:
+                if self._child is not None and self._child.poll() is not None:
+                    self.close()
+                if self._child is None:
+                    self._child = _start(self._idle)
+            finally:
+                self._turn.release()
 
     def read(self, path: Path, verdicts: Sequence[Verdict]) -> Playback:
         """Return what :func:`read_playback` does."""
@@ -110,9 +124,17 @@ def main(arguments: list[str]) -> None:
     # What prints must not do so into the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    _load()
     with contextlib.suppress(EOFError, BrokenPipeError):
         while select.select([sys.stdin], [], [], float(arguments[0]))[0]:
             _answer(sys.stdin.buffer, answers)
+
+
+def _load() -> None:
+    """Load what reads traces and samples their signals: somebody is about to open a run."""
+    import_module("scenario_tui.dashboard.playback")
+    import_module("daemon.judging.oracles")
+    import_module("daemon.judging.run_signals")
 
 
 def _answer(questions: IO[bytes], answers: IO[bytes]) -> None:

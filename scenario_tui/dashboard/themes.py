@@ -10,6 +10,8 @@ from textual.color import Color
 from textual.filter import DimFilter, LineFilter
 from textual.theme import Theme
 
+from scenario_tui.terminal.answer_parser import BackgroundTold
+from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import TerminalLimits, has_light_background
 from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
@@ -99,8 +101,10 @@ class ThemedApp(LimitedTerminalApp):
         super().__init__()
         for theme in THEMES:
             self.register_theme(theme)
+        # Told of each of these the library would parse all style sheets once more.
+        self.set_reactive(ThemedApp.ansi_theme_dark, _ANSI_DARK)
+        self.set_reactive(ThemedApp.ansi_theme_light, _ANSI_LIGHT)
         self.theme = DARK
-        self.ansi_theme_dark, self.ansi_theme_light = _ANSI_DARK, _ANSI_LIGHT
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """Return what makes colours fit: those of words are for dark backgrounds."""
@@ -109,15 +113,35 @@ class ThemedApp(LimitedTerminalApp):
         filters = [dim if isinstance(f, DimFilter) else f for f in super().get_line_filters()]
         return filters if self.current_theme.dark else [BrightThemeColours(), *filters]
 
+    def refresh_css(self, animate: bool = True) -> None:
+        """Apply the theme to what is shown; before anything is, it only becomes the one meant."""
+        if self.screen_stack:
+            super().refresh_css(animate)
+        else:
+            # The first screen brings style sheets of its own, and all are parsed then.
+            self.stylesheet.set_variables(self.get_css_variables())
+
     def apply_limits(self, limits: TerminalLimits) -> None:
         """Show everything within limits; where there are few colours, selections are bright."""
         super().apply_limits(limits)
         self.set_class(limits.colours != "all", "-few-colours")
 
-    def limit_to_terminal(self) -> None:
-        """Show everything within what the terminal of this process can do, in fitting colours."""
+    def limit_to_terminal(self, asked: BackgroundQuestion | None = None) -> None:
+        """Show everything within what the terminal of this process can do, in fitting colours.
+
+        It is asked for its background and waited for, unless it was ``asked`` before: then an
+        answer that is not there yet changes the colours when it comes.
+        """
+        # First: what is asked next would read this answer.
+        said = None if asked is None else asked.close()
         super().limit_to_terminal()
-        if not self.chosen_theme() and has_light_background():
+        ask = None if said is None else lambda: said
+        if not self.chosen_theme() and has_light_background(ask=ask):
+            self.theme = LIGHT
+
+    def on_background_told(self, told: BackgroundTold) -> None:
+        """Take the colours for light backgrounds where others were neither chosen nor told."""
+        if told.light and self.theme == DARK and not self.chosen_theme():
             self.theme = LIGHT
 
     def chosen_theme(self) -> str:

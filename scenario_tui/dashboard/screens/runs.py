@@ -120,6 +120,10 @@ class RunsScreen(SteeringScreen):
         line.display = bool(line.value)
         super().on_mount()
 
+    def on_screen_resume(self) -> None:
+        """Make ready for a run to be opened, once the runs are shown."""
+        self.call_after_refresh(self.dashboard.prepare_playback)
+
     def _remember(self, key: str = "") -> None:
         """Remember how these runs are looked at, with the run in front if there is one yet."""
         # At once and not when the screen goes: what comes in its place asks before.

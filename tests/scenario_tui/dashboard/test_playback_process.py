@@ -14,6 +14,8 @@ import pytest
 
 from daemon.trace import TraceError
 from scenario_tui.dashboard.playback_process import PlaybackProcess, read_playback
+from tests.scenario_tui.dashboard.driven import SteeredDaemon
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.recorded import record_run
 
 
@@ -77,6 +79,39 @@ def test_it_leaves_when_nothing_is_asked(trace: Path) -> None:
     assert process._child.wait(60.0) == 0
     assert process.read(trace, ()).end > 0.0
     process.close()
+
+
+def test_the_process_that_was_begun_is_the_one_that_reads(trace: Path) -> None:
+    process = PlaybackProcess()
+    process.begin()
+    begun = pid(process)
+    process.begin()
+    assert pid(process) == begun
+    assert process.read(trace, ()).end > 0.0
+    assert pid(process) == begun
+    process.close()
+
+
+def test_one_that_was_begun_and_is_not_asked_leaves_and_is_begun_anew(trace: Path) -> None:
+    process = PlaybackProcess(idle=0.1)
+    process.begin()
+    assert process._child is not None
+    assert process._child.wait(60.0) == 0
+    before = pid(process)
+    process.begin()
+    assert pid(process) != before
+    assert process.read(trace, ()).end > 0.0
+    process.close()
+
+
+async def test_it_is_begun_when_runs_are_shown_and_not_before(monkeypatch) -> None:
+    begun = []
+    monkeypatch.setattr(PlaybackProcess, "begin", lambda process: begun.append(process))
+    async with make_dashboard(SteeredDaemon(), read_playback=None).run_test() as pilot:
+        await settle(pilot)
+        assert not begun
+        await press(pilot, "enter")
+        assert len(begun) == 1
 
 
 def test_nothing_that_judges_is_loaded_to_look_at_a_run(trace: Path) -> None:

@@ -148,6 +148,25 @@ def test_colours_follow_the_background_of_the_terminal(
         shown.until(lambda: shown.screen.buffer[10][2].bg == shown_on)
 
 
+def test_an_answer_that_comes_late_changes_the_colours_and_is_no_key(daemon) -> None:
+    colours = {"COLORTERM": "truecolor"}
+    with terminal(dashboard(daemon), environ=colours, background="") as shown:
+        shown.until("corridor-1")
+        shown.until(lambda: shown.screen.buffer[10][2].bg == "12151a")
+        # As keys that would be: 1, r for running it again, a filter.
+        shown.type("\x1b]11;rgb:ffff/ff")
+        shown.read(0.3)
+        shown.type("ff/ffff\x1b\\")
+        shown.until(lambda: shown.screen.buffer[10][2].bg == "fbfbf9")
+        shown.type("?")
+        shown.until("Also the arrow")
+        shown.type("\x1b")
+        shown.until("corridor-1")
+        shown.type("q")
+        assert shown.wait() == 0
+        assert restored(shown)
+
+
 def test_a_dumb_terminal_is_told_what_to_do() -> None:
     with terminal(scenario("tui"), environ={"TERM": "dumb"}) as shown:
         assert shown.wait() == 2

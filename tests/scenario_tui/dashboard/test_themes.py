@@ -10,6 +10,7 @@ import pytest
 from rich.color_triplet import ColorTriplet
 from rich.segment import Segment
 from textual._context import visible_screen_stack
+from textual.css.stylesheet import Stylesheet
 from textual.strip import Strip
 
 from grammars.text.diagnostics import Diagnostic, Severity, Where
@@ -179,7 +180,7 @@ def test_a_light_background_is_found_out(
 
 
 async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch) -> None:
-    monkeypatch.setattr("scenario_tui.dashboard.themes.has_light_background", lambda: True)
+    monkeypatch.setattr("scenario_tui.dashboard.themes.has_light_background", lambda **_: True)
     app = make_dashboard(SteeredDaemon())
     assert app.theme == DARK
     app.limit_to_terminal()
@@ -188,3 +189,15 @@ async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch)
     chosen.limit_to_terminal()
     async with chosen.run_test(size=(80, 24)):
         assert chosen.theme == "nord"
+
+
+async def test_style_sheets_are_parsed_once_before_the_first_screen(monkeypatch) -> None:
+    parsed = []
+    parse = Stylesheet.reparse
+    monkeypatch.setattr(Stylesheet, "reparse", lambda sheet: parsed.append(sheet) or parse(sheet))
+    async with make_dashboard(SteeredDaemon(), config=Config()).run_test() as pilot:
+        assert not parsed  # they are when the first screen asks for them
+        pilot.app.theme = LIGHT
+        await pilot.pause()
+        assert len(parsed) == 1
+        assert pilot.app.screen.background_colors[1].hex == "#FBFBF9"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import pty
+import select
+import termios
 import threading
 from types import SimpleNamespace
 
@@ -14,6 +16,8 @@ from rich.style import Style
 from textual.color import Color
 
 from scenario_tui.terminal import capabilities
+from scenario_tui.terminal.answer_parser import AnswerParser, BackgroundTold
+from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import (
     TerminalLimits,
     ascii_only,
@@ -164,3 +168,44 @@ def test_everything_is_said_in_ascii_as_wide_as_before(text: str, expected: str)
     assert cell_len(expected) == cell_len(text)
     (segment,) = AsciiGlyphs().apply([Segment(text, Style(bold=True))], BLACK)
     assert segment == Segment(expected, Style(bold=True))
+
+
+def keys_and_backgrounds(pieces: list[str]) -> list[object]:
+    parser = AnswerParser()
+    found = [message for piece in pieces for message in parser.feed(piece)]
+    return [m.light if isinstance(m, BackgroundTold) else m.key for m in found]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("end", ["\x07", "\x1b\\"])
+@pytest.mark.parametrize("cut", [2, 3, 5, 9, 23, 24])
+def test_a_late_answer_is_no_key_in_however_many_pieces(cut: int, end: str) -> None:
+    answer = f"\x1b]11;rgb:ffff/ffff/ffff{end}"
+    assert keys_and_backgrounds([f"a{answer}b"]) == [True, "a", "b"]
+    assert keys_and_backgrounds([answer[:cut], answer[cut:] + "b"]) == [True, "b"]
+    assert keys_and_backgrounds([answer.replace("ffff", "0000")]) == [False]
+
+
+def test_keys_that_begin_like_an_answer_are_keys() -> None:
+    assert keys_and_backgrounds(["\x1b[A", "]11;"]) == ["up", "right_square_bracket", "1", "1",
+                                                        "semicolon"]  # fmt: skip
+
+
+def test_nobody_waits_for_what_was_asked_early() -> None:
+    master, slave = pty.openpty()
+    try:
+        before = termios.tcgetattr(slave)
+        silent = BackgroundQuestion({}, slave, slave)
+        assert os.read(master, 64) == b"\x1b]11;?\x1b\\"
+        assert silent.close() == b""
+        asked = BackgroundQuestion({}, slave, slave)
+        os.read(master, 64)
+        os.write(master, b"\x1b]11;rgb:ff/ff/ff\x07")
+        assert select.select([slave], [], [], 60.0)[0]
+        assert asked.close() == b"\x1b]11;rgb:ff/ff/ff\x07"
+        assert termios.tcgetattr(slave) == before
+        assert not select.select([master], [], [], 0.0)[0], "the answer was echoed"
+        assert BackgroundQuestion({"COLORFGBG": "0;15"}, slave, slave).close() == b""
+        assert not select.select([master], [], [], 0.0)[0], "there was no need to ask"
+    finally:
+        os.close(master)
+        os.close(slave)
