@@ -182,8 +182,13 @@ def footprint_shape(pose: Pose2, robot: Robot) -> PlanShape:
 
 def heading_shape(pose: Pose2, robot: Robot) -> PlanShape:
     """Return the line from the middle of a robot to its nose, at least 10 cm long."""
-    reach = max(max(x for x, _ in robot.footprint), 0.1)
-    return PlanShape(ShapeRole.HEADING, "line", (((pose.x, pose.y), pose.apply((reach, 0.0))),))
+    nose = pose.apply((nose_reach(robot), 0.0))
+    return PlanShape(ShapeRole.HEADING, "line", (((pose.x, pose.y), nose),))
+
+
+def nose_reach(robot: Robot) -> float:
+    """Return how far the footprint of a robot reaches forward [m], at least 10 cm."""
+    return max(max(x for x, _ in robot.footprint), 0.1)
 
 
 def spread_shape(centre: Pose2, spread: tuple[float, float, float], count: int = 48) -> PlanShape:

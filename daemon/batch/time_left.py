@@ -207,7 +207,9 @@ def _lay(
 
 def _parts(work: CampaignWork, times: CellTimes, size: int) -> Iterable[tuple[int, float | None]]:
     """Yield so many runs that take so long each, in order."""
-    cells = [(cell.queued, times.of_queued(cell)) for cell in work.cells]
+    cells = [
+        (cell.queued, times.of_run(cell.scenario, cell.sut, cell.limit)) for cell in work.cells
+    ]
     cells.append((work.more, times.of_any()))
     for queued, seconds in cells:
         for first in range(0, queued, size):
@@ -237,10 +239,6 @@ class CellTimes:
             # Better than nothing: other campaigns on the same machines.
             others = [cell.executed for one in all_work for cell in one.cells]
             self._any = sum(others, ExecutedRuns())
-
-    def of_queued(self, cell: CellWork) -> float | None:
-        """Return the seconds that a run of the cell takes."""
-        return self.of_run(cell.scenario, cell.sut, cell.limit)
 
     def of_run(self, scenario: str, sut: str, limit: float) -> float | None:
         """Return the seconds that a run with that ``limit`` [s simulated] takes, if known."""

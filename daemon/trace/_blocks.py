@@ -88,6 +88,14 @@ def interleave(blocks: Sequence[MessageBlock]) -> MessageTable:
     return MessageTable(channels[order], times[order], offsets, data)
 
 
+def records_at_any_place(data: bytes | ByteArray, size: int) -> ByteArray:
+    """Return every place a record of ``size`` bytes can lie at, as the rows of a table: a view.
+
+    Many records are then read or written at once. Shape (len(data) - size + 1, size).
+    """
+    return np.ndarray((len(data) - size + 1, size), np.uint8, data, 0, (1, 1))
+
+
 def _part(block: MessageBlock, first: int, stop: int) -> MessageBlock:
     """Return the messages ``first`` to ``stop`` of a block."""
     if stop - first == len(block.times):
@@ -103,9 +111,7 @@ def _scatter(block: MessageBlock, sizes: IntArray, data: ByteArray, places: IntA
     rows = np.frombuffer(block.data, np.uint8)
     size = int(sizes[0])
     if (sizes == size).all():
-        # Every place a record of this size can lie at, as the rows of a table: n copies at once.
-        table = np.ndarray((len(data) - size + 1, size), np.uint8, data, 0, (1, 1))
-        table[places] = rows.reshape(-1, size)
+        records_at_any_place(data, size)[places] = rows.reshape(-1, size)
         return
     for place, start, length in zip(
         places.tolist(), block.offsets.tolist(), sizes.tolist(), strict=True

@@ -24,6 +24,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
+from daemon.trace._blocks import records_at_any_place
 from daemon.trace._mcap_writer import MAGIC
 from daemon.trace._model import TraceError
 from daemon.trace.layouts import HEADER, ByteArray, IntArray, MessageLayout
@@ -343,9 +344,7 @@ class _McapWalk:
         if self._runs > RUN_LIMIT:
             raise TraceError(self.recording.path, "holds too many scattered messages")
         for first, stop in itertools.pairwise((0, *edges, len(sizes))):
-            size = int(sizes[first])
-            # Every place a record of this size can lie at, as the rows of a table.
-            table = np.ndarray((len(data) - size + 1, size), np.uint8, data, 0, (1, 1))
+            table = records_at_any_place(data, int(sizes[first]))
             self._collect(topic, table[offsets[first:stop]])
 
     def _collect(self, topic: str, rows: ByteArray) -> None:

@@ -178,11 +178,11 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
     if target.named:
         with target.open() as daemon:
             row = find_run(daemon, run).row
-            campaign = find_campaign(daemon, row.campaign)
+            campaign = None if row.trace else find_campaign(daemon, row.campaign)
     else:
         with open_ledger(target.paths) as ledger:
             row = find_run(ledger, run).row
-            campaign = find_campaign(ledger, row.campaign)
+            campaign = None if row.trace else find_campaign(ledger, row.campaign)
         steps, output = read_steps(target.paths, row.id), read_outputs(target.paths, row.id)
     recorded, printed = _recorded(one_trace(row.id, target, "RUN")) if row.trace else ((), {})
     standing = "" if row.trace else without_trace_text(row, campaign)

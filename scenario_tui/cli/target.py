@@ -350,6 +350,8 @@ def why_no_trace(
     """Return why a run has no trace (yet), and where it stands in the queue of its campaign."""
     from daemon.model.messages import LARGEST_PAGE
 
+    if run.state is not RunState.QUEUED:
+        return without_trace_text(run, campaign)
     waiting = run_page(campaign=run.campaign, state=RunState.QUEUED, limit=LARGEST_PAGE)
     before = next((k for k, row in enumerate(waiting.rows) if row.id == run.id), None)
     return without_trace_text(run, campaign, before)
@@ -404,7 +406,7 @@ def transfer_progress(total: int) -> Iterator[ByteProgress]:
 
 def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
     """Whether a daemon that was named has to be asked."""
-    return target.named and not names_traces(name) and not name.endswith(".mcap")
+    return target.named and not name.endswith(".mcap") and not names_traces(name)
 
 
 def names_traces(name: str) -> bool:
@@ -446,7 +448,8 @@ def resolve_recorded(name: str, paths: StatePaths) -> str:
     from daemon.analysis.report import open_ledger
     from daemon.model.status import RunDetail
 
-    if names_traces(name) or name.endswith(".mcap") or not paths.ledger.is_file():
+    # Whether a folder holds traces is asked last: that may be a walk through a whole tree.
+    if name.endswith(".mcap") or not paths.ledger.is_file() or names_traces(name):
         return name
     try:
         with open_ledger(paths) as ledger:

@@ -13,7 +13,7 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import FLOOR, FOOT, ROBOT, ROUTE, Page, legend_row
-from templates.plan_shapes import footprint_shape, waypoint_shapes
+from templates.plan_shapes import footprint_shape, nose_reach, waypoint_shapes
 
 _RADIUS: Final = 10.0
 _NEAR: Final = 2.0 * _RADIUS
@@ -71,7 +71,7 @@ def robot(mission: Mission, machine: Robot | None, page: Page) -> list[DrawingIt
     if machine is not None:
         body = page.ring(footprint_shape(start, machine).parts[0])
         items.append(Shape((body,), fill=ROBOT, line=FLOOR, width=1.5))
-        reach = max(max(x for x, _ in machine.footprint), 0.1)
+        reach = nose_reach(machine)
     length = max(reach, 16.0 / page.scale)
     nose, left, right = (
         page.point(start.apply(p))

@@ -161,7 +161,7 @@ class Handlers(SearchHandlers):
             seconds_left=self._time_left.of_all(ledger, now),
             trouble=trouble,
             troubles=troubles,
-            preparing=next((row.preparing for row in workers if row.preparing), self.starting()),
+            preparing=next((w.preparing for w in workers if w.preparing), "") or self.starting(),
         )
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:

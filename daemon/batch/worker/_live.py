@@ -91,7 +91,7 @@ class LivePublisher:
         if Wanted.DETAILS in watch.wanted and watch.budget.allows(now):
             watch.budget.spend(len(live))
             watch.details.put(live)
-        if now - watch.published_at >= _LIVE_PERIOD and _has_subscribers(self._all):
+        if now - watch.published_at >= _LIVE_PERIOD and Wanted.MARGIN in watch.wanted:
             watch.published_at = now
             self._all.put(_without_details(live) if Wanted.DETAILS in watch.wanted else live)
 
