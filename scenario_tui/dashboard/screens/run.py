@@ -252,7 +252,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self.set_class(bool(untold) and not why, "-untold")
         soon = "" if judgement or not _runs(detail) else self._untold(detail, track)
         self.query_one("#signs").display = told
-        self.query_one("#signs", Static).update(soon or SIGNS)
+        # As text: what a system waits for may have brackets, which are markup otherwise.
+        self.query_one("#signs", Static).update(Text(soon or SIGNS))
         if not why and view is not None:
             if self._so_far and track and judgement:
                 known, limit = clearance_along(self._so_far.strips, track.times)

@@ -95,6 +95,13 @@ async def test_while_a_system_starts_the_map_shows_where_it_will(size: tuple[int
         assert pilot.app.screen.query_one(TopView).size.height > size[1] / 2
 
 
+async def test_what_a_system_waits_for_is_shown_as_it_is_brackets_too() -> None:
+    waiting = "waiting for [/map] of [amcl]"
+    async with opened(FakeDaemon(live=(make_live(7, waiting=waiting),)), (140, 40)) as pilot:
+        await look_at(pilot)
+        assert waiting in shown(pilot)
+
+
 async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on() -> None:
     fake = running()
     fake.judged[RUN] = make_judgement(contact=True)
