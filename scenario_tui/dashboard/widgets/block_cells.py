@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grammars.model.geometry import Floats
-from scenario_tui.dashboard.widgets.cell_view import DOT_BITS, Cells, Codes
+from scenario_tui.dashboard.widgets.cell_view import DOT_BITS, Cells, Codes, points_along
 from scenario_tui.terminal.capabilities import Blocks
 
 Mask = npt.NDArray[np.bool_]
@@ -82,12 +82,7 @@ def draw_strokes(mask: Mask, lines: Floats) -> None:
         return
     height, width = mask.shape
     lines = lines[_may_be_seen(lines, width, height)]
-    start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]
-    steps = np.ceil(np.max(np.abs(way), axis=1)).astype(np.int64) + 1
-    line = np.repeat(np.arange(len(lines)), steps)
-    first = np.repeat(np.cumsum(steps) - steps, steps)
-    along = (np.arange(len(line)) - first) / np.maximum(steps[line] - 1, 1)
-    x, y = np.floor(start[line] + along[:, None] * way[line]).astype(np.int64).T
+    x, y = np.floor(points_along(lines)).astype(np.int64).T
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     mask[y[inside], x[inside]] = True
 

@@ -38,6 +38,17 @@ again: here every part is work for the compositor.
 """
 
 
+def points_along(segments: Floats) -> Floats:
+    """Return points (m, 2) along straight lines (n, 4) as x0, y0, x1, y1, at most 1 apart."""
+    start, way = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    steps = np.ceil(np.max(np.abs(way), axis=1)).astype(np.int64) + 1
+    line = np.repeat(np.arange(len(segments)), steps)
+    first = np.repeat(np.cumsum(steps) - steps, steps)
+    along = (np.arange(len(line)) - first) / np.maximum(steps[line] - 1, 1)
+    points: Floats = start[line] + along[:, None] * way[line]
+    return points
+
+
 class Canvas:
     """Dots of several layers over ``columns`` x ``rows`` cells; dot (0, 0) is at the top left."""
 
@@ -78,12 +89,7 @@ class Canvas:
         """Draw straight lines, shape (n, 4) as x0, y0, x1, y1 in dots."""
         if len(segments) == 0:
             return
-        start, way = segments[:, :2], segments[:, 2:] - segments[:, :2]
-        steps = np.ceil(np.max(np.abs(way), axis=1)).astype(np.int64) + 1
-        line = np.repeat(np.arange(len(segments)), steps)
-        first = np.repeat(np.cumsum(steps) - steps, steps)
-        along = (np.arange(len(line)) - first) / np.maximum(steps[line] - 1, 1)
-        self.points(start[line] + along[:, None] * way[line], layer)
+        self.points(points_along(segments), layer)
 
     def bars(self, columns: Codes, tops: Floats, bottoms: Floats, layer: int) -> None:
         """Fill columns of dots (n,) from ``tops`` to ``bottoms`` (n,), the rows of both included.

@@ -94,8 +94,8 @@ class RunningGrid(Widget, can_focus=True):
         across = self._across()
         most = lines * across
         # Who is in trouble must be in view; beyond that a run stays in its place.
-        worst = sorted(runs, key=lambda one: one.trouble)[:most]
-        self._runs = tuple(one for one in runs if one in worst)
+        worst = {one.run for one in sorted(runs, key=lambda one: one.trouble)[:most]}
+        self._runs = tuple(one for one in runs if one.run in worst)
         self._hidden = len(runs) - len(self._runs)
         self.display = bool(runs) and height >= _LOWEST
         if not self.display:
@@ -119,11 +119,12 @@ class RunningGrid(Widget, can_focus=True):
         text.append("" if self.has_focus else "  tab to choose", style=QUIET)
         across = self._across()
         width = (self.size.width or self.screen.size.width) // across
+        chosen = self.chosen if self.has_focus else ""
         for place, one in enumerate(self._runs):
             text.append("\n" if place % across == 0 else "")
             cell = run_line(one)
             cell.truncate(width - 1, overflow="ellipsis", pad=True)
-            if self.has_focus and one.run == self.chosen:
+            if one.run == chosen:
                 cell.stylize("reverse")
             text.append_text(cell).append(" ")
         return text

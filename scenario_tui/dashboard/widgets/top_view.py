@@ -136,8 +136,6 @@ class MapFrame:
         # All at once: each call of numpy takes its time.
         dots = self.still.projection.dots(np.vstack(points))
         parts = np.split(dots, np.cumsum([len(part) for part in points])[:-1])
-        before = self._shown.copy()
-        self._shown.add(layer)
         if shape.role is ShapeRole.MOVER:
             self._movers[shape.text] = dots
         if shape.form == "dots":
@@ -159,10 +157,9 @@ class MapFrame:
             self.canvas.lines(edges, layer)
             if shape.form == "area" and shape.role is not ShapeRole.ROBOT:
                 self.canvas.merge(area_dots(edges, self.canvas.columns, self.canvas.rows), layer)
-        if not self.canvas.layer(layer).any() and all(
-            owner is not layer for _, owner in self._glyphs.values()
-        ):
-            self._shown = before
+        marked = any(owner is layer for _, owner in self._glyphs.values())
+        if marked or self.canvas.layer(layer).any():
+            self._shown.add(layer)
 
     def _mark(self, shape: PlanShape, layer: Layer, dots: Floats) -> None:
         sign = _GLYPHS.get(shape.role)
