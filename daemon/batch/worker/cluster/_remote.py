@@ -99,7 +99,7 @@ class JobProgress:
 _WARM_UP_LIMIT: Final = 330.0
 """Seconds: longer than the fork server of the launcher may take, which has a reason to give."""
 _TICK: Final = 0.2
-"""Seconds after which a run that nobody wants any more is stopped."""
+"""Seconds between two looks whether anybody still wants a run; one that nobody does is stopped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,15 +225,20 @@ class RemoteLauncher:
         wanted: Callable[[], bool],
         tell: Callable[[LaunchReport], None],
     ) -> AttemptEnd:
+        looked_at = time.monotonic()
         while True:
+            # A run that is watched tells of itself more often than every tick, so a tick is not the
+            # time without a report.
+            if time.monotonic() - looked_at >= _TICK:
+                looked_at = time.monotonic()
+                if not wanted():
+                    self._send(LaunchRequest(key))
             try:
                 report = inbox.get(timeout=_TICK)
             except Empty:
                 # It may have ended before this inbox was there for its reader to find.
                 if self.ended:
                     return _LAUNCHER_ENDED
-                if not wanted():
-                    self._send(LaunchRequest(key))
                 continue
             if report.end is not None:
                 return report.end

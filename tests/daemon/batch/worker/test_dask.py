@@ -143,14 +143,18 @@ def test_running_runs_are_seen_live(client: Client) -> None:
     assert times == sorted(times)
 
 
-def test_a_run_in_the_cluster_is_watched_and_judged(client: Client) -> None:
+def test_a_run_in_the_cluster_is_watched_and_judged(client: Client, tmp_path: Path) -> None:
     seen: list[LiveSnapshot] = []
     judged: list[LiveJudgement] = []
-    client.submit(make_submission("watched", 1, sleep=600.0))
+    log = tmp_path / "log"
+    client.submit(make_submission("watched", 1, sleep=600.0, log=str(log)))
     with client.watch("watched.0", seen.append, judged.append):
         eventually(lambda: any(live.snapshot.returns == (100, 200) for live in seen))
         eventually(lambda: judged)
+        running = eventually(lambda: started(log, 1))
         client.cancel("watched")
+        # It tells of itself more often than it is looked whether somebody still wants it.
+        eventually(lambda: not alive(running))
     assert {one.run for one in judged} == {"watched.0"}
     assert len(judged[-1].log) == 2000
 
@@ -158,7 +162,7 @@ def test_a_run_in_the_cluster_is_watched_and_judged(client: Client) -> None:
 def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_path: Path) -> None:
     # On a busy machine a lease may lapse before its run begins: then it begins again.
     with (
-        daemon_at(tmp_path / "state", attempts=50, lease=5.0) as daemon,
+        daemon_at(tmp_path / "state", attempts=50, lease=3.0) as daemon,
         daemon.client() as client,
     ):
         log = tmp_path / "log"
