@@ -46,6 +46,7 @@ _POSE_PATIENCE: Final = 5.0
 """A stack that is ready otherwise is given so long [s of wall clock] to say where it is."""
 _FAR: Final = 0.5
 """A reset stack that believes to be farther from the start [m, rad] was not reset."""
+_NOT_UP: Final = "the stack did not come up"
 _CLOCK_FILE: Final = "clock"
 _LAST_LINES: Final = 20
 _RESET_STEPS: Final = (("deactivate", "inactive"), ("cleanup", "unconfigured"))
@@ -115,7 +116,8 @@ class BringUp:
                 yield from self._connect()
             self._align()
         except LinkLost as error:
-            raise SutFailure(self.ready_session().explain(str(error))) from error
+            why = self.ready_session().explain(str(error))
+            raise SutFailure(f"{_NOT_UP}: {why}") from error
         identity = self.ready_session().link.identity
         self.events.append(
             SutEvent(
@@ -358,7 +360,7 @@ class BringUp:
     def _check_alive(self, process: StackProcess, missing: str) -> None:
         ended = process.ended()
         if ended:
-            raise SutFailure(self._with_last_lines(f"the stack did not come up: {ended}"))
+            raise SutFailure(self._with_last_lines(f"{_NOT_UP}: {ended}"))
         if wall_clock.monotonic() - self._began > self._settings.start_up:
             raise SutFailure(
                 self._with_last_lines(

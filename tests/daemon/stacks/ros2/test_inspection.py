@@ -189,11 +189,13 @@ def test_a_stack_that_does_not_get_ready_is_looked_at_all_the_same(
     assert process.released == [False]
 
 
+@pytest.mark.parametrize("link_ends_first", [False, True])
 def test_a_stack_that_ends_cannot_be_looked_at(
-    stack: PretendedStack, process: PretendedProcess
+    stack: PretendedStack, process: PretendedProcess, link_ends_first: bool
 ) -> None:
     process.end = "the launch command ended with exit code 3"
     stack.active_after = 10**9
+    stack.gone = link_ends_first
     with pytest.raises(SutFailure, match="the stack did not come up: the launch command ended"):
         inspected()
     assert process.released == [False]
