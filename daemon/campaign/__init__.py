@@ -1,16 +1,7 @@
 """Campaign files: from layers by name to run specifications."""
 
 from daemon.campaign._bundle import bundle_campaign
-from daemon.campaign._campaign import (
-    Campaign,
-    check,
-    examine,
-    expand,
-    load_campaign,
-    noise_seed,
-    repeat_seed,
-    run_spec,
-)
+from daemon.campaign._campaign import Campaign, expand, noise_seed, repeat_seed, run_spec
 from daemon.campaign._campaign_text import campaign_text
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._file import CampaignFile
@@ -29,6 +20,7 @@ from daemon.campaign._layers import (
     layer_names,
     layer_places,
 )
+from daemon.campaign._loader import check, examine, load_campaign
 from daemon.campaign._origin import campaign_origin
 from daemon.campaign._overrides import find_overridable, overridable, with_overrides
 from daemon.campaign._parameters import (

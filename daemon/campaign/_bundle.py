@@ -13,7 +13,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._campaign import Campaign, expand, load_campaign
+from daemon.campaign._campaign import Campaign, expand
+from daemon.campaign._loader import load_campaign
 from daemon.model.bundles import MOST_FILES, unpack_bundle
 from daemon.model.search import LARGEST_BUNDLE, BundledFile
 from grammars.text.diagnostics import InputError, Where
