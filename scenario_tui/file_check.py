@@ -104,7 +104,7 @@ def _jsonld(path: Path, base: str = "") -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _mission(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
-    from grammars.model.files import load_mission
+    from grammars.model.mission_files import load_mission
 
     mission, _ = load_mission(path)
     return f"mission with {pluralise(len(mission.waypoints), 'waypoint')}", ()
@@ -127,7 +127,7 @@ def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     if "waypoints" in keys:
         return _mission(path)
     if "robot" in keys:
-        from grammars.model.files import load_robot
+        from grammars.model.robot_files import load_robot
 
         return f"robot {load_robot(path).name}", ()
     if "sut" in keys:

@@ -31,8 +31,8 @@ from daemon.run import execute
 from grammars.floorplan import FloorPlan, load_floorplan
 from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
 from grammars.model.behaviour import KeyFrames
-from grammars.model.files import load_mission
 from grammars.model.map_files import read_map, write_map
+from grammars.model.mission_files import load_mission
 from grammars.model.scene import Scene
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours

@@ -23,8 +23,8 @@ from daemon.campaign._search_file import SearchText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.search import SEARCH_NAME
 from daemon.model.spec import MapSettings
-from grammars.model.files import MISSION_KEYS, ROBOT_KEYS
 from grammars.model.grid import MapRule
+from grammars.model.misplaced_keys import MISSION_KEYS, ROBOT_KEYS
 from grammars.text.documents import Duration, Length, Ratio, StrictModel
 from grammars.text.quantity import read_as
 

@@ -17,11 +17,12 @@ from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import sut_kinds
 from grammars.floorplan import WALLS_ENDING, FloorPlan, ParsedFloorPlan, read_floorplan
 from grammars.jsonld import is_jsonld, load_floorplan_jsonld, load_scenery_jsonld
-from grammars.model.files import read_mission, read_robot
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
 from grammars.model.mission import Mission
+from grammars.model.mission_files import read_mission
 from grammars.model.robot import Robot
+from grammars.model.robot_files import read_robot
 from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, configure, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean

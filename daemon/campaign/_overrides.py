@@ -16,7 +16,8 @@ from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.model.search import ParameterSlot
 from grammars.floorplan import WALLS_ENDING
 from grammars.jsonld import is_jsonld
-from grammars.model.files import MissionText, RobotText
+from grammars.model.mission_files import MissionText
+from grammars.model.robot_files import RobotText
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Where
 from grammars.text.documents import KeyPath, QuantityField, YamlDocument

@@ -37,7 +37,7 @@ from daemon.campaign._ros_sources import (
 from daemon.campaign._scenarios import LayerReference
 from daemon.stacks.registry import is_built_in
 from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Keys
-from grammars.model.files import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
+from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import YamlDocument, load_yaml, read_model
 from grammars.text.sources import is_file

@@ -46,7 +46,8 @@ def schema_of(kind: FileKind) -> dict[str, Any]:
     from daemon.campaign import CampaignFile
     from grammars.editor import editor_schema, oracle_schema
     from grammars.maps import WallsText
-    from grammars.model.files import MissionText, RobotText
+    from grammars.model.mission_files import MissionText
+    from grammars.model.robot_files import RobotText
 
     models: dict[FileKind, type[Any]] = {
         FileKind.CAMPAIGN: CampaignFile,

@@ -202,9 +202,9 @@ def _empty_room() -> tuple[Scene, Robot, Mission]:
     """Return a room without anything in it, the demo's robot, and a mission to stay there."""
     from importlib.resources import as_file, files
 
-    from grammars.model.files import load_robot
     from grammars.model.geometry import Pose2
     from grammars.model.mission import Mission, Waypoint
+    from grammars.model.robot_files import load_robot
     from grammars.model.scene import Region, Scene, Solid
 
     half, outer = _ROOM / 2.0, _ROOM / 2.0 + _WALL

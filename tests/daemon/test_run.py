@@ -26,8 +26,8 @@ from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError, execute
 from daemon.stacks import registry
 from daemon.trace import TraceWriter, read_trace
-from grammars.model.files import load_robot
 from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot_files import load_robot
 from grammars.model.scene import Scene
 from grammars.text import codec
 from tests.daemon.trace.mcap_checks import complaints

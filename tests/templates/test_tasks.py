@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from grammars.floorplan import load_floorplan
-from grammars.model.files import load_mission
 from grammars.model.geometry import Pose2, Ring
+from grammars.model.mission_files import load_mission
 from grammars.model.scene import Region, Scene, Solid
 from grammars.scenery.composition import compile_scene
 from templates.tasks import contour_route, inset_contour, too_close, write_tasks

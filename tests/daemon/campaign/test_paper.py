@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from daemon.campaign import Campaign, CampaignCell, load_campaign
-from grammars.model.files import load_mission
+from grammars.model.mission_files import load_mission
 
 
 @pytest.fixture(scope="module")

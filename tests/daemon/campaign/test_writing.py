@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from grammars.model.files import load_mission, load_robot
+from grammars.model.mission_files import load_mission
+from grammars.model.robot_files import load_robot
 from grammars.text.diagnostics import InputError
 
 CAMPAIGN = """\

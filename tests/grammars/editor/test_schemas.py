@@ -15,7 +15,8 @@ from jsonschema import Draft202012Validator
 import grammars.editor
 from daemon.campaign import LayerLibrary, LayerReference, read_campaign
 from grammars.maps import load_walls
-from grammars.model.files import load_mission, load_robot
+from grammars.model.mission_files import load_mission
+from grammars.model.robot_files import load_robot
 from grammars.oracle import load_oracles
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.documents import load_yaml, parse_yaml

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from grammars.model.files import load_robot
 from grammars.model.robot import Robot
+from grammars.model.robot_files import load_robot
 
 
 @pytest.fixture(scope="package")

@@ -27,11 +27,12 @@ from grammars.model.behaviour import (
     Walk,
     WaypointReached,
 )
-from grammars.model.files import load_mission, load_robot
 from grammars.model.free_space import inscribed_radius
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
+from grammars.model.mission_files import load_mission
 from grammars.model.robot import Robot
+from grammars.model.robot_files import load_robot
 from grammars.model.scene import Scene
 from grammars.preflight import check_run, check_scene, places_of
 from grammars.scenery import load_scenery

@@ -13,10 +13,11 @@ from daemon.model.sut import Briefing, Estimate, LaserScan, Observation
 from daemon.simulator import World
 from daemon.stacks import make_pilot
 from grammars.floorplan import load_floorplan
-from grammars.model.files import load_mission, load_robot
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission
+from grammars.model.mission_files import load_mission
 from grammars.model.robot import Robot
+from grammars.model.robot_files import load_robot
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from templates.occupancy import occupancy_grid

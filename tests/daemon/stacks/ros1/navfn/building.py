@@ -9,9 +9,9 @@ import numpy as np
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from grammars.floorplan import load_floorplan
-from grammars.model.files import load_mission
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OCCUPIED
+from grammars.model.mission_files import load_mission
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid

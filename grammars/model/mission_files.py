@@ -1,0 +1,133 @@
+"""The YAML files people write about missions, read into the values of this package.
+
+A mission file keeps the form of the task files navigation stacks already read (``waypoints`` with
+``id``, ``x``, ``y``, ``yaw`` as plain numbers in metres and radians); quantities with units
+(``yaw: 90 deg``) are welcome too.
+
+Apart from the values on purpose: whoever receives a run specification needs those alone, and is
+spared the models that check YAML.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from grammars.model.geometry import Pose2
+from grammars.model.misplaced_keys import CAMPAIGN_KEYS, ROBOT_KEYS
+from grammars.model.mission import Mission, Waypoint
+from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.documents import QuantityField, StrictModel, YamlDocument, load_yaml, read_model
+
+_Metres = Annotated[float, QuantityField("length", plain=True), Field(allow_inf_nan=False)]
+_Radians = Annotated[float, QuantityField("angle", plain=True), Field(allow_inf_nan=False)]
+
+
+class PoseText(StrictModel):
+    """A pose in the frame of the map."""
+
+    x: _Metres
+    y: _Metres
+    z: _Metres = 0.0
+    """Read and ignored: the robot drives on the floor."""
+    roll: _Radians = 0.0
+    """Read and ignored: the robot drives on the floor."""
+    pitch: _Radians = 0.0
+    """Read and ignored: the robot drives on the floor."""
+    yaw: _Radians = 0.0
+    """Heading, counter-clockwise from the x axis of the map."""
+
+    def pose(self) -> Pose2:
+        """Return the pose on the floor."""
+        return Pose2(self.x, self.y, self.yaw)
+
+
+class WaypointText(StrictModel):
+    """A place the robot has to reach; the order of waypoints is the order of driving."""
+
+    elsewhere = dict.fromkeys(
+        ("pose", "position", "orientation"), "write x, y and yaw of the waypoint itself"
+    ) | {"theta": "it is called yaw", "name": "it is called id"}
+
+    id: str = Field(default="", max_length=100)
+    """How verdicts and the dashboard call it; without one it is waypoint-1, waypoint-2, …"""
+    x: _Metres
+    y: _Metres
+    z: _Metres = 0.0
+    """Read and ignored: the robot drives on the floor."""
+    roll: _Radians = 0.0
+    """Read and ignored: the robot drives on the floor."""
+    pitch: _Radians = 0.0
+    """Read and ignored: the robot drives on the floor."""
+    yaw: _Radians | None = None
+    """Heading wanted there, counter-clockwise from the x axis of the map; any when left out."""
+
+
+class MissionText(StrictModel):
+    """The keys of a mission file: where the robot starts and which waypoints it visits."""
+
+    elsewhere = ROBOT_KEYS | CAMPAIGN_KEYS
+
+    mission: str = Field(default="", max_length=100)
+    """Name of the mission; the file's name when left out."""
+    about: str = ""
+    """One line for people."""
+    start: PoseText | None = None
+    """Where the robot stands at first; the origin of the map when left out."""
+    waypoints: list[WaypointText] = Field(
+        min_length=1, max_length=10_000, examples=[[{"id": "kitchen", "x": 1.5, "y": 0.4}]]
+    )
+    """Places to visit, in this order."""
+
+
+def load_mission(path: str | Path) -> tuple[Mission, YamlDocument]:
+    """Read a mission file; without ``start`` the robot starts at the origin of the map.
+
+    Returns the mission and its document (for places in later messages). Waypoints without an
+    ``id`` are called ``waypoint-1``, ``waypoint-2``, …
+    Raises :class:`InputError` with every problem of the file.
+    """
+    document = load_yaml(path)
+    return read_mission(document), document
+
+
+def read_mission(document: YamlDocument) -> Mission:
+    """Return what a mission file means; raises :class:`InputError` with every problem of it."""
+    text = read_model(document, MissionText)
+    waypoints = tuple(
+        Waypoint(w.id or f"waypoint-{i}", w.x, w.y, w.yaw)
+        for i, w in enumerate(text.waypoints, start=1)
+    )
+    start = text.start.pose() if text.start else Pose2()
+    _refuse_ambiguous(waypoints, document)
+    name = text.mission or Path(document.file).name.split(".")[0]
+    return Mission(name, start, waypoints)
+
+
+def _refuse_ambiguous(waypoints: Sequence[Waypoint], document: YamlDocument) -> None:
+    """Raise :class:`InputError` for waypoints of one id that are not at one place.
+
+    A mission may visit a place more than once.
+    """
+    first: dict[str, int] = {}
+    problems = []
+    for index, waypoint in enumerate(waypoints):
+        other = waypoints[first.setdefault(waypoint.id, index)]
+        if math.dist((waypoint.x, waypoint.y), (other.x, other.y)) > _SAME_PLACE:
+            message = (
+                f'two waypoints are called "{waypoint.id}": one at ({other.x:g}, {other.y:g}), '
+                f"one at ({waypoint.x:g}, {waypoint.y:g})"
+            )
+            place = document.where(("waypoints", first[waypoint.id]))
+            hint = f"the other one: {place}; verdicts could not tell them apart: rename one"
+            problems.append(Diagnostic(document.where(("waypoints", index)), message, hint))
+    if problems:
+        raise InputError(problems)
+
+
+_SAME_PLACE: Final = 0.01
+"""Waypoints of one id this near to each other [m] are one place that is visited again."""
