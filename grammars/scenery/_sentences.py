@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final, Literal, TypeAlias, get_args
 
-from grammars.scenery._objects import IsANode
+from grammars.scenery._instances import IsANode
 from grammars.scenery._reader import NodeReader, QuantityNode, WordNode
 from grammars.scenery.model import (
     Alternates,
