@@ -20,8 +20,9 @@ from scenario_tui.dashboard.background import (
 )
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
+from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.playback_process import PlaybackProcess, PlaybackReader
-from scenario_tui.dashboard.state import DashboardState, RunsView, Tracks
+from scenario_tui.dashboard.state import DashboardState, RunsView
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.terminal.capabilities import copy_to_tmux
 

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError, Unreachable
 from daemon.model.run_state import RunState
+from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.known_searches import KnownSearches
+from scenario_tui.dashboard.live_tracks import LiveNews
 from scenario_tui.dashboard.run_watch import RunWatch
 from scenario_tui.dashboard.state import (
     CAMPAIGNS_SHOWN,
     RUNNING_SHOWN,
-    CampaignAssessor,
     DashboardState,
-    LiveNews,
     Notice,
     Query,
 )

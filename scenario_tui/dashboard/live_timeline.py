@@ -12,12 +12,12 @@ from daemon.model.live_judgement import LiveJudgement, LiveSignal
 from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats, Point2, Pose2
+from scenario_tui.dashboard.live_tracks import HeardMoment
 from scenario_tui.dashboard.signal_strips import (
     RunTimeline,
     SignalStrip,
     with_limits,
 )
-from scenario_tui.dashboard.state import HeardMoment
 from scenario_tui.text.scale import round_step
 
 if TYPE_CHECKING:

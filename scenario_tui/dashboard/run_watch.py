@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.model.run_state import RunState
-from scenario_tui.dashboard.state import (
-    DashboardState,
-    LiveNews,
+from scenario_tui.dashboard.live_tracks import LiveNews
+from scenario_tui.dashboard.recorded_traces import (
     TraceSummary,
     UnavailableTrace,
     can_fetch_trace,
     read_trace_summary,
 )
+from scenario_tui.dashboard.state import DashboardState
 
 if TYPE_CHECKING:
     from daemon.model.status import LiveSnapshot, RunDetail

@@ -25,10 +25,10 @@ from textual.widgets import Input, Static
 
 from scenario_tui.cli import invoke, output, target
 from scenario_tui.dashboard.key_bindings import list_key_bindings
+from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
-from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.widgets.map_style import MapSigns
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.dashboard.driven import until

@@ -16,6 +16,7 @@ from textual.widgets import Static
 from daemon.batch.errors import DaemonError
 from grammars.text.diagnostics import InputError
 from scenario_tui.dashboard.playback import Playback
+from scenario_tui.dashboard.recorded_traces import UnavailableTrace, local_trace
 from scenario_tui.dashboard.screens.playing import clock_line
 from scenario_tui.dashboard.screens.replay import StandaloneScreen
 from scenario_tui.dashboard.signal_strips import (
@@ -26,7 +27,6 @@ from scenario_tui.dashboard.signal_strips import (
     common_clock,
     shift_to_clock,
 )
-from scenario_tui.dashboard.state import UnavailableTrace, local_trace
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.timeline import TimelineView

@@ -15,10 +15,10 @@ from textual.widgets import Static
 
 from daemon.live.simulation import LiveSimulation, LiveStatus, LiveThread
 from daemon.model.status import LiveSnapshot
+from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.replay import ReplayApp
 from scenario_tui.dashboard.screens.run_panel import tracked_view
-from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend

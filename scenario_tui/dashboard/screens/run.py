@@ -18,6 +18,8 @@ from daemon.model.live_judgement import LiveJudgement
 from daemon.model.status import CampaignRow, RunDetail, RunState
 from daemon.model.verdicts import Verdict
 from scenario_tui.dashboard.live_timeline import heard_timeline, live_timeline
+from scenario_tui.dashboard.live_tracks import Track
+from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
 from scenario_tui.dashboard.screens.run_log import log_text
@@ -31,13 +33,7 @@ from scenario_tui.dashboard.signal_strips import (
     clearance_along,
     limits_of,
 )
-from scenario_tui.dashboard.state import (
-    DashboardState,
-    Query,
-    TraceSummary,
-    Track,
-    UnavailableTrace,
-)
+from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS

@@ -12,8 +12,10 @@ from daemon.model.live_view import from_centimetres
 from daemon.model.spec import RunSpec
 from daemon.model.status import RunDetail, RunState
 from grammars.model.scene import Scene
+from scenario_tui.dashboard.live_tracks import Track
+from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
-from scenario_tui.dashboard.state import DashboardState, TraceSummary, Track, UnavailableTrace
+from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.top_view import TopView, View
 from scenario_tui.text.run_text import run_text

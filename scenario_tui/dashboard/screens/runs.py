@@ -13,10 +13,11 @@ from textual.widgets import Input, Static
 
 from daemon.model.messages import RunQuery
 from daemon.model.status import CampaignRow, RunPage, RunRow, RunState
+from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.state import DashboardState, Query, RunsView, Track
+from scenario_tui.dashboard.state import DashboardState, Query, RunsView
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (

@@ -13,6 +13,7 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.model.status import CampaignRow, RunDetail
+from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
@@ -22,7 +23,7 @@ from scenario_tui.dashboard.search_runs import (
     decisive_moment,
     notable_runs,
 )
-from scenario_tui.dashboard.state import DashboardState, Query, TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.search_curve import (
     SearchCurveView,
     curve_legend,

@@ -14,9 +14,11 @@ from textual.pilot import Pilot
 from daemon.batch.errors import DaemonError
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.background import BackgroundTasks, Problem
+from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.live_tracks import LiveNews
 from scenario_tui.dashboard.playback_process import read_playback
-from scenario_tui.dashboard.state import CampaignAssessor, DashboardState, LiveNews, Notice
+from scenario_tui.dashboard.state import DashboardState, Notice
 from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.fake import FakeDaemon
 from tests.scenario_tui.idle import until_idle

@@ -16,7 +16,8 @@ from daemon.model.spec import TraceInfo
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.state import Query, UnavailableTrace, read_trace_summary
+from scenario_tui.dashboard.recorded_traces import UnavailableTrace, read_trace_summary
+from scenario_tui.dashboard.state import Query
 from tests.daemon.batch.harness import eventually
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
 

@@ -15,8 +15,8 @@ from daemon.model.spec import OracleText
 from daemon.model.status import RunDetail, RunState
 from grammars.model.geometry import Pose2
 from scenario_tui.dashboard.live_timeline import heard_timeline, live_timeline
+from scenario_tui.dashboard.live_tracks import HeardMoment, Tracks
 from scenario_tui.dashboard.signal_strips import clearance_along, limits_of
-from scenario_tui.dashboard.state import HeardMoment, Tracks
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView

@@ -13,9 +13,9 @@ import pytest
 from daemon.model.assessments import Assessment
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
+from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
-from scenario_tui.dashboard.state import CampaignAssessor
 from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.text.results import conclude, overall_conclusion, unexpected_conclusion
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle

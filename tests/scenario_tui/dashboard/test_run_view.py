@@ -13,9 +13,9 @@ from textual.widgets import Static
 from daemon.judging.oracles import judge
 from daemon.model.status import LiveSnapshot, RunDetail
 from daemon.trace import read_trace
+from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.run import RunScreen
-from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live
