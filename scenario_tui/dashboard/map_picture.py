@@ -19,7 +19,8 @@ from grammars.text.extras import load_extra
 from scenario_tui.dashboard.base_app import BaseDashboard
 from scenario_tui.dashboard.config import Config, config_path, read_config
 from scenario_tui.dashboard.config_file import Pictures
-from scenario_tui.dashboard.widgets.top_view import TopView, View
+from scenario_tui.dashboard.widgets.map_frame import View
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import pluralise
 from templates.plan_shapes import ShapeRole, footprint_shape, trail_shapes
 from templates.world import ArtefactWorld

@@ -29,8 +29,8 @@ from scenario_tui.dashboard.signal_strips import (
     with_limits,
 )
 from scenario_tui.dashboard.widgets.cell_view import segments
+from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
-from scenario_tui.dashboard.widgets.top_view import View, draw_view
 from scenario_tui.terminal.capabilities import Blocks
 from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET, pluralise
 from scenario_tui.text.run_text import verdict_lines

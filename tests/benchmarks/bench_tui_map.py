@@ -25,7 +25,8 @@ from textual.app import ComposeResult
 
 from daemon.campaign import expand, load_campaign
 from grammars.model.geometry import Pose2
-from scenario_tui.dashboard.widgets.top_view import TopView, View
+from scenario_tui.dashboard.widgets.map_frame import View
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 

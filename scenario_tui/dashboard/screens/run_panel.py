@@ -16,8 +16,9 @@ from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
-from scenario_tui.dashboard.widgets.top_view import TopView, View
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.run_text import run_text
 
 if TYPE_CHECKING:

@@ -20,10 +20,10 @@ from scenario_tui.dashboard.widgets.block_cells import (
     ring_edges,
     to_blocks,
 )
+from scenario_tui.dashboard.widgets.map_frame import MapFrame, View, draw_view
 from scenario_tui.dashboard.widgets.map_names import name_area, name_thing
 from scenario_tui.dashboard.widgets.map_projection import cell_of, fit, main_axis
 from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
-from scenario_tui.dashboard.widgets.top_view import MapFrame, View, draw_view
 from tests.scenario_tui.fake import MISSION, ROBOT, make_scene
 
 

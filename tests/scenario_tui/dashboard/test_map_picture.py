@@ -13,7 +13,8 @@ from rich.console import Console
 from grammars.model.geometry import Pose2
 from scenario_tui.dashboard import map_picture
 from scenario_tui.dashboard.map_picture import look_at_picture, paint_view, print_picture
-from scenario_tui.dashboard.widgets.top_view import TopView, View
+from scenario_tui.dashboard.widgets.map_frame import View
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from tests.scenario_tui.fake import MISSION, ROBOT, make_scene
 

@@ -18,7 +18,7 @@ from scenario_tui.dashboard.signal_strips import (
     next_moment,
     previous_moment,
 )
-from scenario_tui.dashboard.widgets.top_view import draw_view
+from scenario_tui.dashboard.widgets.map_frame import draw_view
 from scenario_tui.text.run_text import verdict_lines
 from tests.scenario_tui.fake import ROBOT
 from tests.scenario_tui.recorded import HIT, TURNED, record_run

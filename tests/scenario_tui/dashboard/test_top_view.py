@@ -13,7 +13,7 @@ from grammars.model.geometry import Pose2
 from grammars.model.kinematics import object_rings
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.widgets.cell_view import Canvas
-from scenario_tui.dashboard.widgets.top_view import MapFrame, View, draw_view
+from scenario_tui.dashboard.widgets.map_frame import MapFrame, View, draw_view
 from tests.scenario_tui.fake import MISSION, ROBOT, make_live, make_scene
 
 # Dot positions of a braille cell by Unicode's own numbering: bit k is dot k+1.
