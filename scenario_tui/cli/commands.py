@@ -74,7 +74,7 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
         ),
     ),
     "Look": (
-        CommandEntry("tui", "machines", "Open the dashboard; leaving it never stops any work."),
+        CommandEntry("tui", "tui", "Open the dashboard; leaving it never stops any work."),
         CommandEntry("status", "look", "Say how everything stands: daemon, workers, campaigns."),
         CommandEntry(
             "results",

@@ -1,20 +1,17 @@
-"""Commands that stay: the daemon, the worker, the dashboard."""
+"""Commands that stay: the daemon and the worker."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import typer
 
 from daemon.model.execution import DaskScheduler, RunLimits, decide_on_commands
-from grammars.text.terminal_text import unfiltered
-from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
+from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.options import (
     AsJson,
     Connect,
@@ -25,11 +22,7 @@ from scenario_tui.cli.options import (
     read_size,
     read_wall,
 )
-from scenario_tui.cli.output import plain_table, say, stay_small, stdout_console
-
-if TYPE_CHECKING:
-    from scenario_tui.cli.target import DaemonTarget
-    from scenario_tui.terminal.background_question import BackgroundQuestion
+from scenario_tui.cli.output import say, stay_small
 
 Commands: TypeAlias = Annotated[
     bool | None,
@@ -160,111 +153,6 @@ def scenario_executable() -> Path:
 
     beside = Path(sys.executable).with_name("scenario")
     return beside if beside.exists() else Path(sys.argv[0]).absolute()
-
-
-def tui(
-    connect: Connect = "",
-    state: State = None,
-    read_only: Annotated[
-        bool, typer.Option("--read-only", help="Look only: nothing can be changed from it.")
-    ] = False,
-    bindings: Annotated[
-        bool,
-        typer.Option("--bindings", help="List the ids of all keys, for config.toml, and leave."),
-    ] = False,
-) -> None:
-    """Open the dashboard; leaving it never stops any work.
-
-    A daemon is started on this machine if none answers, unless --read-only or --connect is given.
-    Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
-    """
-
-    if bindings:
-        _print_bindings()
-        return
-    why = _why_no_dashboard()
-    with nullcontext() if why else _connecting_screen() as asked:
-        from dataclasses import replace
-
-        from scenario_tui.cli.target import DaemonTarget
-        from scenario_tui.dashboard.app import run_dashboard
-        from scenario_tui.dashboard.background import CommandLines
-        from scenario_tui.dashboard.config import read_config
-        from scenario_tui.dashboard.key_bindings import check_config
-
-        config = read_config()
-        check_config(config)
-    if why:
-        say(f"scenario: {why}")
-        raise typer.Exit(ExitCode.BAD_INPUT)
-    # The option can only take rights away: who forbade changes in the file meant it.
-    config = replace(config, read_only=config.read_only or read_only)
-    equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
-    launch = None if target.named or config.read_only else partial(_launch_daemon, target)
-    stay_small()
-    code, farewell = run_dashboard(target.open, config, equivalent, launch, asked)
-    if code:
-        raise typer.Exit(ExitCode.BUG)
-    say(farewell)
-
-
-def _launch_daemon(target: DaemonTarget) -> str:
-    """Start the daemon of this machine if none answers; return what to say of that."""
-    from scenario_tui.cli.execute import launch_daemon
-
-    return launch_daemon(target)
-
-
-def _why_no_dashboard() -> str:
-    """Say why there can be no dashboard here, empty when there can."""
-    import sys
-
-    from scenario_tui.terminal.capabilities import why_undrawable
-
-    # The dashboard is drawn on standard error, so that standard output stays for words.
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return "the dashboard needs a terminal; scripts use `scenario status --json`"
-    return why_undrawable()
-
-
-@contextmanager
-def _connecting_screen() -> Iterator[BackgroundQuestion]:
-    """Answer at once: the libraries of the dashboard take several times as long as this line.
-
-    Meanwhile the terminal tells its background: the question is what this yields.
-    """
-    import sys
-
-    from scenario_tui.terminal.background_question import BackgroundQuestion
-
-    def write(text: str) -> None:
-        stream = unfiltered(sys.stderr)
-        stream.write(text)
-        stream.flush()
-
-    # Alternate screen, no cursor, cleared; first line, second column.
-    write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")
-    asked = BackgroundQuestion()
-    try:
-        yield asked
-    except BaseException:
-        asked.close()
-        write("\x1b[?1049l\x1b[?25h")
-        raise
-
-
-def _print_bindings() -> None:
-    """One line per binding: its id, its keys, where it works, what it does."""
-    from scenario_tui.dashboard.config import config_path
-    from scenario_tui.dashboard.key_bindings import list_key_bindings
-
-    table = plain_table("id", "keys", "where", "what it does")
-    for bound in list_key_bindings():
-        table.add_row(bound.id, bound.keys.replace(",", " "), bound.place, bound.meaning)
-    console = stdout_console()
-    console.print(table)
-    console.print(f'\nTo change them, write below [keys] in {config_path()}: id = "key"',
-                  markup=False, soft_wrap=True)  # fmt: skip
 
 
 _TLS_OPTIONS: Final = "--tls-ca, --tls-cert and --tls-key"

@@ -85,7 +85,7 @@ def test_a_command_loads_no_more_than_it_needs(
 
 def test_the_first_screen_loads_nothing_that_only_answers_of_a_daemon_need() -> None:
     loaded = _loaded_after("""
-import scenario_tui.cli.machines, scenario_tui.cli.target, scenario_tui.dashboard.key_bindings
+import scenario_tui.cli.tui, scenario_tui.cli.target, scenario_tui.dashboard.key_bindings
 from pathlib import Path
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.config import read_config

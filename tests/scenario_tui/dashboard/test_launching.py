@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from daemon.batch.errors import LaunchFailed
-from scenario_tui.cli import machines
+from scenario_tui.cli import tui
 from scenario_tui.dashboard.config import Config
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, screen_text, settle
@@ -83,7 +83,7 @@ def test_none_is_started_behind_the_back_of_who_named_one_or_only_looks(
         launchers.append(given[3])
         return 0, "left"
 
-    monkeypatch.setattr(machines, "_why_no_dashboard", lambda: "")
+    monkeypatch.setattr(tui, "_why_no_dashboard", lambda: "")
     monkeypatch.setattr("scenario_tui.dashboard.app.run_dashboard", run)
     monkeypatch.setattr(
         "scenario_tui.dashboard.config.read_config", lambda: Config(read_only=read_only)
