@@ -75,7 +75,7 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
     ),
     "Look": (
         CommandEntry("tui", "tui", "Open the dashboard; leaving it never stops any work."),
-        CommandEntry("status", "look", "Say how everything stands: daemon, workers, campaigns."),
+        CommandEntry("status", "status", "Say how everything stands: daemon, workers, campaigns."),
         CommandEntry(
             "results",
             "look",

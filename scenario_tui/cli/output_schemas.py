@@ -32,6 +32,7 @@ from scenario_tui.cli import (
     results,
     run_campaigns,
     search,
+    status,
     steer,
     sut,
     sut_check,
@@ -49,7 +50,7 @@ SCHEMA_TITLE: Final = "Outputs of scenario-tui"
 SCHEMA_FILE: Final = "outputs.schema.json"
 
 _OUTPUTS: Final[tuple[type[Output], ...]] = (
-    look.StatusOutput,
+    status.StatusOutput,
     results.ResultsOutput,
     look.RunOutput,
     logs.LogsOutput,
