@@ -116,8 +116,9 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
     from daemon.analysis.blame import find_run
     from daemon.batch.paths import StatePaths
     from grammars.text.diagnostics import InputError
+    from scenario_tui.cli.named_traces import resolve_recorded, why_without_traces
     from scenario_tui.cli.suggestions import refuse_missing_file
-    from scenario_tui.cli.target import DaemonTarget, resolve_recorded, why_without_traces
+    from scenario_tui.cli.target import DaemonTarget
 
     refuse_missing_file(run[0])
     paths = StatePaths.find(state)

@@ -114,7 +114,7 @@ def _measure_coverage(
     subject: list[str], near: float, processes: int | None, target: DaemonTarget
 ) -> Coverage:
     from daemon.analysis.coverage import planned_coverage, trace_coverage
-    from scenario_tui.cli.target import all_traces
+    from scenario_tui.cli.named_traces import all_traces
 
     # By name alone: a campaign file that is not there is to be missed as a file, not as a run.
     files = [name for name in subject if name.endswith((".yaml", ".yml"))]

@@ -100,7 +100,8 @@ def fetch(
     from daemon.batch.errors import TraceUnavailable
     from daemon.batch.stores import copy_trace, local_copy, trace_reference
     from daemon.model.ids import trace_name
-    from scenario_tui.cli.target import DaemonTarget, recorded_runs, transfer_progress
+    from scenario_tui.cli.named_traces import recorded_runs, transfer_progress
+    from scenario_tui.cli.target import DaemonTarget
 
     # All are asked for first, so that the bar knows how much there is to come.
     begun = time.perf_counter()
@@ -180,7 +181,7 @@ def draw_recorded(
     ``hint`` is the parameter that names the run.
     """
     from daemon.analysis.report import draw_run
-    from scenario_tui.cli.target import one_trace
+    from scenario_tui.cli.named_traces import one_trace
 
     if path.suffix not in PICTURE_ENDINGS:
         raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--out")

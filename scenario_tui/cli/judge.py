@@ -100,7 +100,8 @@ def judge(
     from daemon.analysis.rejudge import rejudge
     from daemon.model.spec import OracleText
     from grammars.oracle import load_oracles
-    from scenario_tui.cli.target import DaemonTarget, all_traces, refuse_other_files
+    from scenario_tui.cli.named_traces import all_traces, refuse_other_files
+    from scenario_tui.cli.target import DaemonTarget
 
     written = None
     if oracles is not None:

@@ -169,7 +169,8 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
     """Return what a run left; a daemon elsewhere does not tell of attempts."""
     from daemon.analysis.report import open_ledger
     from daemon.analysis.run_history import read_outputs, read_steps
-    from scenario_tui.cli.target import find_campaign, find_run, one_trace
+    from scenario_tui.cli.named_traces import one_trace
+    from scenario_tui.cli.target import find_campaign, find_run
     from scenario_tui.text.run_state import without_trace_text
 
     steps: tuple[RunStep, ...] = ()

@@ -67,9 +67,10 @@ def results(
 ) -> None:
     """Show what came out of a campaign: every cell, what is not as expected and why."""
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
+    from scenario_tui.cli.named_traces import pointing_to_traces
     from scenario_tui.cli.results import emit_results, print_summary
     from scenario_tui.cli.search_report import ask_search
-    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search, pointing_to_traces
+    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
     from scenario_tui.client import all_runs
     from scenario_tui.text.results import gather_results
 
@@ -248,7 +249,8 @@ def show(
 
         logs(run, output, everything, connect, state, as_json)
         return
-    from scenario_tui.cli.target import DaemonTarget, find_run, pointing_to_traces, why_no_trace
+    from scenario_tui.cli.named_traces import pointing_to_traces, why_no_trace
+    from scenario_tui.cli.target import DaemonTarget, find_run
     from scenario_tui.client import latest_snapshot
 
     target = DaemonTarget(connect, state)

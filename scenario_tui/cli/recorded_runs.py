@@ -60,7 +60,8 @@ def replay(
     """Watch a recorded run from above, with what its oracles say, or two of them side by side."""
     import sys
 
-    from scenario_tui.cli.target import DaemonTarget, one_trace
+    from scenario_tui.cli.named_traces import one_trace
+    from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.dashboard.playback import open_playback
     from scenario_tui.terminal.capabilities import why_undrawable
 
@@ -224,7 +225,8 @@ def plot(
     as_json: AsJson = False,
 ) -> None:
     """Draw signals of a recorded run over time, with the moments that decided against it."""
-    from scenario_tui.cli.target import DaemonTarget, one_trace
+    from scenario_tui.cli.named_traces import one_trace
+    from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.text.signal_plot import read_curves
 
     trace = one_trace(run, DaemonTarget(connect, state), "RUN")

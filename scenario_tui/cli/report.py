@@ -206,7 +206,7 @@ def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
     """
     from daemon.analysis.report import folder_input
     from daemon.batch.errors import DaemonError
-    from scenario_tui.cli.target import names_traces
+    from scenario_tui.cli.named_traces import names_traces
 
     folder = Path(campaign)
     is_folder = bool(campaign) and folder.is_dir()
@@ -226,7 +226,8 @@ def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
 
 def _submitted_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
     from daemon.analysis.report import ledger_input, open_ledger
-    from scenario_tui.cli.target import find_campaign, newest_results
+    from scenario_tui.cli.named_traces import newest_results
+    from scenario_tui.cli.target import find_campaign
 
     if target.named:
         return _fetch_campaign(campaign, target)
@@ -243,7 +244,8 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
     from daemon.batch.errors import TraceUnavailable
     from daemon.batch.stores import local_copy
     from daemon.batch.stores import trace_reference as recorded_trace
-    from scenario_tui.cli.target import find_campaign, transfer_progress
+    from scenario_tui.cli.named_traces import transfer_progress
+    from scenario_tui.cli.target import find_campaign
 
     with target.open() as daemon:
         row = find_campaign(daemon, campaign)

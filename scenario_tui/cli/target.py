@@ -1,7 +1,4 @@
-"""What a command is about: the daemon its options name, and a campaign, a run or traces there.
-
-Traces are those of this machine, or brought here from where they lie.
-"""
+"""What a command is about: the daemon its options name, and a campaign or a run there."""
 
 from __future__ import annotations
 
@@ -13,30 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
-import typer
-
-from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
-from daemon.model.run_state import RunState
+from daemon.batch.errors import Refused, Unreachable
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from scenario_tui.cli.exit_codes import wrong_usage
-from scenario_tui.cli.output import open_progress, say
-from scenario_tui.client import all_runs
-from scenario_tui.text.formatting import pluralise
-from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
-    from daemon.batch.stores import ByteProgress, TraceReference
     from daemon.model.search_answer import SearchRow
-    from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow
+    from daemon.model.status import CampaignRow, RunDetail
     from daemon.model.verbs import DaemonClient
 
-
 _NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
-_MCAP: Final = b"\x89MCAP0\r\n"
-"""What every MCAP file begins with."""
-_NAMED: Final = 3
-"""Traces that are named when several are meant and one is wanted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,37 +120,6 @@ def find_run(daemon: RunSource, wanted: str) -> RunDetail:
     raise Refused(f'"{wanted}" is no run: those of {campaign.id} are {campaign.id}.0 to {last}')
 
 
-def newest_results() -> Path | None:
-    """Return the folder in which `scenario run` left the newest traces here, if it did."""
-    notes = Path("scenario-results").glob("*/campaign.json")
-    newest = max(notes, key=lambda note: note.stat().st_mtime, default=None)
-    return None if newest is None else newest.parent
-
-
-@contextmanager
-def pointing_to_traces(command: str, named: str, hint: str) -> Iterator[None]:
-    """Where a daemon knows nothing of what was ``named``, say which commands read traces.
-
-    ``command`` is the one that asks a daemon, ``hint`` its parameter. A trace or a folder of this
-    machine is wrong usage; without a daemon the newest folder of `scenario run` is named.
-    """
-    try:
-        yield
-    except (Refused, Unreachable) as error:
-        path = Path(named)
-        if named.endswith(".mcap") or (named and path.is_dir()):
-            readers = "`scenario report` and `scenario judge`"
-            if not path.is_dir():
-                readers = "`scenario show --log`, `scenario replay` and `scenario judge`"
-            message = f"`scenario {command}` asks a daemon about its runs; {named} is read by"
-            raise typer.BadParameter(f"{message} {readers}", param_hint=hint) from error
-        newest = newest_results()
-        if isinstance(error, Refused) or newest is None:
-            raise
-        message = f"{error}; what `scenario run` left in {newest} is read by"
-        raise Unreachable(f"{message} `scenario report {newest}`") from error
-
-
 def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     """Return the campaign meant by an id, a name (the newest of it) or their beginning.
 
@@ -236,227 +188,3 @@ def find_campaign_or_search_among(
         if not found:
             raise
         return found[0]
-
-
-def _find_named(source: RunSource, name: str) -> CampaignRow | RunDetail:
-    """Return what a name means: with a dot in it a run, else a campaign.
-
-    Ids of campaigns have no dots; files and folders are told apart before anybody is asked.
-    """
-    return find_run(source, name) if "." in name else find_campaign(source, name)
-
-
-def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
-    """Return the trace of a run named by its id or as a file; wrong usage for none or several.
-
-    It is brought here first when it lies in a store, or with a daemon that ``target`` names.
-    ``hint`` is the parameter the words came from.
-    """
-    if _is_on_named_daemon(run, target):
-        return _fetch_traces([run], target, hint)[0]
-    traces = _find_local_traces([run], target, hint)
-    if len(traces) != 1:
-        message = f"{run} means {_few(traces)}: name one of them"
-        raise typer.BadParameter(message, param_hint=hint)
-    return traces[0]
-
-
-def _few(traces: Sequence[Path]) -> str:
-    """Return how many traces there are, and the names of the first ones."""
-    count = pluralise(len(traces), "trace")
-    if not traces:
-        return count
-    names = ", ".join(trace.name for trace in traces[:_NAMED])
-    return f"{count} ({names}{', …' if len(traces) > _NAMED else ''})"
-
-
-def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
-    """Return the traces meant: files, folders, and ids of campaigns and runs.
-
-    Like :func:`one_trace`; wrong usage for what names none.
-    """
-    far = [name for name in named if _is_on_named_daemon(name, target)]
-    near = [name for name in named if name not in far]
-    found = _find_local_traces(near, target, hint) if near else ()
-    return (*found, *_fetch_traces(far, target, hint)) if far else found
-
-
-def refuse_other_files(named: Sequence[str], hint: str) -> None:
-    """Refuse files that were named and are no traces, as wrong usage: by what they begin with.
-
-    A trace that breaks off is one all the same.
-    """
-    for name in named:
-        path = Path(name)
-        if not path.is_file():
-            continue
-        with path.open("rb") as file:
-            if file.read(len(_MCAP)) != _MCAP:
-                raise typer.BadParameter(f"{name} is no trace (MCAP file)", param_hint=hint)
-
-
-def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
-    from daemon.analysis.rejudge import find_traces
-
-    with wrong_usage(hint):
-        found: dict[Path, None] = {}
-        for name in named:
-            resolved = resolve_recorded(name, target.paths)
-            try:
-                traces = find_traces([resolved], target.paths)
-            except ValueError as error:
-                raise ValueError(why_without_traces(resolved, target) or str(error)) from error
-            if not Path(name).exists():
-                _say_what_is_missing(resolved, len(traces), target)
-            found |= dict.fromkeys(traces)
-        return tuple(found)
-
-
-def _say_what_is_missing(campaign: str, traces: int, target: DaemonTarget) -> None:
-    """Say that a campaign goes on, and how much of it is there."""
-    from daemon.analysis.report import open_ledger
-
-    if not target.paths.ledger.is_file():
-        return
-    with open_ledger(target.paths) as ledger:
-        for row in ledger.campaign_page(id=campaign, limit=1):
-            _say_progress(row, traces)
-
-
-def _say_progress(campaign: CampaignRow, traces: int) -> None:
-    if left := unfinished_text(campaign):
-        say(f"{campaign.id} goes on ({left}): {pluralise(traces, 'run')} finished so far")
-
-
-def why_without_traces(name: str, target: DaemonTarget) -> str:
-    """Return why the campaign or run of that id has no trace, empty when there is none of it."""
-    from daemon.analysis.report import open_ledger
-    from daemon.model.status import RunDetail
-
-    if not target.paths.ledger.is_file():
-        return ""
-    with open_ledger(target.paths) as ledger, suppress(Refused):
-        found = _find_named(ledger, name)
-        if isinstance(found, RunDetail):
-            campaign = find_campaign(ledger, found.row.campaign)
-            return why_no_trace(found.row, _as_daemon_sees(campaign, target), ledger.run_page)
-        return without_traces_text(_as_daemon_sees(found, target))
-    return ""
-
-
-def why_no_trace(
-    run: RunRow, campaign: CampaignRow | None, run_page: Callable[..., RunPage]
-) -> str:
-    """Return why a run has no trace (yet), and where it stands in the queue of its campaign."""
-    from daemon.model.messages import LARGEST_PAGE
-
-    if run.state is not RunState.QUEUED:
-        return without_trace_text(run, campaign)
-    waiting = run_page(campaign=run.campaign, state=RunState.QUEUED, limit=LARGEST_PAGE)
-    before = next((k for k, row in enumerate(waiting.rows) if row.id == run.id), None)
-    return without_trace_text(run, campaign, before)
-
-
-def _as_daemon_sees(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
-    """Return a campaign with the time it takes, which only a daemon that runs can say."""
-    with suppress(DaemonError):
-        if not campaign.finished:
-            with target.open() as daemon:
-                return daemon.campaign(campaign.id) or campaign
-    return campaign
-
-
-def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunDetail, ...]:
-    """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
-
-    Wrong usage of the parameter ``hint``, with the reason, when there is none with a result (yet).
-    Raises :class:`Refused` when it means neither.
-    """
-    from daemon.model.status import RunDetail
-
-    try:
-        found = _find_named(daemon, name)
-    except Refused as error:
-        if "." in name:
-            raise
-        raise Refused(f"{name} is no file and no run: {error}") from error
-    if isinstance(found, RunDetail):
-        if found.result is None:
-            campaign = daemon.campaign(found.row.campaign)
-            message = why_no_trace(found.row, campaign, daemon.runs)
-            raise typer.BadParameter(message, param_hint=hint)
-        return (found,)
-    rows = [row for row in all_runs(daemon, found.id) if row.outcome is not None]
-    if not rows:
-        raise typer.BadParameter(without_traces_text(found), param_hint=hint)
-    _say_progress(found, len(rows))
-    return tuple(daemon.run(row.id) for row in rows)
-
-
-@contextmanager
-def transfer_progress(total: int) -> Iterator[ByteProgress]:
-    """Show on a terminal how much of ``total`` bytes has come; yields what counts further bytes."""
-    from rich.progress import BarColumn, DownloadColumn, TransferSpeedColumn
-
-    columns = ("bringing traces", BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with open_progress(*columns) as shown:
-        task = shown.add_task("", total=total)
-        yield lambda count: shown.advance(task, count)
-
-
-def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
-    """Whether a daemon that was named has to be asked."""
-    return target.named and not name.endswith(".mcap") and not names_traces(name)
-
-
-def names_traces(name: str) -> bool:
-    """Whether ``name`` is a file here, or a folder with traces in it.
-
-    `scenario new patrol` makes a folder that is called like its campaign and holds none.
-    """
-    path = Path(name)
-    return path.is_file() or (bool(name) and path.is_dir() and any(path.rglob("*.mcap")))
-
-
-def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
-    from daemon.batch.stores import local_copy, trace_reference
-
-    traces: dict[str, TraceReference] = {}
-    with target.open() as daemon:
-        for name in named:
-            try:
-                runs = recorded_runs(daemon, name, hint)
-            except Refused as error:
-                raise typer.BadParameter(str(error), param_hint=hint) from error
-            for run in runs:
-                try:
-                    traces[run.row.id] = trace_reference(run)
-                except TraceUnavailable as error:
-                    # One trace that is gone must not keep the others of a campaign.
-                    say(str(error))
-        if not traces:
-            raise TraceUnavailable(f"{', '.join(named)}: there are no traces")
-        with transfer_progress(sum(trace.size for trace in traces.values())) as advance:
-            return tuple(local_copy(trace, daemon, progress=advance) for trace in traces.values())
-
-
-def resolve_recorded(name: str, paths: StatePaths) -> str:
-    """Return the id of the campaign or run that ``name`` means here; a file or folder as it is.
-
-    Raises ``ValueError`` for what is none of them.
-    """
-    from daemon.analysis.report import open_ledger
-    from daemon.model.status import RunDetail
-
-    # Whether a folder holds traces is asked last: that may be a walk through a whole tree.
-    if name.endswith(".mcap") or not paths.ledger.is_file() or names_traces(name):
-        return name
-    try:
-        with open_ledger(paths) as ledger:
-            found = _find_named(ledger, name)
-            return found.row.id if isinstance(found, RunDetail) else found.id
-    except Refused as error:
-        # Traces of a campaign the ledger has forgotten may still be there.
-        if Path(name).exists() or ("/" not in name and (paths.traces / name).is_dir()):
-            return name
-        raise ValueError(f"{name} is no trace, no folder and no run: {error}") from error

@@ -166,7 +166,7 @@ _Job: TypeAlias = "Callable[[int | None, float, _Watch], Verification]"
 def _jobs(named: Sequence[str], target: DaemonTarget, every: bool) -> list[_Job]:
     """Return what executes each specification that is meant, one of each cell unless ``every``."""
     from daemon.trace import read_spec
-    from scenario_tui.cli.target import all_traces
+    from scenario_tui.cli.named_traces import all_traces
 
     files = [Path(name) for name in named if _is_campaign_file(name)]
     recorded = [name for name in named if not _is_campaign_file(name)]

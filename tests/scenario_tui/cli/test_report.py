@@ -19,7 +19,7 @@ from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.status import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
-from scenario_tui.cli.target import resolve_recorded
+from scenario_tui.cli.named_traces import resolve_recorded
 from tests.daemon.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
 from tests.daemon.judging.oracles.traces import CORRIDOR
 from tests.scenario_tui.cli.outputs import declared

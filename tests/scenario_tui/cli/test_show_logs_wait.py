@@ -16,7 +16,7 @@ from daemon.model.messages import ReleaseRequest
 from daemon.model.status import LiveSnapshot, RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
-from scenario_tui.cli.target import resolve_recorded
+from scenario_tui.cli.named_traces import resolve_recorded
 from tests.daemon.batch.samples import make_submission
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, FakeWatch, make_live
 from tests.scenario_tui.recorded import record_run
