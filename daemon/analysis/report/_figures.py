@@ -15,6 +15,13 @@ from daemon.analysis.parallel_map import parallel_map
 from daemon.analysis.report import _plots
 from daemon.analysis.report._axes import Sheet
 from daemon.analysis.report._data import ReportData, ReportRun
+from daemon.analysis.report._plot_campaign import (
+    plot_boxes,
+    plot_error_overview,
+    plot_error_peak,
+    plot_peak_map,
+    plot_triggers,
+)
 from daemon.analysis.report._plot_comparisons import plot_comparisons, plot_run_pair
 from daemon.analysis.report._plot_moment import plot_moment
 from daemon.analysis.report._recorded import forget_traces, sampled_trace
@@ -260,9 +267,9 @@ def _worst_run(data: ReportData, known: Sequence[ReportRun]) -> Iterator[_Figure
     of = f"{worst.record.scenario} with {worst.record.sut}, repeat {worst.record.repeat}"
     limit = oracle_limit(data.input.oracles, "loc.error")
     for caption, label, draw in (
-        ("the whole run", "in a whole run", partial(_plots.plot_error_overview, limit=limit)),
-        ("around the peak", "over time", partial(_plots.plot_error_peak, limit=limit)),
-        ("where it was", "on the map", partial(_plots.plot_peak_map, scene=scene)),
+        ("the whole run", "in a whole run", partial(plot_error_overview, limit=limit)),
+        ("around the peak", "over time", partial(plot_error_peak, limit=limit)),
+        ("where it was", "on the map", partial(plot_peak_map, scene=scene)),
     ):
         yield _FigureTask(
             ReportFigure("worst-localisation", worst.record.scenario, of, caption),
@@ -300,7 +307,7 @@ def _boxes(
     yield _FigureTask(
         ReportFigure("boxes", "", "", measure.name), f"Boxplots of {measure.name} by scenario",
         partial(
-            _plots.plot_boxes, values=table, suts=suts, axis=f"{measure.name} [{measure.unit}]",
+            plot_boxes, values=table, suts=suts, axis=f"{measure.name} [{measure.unit}]",
             marks=marks,
         ),
     )  # fmt: skip
@@ -381,7 +388,7 @@ def _triggers(data: ReportData) -> Iterator[_FigureTask]:
         yield _FigureTask(
             ReportFigure("trigger", door, sut, sut),
             f"Speed and turning speed around the trigger of {door} with {sut}",
-            partial(_plots.plot_triggers, scenarios=tuple(by_scenario.items()), frame=limits),
+            partial(plot_triggers, scenarios=tuple(by_scenario.items()), frame=limits),
         )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from daemon.analysis.report._axes import Axes, Sheet
-from daemon.analysis.report._plots import WIDTH, PlotLimits, draw_reference
+from daemon.analysis.report._plots import DOTTED, WIDTH, PlotLimits, draw_reference
 from daemon.analysis.report._recorded import sampled_trace
 from daemon.analysis.report._references import ReferenceMark
 from daemon.analysis.report._svg import BAD, SERIES
@@ -18,7 +18,6 @@ from daemon.trace import TraceError
 
 _SAMPLES: Final = 360
 """Samples drawn of one run: two for each point of the page."""
-_DOTTED: Final = "1 1.6"
 
 
 def plot_comparisons(
@@ -86,8 +85,8 @@ def plot_run_pair(
         above.line(*_binned(truth.time, speed), colour, 0.8, alpha=0.85, label=name)
         below.line(*_binned(truth.time, turning), colour, 0.8, alpha=0.85)
         for time in fired:
-            above.upright(time, colour, 0.9, dashes=_DOTTED)
-            below.upright(time, colour, 0.9, dashes=_DOTTED)
+            above.upright(time, colour, 0.9, dashes=DOTTED)
+            below.upright(time, colour, 0.9, dashes=DOTTED)
         end = max(end, float(truth.time[-1]))
     above.x_limits = below.x_limits = (0.0, end)
     above.y_limits, below.y_limits = (0.0, frame.speed), (-frame.turning, frame.turning)
