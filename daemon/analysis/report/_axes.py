@@ -1,32 +1,30 @@
-"""Axes with lines, areas and points on them, put side by side on a sheet, written as SVG.
-
-What is drawn is kept as it was given and turned into paths once the limits are known.
-"""
+"""Axes with lines, areas and points on them, put above each other on a sheet, written as SVG."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias
+from collections.abc import Iterable, Sequence
+from typing import Any, Final, Literal
 
 import numpy as np
 
-from daemon.analysis.report._scale import AxesTransform, tick_names
+from daemon.analysis.report._axes_frame import AxesFrame
+from daemon.analysis.report._scale import AxesTransform
 from daemon.analysis.report._svg import (
     INK,
-    RULE,
     SOFT,
     attribute,
     colour_value,
+    cross_data,
     number,
     path_data,
+    path_element,
+    rectangle,
     rings_data,
     stroke,
     style,
     text_element,
 )
-from grammars.model.geometry import Floats
 
 _INCH: Final = 72.0
 _SIDES: Final = (26.0, 8.6, 14.4, 24.5)
@@ -34,58 +32,10 @@ _SIDES: Final = (26.0, 8.6, 14.4, 24.5)
 _BARE_SIDES: Final = (1.5, 1.5, 1.5, 1.5)
 _BETWEEN: Final = 19.0
 """Room between axes that stand on each other [points]."""
-_SMALL: Final = 7.0
-_PLAIN: Final = 7.5
-"""Sizes of the words at ticks and legends, and of others [points]."""
-_LETTER: Final = 0.48
-"""Width of a letter, as a share of its size: whose fonts show it is not known here."""
-_TICK_ROOM: Final = (25.0, 14.0)
-"""Points from one tick to the next at least, along x and y."""
-_MARGIN: Final = 0.05
-"""What is left free on both sides of values, as a share of their range."""
-
-Limits = tuple[float | None, float | None]
-"""Lower and upper end of an axis; ``None`` is what the values need."""
 
 
-_SampleKind: TypeAlias = Literal["line", "area", "dot", "cross"]
-
-
-@dataclass(frozen=True, slots=True)
-class _LegendEntry:
-    words: str
-    colour: str
-    kind: _SampleKind
-    dashes: str = ""
-    alpha: float = 1.0
-
-
-_Drawing = Callable[[AxesTransform], str]
-
-
-class Axes:
-    """A rectangle of a sheet in which values are drawn; lengths of marks are in points."""
-
-    def __init__(self, left: float, top: float, width: float, height: float) -> None:
-        self._box = (left, top, width, height)
-        self._drawings: list[_Drawing] = []
-        self._legend: list[_LegendEntry] = []
-        self._low = [math.inf, math.inf]
-        self._high = [-math.inf, -math.inf]
-        self.x_limits: Limits = (None, None)
-        self.y_limits: Limits = (None, None)
-        self.title = ""
-        self.x_label = ""
-        self.x_names: Sequence[str] | None = None
-        """Words in place of numbers at 0, 1, 2 … along x."""
-        self.turned_names = False
-        self.y_names: Sequence[str] | None = None
-        """Words in place of numbers at 0, 1, 2 … along y."""
-        self.x_numbers = True
-        self.equal = False
-        """Whether a metre is as long along x as along y."""
-        self.bare = False
-        """Whether there is nothing around what is drawn: neither lines nor ticks."""
+class Axes(AxesFrame):
+    """Axes in which values are drawn; lengths of marks are in points."""
 
     def line(
         self,
@@ -103,7 +53,7 @@ class Axes:
         self._extend(x, y)
         ends = "" if flat else ' stroke-linecap="round" stroke-linejoin="round"'
         look = stroke(colour, width, dashes=dashes, alpha=alpha) + ends
-        self._drawings.append(lambda at: _path(path_data(at.points(x, y)), look))
+        self._drawings.append(lambda at: path_element(path_data(at.points(x, y)), look))
         self._note(label, colour, "line", dashes, alpha)
 
     def area(
@@ -116,7 +66,9 @@ class Axes:
         self._extend(xs, upper)
         around = np.concatenate((xs, xs[::-1])), np.concatenate((upper, lower[::-1]))
         look = style(fill=colour_value(colour), fill_opacity=f"{alpha:g}")
-        self._drawings.append(lambda at: _path(path_data(at.points(*around), closed=True), look))
+        self._drawings.append(
+            lambda at: path_element(path_data(at.points(*around), closed=True), look)
+        )
         self._note(label, colour, "area", "", alpha)
 
     def dots(
@@ -153,7 +105,7 @@ class Axes:
                 for u, v in at.points(x, y).tolist()
             ]
             title = f"<title>{attribute(about)}</title>" if about else ""
-            return f"<g>{title}{_path(rings_data(rings), look)}</g>"
+            return f"<g>{title}{path_element(rings_data(rings), look)}</g>"
 
         self._drawings.append(draw)
 
@@ -163,8 +115,8 @@ class Axes:
         h = size / 2
 
         def draw(at: AxesTransform) -> str:
-            data = "".join(_cross(u, v, h) for u, v in at.points(x, y).tolist())
-            return _path(data, stroke(colour, 1.1))
+            data = "".join(cross_data(u, v, h) for u, v in at.points(x, y).tolist())
+            return path_element(data, stroke(colour, 1.1))
 
         self._drawings.append(draw)
         self._note(label, colour, "cross")
@@ -178,7 +130,9 @@ class Axes:
 
         def draw(at: AxesTransform) -> str:
             left, _, wide, _ = self._box
-            return _path(path_data(np.array([(left, at.y(y)), (left + wide, at.y(y))])), look)
+            return path_element(
+                path_data(np.array([(left, at.y(y)), (left + wide, at.y(y))])), look
+            )
 
         self._drawings.append(draw)
         self._note(label, colour, "line", dashes)
@@ -192,7 +146,7 @@ class Axes:
 
         def draw(at: AxesTransform) -> str:
             _, top, _, high = self._box
-            return _path(path_data(np.array([(at.x(x), top), (at.x(x), top + high)])), look)
+            return path_element(path_data(np.array([(at.x(x), top), (at.x(x), top + high)])), look)
 
         self._drawings.append(draw)
 
@@ -202,7 +156,9 @@ class Axes:
 
         def draw(at: AxesTransform) -> str:
             left, _, wide, _ = self._box
-            return _path(rings_data([_rectangle(left, at.y(low), left + wide, at.y(high))]), look)
+            return path_element(
+                rings_data([rectangle(left, at.y(low), left + wide, at.y(high))]), look
+            )
 
         self._drawings.append(draw)
 
@@ -212,8 +168,8 @@ class Axes:
 
         def draw(at: AxesTransform) -> str:
             _, top, _, high_side = self._box
-            ring = _rectangle(at.x(low), top, at.x(high), top + high_side)
-            return _path(rings_data([ring]), look)
+            ring = rectangle(at.x(low), top, at.x(high), top + high_side)
+            return path_element(rings_data([ring]), look)
 
         self._drawings.append(draw)
 
@@ -240,7 +196,7 @@ class Axes:
             stroke_opacity="" if alpha == 1.0 else f"{alpha:g}",
         )
         self._drawings.append(
-            lambda at: _path(
+            lambda at: path_element(
                 rings_data(at.points(ring[:, 0], ring[:, 1]) for ring in outlines), look
             )
         )
@@ -257,7 +213,7 @@ class Axes:
             parts = []
             for level, colour in enumerate(colours):
                 squares = [
-                    _rectangle(
+                    rectangle(
                         at.x(i * side - half),
                         at.y(j * side - half),
                         at.x((i + 1) * side - half),
@@ -269,7 +225,7 @@ class Axes:
                 look = style(
                     fill=colour_value(colour), stroke=colour_value(colour), stroke_width="0.1"
                 )
-                parts.append(_path(rings_data(squares), look))
+                parts.append(path_element(rings_data(squares), look))
             return "".join(parts)
 
         self._drawings.append(draw)
@@ -285,7 +241,7 @@ class Axes:
                 for turn in (0.45, -0.45)
             ]
             lines = (np.array([(x0, y0), (x1, y1)]), np.array([tips[0], (x1, y1), tips[1]]))
-            return _path("".join(path_data(points) for points in lines), stroke(colour, 1.0))
+            return path_element("".join(path_data(points) for points in lines), stroke(colour, 1.0))
 
         self._drawings.append(draw)
 
@@ -308,144 +264,6 @@ class Axes:
                 at.x(x) + shift[0], at.y(y) - shift[1], text, size, colour, anchor=side, halo=halo
             )
         )
-
-    def legend_only(self, label: str, colour: str) -> None:
-        """Have a line in the legend that stands for several that are drawn."""
-        self._note(label, colour, "line")
-
-    def _note(
-        self,
-        words: str,
-        colour: str,
-        kind: _SampleKind,
-        dashes: str = "",
-        alpha: float = 1.0,
-    ) -> None:
-        if words:
-            self._legend.append(_LegendEntry(words, colour, kind, dashes, alpha))
-
-    def _extend(self, x: Any, y: Any) -> None:
-        for axis, given in enumerate((x, y)):
-            values = np.asarray(given, float)
-            values = values[np.isfinite(values)]
-            if len(values):
-                self._low[axis] = min(self._low[axis], float(values.min()))
-                self._high[axis] = max(self._high[axis], float(values.max()))
-
-    def _limits(self, axis: int, asked: Limits) -> tuple[float, float]:
-        low, high = self._low[axis], self._high[axis]
-        if low > high:
-            low, high = 0.0, 1.0
-        margin = _MARGIN * (high - low) or _MARGIN * abs(high) or _MARGIN
-        lower = low - margin if asked[0] is None else asked[0]
-        upper = high + margin if asked[1] is None else asked[1]
-        return lower, upper if upper > lower else lower + 1.0
-
-    def svg(self, clip: str) -> str:
-        """Return what is drawn; ``clip`` is an identifier of the page that nothing else has."""
-        x_limits, y_limits = self._limits(0, self.x_limits), self._limits(1, self.y_limits)
-        if self.equal:
-            self._shrink((x_limits[1] - x_limits[0]) / (y_limits[1] - y_limits[0]))
-        left, top, width, height = self._box
-        sx = width / (x_limits[1] - x_limits[0])
-        sy = -height / (y_limits[1] - y_limits[0])
-        at = AxesTransform(sx, left - x_limits[0] * sx, sy, top - y_limits[1] * sy)
-        sides = zip(("x", "y", "width", "height"), self._box, strict=True)
-        rectangle = " ".join(f'{name}="{number(length)}"' for name, length in sides)
-        return (
-            f'<clipPath id="{clip}"><rect {rectangle}/></clipPath>'
-            + ("" if self.bare else self._frame(at, x_limits, y_limits))
-            + f'<g clip-path="url(#{clip})">{"".join(draw(at) for draw in self._drawings)}</g>'
-            + self._around()
-        )
-
-    def _shrink(self, ratio: float) -> None:
-        """Make the box ``ratio`` times as wide as high, in the middle of what it was."""
-        left, top, width, height = self._box
-        wide, high = min(width, height * ratio), min(height, width / ratio)
-        self._box = (left + (width - wide) / 2, top + (height - high) / 2, wide, high)
-
-    def _frame(
-        self, at: AxesTransform, x_limits: tuple[float, float], y_limits: tuple[float, float]
-    ) -> str:
-        """Return grid, axis lines and the numbers beside them."""
-        left, top, width, height = self._box
-        right, bottom = left + width, top + height
-        grid: list[Floats] = []
-        words: list[str] = []
-        named = tick_names(*y_limits, height / _TICK_ROOM[1])
-        if self.y_names is not None:
-            named = [(float(k), name) for k, name in enumerate(self.y_names)]
-        for value, name in named:
-            y = at.y(value)
-            grid.append(np.array([(left, y), (right, y)]))
-            words.append(text_element(left - 3.5, y + 2.5, name, _SMALL, SOFT, anchor="end"))
-        if self.x_names is not None:
-            words += self._name_words(at, bottom)
-        elif x_limits:
-            for value, name in tick_names(*x_limits, width / _TICK_ROOM[0]):
-                x = at.x(value)
-                grid.append(np.array([(x, top), (x, bottom)]))
-                if self.x_numbers:
-                    words.append(text_element(x, bottom + 9.0, name, _SMALL, SOFT, anchor="middle"))
-        lines = "".join(path_data(line) for line in grid)
-        spines = path_data(np.array([(left, top), (left, bottom), (right, bottom)]))
-        return _path(lines, stroke(RULE, 0.5)) + _path(spines, stroke(RULE, 0.8)) + "".join(words)
-
-    def _name_words(self, at: AxesTransform, bottom: float) -> list[str]:
-        names = self.x_names or ()
-        if self.turned_names:
-            return [
-                text_element(at.x(k) + 3.0, bottom + 8.0, name, _SMALL, SOFT, anchor="end", turn=25)
-                for k, name in enumerate(names)
-            ]
-        return [
-            text_element(at.x(k), bottom + 9.0, name, _SMALL, SOFT, anchor="middle")
-            for k, name in enumerate(names)
-        ]
-
-    def _around(self) -> str:
-        left, top, width, height = self._box
-        parts = []
-        if self.title:
-            parts.append(text_element(left, top - 4.0, self.title, _PLAIN, SOFT))
-        if self.x_label:
-            x, y = left + width / 2, top + height + 19.5
-            parts.append(text_element(x, y, self.x_label, _PLAIN, SOFT, anchor="middle"))
-        x = left + width
-        # From the right, so that the last one ends where the axes do.
-        for entry in reversed(self._legend):
-            parts.append(text_element(x, top - 4.0, entry.words, _SMALL, SOFT, anchor="end"))
-            x -= _SMALL * _LETTER * len(entry.words) + 3.5
-            parts.append(_legend_sample(entry, x, top - 6.5))
-            x -= 8.4 + 6.3
-        return "".join(parts)
-
-
-def _cross(u: float, v: float, half: float) -> str:
-    west, east, above, below = map(number, (u - half, u + half, v - half, v + half))
-    return f"M{west} {above} {east} {below}M{west} {below} {east} {above}"
-
-
-def _legend_sample(entry: _LegendEntry, right: float, y: float) -> str:
-    if entry.kind == "dot":
-        look = style(fill=colour_value(entry.colour))
-        return f'<circle cx="{number(right - 4.2)}" cy="{number(y)}" r="2"{look}/>'
-    if entry.kind == "cross":
-        return _path(_cross(right - 4.2, y, 2.0), stroke(entry.colour, 1.1))
-    if entry.kind == "area":
-        look = style(fill=colour_value(entry.colour), fill_opacity=f"{entry.alpha:g}")
-        return _path(rings_data([_rectangle(right - 8.4, y - 2.4, right, y + 2.4)]), look)
-    points = np.array([(right - 8.4, y), (right, y)])
-    return _path(path_data(points), stroke(entry.colour, 1.2, dashes=entry.dashes))
-
-
-def _rectangle(x0: float, y0: float, x1: float, y1: float) -> Floats:
-    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-
-
-def _path(data: str, look: str) -> str:
-    return f'<path d="{data}"{look}/>' if data else ""
 
 
 class Sheet:

@@ -31,6 +31,7 @@ from daemon.analysis.report._svg import (
     colour_value,
     number,
     path_data,
+    path_element,
     rings_data,
     stroke,
     style,
@@ -316,13 +317,13 @@ def _ways(sampler: SignalSampler, line: _Timeline, area: _MapFrame) -> tuple[str
     look = stroke(LINE, 1.2)
     still = path_data(points[: line.moment - first + 1])
     if gone[-1] < 1.0:
-        return "", f'<path d="{still}"{look}/>' if still else ""
+        return "", path_element(still, look)
     rest = [number(gone[-1] - gone[frame - first]) for frame in line.frames.tolist()]
     grows = (
         f'<animate attributeName="stroke-dashoffset" values="{";".join(rest)}" {line.repeated}/>'
     )
     moving = f'<path d="{path_data(points)}" {_undrawn(gone[-1])}{look}>{grows}</path>'
-    return moving, f'<path d="{still}"{look}/>' if still else ""
+    return moving, path_element(still, look)
 
 
 def _undrawn(length: float) -> str:

@@ -142,6 +142,22 @@ def rings_data(rings: Iterable[Floats]) -> str:
     return "".join(found)
 
 
+def path_element(data: str, look: str) -> str:
+    """Return a path, nothing where there is none; ``look`` is its style."""
+    return f'<path d="{data}"{look}/>' if data else ""
+
+
+def cross_data(u: float, v: float, half: float) -> str:
+    """Return the path of a lying cross around a point, ``half`` to every side."""
+    west, east, above, below = map(number, (u - half, u + half, v - half, v + half))
+    return f"M{west} {above} {east} {below}M{west} {below} {east} {above}"
+
+
+def rectangle(x0: float, y0: float, x1: float, y1: float) -> Floats:
+    """Return the corners (4, 2) of a rectangle between two points."""
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+
 def _subpath(points: list[list[float]], ending: str) -> str:
     # What :func:`number` does, of all at once: figures of a campaign have 100 000 points.
     written = "%.1f " * (2 * len(points)) % tuple(chain.from_iterable(points))
