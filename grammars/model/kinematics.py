@@ -22,7 +22,7 @@ def cos_sin(angles: Floats) -> tuple[Floats, Floats]:
     numpy's own differ in the last bit between machines with different vector units, and what is
     recorded or judged must not. Angles that are not finite give nan.
     """
-    # Judging has the same in machine code, daemon.judging.oracles._clearance.cos_sin: both must
+    # Judging has the same in machine code, daemon.judging.oracles._obstacles.cos_sin: both must
     # give the same bits.
     finite = [a if math.isfinite(a) else math.nan for a in angles.tolist()]
     return np.array([math.cos(a) for a in finite]), np.array([math.sin(a) for a in finite])

@@ -9,10 +9,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from daemon.judging.oracles._clearance import ObstaclePolygons
     from daemon.judging.oracles._judge import judge, overall_outcome, warm_up
     from daemon.judging.oracles._leading import judge_leading, leading_margins
     from daemon.judging.oracles._leading_kind import leading_kind, oracle_scale
+    from daemon.judging.oracles._obstacles import ObstaclePolygons
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
     from daemon.judging.oracles._provisional import judge_so_far, least_margin
     from daemon.judging.oracles._sampler import SignalSampler
@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 _MODULES: Final = {
-    "ObstaclePolygons": "_clearance",
+    "ObstaclePolygons": "_obstacles",
     "OracleTimeline": "_oracle_timeline",
     "SignalSampler": "_sampler",
     "judge_leading": "_leading",

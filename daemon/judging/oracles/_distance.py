@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from daemon.judging.oracles._clearance import ObstaclePolygons, cos_sin
+from daemon.judging.oracles._obstacles import ObstaclePolygons, cos_sin
 from daemon.judging.oracles._series import SignalSeries
 from grammars.model.geometry import Floats, Ring
 from grammars.model.scene import Scene

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from daemon import trace
-from daemon.judging.oracles._clearance import box_clearance, cos_sin
+from daemon.judging.oracles._clearance import box_clearance
 from daemon.judging.oracles._leading_kind import leading_unit
+from daemon.judging.oracles._obstacles import cos_sin
 from daemon.judging.oracles._operators import (
     judge_amount,
     judge_reached,

@@ -13,13 +13,13 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from daemon.judging.oracles._clearance import (
+from daemon.judging.oracles._distance import place_outline, placed_polygons
+from daemon.judging.oracles._obstacles import (
     IndexArray,
     ObstaclePolygons,
     footprint_box,
     obstacles_named,
 )
-from daemon.judging.oracles._distance import place_outline, placed_polygons
 from daemon.judging.oracles._sampler import SignalSampler
 from daemon.judging.oracles._series import SignalSeries
 from grammars.model.geometry import Floats, Ring

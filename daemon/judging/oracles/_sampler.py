@@ -14,21 +14,21 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from daemon.judging.oracles._clearance import (
-    ObstaclePolygons,
-    belongs_to,
-    box_clearance_series,
-    footprint_box,
-    hinge_foot,
-    joint_positions,
-    obstacles_named,
-    obstacles_of,
-)
+from daemon.judging.oracles._clearance import box_clearance_series
 from daemon.judging.oracles._distance import (
     distance_series,
     inside_series,
     place_distance_series,
     place_outline,
+)
+from daemon.judging.oracles._obstacles import (
+    ObstaclePolygons,
+    belongs_to,
+    footprint_box,
+    hinge_foot,
+    joint_positions,
+    obstacles_named,
+    obstacles_of,
 )
 from daemon.judging.oracles._series import (
     RECORDED_SIGNALS,
