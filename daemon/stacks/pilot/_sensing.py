@@ -9,9 +9,10 @@ import numpy as np
 from daemon.model.sut import Briefing, Estimate, LaserScan, Observation
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.guard import Surroundings
-from daemon.stacks.pilot.localisation import Localiser, NoisyTruth, project
+from daemon.stacks.pilot.localisation import Localiser, NoisyTruth
 from daemon.stacks.pilot.map_field import MapField
 from daemon.stacks.pilot.obstacles import UnmappedObstacles
+from daemon.stacks.pilot.scan_matching import project
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.robot import Laser
 
