@@ -19,7 +19,8 @@ from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.campaign._search_file import ValueChoices, ValueRange
 from daemon.model.search import ParameterSlot
 from grammars.scenery import values_in
-from grammars.scenery.model import Measure, Sentence
+from grammars.scenery.measure import Measure
+from grammars.scenery.model import Sentence
 from grammars.text.quantity import read_quantity
 
 SLOT_WORDS: Final = ("mission", "robot", "sut", "floorplan", "vary")

@@ -36,7 +36,8 @@ from grammars.scenery.composition import (
     mirrored_links,
     place_instance,
 )
-from grammars.scenery.model import At, FrameName, In, Instance, Measure, Name, ObjectModel
+from grammars.scenery.measure import Measure
+from grammars.scenery.model import At, FrameName, In, Instance, Name, ObjectModel
 from grammars.text.diagnostics import InputError, Where
 
 

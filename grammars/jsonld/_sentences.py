@@ -21,7 +21,8 @@ from grammars.floorplan import WORLD_FRAME
 from grammars.jsonld._nodes import NodeGraph, Ref, Value
 from grammars.jsonld.vocabulary import SCN, local_name
 from grammars.scenery import model
-from grammars.scenery.model import LARGEST, FrameName, Measure
+from grammars.scenery.measure import LARGEST, Measure
+from grammars.scenery.model import FrameName
 from grammars.text.diagnostics import InputError, Where, did_you_mean
 from grammars.text.documents import plain_message
 from grammars.text.quantity import unit_of

@@ -10,6 +10,7 @@ from typing import Final, TypeAlias
 
 from grammars.scenery._reader import NodeReader
 from grammars.scenery._syntax import parse_tree
+from grammars.scenery.measure import parse_measure, require_dimension
 from grammars.scenery.model import (
     Group,
     Instance,
@@ -20,8 +21,6 @@ from grammars.scenery.model import (
     Sentence,
     Setting,
     Subject,
-    parse_measure,
-    require_dimension,
 )
 from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where, did_you_mean
 from grammars.text.sources import read_text

@@ -12,7 +12,8 @@ from grammars.model.kinematics import WORLD
 from grammars.model.movers import PLANAR_JOINTS, with_planar_chain
 from grammars.model.scene import Joint, Link
 from grammars.scenery._reader import NodeReader, QuantityNode, WordNode
-from grammars.scenery.model import NamedState, ObjectModel, require_dimension
+from grammars.scenery.measure import require_dimension
+from grammars.scenery.model import NamedState, ObjectModel
 from grammars.text.diagnostics import InputError, SyntaxNode, TypedNode, Where, did_you_mean
 
 CIRCLE_CORNERS: Final = 32

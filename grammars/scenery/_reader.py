@@ -6,16 +6,8 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, Final, TypeVar
 
-from grammars.scenery.model import (
-    Amount,
-    FrameName,
-    Measure,
-    Name,
-    Path,
-    Subject,
-    parse_measure,
-    require_dimension,
-)
+from grammars.scenery.measure import Measure, parse_measure, require_dimension
+from grammars.scenery.model import Amount, FrameName, Name, Path, Subject
 from grammars.text.diagnostics import Diagnostic, InputError, SourceText, TypedNode, Where
 
 T = TypeVar("T")

@@ -12,7 +12,7 @@ from grammars.scenery._instances import INSTANCE_RULES
 from grammars.scenery._objects import OBJECT_RULES
 from grammars.scenery._reader import RULES
 from grammars.scenery._sentences import SENTENCE_RULES
-from grammars.scenery.model import NUMBER, UNIT
+from grammars.scenery.measure import NUMBER, UNIT
 from grammars.text.diagnostics import (
     Diagnostic,
     InputError,

@@ -11,14 +11,8 @@ import numpy as np
 from grammars.model.geometry import Pose2
 from grammars.model.movers import own_joints
 from grammars.model.scene import Joint, SceneObject
-from grammars.scenery.model import (
-    Amount,
-    Measure,
-    Name,
-    ObjectModel,
-    SceneryLayer,
-    require_dimension,
-)
+from grammars.scenery.measure import Measure, require_dimension
+from grammars.scenery.model import Amount, Name, ObjectModel, SceneryLayer
 from grammars.text.diagnostics import InputError, Where, did_you_mean
 
 

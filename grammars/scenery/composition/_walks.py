@@ -12,7 +12,8 @@ from grammars.model.movers import is_mover
 from grammars.model.scene import SceneObject
 from grammars.scenery.composition._amounts import SentenceContext
 from grammars.scenery.composition._rings import rounded, rounded_point
-from grammars.scenery.model import Measure, Name, RoutePoint, Walks
+from grammars.scenery.measure import Measure
+from grammars.scenery.model import Name, RoutePoint, Walks
 from grammars.text.diagnostics import InputError, did_you_mean
 
 _SHORTEST = 0.01

@@ -8,7 +8,8 @@ import pytest
 
 import grammars.scenery
 from grammars.scenery import load_scenery, parse_scenery
-from grammars.scenery.model import At, Goes, In, Measure, Moves, Name, Stays, Toggles
+from grammars.scenery.measure import Measure
+from grammars.scenery.model import At, Goes, In, Moves, Name, Stays, Toggles
 from grammars.text.diagnostics import InputError, Where
 from tests.grammars.scenery.samples import BEHAVIOUR, DOOR, EVERYTHING, LIFT, PLACED, SLIDER
 

@@ -11,10 +11,10 @@ from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_mover
 from grammars.model.scene import SceneObject
 from grammars.scenery import parse_scenery
+from grammars.scenery.measure import Measure
 from grammars.scenery.model import (
     Alternates,
     At,
-    Measure,
     OnLeg,
     OnObject,
     OnWaypoint,
