@@ -1,16 +1,16 @@
-"""Reading sentences: how objects start, what their joints do, events and walks."""
+"""Reading sentences: how objects start, what their joints do, and walks."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Any, Final, TypeAlias, get_args
 
+from grammars.scenery._events import EventNode, RobotIsNearNode
 from grammars.scenery._instances import IsANode
 from grammars.scenery._reader import NodeReader, QuantityNode, WordNode
 from grammars.scenery.model import (
     Alternates,
     Amount,
-    EventPhrase,
     FrameName,
     Freezes,
     Goes,
@@ -18,9 +18,6 @@ from grammars.scenery.model import (
     Instance,
     MotionAs,
     Moves,
-    OnLeg,
-    OnObject,
-    OnWaypoint,
     Parameter,
     Reacts,
     RoutePoint,
@@ -184,7 +181,7 @@ class GoesNode(TypedNode):
         )
 
     def _reacts(
-        self, reader: NodeReader, subject: Subject, event: _EventNode, options: dict[str, Any]
+        self, reader: NodeReader, subject: Subject, event: EventNode, options: dict[str, Any]
     ) -> Reacts:
         if "Again" in options:
             where = reader.where(options["Again"])
@@ -245,60 +242,6 @@ PredicateNode: TypeAlias = (
 )
 
 
-class RobotIsNearNode(TypedNode):
-    """``when the robot is within 1.3 m of its hinge``: a distance, not an event."""
-
-    body: str
-    distance: SyntaxNode
-    point: Literal["hinge", "foot", "leaf", "doorway"]
-
-    def event(self, reader: NodeReader) -> EventPhrase:
-        """Refuse to be one."""
-        raise InputError.at(
-            reader.where(self),
-            "walks begin at a time or with an event, not with the robot's distance",
-            "from 5 s, when leg 2 begins, when waypoint … is reached, when … fires",
-        )
-
-
-class LegBeginsNode(TypedNode):
-    """``when leg 2 begins``."""
-
-    leg: int
-
-    def event(self, reader: NodeReader) -> OnLeg:
-        """Return the event."""
-        where = reader.where(self)
-        if self.leg < 1:
-            raise InputError.at(where, "legs are counted from 1", "when leg 1 begins")
-        return OnLeg(self.leg, where)
-
-
-class WaypointIsReachedNode(TypedNode):
-    """``when waypoint living-room is reached``."""
-
-    waypoint: str
-
-    def event(self, reader: NodeReader) -> OnWaypoint:
-        """Return the event."""
-        return OnWaypoint(self.waypoint.strip('"'), reader.where(self))
-
-
-class ObjectActsNode(TypedNode):
-    """``when front_door fires`` or ``starts to move``."""
-
-    path: SyntaxNode
-    fires: bool
-
-    def event(self, reader: NodeReader) -> OnObject:
-        """Return the event."""
-        act: Literal["fires", "moves"] = "fires" if self.fires else "moves"
-        return OnObject(reader.path(self.path), act, reader.where(self))
-
-
-_EventNode: TypeAlias = RobotIsNearNode | LegBeginsNode | WaypointIsReachedNode | ObjectActsNode
-
-
 class ObjectGroupNode(TypedNode):
     """``group rooms: kitchen_door, store_door``."""
 
@@ -335,7 +278,6 @@ class SentenceNode(TypedNode):
 
 SENTENCE_RULES: Final = (
     *get_args(PredicateNode),
-    *get_args(_EventNode),
     ObjectGroupNode,
     ParameterNode,
     SentenceNode,

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from grammars.scenery._events import EVENT_RULES
 from grammars.scenery._instances import INSTANCE_RULES
 from grammars.scenery._objects import OBJECT_RULES
 from grammars.scenery._reader import RULES
@@ -87,7 +88,7 @@ _UNSAID: Final = frozenset(
 
 
 class _SceneryLanguage(Language):
-    classes = (*RULES, *OBJECT_RULES, *INSTANCE_RULES, *SENTENCE_RULES)
+    classes = (*RULES, *OBJECT_RULES, *INSTANCE_RULES, *SENTENCE_RULES, *EVENT_RULES)
     words = _READABLE
     token = re.compile(r"\w+|\S")
 
