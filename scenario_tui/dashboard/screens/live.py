@@ -23,6 +23,7 @@ from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import copy_to_tmux
 from scenario_tui.text.formatting import BAD, QUIET, UNSURE
 
@@ -239,9 +240,12 @@ class LiveApp(ReplayApp):
     TITLE = "scenario serve"
 
 
-def run_live(screen: LiveScreen) -> int:
-    """Show it until somebody leaves; return the exit code of the app."""
+def run_live(screen: LiveScreen, asked: BackgroundQuestion) -> int:
+    """Show it until somebody leaves; return the exit code of the app.
+
+    ``asked`` is the question for the background of the terminal.
+    """
     app = LiveApp(screen)
-    app.limit_to_terminal()
+    app.limit_to_terminal(asked)
     app.run()
     return app.return_code or 0

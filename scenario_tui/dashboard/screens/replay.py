@@ -22,6 +22,7 @@ from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.text.run_text import verdict_lines
 
 
@@ -143,9 +144,12 @@ class ReplayApp(ThemedApp):
         return self._first
 
 
-def run_replay(screen: Screen[None]) -> int:
-    """Play until somebody leaves; return the exit code of the app."""
+def run_replay(screen: Screen[None], asked: BackgroundQuestion) -> int:
+    """Play until somebody leaves; return the exit code of the app.
+
+    ``asked`` is the question for the background of the terminal.
+    """
     app = ReplayApp(screen)
-    app.limit_to_terminal()
+    app.limit_to_terminal(asked)
     app.run()
     return app.return_code or 0
