@@ -22,6 +22,7 @@ from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import copy_to_tmux
@@ -102,9 +103,9 @@ class LiveScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         """Lay out headline, map, who is connected, and keys."""
-        yield Static(id="status")
+        yield StaticText(id="status")
         yield TopView(id="map")
-        yield Static(id="serving")
+        yield StaticText(id="serving")
         yield MapLegend()
         yield KeyFooter()
 

@@ -20,6 +20,7 @@ from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTra
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.background_question import BackgroundQuestion
@@ -75,12 +76,12 @@ class ReplayScreen(StandaloneScreen):
 
     def compose(self) -> ComposeResult:
         """Lay out headline, timeline, map, signals, verdicts and keys."""
-        yield Static(id="status")
-        yield Static(id="timeline")
+        yield StaticText(id="status")
+        yield StaticText(id="timeline")
         with Horizontal(id="stage"):
             yield TopView(id="map")
             yield TimelineView(id="signals")
-        yield Static(id="verdicts")
+        yield StaticText(id="verdicts")
         yield MapLegend()
         yield KeyFooter()
 

@@ -15,6 +15,7 @@ from grammars.model.scene import Scene
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.state import DashboardState, TraceSummary, Track, UnavailableTrace
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView, View
 from scenario_tui.text.run_text import run_text
 
@@ -30,7 +31,7 @@ class RunMap(Vertical):
 
     def compose(self) -> ComposeResult:
         """Lay out map, legend, and what is said instead of them."""
-        yield Static(id="unseen")
+        yield StaticText(id="unseen")
         yield TopView(id="map")
         yield MapLegend()
 
@@ -50,7 +51,7 @@ class RunPanel(Vertical):
     def compose(self) -> ComposeResult:
         """Lay out words and map."""
         with VerticalScroll(id="words"):
-            yield Static(id="run-text")
+            yield StaticText(id="run-text")
         yield RunMap()
 
     def show(self, dashboard: BaseDashboard, detail: RunDetail | None) -> None:

@@ -29,6 +29,7 @@ from scenario_tui.dashboard.widgets.search_curve import (
     search_curve,
 )
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import (
@@ -98,20 +99,20 @@ class SearchScreen(SteeringScreen):
 
     def body(self) -> ComposeResult:
         """Curve and table on the left; parameters and map on the right, or below."""
-        yield Static(id="now")
-        yield Static(id="empty")
+        yield StaticText(id="now")
+        yield StaticText(id="empty")
         with Horizontal(id="searched"):
             with Vertical(id="course"):
                 yield SearchCurveView(id="curve")
-                yield Static(id="curve-legend")
+                yield StaticText(id="curve-legend")
                 yield KeyedTable(_COLUMNS, id="notable")
                 answer = VerticalScroll(id="answer")
                 answer.border_title = "answer "
                 with answer:
-                    yield Static(id="answer-text")
+                    yield StaticText(id="answer-text")
             with Vertical(id="point"):
                 with VerticalScroll(id="parameters"):
-                    yield Static(id="parameters-text")
+                    yield StaticText(id="parameters-text")
                 yield RunMap()
 
     def on_mount(self) -> None:
