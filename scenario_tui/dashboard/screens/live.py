@@ -10,12 +10,12 @@ from typing import ClassVar, Final
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.screen import Screen
 from textual.widgets import Static
 
 from daemon.live.simulation import LiveSimulation, LiveStatus, LiveThread
 from daemon.model.status import LiveSnapshot
 from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.screens.replay import ReplayApp
 from scenario_tui.dashboard.screens.run_panel import tracked_view
 from scenario_tui.dashboard.state import Tracks
@@ -37,7 +37,7 @@ SOURCE: Final = "keys"
 """Whose commands those of this screen are."""
 
 
-class LiveScreen(Screen[None]):
+class LiveScreen(MapActions):
     """Shows and steers a simulation that runs in a thread of its own.
 
     ``serving`` says where it is served and who is connected, a line each; ``to_type`` is what a
@@ -179,31 +179,6 @@ class LiveScreen(Screen[None]):
         """Stop at once."""
         self._keys.stop()
         self.command()
-
-    def action_zoom(self) -> None:
-        """Come nearer to the robot on the map."""
-        self.query_one(TopView).zoom()
-
-    def action_fit(self) -> None:
-        """Show all of the map again."""
-        self.query_one(TopView).fit()
-
-    def action_picture(self) -> None:
-        """Show the map as a picture, in place of the dashboard."""
-        # What paints takes a while to load, and few ask for it.
-        from scenario_tui.dashboard.map_picture import look_at_picture
-
-        look_at_picture(self.query_one(TopView))
-
-    def action_follow(self) -> None:
-        """Follow the robot on the map, or stay where it is now."""
-        followed = self.query_one(TopView).follow()
-        self.notify("following the robot" if followed else "staying here")
-
-    def action_pan(self, right: int, up: int) -> None:
-        """Look to a side on the map."""
-        if not self.query_one(TopView).pan(right, up):
-            self.notify("everything is in view: z comes nearer")
 
     def action_copy(self) -> None:
         """Put what is to be typed elsewhere into the clipboard."""
