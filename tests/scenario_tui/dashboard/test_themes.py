@@ -19,7 +19,7 @@ from scenario_tui.dashboard.themes import DARK, LIGHT
 from scenario_tui.submission import CheckedFile
 from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import TerminalLimits
-from tests.scenario_tui.dashboard.driven import SteeredDaemon
+from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.dashboard.searching import SearchingDaemon
@@ -143,6 +143,22 @@ async def test_what_is_old_or_behind_a_dialog_can_be_read(
                 await press(pilot, "escape")
             await settle(pilot)
             assert not {"-stale", "-behind"} & shown.classes
+
+
+@pytest.mark.parametrize("theme", [DARK, LIGHT])
+@pytest.mark.parametrize("keys", [(), ("enter",), ("m",), ("enter", "enter")])
+async def test_the_palette_and_what_is_behind_it_can_be_read(
+    theme: str, keys: tuple[str, ...]
+) -> None:
+    app = make_dashboard(judged_campaign(), config=Config(theme=theme))
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(pilot)
+        await press(pilot, *keys)
+        behind = screen_text(pilot)[0]
+        await press(pilot, "colon")
+        await until(pilot, lambda: any("Quit" in strip.text for strip in drawn(pilot)[4:-1]))
+        assert drawn(pilot)[0].text.rstrip() == behind
+        assert dict(poor(pilot)) == {}
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
