@@ -243,7 +243,11 @@ class CellVerdict:
         """Whether it is not as expected: while runs are to come, or were cancelled, only when they
         could not mend it.
         """
-        return self.contradicted or (not self.met and self.state in _ENDED_STATES)
+        return _needs_attention(self)
+
+
+def _needs_attention(verdict: CellVerdict | ComparisonVerdict) -> bool:
+    return verdict.contradicted or (not verdict.met and verdict.state in _ENDED_STATES)
 
 
 def _word(verdict: Outcome, state: str) -> str:
@@ -343,7 +347,7 @@ class ComparisonVerdict:
     @property
     def needs_attention(self) -> bool:
         """Whether it is not as expected, see :class:`CellVerdict`."""
-        return self.contradicted or (not self.met and self.state in _ENDED_STATES)
+        return _needs_attention(self)
 
 
 @dataclass(frozen=True, slots=True)

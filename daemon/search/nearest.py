@@ -18,7 +18,7 @@ from daemon.model.search import Point, PointValue, SearchTask
 from daemon.model.search_answer import Confirmation, NearestFailure, ParameterChange, PointResult
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.findings import distinct_failures
-from daemon.search.answers.wording import nearest_sentence, noise_words, short_name, value_text
+from daemon.search.answers.wording import nearest_sentence, noise_words, short_name
 from daemon.search.execution.results import first_failure, smallest_margin
 from daemon.search.points import (
     change_size,
@@ -281,7 +281,7 @@ class _Descent:
             if value is None:
                 return
             point = with_value(self.failing.values, index, value)
-            note = f"{short_name(self.task, parameter)} at {value_text(parameter, value)}"
+            note = f"{short_name(self.task, parameter)} at {parameter.shown(value)}"
             (result,) = self.trials.results([(point, note)])
             if result is not None and result.fails:
                 self.failing = result

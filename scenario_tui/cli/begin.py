@@ -12,7 +12,7 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import plan_files
-from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.options import AsJson, why_no_folder
 from scenario_tui.cli.output import Output, OutputPart, plain_table, report_diagnostics, say
 
 if TYPE_CHECKING:
@@ -178,9 +178,8 @@ def layers(
 
 
 def _list_layers(folder: Path, *, as_json: bool) -> None:
-    if not folder.is_dir():
-        what = "is no folder" if folder.exists() else "is not there"
-        raise typer.BadParameter(f"{folder} {what}", param_hint="NAME")
+    if why := why_no_folder(folder):
+        raise typer.BadParameter(f"{folder} {why}", param_hint="NAME")
     from daemon.campaign import LAYER_KINDS
 
     found = [layer for kind in LAYER_KINDS for layer in _layers_of(folder, kind)]

@@ -18,7 +18,7 @@ from scenario_tui.cli.export_runs import (
     export_recorded,
     is_recorded,
 )
-from scenario_tui.cli.options import AsJson, Base, Connect, State, check_writable
+from scenario_tui.cli.options import AsJson, Base, Connect, State, check_folder, check_writable
 from scenario_tui.cli.output import Output, report_diagnostics
 
 if TYPE_CHECKING:
@@ -232,8 +232,8 @@ def export(
         check_writable(named, "--out")
         if named.exists() and named.samefile(source):
             raise typer.BadParameter(f"{named} is what is exported", param_hint="--out")
-    elif out.exists() and not out.is_dir():
-        raise typer.BadParameter(f"{out} is no folder", param_hint="--out")
+    else:
+        check_folder(out, "--out")
     own = Templates(templates)
     written: list[str] = []
     report_diagnostics(own.unused())

@@ -11,7 +11,7 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
-from scenario_tui.cli.options import AsJson, Connect, State, check_writable
+from scenario_tui.cli.options import AsJson, Connect, State, check_folder, check_writable
 from scenario_tui.cli.output import Output, OutputPart, say, stdout_console
 
 if TYPE_CHECKING:
@@ -221,8 +221,7 @@ def export_recorded(
     if kinds[0] == "traces":
         if part != (None, None):
             raise typer.BadParameter("goes with picture only", param_hint="--from, --until")
-        if out.exists() and not out.is_dir():
-            raise typer.BadParameter(f"{out} is no folder", param_hint="--out")
+        check_folder(out, "--out")
         fetch(str(source), out, wall_clock, target.connect, target.state, as_json)
         return
     if wall_clock is not None:

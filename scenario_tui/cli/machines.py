@@ -21,6 +21,7 @@ from scenario_tui.cli.options import (
     check_endpoint,
     read_size,
     read_wall,
+    use_keys,
 )
 from scenario_tui.cli.output import say, stay_small
 
@@ -113,8 +114,7 @@ def daemon(
     with --stop.
     """
     if end:
-        if keys is not None:
-            os.environ["SCENARIO_KEYS"] = str(keys)
+        use_keys(keys)
         from scenario_tui.cli.steer import stop
 
         stop(connect, state, as_json)

@@ -51,13 +51,25 @@ def check_writable(path: Path, option: str) -> None:
     why = ""
     if path.is_dir():
         why = "is a folder, and a file is written"
-    elif not path.parent.is_dir():
-        what = "is no folder" if path.parent.exists() else "is not there"
-        why = f"cannot be written: {path.parent} {what}"
+    elif lacking := why_no_folder(path.parent):
+        why = f"cannot be written: {path.parent} {lacking}"
     elif not os.access(path if path.exists() else path.parent, os.W_OK):
         why = "may not be written by you"
     if why:
         raise typer.BadParameter(f"{path} {why}", param_hint=option)
+
+
+def why_no_folder(path: Path) -> str:
+    """Return what there is instead of a folder, empty when there is one."""
+    if path.is_dir():
+        return ""
+    return "is no folder" if path.exists() else "is not there"
+
+
+def check_folder(path: Path, option: str) -> None:
+    """Refuse what is there and no folder, as wrong usage of ``option``."""
+    if path.exists() and not path.is_dir():
+        raise typer.BadParameter(f"{path} is no folder", param_hint=option)
 
 
 def _read_amount(parse: Callable[[], T]) -> T:
@@ -182,6 +194,12 @@ RunOrTrace: TypeAlias = Annotated[
 ]
 
 
+def use_keys(folder: Path | None) -> None:
+    """Look for keys in ``folder`` from now on, if one was named."""
+    if folder is not None:
+        os.environ["SCENARIO_KEYS"] = str(folder)
+
+
 def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command that talks to a daemon the option ``--keys``, read where keys are looked for.
 
@@ -194,8 +212,7 @@ def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def called(*arguments: Any, keys: Path | None = None, **options: Any) -> None:
-        if keys is not None:
-            os.environ["SCENARIO_KEYS"] = str(keys)
+        use_keys(keys)
         command(*arguments, **options)
 
     option = inspect.Parameter(

@@ -116,8 +116,7 @@ def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     line = Table.grid(padding=(0, 2))
     for _ in range(3):
         line.add_column(no_wrap=True)
-    finished = row.total - row.queued - row.running
-    bar = ProgressBar(total=max(1, row.total), completed=finished, width=_BAR)
+    bar = ProgressBar(total=max(1, row.total), completed=_over(row), width=_BAR)
     line.add_row(head, bar, tail)
     waiting = progress.preparing
     if row.paused:
@@ -143,8 +142,7 @@ def run_lines(
 def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tuple[Text, Text]:
     """Return what stands before and after the bar, with or without words and rate."""
     row = progress.row
-    finished = row.total - row.queued - row.running
-    tail = Text(f"{finished}/{pluralise(row.total, 'run')}")
+    tail = Text(f"{_over(row)}/{pluralise(row.total, 'run')}")
     for word, count in run_counts(row).items():
         if word not in ("queued", "running"):
             tail.append(
@@ -156,6 +154,11 @@ def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tu
     if pace and progress.per_minute:
         tail.append(f"  {rate_text(progress.per_minute)}", style="default")
     return Text(row.name, style="bold"), tail
+
+
+def _over(row: CampaignRow) -> int:
+    """Return how many runs neither wait nor run, cancelled ones included."""
+    return row.total - row.queued - row.running
 
 
 def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
@@ -254,7 +257,7 @@ class _WatchedRuns:
     def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> CampaignRow:
         row = self.row = ask_campaign(daemon, self.campaign)
         self.running = ask_running(daemon, row) if shown.on_screen else ()
-        self.pace = self.pace or RunRate(time.monotonic(), row.total - row.queued - row.running)
+        self.pace = self.pace or RunRate(time.monotonic(), _over(row))
         return row
 
     @property
@@ -264,8 +267,7 @@ class _WatchedRuns:
     def draw(self, live: Mapping[str, LiveSnapshot], preparing: str, width: int) -> RenderableType:
         if self.row is None or self.pace is None:
             return Text(preparing)
-        ahead = self.row.queued + self.row.running
-        per_minute = self.pace.look(self.row.total - ahead, time.monotonic())
+        per_minute = self.pace.look(_over(self.row), time.monotonic())
         found = CampaignProgress(self.row, self.running, live, per_minute, preparing)
         return progress_lines(found, width)
 

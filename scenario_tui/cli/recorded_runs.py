@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,6 +64,7 @@ def replay(
     from scenario_tui.cli.named_traces import one_trace
     from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.dashboard.playback import open_playback
+    from scenario_tui.terminal.background_question import BackgroundQuestion
     from scenario_tui.terminal.capabilities import why_undrawable
 
     if as_json and not frame:
@@ -81,15 +83,17 @@ def replay(
     if not frame and (why := why_undrawable()):
         say(f"scenario: {why}")
         raise typer.Exit(ExitCode.BAD_INPUT)
-    playback = open_playback(trace)
     if frame:
+        playback = open_playback(trace)
         _print_frame(playback, _resolve_time(playback, frame, "--frame"), as_json=as_json)
         return
-    from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay
+    with closing(BackgroundQuestion()) as asked:
+        from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay
 
-    begin = _resolve_time(playback, start, "--from") if start else playback.start
-    stay_small()
-    code = run_replay(ReplayScreen(playback, begin, speed))
+        playback = open_playback(trace)
+        begin = _resolve_time(playback, start, "--from") if start else playback.start
+        stay_small()
+        code = run_replay(ReplayScreen(playback, begin, speed), asked)
     if code:
         raise typer.Exit(ExitCode.BUG)
 
@@ -99,20 +103,23 @@ def _replay_side_by_side(first: Path, second: Path, start: str, speed: float) ->
     import sys
 
     from scenario_tui.dashboard.playback import open_playback
+    from scenario_tui.terminal.background_question import BackgroundQuestion
     from scenario_tui.terminal.capabilities import why_undrawable
     from scenario_tui.text.comparison_text import comparison_text
 
-    both = open_playback(first), open_playback(second)
-    begin = _resolve_time(both[0], start, "--from") if start else both[0].start
-    if why_undrawable() or not (sys.stdin.isatty() and sys.stderr.isatty()):
-        verdicts, specs = zip(*((one.verdicts, one.trace.spec) for one in both), strict=True)
-        stdout_console().print(comparison_text(*verdicts, *specs), soft_wrap=True)
-        return
-    from scenario_tui.dashboard.screens.compare import CompareScreen
-    from scenario_tui.dashboard.screens.replay import run_replay
+    drawn = sys.stdin.isatty() and sys.stderr.isatty() and not why_undrawable()
+    with closing(BackgroundQuestion()) if drawn else nullcontext() as asked:
+        both = open_playback(first), open_playback(second)
+        begin = _resolve_time(both[0], start, "--from") if start else both[0].start
+        if asked is None:
+            verdicts, specs = zip(*((one.verdicts, one.trace.spec) for one in both), strict=True)
+            stdout_console().print(comparison_text(*verdicts, *specs), soft_wrap=True)
+            return
+        from scenario_tui.dashboard.screens.compare import CompareScreen
+        from scenario_tui.dashboard.screens.replay import run_replay
 
-    stay_small()
-    code = run_replay(CompareScreen(*both, begin=begin, speed=speed))
+        stay_small()
+        code = run_replay(CompareScreen(*both, begin=begin, speed=speed), asked)
     if code:
         raise typer.Exit(ExitCode.BUG)
 

@@ -51,7 +51,7 @@ def tui(
 
         config = read_config()
         check_config(config)
-    if why:
+    if asked is None:
         say(f"scenario: {why}")
         raise typer.Exit(ExitCode.BAD_INPUT)
     # The option can only take rights away: who forbade changes in the file meant it.

@@ -202,15 +202,15 @@ class Dashboard(BaseDashboard):
 
 def run_dashboard(
     open_daemon: ClientOpener,
-    config: Config | None = None,
-    command_lines: CommandLines | None = None,
-    launch_daemon: Callable[[], str] | None = None,
-    asked: BackgroundQuestion | None = None,
+    config: Config,
+    command_lines: CommandLines,
+    launch_daemon: Callable[[], str] | None,
+    asked: BackgroundQuestion,
 ) -> tuple[int, str]:
     """Show the dashboard until somebody leaves it; return exit code and parting words.
 
     ``launch_daemon`` sees to it that a daemon answers, and returns what to say if it started one.
-    ``asked`` is the question for the background of the terminal, if it was put already.
+    ``asked`` is the question for the background of the terminal.
     """
     app = Dashboard(
         Feed(open_daemon), config=config, command_lines=command_lines, launch_daemon=launch_daemon

@@ -29,25 +29,6 @@ from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 
 _ROOMS: Final = ("screens", "widgets")
-SHARED_MEANINGS: Final[Mapping[str, tuple[str, ...]]] = {
-    "take what the cursor is on": ("open", "submit-file", "verdict-moment"),
-    "one step back": ("back", "leave"),
-    "down": ("down", "next-file", "verdict-next", "running-next"),
-    "up": ("up", "previous-file", "verdict-before", "running-before"),
-    "to the first": ("top", "start"),
-    "to the last": ("bottom", "end"),
-    "next page": ("next-page", "signals-on"),
-    "page before": ("previous-page", "signals-back"),
-    "next to look at": ("next-unexpected", "next-failure", "next-found"),
-    "the one before to look at": ("previous-unexpected", "previous-failure", "previous-found"),
-}
-"""Ids that say one thing of different screens; every other id is a meaning of its own.
-
-A key has one meaning on all screens. Exempt are dialogs, which take all keys while they are open,
-and :data:`DRIVING`, where keys are held to steer a robot.
-"""
-DRIVING: Final = "live"
-"""The screen of ``scenario serve``: letters that steer there mean other things elsewhere."""
 _MODIFIERS: Final = frozenset({"ctrl", "shift", "alt", "meta", "super", "hyper"})
 
 
@@ -80,20 +61,6 @@ def classes_with_bindings() -> tuple[type[DOMNode], ...]:
         for module in pkgutil.iter_modules(package.__path__):
             found |= dict.fromkeys(_bound(import_module(f"{package.__name__}.{module.name}")))
     return tuple(found)
-
-
-def key_meanings() -> dict[str, set[str]]:
-    """Return what each key means by default on the screens that show something."""
-    meanings = {id: meaning for meaning, ids in SHARED_MEANINGS.items() for id in ids}
-    found: dict[str, set[str]] = {}
-    for kind in classes_with_bindings():
-        if issubclass(kind, ModalScreen) or _place(kind) == DRIVING:
-            continue
-        for binding in own_bindings(kind):
-            for key in binding.key.split(","):
-                id = binding.id or binding.action
-                found.setdefault(key, set()).add(meanings.get(id, id))
-    return found
 
 
 def _bound(module: Any) -> Iterator[type[DOMNode]]:

@@ -78,11 +78,6 @@ class SignalStrip:
         values = self.values if self.most is None else self.most
         return float(self.values[index]), float(values[index])
 
-    def at(self, time: float) -> float:
-        """Return the value at ``time`` [s]: of the last sample until then, NaN before the first."""
-        index = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
-        return float(self.values[index]) if index >= 0 else float("nan")
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTimeline:

@@ -12,7 +12,7 @@ from textual.theme import Theme
 
 from scenario_tui.terminal.answer_parser import BackgroundTold
 from scenario_tui.terminal.background_question import BackgroundQuestion
-from scenario_tui.terminal.capabilities import TerminalLimits, has_light_background
+from scenario_tui.terminal.capabilities import TerminalLimits, terminal_limits
 from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 
@@ -126,17 +126,16 @@ class ThemedApp(LimitedTerminalApp):
         super().apply_limits(limits)
         self.set_class(limits.colours != "all", "-few-colours")
 
-    def limit_to_terminal(self, asked: BackgroundQuestion | None = None) -> None:
+    def limit_to_terminal(self, asked: BackgroundQuestion) -> None:
         """Show everything within what the terminal of this process can do, in fitting colours.
 
-        It is asked for its background and waited for, unless it was ``asked`` before: then an
-        answer that is not there yet changes the colours when it comes.
+        It was ``asked`` for its background: an answer that is not there yet changes the colours
+        when it comes.
         """
         # First: what is asked next would read this answer.
-        said = None if asked is None else asked.close()
-        super().limit_to_terminal()
-        ask = None if said is None else lambda: said
-        if not self.chosen_theme() and has_light_background(ask=ask):
+        light = asked.close()
+        self.apply_limits(terminal_limits(self.console.color_system))
+        if light and not self.chosen_theme():
             self.theme = LIGHT
 
     def on_background_told(self, told: BackgroundTold) -> None:

@@ -9,7 +9,7 @@ from typing import Final
 from textual._xterm_parser import XTermParser
 from textual.message import Message
 
-from scenario_tui.terminal.capabilities import has_light_background
+from scenario_tui.terminal.background_question import says_light
 
 _REPORT: Final = re.compile(r"\x1b\]11;[^\x07\x1b]*(?:\x07|\x1b\\)")
 _BEGUN: Final = re.compile(r"\x1b\](?:1(?:1(?:;[^\x07\x1b]{,40}\x1b?)?)?)?\Z")
@@ -35,7 +35,7 @@ class AnswerParser(XTermParser):
             return super().feed(data)
         data, self._begun = self._begun + data, ""
         told = [
-            BackgroundTold(light=has_light_background({}, found.group().encode))
+            BackgroundTold(light=says_light(found.group().encode()))
             for found in _REPORT.finditer(data)
         ]
         data = _REPORT.sub("", data)

@@ -21,15 +21,8 @@ _CURSOR_REPORT: Final = re.compile(rb"\x1b\[\d+;(\d+)R")
 # As terminfo names them: DEC's terminals, and monochrome variants of others.
 _COLOURLESS: Final = re.compile(r"vt\d|.*-m(ono)?$")
 _UNDRAWABLE: Final = ("", "dumb", "unknown")
-_BACKGROUND_REPORT: Final = re.compile(
-    rb"\x1b\]11;rgba?:([0-9a-fA-F]{1,4})/([0-9a-fA-F]{1,4})/([0-9a-fA-F]{1,4})"
-)
-_LIGHT_COLOURS: Final = frozenset({"7", *map(str, range(9, 16))})
-"""Numbers of the colours of a terminal that are bright, as COLORFGBG names them."""
 _TMUX_PATIENCE: Final = 2.0
 """Seconds; in a thread of its own, so that nobody waits."""
-
-
 # Terminals that draw sextants themselves, whatever their font has: by TERM and by TERM_PROGRAM.
 _DRAW_SEXTANTS: Final = re.compile(r"xterm-kitty|xterm-ghostty|foot(-.*)?|contour(-.*)?|wezterm")
 _SEXTANT_PROGRAMS: Final = ("WezTerm", "ghostty")
@@ -146,34 +139,6 @@ def terminal_takes_utf8(reading: int = 0, writing: int = 2) -> bool:
         termios.tcsetattr(reading, termios.TCSANOW, before)
     # From the first column: one cell further in UTF-8, three where every byte is a character.
     return said is not None and int(said[1]) == 2
-
-
-def has_light_background(
-    environ: Mapping[str, str] = os.environ, ask: Callable[[], bytes] | None = None
-) -> bool:
-    """Whether the background of the terminal is light: by ``COLORFGBG``, else it is asked."""
-    background = environ.get("COLORFGBG", "").rpartition(";")[2]
-    if background.isdigit():
-        return background in _LIGHT_COLOURS
-    said = _BACKGROUND_REPORT.search((ask or _ask_background)())
-    if said is None:
-        return False
-    # Of one to four hexadecimal digits each.
-    red, green, blue = (float(int(part, 16)) / (16.0 ** len(part) - 1.0) for part in said.groups())
-    return 0.299 * red + 0.587 * green + 0.114 * blue > 0.5
-
-
-def _ask_background(reading: int = 0, writing: int = 2) -> bytes:
-    """Ask the terminal for its background (OSC 11); where it is comes last, so that all answer."""
-    if not (os.isatty(reading) and os.isatty(writing)):
-        return b""
-    before = termios.tcgetattr(reading)
-    try:
-        tty.setcbreak(reading)
-        os.write(writing, b"\x1b]11;?\x1b\\\x1b[6n")
-        return _answer(reading)
-    finally:
-        termios.tcsetattr(reading, termios.TCSANOW, before)
 
 
 def _answer(reading: int) -> bytes:

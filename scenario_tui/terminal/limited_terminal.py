@@ -23,7 +23,7 @@ from textual.filter import LineFilter, Monochrome
 
 from grammars.text.terminal_text import printable, unfiltered
 from scenario_tui.terminal.answer_parser import AnswerParser
-from scenario_tui.terminal.capabilities import Blocks, TerminalLimits, terminal_limits
+from scenario_tui.terminal.capabilities import Blocks, TerminalLimits
 from scenario_tui.terminal.filters import AsciiGlyphs, PrintableText, ReducedColours
 from scenario_tui.terminal.printable_console import PrintableConsole
 
@@ -250,10 +250,6 @@ class LimitedTerminalApp(App[None]):
         if limits.ascii_only:
             filters.append(AsciiGlyphs())
         self._limit_filters = tuple(filters)
-
-    def limit_to_terminal(self) -> None:
-        """Show everything within what the terminal of this process can do."""
-        self.apply_limits(terminal_limits(self.console.color_system))
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """Return ours around the library's, in place of its shades of grey."""

@@ -11,7 +11,7 @@ from daemon.analysis.report._axes import Sheet
 from daemon.analysis.report._plot_moment import plot_moment
 from daemon.analysis.report._plots import plot_limits, plot_way
 from daemon.analysis.report._recorded import sampled_trace
-from daemon.analysis.report._safety_buffer import safety_buffer
+from daemon.analysis.report._safety_buffer import buffer_of_run
 from daemon.analysis.report._svg import PagePicture
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
@@ -51,7 +51,6 @@ def _recorded(trace: Path) -> tuple[RunTracks, Scene] | None:
     recorded = sampler.trace
     if oracles.trace_problems(recorded):
         return None
-    texts = (oracle.text for oracle in recorded.spec.oracles)
-    buffer = safety_buffer(texts, (recorded.spec.robot.footprint,))
+    buffer = buffer_of_run(recorded.spec)
     tracks = extract_tracks(recorded.spec.label, recorded, sampler, buffer, (), _POINTS)
     return (tracks, recorded.scene) if len(tracks.time) > 1 else None

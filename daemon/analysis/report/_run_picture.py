@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.analysis.report._formatting import format_quantity
-from daemon.analysis.report._safety_buffer import safety_buffer
+from daemon.analysis.report._safety_buffer import buffer_of_run
 from daemon.analysis.report._tracks import extract_tracks, unbroken_runs
 from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
@@ -88,8 +88,7 @@ def _run(trace: Trace, part: _RunPart | None) -> RunOverlay:
         return RunOverlay(way, about=f"not to be trusted: {'; '.join(problems)}")
     sampler = SignalSampler(trace)
     oracles.warm_up()
-    texts = (oracle.text for oracle in trace.spec.oracles)
-    buffer = safety_buffer(texts, (trace.spec.robot.footprint,))
+    buffer = buffer_of_run(trace.spec)
     # Of a part every sample counts: what is looked at may be a few centimetres.
     points = _POINTS if part is None else 3 * len(sampler.time_base.time)
     found = extract_tracks(trace.spec.label, trace, sampler, buffer, (), points)

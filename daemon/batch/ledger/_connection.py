@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import DaemonError, Unavailable
+from daemon.batch.errors import DaemonError, PlaceUnusable, Unavailable
 
 SCHEMA_VERSION: Final = 9
 _IN_MEMORY: Final = Path(":memory:")
@@ -124,6 +124,22 @@ def connect_reader(path: Path, *, timeout: float | None = None) -> sqlite3.Conne
 def schema_version(connection: sqlite3.Connection) -> int:
     """Return the schema of a ledger, 0 for an empty file."""
     return int(connection.execute("PRAGMA user_version").fetchone()[0])
+
+
+def check_present(path: Path) -> None:
+    """Refuse a place without a ledger, as :class:`PlaceUnusable`."""
+    if not path.exists():
+        raise PlaceUnusable(f"there is no ledger in {path.parent}: nothing was ever run there")
+
+
+def check_current(connection: sqlite3.Connection, path: Path) -> None:
+    """Refuse a ledger of another version than this one, as :class:`DaemonError`."""
+    version = schema_version(connection)
+    if version != SCHEMA_VERSION:
+        raise DaemonError(
+            f"{path} has schema {version}, this version knows {SCHEMA_VERSION}: "
+            "start the daemon once, it brings older ones up to date"
+        )
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import DaemonError, PlaceUnusable
-from daemon.batch.ledger._connection import SCHEMA_VERSION, UNREADABLE, schema_version
+from daemon.batch.errors import DaemonError
+from daemon.batch.ledger._connection import UNREADABLE, check_current, check_present
 from daemon.batch.paths import StatePaths
 
 # Traces removed while the daemon's writer waits: some milliseconds.
@@ -106,16 +106,10 @@ def sweep_traces(
 
 @contextmanager
 def _ledger(paths: StatePaths) -> Iterator[sqlite3.Connection]:
-    if not paths.ledger.exists():
-        raise PlaceUnusable(f"there is no ledger in {paths.state}: nothing was ever run there")
+    check_present(paths.ledger)
     with closing(sqlite3.connect(paths.ledger, isolation_level=None)) as db:
         try:
-            version = schema_version(db)
-            if version != SCHEMA_VERSION:
-                raise DaemonError(
-                    f"{paths.ledger} has schema {version}, this version knows {SCHEMA_VERSION}: "
-                    "start the daemon once, it brings older ones up to date"
-                )
+            check_current(db, paths.ledger)
             yield db
         except UNREADABLE as error:
             raise DaemonError(f"{paths.ledger} cannot be used: {error}") from error

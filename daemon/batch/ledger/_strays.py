@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from daemon.batch.errors import DaemonError, PlaceUnusable
+from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import DAMAGED
-from daemon.batch.ledger._connection import SCHEMA_VERSION, connect_reader, schema_version
+from daemon.batch.ledger._connection import check_current, check_present, connect_reader
 from daemon.batch.ledger._inputs import referenced_inputs
 from daemon.batch.locks import is_locked
 from daemon.batch.paths import StatePaths
@@ -82,16 +82,10 @@ class _Needed:
 
 
 def _read_ledger(paths: StatePaths) -> _Needed:
-    if not paths.ledger.exists():
-        raise PlaceUnusable(f"there is no ledger in {paths.state}: nothing was ever run there")
+    check_present(paths.ledger)
     try:
         with closing(connect_reader(paths.ledger)) as db:
-            version = schema_version(db)
-            if version != SCHEMA_VERSION:
-                raise DaemonError(
-                    f"{paths.ledger} has schema {version}, this version knows {SCHEMA_VERSION}: "
-                    "start the daemon once, it brings older ones up to date"
-                )
+            check_current(db, paths.ledger)
             needed, _ = referenced_inputs(db)
             unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
             searches = db.execute("SELECT campaign FROM search").fetchall()

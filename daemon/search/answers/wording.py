@@ -41,11 +41,6 @@ def minus(number: str) -> str:
     return number.replace("-", "−")
 
 
-def value_text(parameter: SearchParameter, value: PointValue) -> str:
-    """Return a value for people: ``−0.12 m``."""
-    return parameter.shown(value)
-
-
 def quantity(value: float, unit: str) -> str:
     """Return a value with three significant digits and its unit: ``0.0183 m``."""
     return f"{rounded(value)} {unit}" if unit else rounded(value)
@@ -63,7 +58,7 @@ def short_name(task: SearchTask, parameter: SearchParameter) -> str:
 
 def value_words(task: SearchTask, parameter: SearchParameter, value: PointValue) -> str:
     """Return ``kitchen_opens 8.54 s``."""
-    return f"{short_name(task, parameter)} {value_text(parameter, value)}"
+    return f"{short_name(task, parameter)} {parameter.shown(value)}"
 
 
 def point_words(task: SearchTask, result: PointResult, most: int = 4) -> str:
@@ -85,8 +80,8 @@ def change_words(task: SearchTask, change: ParameterChange) -> str:
     parameter = next(p for p in task.parameters if p.name == change.parameter)
     name, value, written = short_name(task, parameter), change.value, change.written
     if written is None:
-        return f"{name} {value_text(parameter, value)}"
-    words = f"{value_text(parameter, value)} instead of {value_text(parameter, written)}"
+        return f"{name} {parameter.shown(value)}"
+    words = f"{parameter.shown(value)} instead of {parameter.shown(written)}"
     if isinstance(value, str) or isinstance(written, str):
         return f"{name} {words}"
     size = parameter.text(float(f"{abs(value - written):.6g}"))
@@ -160,7 +155,7 @@ def _passing(
         pairs = zip(result.values, passes.values, strict=True)
         differing = [i for i, (value, other) in enumerate(pairs) if value != other]
         if change.passing is not None and differing == [index]:
-            words = value_text(parameter, passes.values[index])
+            words = parameter.shown(passes.values[index])
             if len(changes) == 1:
                 return f"{'with' if isinstance(change.passing, str) else 'at'} {words} {ends}"
             return f"with {short_name(task, parameter)} {words} {ends}"

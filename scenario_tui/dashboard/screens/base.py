@@ -16,6 +16,7 @@ from textual.widgets import Static
 from scenario_tui.campaign_actions import KEYED
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.status_line import StatusLine
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, UNSURE
 
@@ -45,7 +46,7 @@ class BaseScreen(Screen[None]):
     def compose(self) -> ComposeResult:
         """Lay out the frame and the screen's own widgets in it."""
         yield StatusLine(id="status")
-        yield Static(id="trail")
+        yield StaticText(id="trail")
         yield from self.body()
         yield KeyFooter()
 
@@ -151,9 +152,7 @@ class BaseScreen(Screen[None]):
             return
         state, now = self.dashboard.daemon_state, self.dashboard.clock()
         self.query_one(StatusLine).show(state, now, launching=self.dashboard.launching)
-        trail, text = self.query_one("#trail", Static), self._trail()
-        if text != trail.content:  # else everything would be laid out again for nothing
-            trail.update(text)
+        self.query_one("#trail", Static).update(self._trail())
         self.set_class(not state.connected and state.at > 0, "-stale")
         self.show(state)
 

@@ -15,6 +15,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
 from scenario_tui.dashboard.search_runs import best_margin
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -81,13 +82,13 @@ class CampaignsScreen(SteeringScreen):
 
     def body(self) -> ComposeResult:
         """Table, and details beside it."""
-        yield Static(id="empty")
+        yield StaticText(id="empty")
         with Horizontal(id="split"):
             yield KeyedTable(_COLUMNS, id="campaigns")
             side = VerticalScroll(id="side", can_focus=False)
             side.border_title = "campaign "
             with side:
-                yield Static(id="about")
+                yield StaticText(id="about")
 
     def trail(self) -> str:
         """Say how many campaigns there are."""

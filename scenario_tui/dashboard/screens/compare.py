@@ -29,6 +29,7 @@ from scenario_tui.dashboard.signal_strips import (
 )
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.comparison_text import comparison_text
@@ -72,16 +73,16 @@ class CompareScreen(StandaloneScreen):
 
     def compose(self) -> ComposeResult:
         """Lay out maps, signals and differences."""
-        yield Static(id="status")
+        yield StaticText(id="status")
         with Horizontal(id="maps"):
             for side in ("first", "second"):
                 with Vertical():
-                    yield Static(id=f"name-{side}")
+                    yield StaticText(id=f"name-{side}")
                     yield TopView(id=f"map-{side}")
         with Horizontal(id="below"):
             yield TimelineView(id="signals")
             with VerticalScroll(id="differences"):
-                yield Static(id="table")
+                yield StaticText(id="table")
         yield MapLegend("TopView")
         yield KeyFooter()
 

@@ -10,19 +10,21 @@ from typing import ClassVar, Final
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.screen import Screen
 from textual.widgets import Static
 
 from daemon.live.simulation import LiveSimulation, LiveStatus, LiveThread
 from daemon.model.status import LiveSnapshot
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.screens.replay import ReplayApp
 from scenario_tui.dashboard.screens.run_panel import tracked_view
 from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import copy_to_tmux
 from scenario_tui.text.formatting import BAD, QUIET, UNSURE
 
@@ -35,7 +37,7 @@ SOURCE: Final = "keys"
 """Whose commands those of this screen are."""
 
 
-class LiveScreen(Screen[None]):
+class LiveScreen(MapActions):
     """Shows and steers a simulation that runs in a thread of its own.
 
     ``serving`` says where it is served and who is connected, a line each; ``to_type`` is what a
@@ -101,9 +103,9 @@ class LiveScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         """Lay out headline, map, who is connected, and keys."""
-        yield Static(id="status")
+        yield StaticText(id="status")
         yield TopView(id="map")
-        yield Static(id="serving")
+        yield StaticText(id="serving")
         yield MapLegend()
         yield KeyFooter()
 
@@ -178,31 +180,6 @@ class LiveScreen(Screen[None]):
         self._keys.stop()
         self.command()
 
-    def action_zoom(self) -> None:
-        """Come nearer to the robot on the map."""
-        self.query_one(TopView).zoom()
-
-    def action_fit(self) -> None:
-        """Show all of the map again."""
-        self.query_one(TopView).fit()
-
-    def action_picture(self) -> None:
-        """Show the map as a picture, in place of the dashboard."""
-        # What paints takes a while to load, and few ask for it.
-        from scenario_tui.dashboard.map_picture import look_at_picture
-
-        look_at_picture(self.query_one(TopView))
-
-    def action_follow(self) -> None:
-        """Follow the robot on the map, or stay where it is now."""
-        followed = self.query_one(TopView).follow()
-        self.notify("following the robot" if followed else "staying here")
-
-    def action_pan(self, right: int, up: int) -> None:
-        """Look to a side on the map."""
-        if not self.query_one(TopView).pan(right, up):
-            self.notify("everything is in view: z comes nearer")
-
     def action_copy(self) -> None:
         """Put what is to be typed elsewhere into the clipboard."""
         self.app.copy_to_clipboard(self._to_type)
@@ -239,9 +216,12 @@ class LiveApp(ReplayApp):
     TITLE = "scenario serve"
 
 
-def run_live(screen: LiveScreen) -> int:
-    """Show it until somebody leaves; return the exit code of the app."""
+def run_live(screen: LiveScreen, asked: BackgroundQuestion) -> int:
+    """Show it until somebody leaves; return the exit code of the app.
+
+    ``asked`` is the question for the background of the terminal.
+    """
     app = LiveApp(screen)
-    app.limit_to_terminal()
+    app.limit_to_terminal(asked)
     app.run()
     return app.return_code or 0

@@ -16,6 +16,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.cell_table import CellTable
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes, matrix_rows
 from scenario_tui.text.results import NONE_JUDGED, CampaignResults
 
@@ -41,13 +42,13 @@ class MatrixScreen(SteeringScreen):
 
     def body(self) -> ComposeResult:
         """The matrix and the words about it."""
-        yield Static(id="empty")
+        yield StaticText(id="empty")
         with Container(id="grid"):
             yield CellTable(id="matrix")
             notes = VerticalScroll(id="notes")
             notes.border_title = "cell "
             with notes:
-                yield Static(id="about")
+                yield StaticText(id="about")
 
     def state_query(self) -> Query:
         """The campaign judged."""

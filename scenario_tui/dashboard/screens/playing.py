@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import ClassVar, Final
 
 from textual.binding import Binding, BindingType
-from textual.screen import Screen
 
+from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
     FailureMoment,
@@ -17,17 +17,16 @@ from scenario_tui.dashboard.signal_strips import (
     previous_moment,
 )
 from scenario_tui.dashboard.widgets.timeline import TimelineView
-from scenario_tui.dashboard.widgets.top_view import TopView
 
 FRAMES: Final = 10
 """How often a second the view is drawn while it plays."""
 _NEEDS_RUN: Final = ("play", "scrub", "edge", "faster", "slower", "next", "previous")
 
 
-class PlayingScreen(Screen[None]):
+class PlayingScreen(MapActions):
     """A screen with a moment of simulated time; nothing can be played without a transport."""
 
-    # More than twenty methods: twelve are keys, which Textual calls by name, of one line or two.
+    # More than twenty methods: ten are keys, which Textual calls by name, of one line or two.
     # The clock itself is ReplayTransport.
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -189,36 +188,6 @@ class PlayingScreen(Screen[None]):
     def action_view(self, step: int) -> None:
         """Show the next part of the screen, or the one before."""
         self.show_view(self._part + step)
-
-    def action_zoom(self) -> None:
-        """Come nearer to the robot on the map."""
-        for top in self.query(TopView):
-            top.zoom()
-
-    def action_fit(self) -> None:
-        """Show all of the map again."""
-        for top in self.query(TopView):
-            top.fit()
-
-    def action_picture(self) -> None:
-        """Show the map as a picture, in place of the dashboard."""
-        top = next(iter(self.query(TopView)), None)
-        if top is not None:
-            # What paints takes a while to load, and few ask for it.
-            from scenario_tui.dashboard.map_picture import look_at_picture
-
-            look_at_picture(top)
-
-    def action_follow(self) -> None:
-        """Follow the robot on the map, or stay where it is now."""
-        followed = [top.follow() for top in self.query(TopView)]
-        self.notify("following the robot" if any(followed) else "staying here")
-
-    def action_pan(self, right: int, up: int) -> None:
-        """Look to a side on the map."""
-        panned = [top.pan(right, up) for top in self.query(TopView)]
-        if not any(panned):
-            self.notify("everything is in view: z comes nearer")
 
     def action_signals(self, step: int) -> None:
         """Show signals further down or up."""

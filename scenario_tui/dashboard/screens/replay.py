@@ -20,8 +20,10 @@ from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTra
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.text.run_text import verdict_lines
 
 
@@ -74,12 +76,12 @@ class ReplayScreen(StandaloneScreen):
 
     def compose(self) -> ComposeResult:
         """Lay out headline, timeline, map, signals, verdicts and keys."""
-        yield Static(id="status")
-        yield Static(id="timeline")
+        yield StaticText(id="status")
+        yield StaticText(id="timeline")
         with Horizontal(id="stage"):
             yield TopView(id="map")
             yield TimelineView(id="signals")
-        yield Static(id="verdicts")
+        yield StaticText(id="verdicts")
         yield MapLegend()
         yield KeyFooter()
 
@@ -143,9 +145,12 @@ class ReplayApp(ThemedApp):
         return self._first
 
 
-def run_replay(screen: Screen[None]) -> int:
-    """Play until somebody leaves; return the exit code of the app."""
+def run_replay(screen: Screen[None], asked: BackgroundQuestion) -> int:
+    """Play until somebody leaves; return the exit code of the app.
+
+    ``asked`` is the question for the background of the terminal.
+    """
     app = ReplayApp(screen)
-    app.limit_to_terminal()
+    app.limit_to_terminal(asked)
     app.run()
     return app.return_code or 0

@@ -34,6 +34,7 @@ from scenario_tui.dashboard.signal_strips import (
     limits_of,
 )
 from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS
@@ -96,21 +97,21 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def body(self) -> ComposeResult:
         """Words on the left; map and signals on the right, or one of them alone."""
-        yield Static(id="now")
+        yield StaticText(id="now")
         with Horizontal(id="desk"):
             with Vertical(id="left"):
                 with VerticalScroll(id="words"):
-                    yield Static(id="run-text")
+                    yield StaticText(id="run-text")
                 yield VerdictList(id="decided")
                 with VerticalScroll(id="log"):
-                    yield Static(id="log-text")
+                    yield StaticText(id="log-text")
             with Vertical(id="right"):
-                yield Static(id="starting")
+                yield StaticText(id="starting")
                 yield RunMap()
                 with Vertical(id="along"):
-                    yield Static(id="untold")
+                    yield StaticText(id="untold")
                     yield TimelineView(id="signals")
-                    yield Static(SIGNS, id="signs")
+                    yield StaticText(SIGNS, id="signs")
 
     def on_resize(self) -> None:
         """Put map and signals side by side where there is room for that."""

@@ -18,6 +18,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.run_text import run_text
 
@@ -33,7 +34,7 @@ class RunMap(Vertical):
 
     def compose(self) -> ComposeResult:
         """Lay out map, legend, and what is said instead of them."""
-        yield Static(id="unseen")
+        yield StaticText(id="unseen")
         yield TopView(id="map")
         yield MapLegend()
 
@@ -53,7 +54,7 @@ class RunPanel(Vertical):
     def compose(self) -> ComposeResult:
         """Lay out words and map."""
         with VerticalScroll(id="words"):
-            yield Static(id="run-text")
+            yield StaticText(id="run-text")
         yield RunMap()
 
     def show(self, dashboard: BaseDashboard, detail: RunDetail | None) -> None:

@@ -9,7 +9,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
-from textual.widgets import Input, Static
+from textual.widgets import Input
 
 from daemon.model.messages import RunQuery
 from daemon.model.status import CampaignRow, RunPage, RunRow, RunState
@@ -19,6 +19,7 @@ from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import DashboardState, Query, RunsView
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -104,7 +105,7 @@ class RunsScreen(SteeringScreen):
         # With its text from the start: an empty line would tell that it changed, and be obeyed.
         yield Input(text, placeholder=hint, id="filter", compact=True)
         yield RunningGrid(id="running")
-        yield Static(id="empty")
+        yield StaticText(id="empty")
         with Horizontal(id="split"):
             columns = (_COLUMNS[0], _CAMPAIGN, *_COLUMNS[1:])
             yield KeyedTable(_COLUMNS if self._wanted.campaign else columns, id="runs")

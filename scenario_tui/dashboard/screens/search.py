@@ -15,6 +15,7 @@ from textual.widgets import Static
 from daemon.model.status import CampaignRow, RunDetail
 from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.search_runs import (
@@ -30,8 +31,8 @@ from scenario_tui.dashboard.widgets.search_curve import (
     search_curve,
 )
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -57,7 +58,7 @@ _LEAD: Final = 3.0
 """Seconds before the decisive moment at which a replay begins."""
 
 
-class SearchScreen(SteeringScreen):
+class SearchScreen(SteeringScreen, MapActions):
     """A search by its id; one of its runs is in front: its parameters, its map, its replay."""
 
     VIEWS: ClassVar = ("found", "values", "answer", "map", "curve")
@@ -99,20 +100,20 @@ class SearchScreen(SteeringScreen):
 
     def body(self) -> ComposeResult:
         """Curve and table on the left; parameters and map on the right, or below."""
-        yield Static(id="now")
-        yield Static(id="empty")
+        yield StaticText(id="now")
+        yield StaticText(id="empty")
         with Horizontal(id="searched"):
             with Vertical(id="course"):
                 yield SearchCurveView(id="curve")
-                yield Static(id="curve-legend")
+                yield StaticText(id="curve-legend")
                 yield KeyedTable(_COLUMNS, id="notable")
                 answer = VerticalScroll(id="answer")
                 answer.border_title = "answer "
                 with answer:
-                    yield Static(id="answer-text")
+                    yield StaticText(id="answer-text")
             with Vertical(id="point"):
                 with VerticalScroll(id="parameters"):
-                    yield Static(id="parameters-text")
+                    yield StaticText(id="parameters-text")
                 yield RunMap()
 
     def on_mount(self) -> None:
@@ -343,14 +344,6 @@ class SearchScreen(SteeringScreen):
         if self._notable:
             row = (table.cursor_row + step) % len(self._notable)
             table.move_cursor(row=row, animate=False)
-
-    def action_fit(self) -> None:
-        """Show all of the map again."""
-        self.query_one(TopView).fit()
-
-    def action_zoom(self) -> None:
-        """Come nearer to the robot on the map."""
-        self.query_one(TopView).zoom()
 
     def action_view(self, step: int) -> None:
         """Show the next part of the screen, or the one before."""

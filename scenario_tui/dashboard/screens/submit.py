@@ -13,7 +13,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, VerticalScroll
 from textual.timer import Timer
-from textual.widgets import Input, OptionList, Static
+from textual.widgets import Input, OptionList
 
 from daemon.batch.paths import StatePaths
 from daemon.model.status import Submission
@@ -30,6 +30,7 @@ from scenario_tui.dashboard.background import CheckQueue
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
 from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.submission import CheckedFile, plan_text, receipt_text, searches_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET, pluralise
@@ -81,7 +82,7 @@ class SubmitScreen(BaseScreen):
         # taken down, when there is nothing left to be found by a query.
         self._line = Input(placeholder=hint, id="wanted", compact=True)
         self._list = OptionList(id="files", compact=True)
-        self._empty, self._about = Static(id="empty"), Static(id="about")
+        self._empty, self._about = StaticText(id="empty"), StaticText(id="about")
         self._picker = Container(id="picker")
 
     def body(self) -> ComposeResult:

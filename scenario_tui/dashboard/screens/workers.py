@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.widgets import Static
 
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import age_text, duration, pluralise
 
@@ -39,7 +39,7 @@ class WorkersScreen(BaseScreen):
 
     def body(self) -> ComposeResult:
         """The table."""
-        yield Static(id="empty")
+        yield StaticText(id="empty")
         yield KeyedTable(_COLUMNS, id="workers")
 
     def state_query(self) -> Query:

@@ -142,6 +142,14 @@ def _over(styles: tuple[Style, ...], base: Style) -> tuple[Style, ...]:
     return (*(base + style for style in styles), base)
 
 
+def write_text(codes: Codes, owners: Codes, row: int, column: int, text: str, owner: int) -> None:
+    """Write a text over cells (rows, columns), as far as it goes; nothing beside their rows."""
+    room = text[: max(codes.shape[1] - column, 0)]
+    if 0 <= row < len(codes):
+        codes[row, column : column + len(room)] = [ord(sign) for sign in room]
+        owners[row, column : column + len(room)] = owner
+
+
 def changed_spans(before: Codes, after: Codes, gap: int = _GAP) -> list[Region]:
     """Return the parts of rows in which two arrays of cells (k, rows, columns) differ."""
     changed = (before != after).any(axis=0)

@@ -15,7 +15,7 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.widgets.block_cells import area_dots, ring_edges
-from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, Codes
+from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, Codes, write_text
 from scenario_tui.dashboard.widgets.map_names import MapName, Place, name_thing, take_place
 from scenario_tui.dashboard.widgets.map_projection import cell_of
 from scenario_tui.dashboard.widgets.map_style import (
@@ -199,7 +199,7 @@ class MapFrame:
         self._write_names(codes, owners, {} if names is None else names)
         self._write_signs(codes, owners)
         for text in self.still.texts:
-            _write(codes, owners, text.row, text.column, text.text, Layer.SCALE)
+            write_text(codes, owners, text.row, text.column, text.text, Layer.SCALE)
         return codes, owners
 
     def _write_names(self, codes: Codes, owners: Codes, names: dict[MapName, Place]) -> None:
@@ -217,7 +217,7 @@ class MapFrame:
                     taken[row : row + len(name.lines), beside] = True
                     for below, line in enumerate(name.lines):
                         shift = (name.width - len(line)) // 2
-                        _write(codes, owners, row + below, column + shift, line, name.layer)
+                        write_text(codes, owners, row + below, column + shift, line, name.layer)
                     break
         walls = self.still.walls.dots > 0
         free = ~(taken | walls)
@@ -225,7 +225,7 @@ class MapFrame:
             box = [*((dots.min(axis=0) + 0.5) / _CELL), *((dots.max(axis=0) + 0.5) / _CELL)]
             called = name_thing(text, Layer.DOOR_NAME, box, free, walls)
             if called is not None:
-                _write(codes, owners, *called.spots[0], text, called.layer)
+                write_text(codes, owners, *called.spots[0], text, called.layer)
                 take_place(called, free)
 
     def _write_signs(self, codes: Codes, owners: Codes) -> None:
@@ -240,7 +240,7 @@ class MapFrame:
             # On the other side where a wall would be covered, if that has room.
             full = right + len(text) > codes.shape[1] or solid[row, right : right + len(text)].any()
             aside = full and left >= 0 and not solid[row, left:column].any()
-            _write(codes, owners, row, left if aside else right, text, max(numbers.values()))
+            write_text(codes, owners, row, left if aside else right, text, max(numbers.values()))
         for place, (sign, layer) in sorted(self._glyphs.items(), key=lambda item: item[1][1]):
             codes[place], owners[place] = ord(sign), layer
 
@@ -253,14 +253,6 @@ _GLYPHS: Final = {
 }
 _TOLD: Final = (ShapeRole.WAYPOINT, ShapeRole.REACHED, ShapeRole.MOVER)
 """Roles whose texts are written beside their shapes."""
-
-
-def _write(codes: Codes, owners: Codes, row: int, column: int, text: str, layer: int) -> None:
-    """Write a text, cut at the edge of the map."""
-    shown = text[: max(codes.shape[1] - column, 0)]
-    if 0 <= row < codes.shape[0] and shown:
-        codes[row, column : column + len(shown)] = [ord(sign) for sign in shown]
-        owners[row, column : column + len(shown)] = layer
 
 
 def _along(dots: Floats, gap: float) -> Floats:

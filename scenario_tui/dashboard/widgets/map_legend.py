@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from rich.text import Text
-from textual.widgets import Static
 
 from scenario_tui.dashboard.widgets.map_style import legend_height, legend_lines
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
 
 
-class MapLegend(Static):
+class MapLegend(StaticText):
     """Says what the signs on the maps of a screen mean: of those that are on one of them."""
 
     def __init__(self, maps: str = "#map", *, id: str = "legend") -> None:

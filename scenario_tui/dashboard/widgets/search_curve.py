@@ -15,7 +15,7 @@ from daemon.model.search import SearchTask
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats
 from scenario_tui.dashboard.search_runs import SearchedRun, SearchRuns
-from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes
+from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes, write_text
 from scenario_tui.text.formatting import BAD, BROKEN, BUSY, GLYPHS, QUIET, UNSURE, quantity
 
 _LIMIT, _RUN, _BASELINE, _BEST, _FAIL, _WORDS, _LOST = range(7)
@@ -239,9 +239,7 @@ class _Graph:
             self._write(row, column, sign, _LOST)
 
     def _write(self, row: int, column: int, text: str, owner: int) -> None:
-        room = text[: max(self.codes.shape[1] - column, 0)]
-        self.codes[row, column : column + len(room)] = [ord(sign) for sign in room]
-        self.owners[row, column : column + len(room)] = owner
+        write_text(self.codes, self.owners, row, column, text, owner)
 
 
 def draw_search_curve(curve: SearchCurve, columns: int, rows: int) -> tuple[Codes, Codes] | None:

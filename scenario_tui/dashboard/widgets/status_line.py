@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
-from textual.widgets import Static
 
+from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -51,7 +51,7 @@ class _Part:
         return self.forms[min(level, len(self.forms) - 1)]
 
 
-class StatusLine(Static):
+class StatusLine(StaticText):
     """One line: connected or not, counts by word, rate, time left; shorter where it must be."""
 
     def show(self, state: DashboardState, now: float, *, launching: bool = False) -> None:
@@ -59,9 +59,7 @@ class StatusLine(Static):
         launching = launching and not state.connected
         self.set_class(not state.connected and not launching, "-gone")
         width = self.size.width or self.app.size.width - 2
-        text = Text("… starting a daemon") if launching else status_text(state, now, width)
-        if text != self.content:
-            self.update(text)
+        self.update(Text("… starting a daemon") if launching else status_text(state, now, width))
 
 
 def status_text(state: DashboardState, now: float, width: int) -> Text:

@@ -10,7 +10,7 @@ import numpy as np
 from rich.style import Style
 
 from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
-from scenario_tui.dashboard.widgets.cell_view import CellView, Codes
+from scenario_tui.dashboard.widgets.cell_view import CellView, Codes, write_text
 from scenario_tui.dashboard.widgets.timeline_drawing import (
     CURSOR,
     CURVE,
@@ -161,13 +161,11 @@ def label_signals(
         words = _words(strip, values, width, height)
         for line, (text, owner) in enumerate(words[:height]):
             shown = text if len(text) <= width else f"{text[: width - 1]}…"
-            codes[row + line, : len(shown)] = [ord(c) for c in shown]
-            owners[row + line, : len(shown)] = owner
+            write_text(codes, owners, row + line, 0, shown, owner)
         row += height
     if drawing.more:
         text = f"> {drawing.more} more"[: drawing.gutter - 1]
-        codes[-1, : len(text)] = [ord(c) for c in text]
-        owners[-1, : len(text)] = FAINT
+        write_text(codes, owners, len(codes) - 1, 0, text, FAINT)
 
 
 def _words(

@@ -12,7 +12,7 @@ from rich.style import Style
 from daemon.model.live_judgement import DoorMotion
 from grammars.model.geometry import Floats
 from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
-from scenario_tui.dashboard.widgets.cell_view import Canvas, Codes
+from scenario_tui.dashboard.widgets.cell_view import Canvas, Codes, write_text
 from scenario_tui.text.formatting import BAD, BUSY, FACT, GOOD, QUIET, UNSURE, quantity
 from scenario_tui.text.scale import AxisScale, fit_axis, mark_axis, tick_text
 
@@ -243,11 +243,7 @@ class TimelineDrawing:
 
     def write(self, row: int, column: int, text: str, owner: int) -> None:
         """Write words into a row, as far as it goes."""
-        if not 0 <= row < len(self.codes):
-            return
-        room = text[: max(self.codes.shape[1] - column, 0)]
-        self.codes[row, column : column + len(room)] = [ord(c) for c in room]
-        self.owners[row, column : column + len(room)] = owner
+        write_text(self.codes, self.owners, row, column, text, owner)
 
     def label(self, row: int, text: str, owner: int = NAME) -> None:
         """Write words into the gutter, cut to it."""

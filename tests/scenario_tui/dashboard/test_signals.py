@@ -48,7 +48,7 @@ def test_the_usual_signals_come_first_then_those_oracles_read(playback: Playback
     assert signals["speed.angular"].against == (
         (pytest.approx(TURNED), pytest.approx(TURNED + 0.05)),
     )
-    assert signals["loc.error"].at(2.0) == pytest.approx(0.2)
+    assert signals["loc.error"].between(2.0) == pytest.approx((0.2, 0.2))
     assert signals["contact"].unit == "bool"
 
 

@@ -15,6 +15,7 @@ import pytest
 
 from tests.daemon.batch.harness import ROOT, DaemonPart, daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_spec, submission_of
+from tests.scenario_tui.recorded import record_run
 from tests.scenario_tui.terminal.pseudo_terminal import (
     ALTERNATE,
     MOUSE,
@@ -162,6 +163,19 @@ def test_an_answer_that_comes_late_changes_the_colours_and_is_no_key(daemon) -> 
         shown.until("Also the arrow")
         shown.type("\x1b")
         shown.until("corridor-1")
+        shown.type("q")
+        assert shown.wait() == 0
+        assert restored(shown)
+
+
+def test_a_replay_waits_for_no_answer_either(tmp_path: Path) -> None:
+    trace = record_run(tmp_path / "run.mcap")
+    colours = {"COLORTERM": "truecolor"}
+    with terminal(scenario("replay", str(trace)), environ=colours, background="") as shown:
+        shown.until(lambda: shown.screen.buffer[10][2].bg == "12151a")
+        assert b"\x1b[6n" not in shown.raw, "asked what only somebody who waits would ask"
+        shown.type("\x1b]11;rgb:ffff/ffff/ffff\x1b\\")
+        shown.until(lambda: shown.screen.buffer[10][2].bg == "fbfbf9")
         shown.type("q")
         assert shown.wait() == 0
         assert restored(shown)

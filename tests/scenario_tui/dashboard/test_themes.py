@@ -17,8 +17,9 @@ from grammars.text.diagnostics import Diagnostic, Severity, Where
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.themes import DARK, LIGHT
 from scenario_tui.submission import CheckedFile
-from scenario_tui.terminal.capabilities import TerminalLimits, has_light_background
-from tests.scenario_tui.dashboard.driven import SteeredDaemon
+from scenario_tui.terminal.background_question import BackgroundQuestion
+from scenario_tui.terminal.capabilities import TerminalLimits
+from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.dashboard.searching import SearchingDaemon
@@ -145,6 +146,22 @@ async def test_what_is_old_or_behind_a_dialog_can_be_read(
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
+@pytest.mark.parametrize("keys", [(), ("enter",), ("m",), ("enter", "enter")])
+async def test_the_palette_and_what_is_behind_it_can_be_read(
+    theme: str, keys: tuple[str, ...]
+) -> None:
+    app = make_dashboard(judged_campaign(), config=Config(theme=theme))
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(pilot)
+        await press(pilot, *keys)
+        behind = screen_text(pilot)[0]
+        await press(pilot, "colon")
+        await until(pilot, lambda: any("Quit" in strip.text for strip in drawn(pilot)[4:-1]))
+        assert drawn(pilot)[0].text.rstrip() == behind
+        assert dict(poor(pilot)) == {}
+
+
+@pytest.mark.parametrize("theme", [DARK, LIGHT])
 @pytest.mark.parametrize("colours", ["few", "none"])
 async def test_the_selection_is_seen_without_our_colours(theme: str, colours: Any) -> None:
     app = make_dashboard(SteeredDaemon(), config=Config(theme=theme))
@@ -160,33 +177,14 @@ async def test_the_selection_is_seen_without_our_colours(theme: str, colours: An
         assert any(segment.style and segment.style.reverse for segment in behind)
 
 
-@pytest.mark.parametrize(
-    ("environ", "answer", "light"),
-    [
-        ({"COLORFGBG": "0;15"}, b"", True),
-        ({"COLORFGBG": "15;0"}, b"\x1b]11;rgb:ffff/ffff/ffff\x1b\\", False),
-        ({"COLORFGBG": "0;default;15"}, b"", True),
-        ({"COLORFGBG": "15;8"}, b"", False),
-        ({}, b"\x1b]11;rgb:fdfd/f6f6/e3e3\x1b\\\x1b[1;1R", True),
-        ({}, b"\x1b]11;rgb:00/2b/36\x07\x1b[1;1R", False),
-        ({}, b"\x1b[1;1R", False),
-        ({"COLORFGBG": "default"}, b"", False),
-    ],
-)
-def test_a_light_background_is_found_out(
-    environ: dict[str, str], answer: bytes, light: bool
-) -> None:
-    assert has_light_background(environ, lambda: answer) is light
-
-
-async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch) -> None:
-    monkeypatch.setattr("scenario_tui.dashboard.themes.has_light_background", lambda **_: True)
+async def test_our_theme_follows_the_terminal_unless_one_was_chosen() -> None:
+    light = BackgroundQuestion({"COLORFGBG": "0;15"})
     app = make_dashboard(SteeredDaemon())
     assert app.theme == DARK
-    app.limit_to_terminal()
+    app.limit_to_terminal(light)
     assert app.theme == LIGHT
     chosen = make_dashboard(SteeredDaemon(), config=Config(theme="nord"))
-    chosen.limit_to_terminal()
+    chosen.limit_to_terminal(light)
     async with chosen.run_test(size=(80, 24)):
         assert chosen.theme == "nord"
 

@@ -26,7 +26,6 @@ ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
 _PRIVATE: Final = 5
 """How far pyte shifts the numbers of private modes."""
 _ASKED: Final = b"\x1b]11;?\x1b\\"
-_ASKED_WHERE: Final = b"\x1b[6n"
 _KEPT: Final = ("PATH", "VIRTUAL_ENV", "PYTHONPATH")
 
 
@@ -75,8 +74,7 @@ class Terminal:
         self.raw += data
         self._stream.feed(data)
         if self._background and _ASKED in data:
-            where = "\x1b[1;1R" if _ASKED + _ASKED_WHERE in data else ""
-            self.type(f"\x1b]11;rgb:{self._background}\x1b\\{where}")
+            self.type(f"\x1b]11;rgb:{self._background}\x1b\\")
         return bool(data)
 
     def until(self, seen: str | Callable[[], bool], seconds: float = DEADLINE) -> None:

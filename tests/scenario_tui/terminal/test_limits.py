@@ -7,6 +7,7 @@ import pty
 import select
 import termios
 import threading
+from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
@@ -29,6 +30,15 @@ from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours, reduce_st
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS
 
 BLACK = Color.parse("#121212")
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, int]]:
+    """The two ends of a terminal: what shows it, and what a program in it reads and writes."""
+    outside, inside = pty.openpty()
+    yield outside, inside
+    os.close(outside)
+    os.close(inside)
 
 
 @pytest.mark.parametrize("name", ["dumb", "unknown", ""])
@@ -190,22 +200,47 @@ def test_keys_that_begin_like_an_answer_are_keys() -> None:
                                                         "semicolon"]  # fmt: skip
 
 
-def test_nobody_waits_for_what_was_asked_early() -> None:
-    master, slave = pty.openpty()
-    try:
-        before = termios.tcgetattr(slave)
-        silent = BackgroundQuestion({}, slave, slave)
-        assert os.read(master, 64) == b"\x1b]11;?\x1b\\"
-        assert silent.close() == b""
-        asked = BackgroundQuestion({}, slave, slave)
-        os.read(master, 64)
-        os.write(master, b"\x1b]11;rgb:ff/ff/ff\x07")
-        assert select.select([slave], [], [], 60.0)[0]
-        assert asked.close() == b"\x1b]11;rgb:ff/ff/ff\x07"
-        assert termios.tcgetattr(slave) == before
-        assert not select.select([master], [], [], 0.0)[0], "the answer was echoed"
-        assert BackgroundQuestion({"COLORFGBG": "0;15"}, slave, slave).close() == b""
-        assert not select.select([master], [], [], 0.0)[0], "there was no need to ask"
-    finally:
-        os.close(master)
-        os.close(slave)
+@pytest.mark.parametrize(
+    ("answer", "light"),
+    [
+        (b"\x1b]11;rgb:fdfd/f6f6/e3e3\x1b\\", True),
+        (b"\x1b]11;rgb:ff/ff/ff\x07", True),
+        (b"\x1b]11;rgba:00/2b/36/ff\x07", False),
+        (b"\x1b[1;1R", False),
+    ],
+)
+def test_a_terminal_tells_whether_its_background_is_light(
+    terminal: tuple[int, int], answer: bytes, light: bool
+) -> None:
+    outside, inside = terminal
+    asked = BackgroundQuestion({}, inside, inside)
+    os.write(outside, answer)
+    assert select.select([inside], [], [], 60.0)[0]
+    assert asked.close() is light
+    assert asked.close() is light, "the second time it is remembered"
+
+
+@pytest.mark.parametrize(
+    ("told", "light"), [("0;15", True), ("15;0", False), ("0;default;15", True), ("15;8", False)]
+)
+def test_where_the_background_is_told_nothing_is_asked(
+    terminal: tuple[int, int], told: str, light: bool
+) -> None:
+    outside, inside = terminal
+    assert BackgroundQuestion({"COLORFGBG": told}, inside, inside).close() is light
+    assert not select.select([outside], [], [], 0.0)[0]
+
+
+def test_nobody_waits_for_what_was_asked_early(terminal: tuple[int, int]) -> None:
+    outside, inside = terminal
+    before = termios.tcgetattr(inside)
+    silent = BackgroundQuestion({"COLORFGBG": "default"}, inside, inside)
+    assert os.read(outside, 64) == b"\x1b]11;?\x1b\\"
+    assert silent.close() is False
+    asked = BackgroundQuestion({}, inside, inside)
+    os.read(outside, 64)
+    os.write(outside, b"\x1b]11;rgb:ff/ff/ff\x07")
+    assert select.select([inside], [], [], 60.0)[0]
+    asked.close()
+    assert termios.tcgetattr(inside) == before
+    assert not select.select([outside], [], [], 0.0)[0], "the answer was echoed"
