@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from typing import Any
 
 
@@ -17,11 +18,18 @@ def exit_when_stdin_closes() -> None:
     """
 
     def watch() -> None:
-        while os.read(sys.stdin.fileno(), 4096):
-            pass
+        await_stdin_end()
         os._exit(1)
 
     threading.Thread(target=watch, name="tether", daemon=True).start()
+
+
+def await_stdin_end() -> None:
+    """Return when nobody holds the other end of standard input any more."""
+    # A terminal that hung up, or a socket whose peer was killed, ends by an error.
+    with suppress(OSError):
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
 
 
 def end_tethered(process: subprocess.Popen[Any], patience: float) -> None:

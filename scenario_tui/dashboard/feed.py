@@ -161,12 +161,16 @@ class Feed:
 
     def _breathe(self, daemon: DaemonClient) -> None:
         """Let some time pass between two looks; only what people wait for is answered at once."""
-        until = time.monotonic() + _BREATH
-        while self._asked.wait(max(0.0, until - time.monotonic())) and not self._closing:
+        begun = now = time.monotonic()
+        # A key that is held asks without a pause: all else must not wait for its end.
+        while now < begun + REFRESH and self._asked.wait(max(0.0, begun + _BREATH - now)):
+            if self._closing:
+                return
             # The last of several keys says what is wanted.
             time.sleep(_GATHER)
             self._asked.clear()
             self.answer(daemon)
+            now = time.monotonic()
 
     def _assess_changes(self, daemon: DaemonClient, leaving: threading.Event) -> None:
         """Assess what changed until the connection is left."""

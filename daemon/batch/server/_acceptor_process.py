@@ -56,14 +56,20 @@ class AcceptorProcess:
     def _start(self) -> None:
         descriptor = self._listener.fileno()
         command = python_command("-m", "daemon.batch.acceptor", str(descriptor), str(self.port))
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,  # its end tells the process that the daemon is gone
-            stdout=subprocess.PIPE,
-            pass_fds=(descriptor,),
-            start_new_session=True,
-            text=True,
-        )
+        try:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,  # its end tells the process that the daemon is gone
+                stdout=subprocess.PIPE,
+                pass_fds=(descriptor,),
+                start_new_session=True,
+                text=True,
+            )
+        except OSError as error:
+            # No process to be had just now: those who are connected already need this daemon.
+            self._log.write("acceptor not started", problem=str(error))
+            self._next_start = time.monotonic() + _PAUSE
+            return
         self._process = process
         threading.Thread(target=self._read_reports, args=(process,), daemon=True).start()
         self._log.write("acceptor started", pid=process.pid)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from daemon.batch.tether import await_stdin_end
 
 
 class StopRequest:
@@ -55,7 +55,6 @@ class StopRequest:
         threading.Thread(target=self._watch, daemon=True).start()
 
     def _watch(self) -> None:
-        while os.read(sys.stdin.fileno(), 4096):
-            pass
+        await_stdin_end()
         self.tether_cut = True
         self()

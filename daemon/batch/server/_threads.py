@@ -124,13 +124,24 @@ class WriterThread(LedgerThread):
             return
         with self._load:
             self._renewals += 1
+        waits = True
+
+        def wait_no_more() -> None:
+            nonlocal waits
+            with self._load:
+                self._renewals -= waits
+                waits = False
 
         def act(ledger: LedgerWriter) -> object:
-            with self._load:
-                self._renewals -= 1
+            wait_no_more()
             return job.act(ledger)
 
-        super().put(LedgerJob(act, job.done, job.size, name=job.name))
+        def done(value: object) -> None:
+            # It was never begun where the transaction was not, for want of room on the disk say.
+            wait_no_more()
+            job.done(value)
+
+        super().put(LedgerJob(act, done, job.size, name=job.name))
 
     def run(self) -> None:
         """Work until told to finish; what is long and not done then is given up."""

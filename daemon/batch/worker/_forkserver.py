@@ -105,7 +105,8 @@ class ForkedExecution:
         """
         try:
             self._read()
-        except EOFError:  # it is gone: its end is noticed by its process
+        except (EOFError, OSError):
+            # It is gone, OSError: in the middle of a message. Its end is noticed by its process.
             self._silent = True
         if time.monotonic() > self.deadline and self.end is None:
             self.kill(stopped_after(self.limit))

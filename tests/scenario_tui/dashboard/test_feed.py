@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -120,6 +121,21 @@ def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
     fake.listeners[0][0](ChangeEvent(1, "run", f"{CAMPAIGN}.7"))
     eventually(lambda: len(fake.calls) > before + 1)
     feed.close()
+
+
+def test_a_key_that_is_held_keeps_nothing_else_from_being_looked_at(
+    feed: Feed, fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = fake.runs
+
+    def turned_again(*asked: Any, offset: int = 0, **others: Any) -> Any:
+        feed.set_query(Query(runs=RunQuery(CAMPAIGN, offset=1 - offset, limit=1)))
+        return found(*asked, offset=offset, **others)
+
+    monkeypatch.setattr(fake, "runs", turned_again)
+    feed.set_query(Query(runs=RunQuery(CAMPAIGN, limit=1)))
+    feed.start()
+    eventually(lambda: sum(call[0] == "overview" for call in fake.calls) > 2)
 
 
 def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(

@@ -27,6 +27,7 @@ _AFTER_LOSS: Final = 1.0
 
 _NO_CONNECTION: Final = (OSError, ValueError, TypeError, RuntimeError)
 """What Dask raises for an address, a certificate or a scheduler that is of no use."""
+_EXPECTED: Final = (WorkerBroken, *_NO_CONNECTION)
 
 
 def _security(scheduler: DaskScheduler) -> Security:
@@ -208,9 +209,12 @@ class ClusterConnection:
                     self._drop()
                     self._connect()
                 self._update_workers()
-            except (WorkerBroken, *_NO_CONNECTION) as error:
+            except Exception as error:
+                # Whatever it is: without this thread nobody would ever connect again. A client that
+                # is closing raises AttributeError or CancelledError, say (distributed 2026.8).
                 if not lost:
-                    self._log(f"without the Dask scheduler {self._scheduler.address}: {error}")
+                    words = error if isinstance(error, _EXPECTED) else repr(error)
+                    self._log(f"without the Dask scheduler {self._scheduler.address}: {words}")
                 lost = True
             else:
                 if lost:

@@ -134,8 +134,8 @@ class RemoteExecution:
                     self._take_answer(answer)
 
     def _take_answer(self, answer: tuple[bytes, bytes, bytes]) -> None:
-        report_json, result, trace = answer
         try:
+            report_json, result, trace = answer
             report = codec.from_json(JobReport, report_json)
             if report.status is JobStatus.DONE:
                 self._write_output(result, trace)
@@ -145,7 +145,9 @@ class RemoteExecution:
                 self.submit(self._read_inputs(report.missing))
             else:
                 self._fail(report)
-        except (OSError, ValueError) as error:
+        except Exception as error:
+            # Whatever it is: Dask's thread has nobody to raise it to, and the attempt would never
+            # end. Beside a full disk that is an answer of another form.
             self._finish(f"what came from the cluster was not taken: {error}")
 
     def _read_inputs(self, missing: Sequence[str]) -> list[bytes]:

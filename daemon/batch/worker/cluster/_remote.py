@@ -149,7 +149,8 @@ class RemoteLauncher:
         return words
 
     def _read(self) -> None:
-        with suppress(EOFError, OSError):  # it ended: whoever waits is told below
+        # It ended, or says what nobody understands: whoever waits is told below.
+        with suppress(EOFError, OSError, ValueError):
             while True:
                 report = codec.from_json(LaunchReport, self._wire.recv_bytes())
                 inbox = self._inboxes.get(report.key)
@@ -158,6 +159,7 @@ class RemoteLauncher:
         self.ended = True
         for key, inbox in tuple(self._inboxes.items()):
             inbox.put(LaunchReport(key, end=_LAUNCHER_ENDED))
+        self._process.terminate()  # what it runs is nobody's any more
         self._process.wait()
 
     def missing(self, spec: RunSpec) -> tuple[str, ...]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import json
 import os
 import signal
 import socket
 import sqlite3
 import ssl
+import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
@@ -354,3 +357,23 @@ def test_an_address_that_is_taken_is_said(keys: Path, tmp_path: Path) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(DaemonError, match=f"cannot listen at tls/127.0.0.1:{port}"):
             AcceptorProcess(f"tls/127.0.0.1:{port}", log)
+
+
+def test_a_daemon_without_a_process_for_connections_goes_on_and_tries_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = EventLog(tmp_path / "log")
+    acceptor = AcceptorProcess(free_endpoint().replace("tcp/", "tls/"), log)
+
+    def none_left(*_: object, **__: object) -> None:
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    def events() -> list[str]:
+        return [json.loads(line)["event"] for line in (tmp_path / "log").read_text().splitlines()]
+
+    with closing(log), closing(acceptor):
+        with monkeypatch.context() as patch:
+            patch.setattr(subprocess, "Popen", none_left)
+            acceptor.supervise()
+        assert events() == ["acceptor not started"]
+        eventually(lambda: acceptor.supervise() or events()[-1] == "acceptor started")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import queue
 import sqlite3
 import threading
-from collections.abc import Generator
-from contextlib import closing, suppress
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,15 @@ from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 
 MANY = 20_000
+
+
+class NoCheckpoints:
+    patience = None
+
+    def note_changes(self) -> None:
+        """Nothing is idle here."""
+
+    act = note_changes
 
 
 def entered(daemon: DaemonPart) -> tuple[int, int]:
@@ -119,14 +129,6 @@ def test_between_two_slices_others_have_their_turn(tmp_path: Path, monkeypatch) 
         yield
         raise Refused("no")
 
-    class NoCheckpoints:
-        patience = None
-
-        def note_changes(self) -> None:
-            """Nothing is idle here."""
-
-        act = note_changes
-
     with LedgerWriter.open(StatePaths(tmp_path)) as ledger:
         writer = WriterThread(ledger, lambda _: None, NoCheckpoints())  # type: ignore[arg-type]
         writer.start()
@@ -150,6 +152,30 @@ def test_between_two_slices_others_have_their_turn(tmp_path: Path, monkeypatch) 
         go_on.set()
         writer.finish()
         assert told[-1] == "c" or isinstance(told[-1], Unavailable)
+
+
+def test_a_renewal_that_could_not_be_written_holds_up_no_lapse(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers: queue.SimpleQueue[object] = queue.SimpleQueue()
+
+    @contextmanager
+    def full_disk() -> Iterator[None]:
+        raise Unavailable("the ledger cannot be written: database or disk is full")
+        yield
+
+    with LedgerWriter.open(StatePaths(tmp_path)) as ledger:
+        monkeypatch.setattr(ledger, "transaction", full_disk)
+        writer = WriterThread(ledger, lambda _: None, NoCheckpoints())  # type: ignore[arg-type]
+        writer.start()
+        writer.offer(LedgerJob(lambda _: "renewed", answers.put, renews=True))
+        assert isinstance(answers.get(timeout=60.0), Unavailable)
+        monkeypatch.undo()
+        assert not writer.renewals_wait  # else no lease would ever lapse again
+        writer.offer(LedgerJob(lambda _: writer.renewals_wait, answers.put, renews=True))
+        assert answers.get(timeout=60.0) is False
+        assert not writer.renewals_wait
+        writer.finish()
 
 
 def test_a_tick_that_comes_late_is_a_stall() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from multiprocessing import Pipe
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,15 +28,17 @@ def guardian() -> Iterator[Any]:
     os.close(held)
 
 
+def execution_of(guardian: Any, wire: Connection, folder: Path) -> ForkedExecution:
+    lease = Lease("c.0", "c", 1, 7, "c/S1.mcap", make_spec())
+    attempt = Attempt.prepare(folder / "attempt-1", lease)
+    return ForkedExecution(attempt, guardian, wire, 1e9, float("inf"), lambda: None, lambda: None)
+
+
 def test_a_pipe_the_run_has_closed_wakes_nobody_while_its_guardian_ends(
     tmp_path: Path, guardian: Any
 ) -> None:
     ours, theirs = Pipe(duplex=False)
-    lease = Lease("c.0", "c", 1, 7, "c/S1.mcap", make_spec())
-    attempt = Attempt.prepare(tmp_path / "attempt-1", lease)
-    execution = ForkedExecution(
-        attempt, guardian, ours, 1e9, float("inf"), lambda: None, lambda: None
-    )
+    execution = execution_of(guardian, ours, tmp_path)
     with ours:
         with theirs:
             theirs.send_bytes(FAILED + b"no such door")
@@ -46,3 +48,19 @@ def test_a_pipe_the_run_has_closed_wakes_nobody_while_its_guardian_ends(
         guardian.exitcode = 1
         assert execution.end is not None
         assert execution.end.why == "no such door"
+
+
+def test_a_run_that_was_killed_in_the_middle_of_a_message_ends_nobody_else(
+    tmp_path: Path, guardian: Any
+) -> None:
+    ours, theirs = Pipe(duplex=False)
+    execution = execution_of(guardian, ours, tmp_path)
+    with ours:
+        with theirs:
+            # Longer than what a full pipe takes at once: a message that long is written in parts.
+            os.write(theirs.fileno(), (8000).to_bytes(4, "big") + FAILED + b"no such")
+        execution.listen()
+        assert wait(execution.waitables, 0.0) == []
+        guardian.exitcode = -9
+        assert execution.end is not None
+        assert execution.end.why == "the run's process was killed by SIGKILL"

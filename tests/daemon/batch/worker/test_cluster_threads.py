@@ -1,0 +1,93 @@
+"""Threads between a gateway and its cluster: what they do not expect ends no work in silence."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from contextlib import closing
+from multiprocessing import Pipe
+from pathlib import Path
+from queue import SimpleQueue
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from daemon.batch.worker import Attempt
+from daemon.batch.worker.cluster import Gateway, _connection
+from daemon.batch.worker.cluster._connection import ClusterConnection
+from daemon.batch.worker.cluster._remote import LaunchReport, RemoteLauncher
+from daemon.model.execution import DaskScheduler, RunLimits
+from daemon.model.messages import Lease
+from tests.daemon.batch.harness import eventually
+from tests.daemon.batch.samples import make_spec
+
+SCHEDULER = DaskScheduler("tcp://nowhere:1")
+
+
+def test_a_cluster_is_looked_at_again_whatever_its_client_raises(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in ("_PERIOD", "_AFTER_LOSS"):
+        monkeypatch.setattr(_connection, name, 0.001)
+    said: list[str] = []
+    looks: list[int] = []
+
+    def nthreads() -> dict[str, int]:
+        looks.append(1)
+        if len(looks) == 1:  # what a client says whose scheduler goes in that very moment
+            raise AttributeError("'NoneType' object has no attribute 'ncores'")
+        return {}
+
+    made: Any = ClusterConnection(
+        SCHEDULER, "none", changed=lambda: None, on_event=lambda _: None, log=said.append
+    )
+    made._client = SimpleNamespace(status="running", nthreads=nthreads, close=lambda **_: None)
+    made._keeper.start()
+    with closing(made):
+        eventually(lambda: len(said) == 2)
+    assert said[0].startswith("without the Dask scheduler tcp://nowhere:1: AttributeError(")
+    assert said[1] == "the Dask scheduler tcp://nowhere:1 is back"
+
+
+@pytest.mark.parametrize("answer", [None, (b"{}",), ("{}", 1, 2), (7, b"", b"")])
+def test_an_answer_of_another_form_ends_its_attempt(tmp_path: Path, answer: object) -> None:
+    told: list[Any] = []
+    task = SimpleNamespace(
+        key="0", add_done_callback=told.append, result=lambda: answer, release=lambda: None
+    )
+    gateway: Any = Gateway(SCHEDULER, "none", slots=1, log=lambda _: None)
+    with closing(gateway):
+        gateway._cluster = SimpleNamespace(
+            topic="topic", submit=lambda *_: (task, frozenset()), close=lambda: None
+        )
+        attempt = Attempt(Lease("c.0", "c", 1, 1, "c/t.mcap", make_spec()), tmp_path)
+        run = gateway.start(attempt, tmp_path / "scene", RunLimits())
+        (take,) = told
+        take(task)
+    assert run.end is not None
+    assert run.end.why.startswith("what came from the cluster was not taken: ")
+    assert not run.end.counts
+
+
+@pytest.mark.parametrize("words", [b"", b"no JSON"])
+def test_who_waits_for_a_launcher_hears_that_it_ended_or_is_not_understood(words: bytes) -> None:
+    ours, theirs = Pipe()
+    inbox: SimpleQueue[LaunchReport] = SimpleQueue()
+    launcher: Any = RemoteLauncher.__new__(RemoteLauncher)
+    launcher._wire, launcher._inboxes, launcher.ended = ours, {"key": inbox}, False
+    sleeping = [sys.executable, "-c", "import time; time.sleep(600.0)"]
+    with ours, theirs, subprocess.Popen(sleeping) as launcher._process:
+        reading = threading.Thread(target=launcher._read)
+        reading.start()
+        if words:
+            theirs.send_bytes(words)
+        else:
+            theirs.close()
+        end = inbox.get(timeout=60.0).end
+        reading.join(60.0)
+        assert not reading.is_alive()
+    assert launcher.ended
+    assert end is not None
+    assert end.why == "the process that starts runs ended"
