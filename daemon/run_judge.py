@@ -91,7 +91,7 @@ class WatchedRun:
             self._early = True
             self._look_in_turn("everything", now)
         elif self._told is not None:
-            self._receiver.tell(self._told)
+            self._tell(self._told)
 
     def _look_in_turn(self, wanted: JudgingWanted, now: float) -> None:
         self._look(wanted)
@@ -129,5 +129,13 @@ class WatchedRun:
             random.setstate(chance[0])
             np.random.set_state(chance[1])
         if judgement is not None:
-            self._told = judgement
+            self._tell(judgement)
+
+    def _tell(self, judgement: LiveJudgement) -> None:
+        try:
             self._receiver.tell(judgement)
+        except Exception:  # what a plug-in says may be nothing that can be written down
+            traceback.print_exc()
+            self._failed = True
+        else:
+            self._told = judgement

@@ -17,6 +17,7 @@ from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Credentials, find_credentials, strip_control_characters
 from daemon.batch.stores import FileUpload
 from daemon.model.attachments import attached_digests, user_files_folder
+from daemon.model.live_checks import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, unpack_judgement
 from daemon.model.messages import (
     EVENTS,
@@ -49,6 +50,10 @@ _FAULTS: Final = 5
 
 def _from_json(kind: type[T]) -> Callable[[bytes], T]:
     return lambda payload: codec.from_json(kind, payload)
+
+
+def _read_snapshot(payload: bytes) -> LiveSnapshot:
+    return read_snapshot(strip_control_characters(payload))
 
 
 def _read_judgement(payload: bytes) -> LiveJudgement:
@@ -213,8 +218,7 @@ class Client(DaemonClient):
         changes = _from_json(ChangeEvent)
         feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, changes, on_event))
         if on_live is not None:
-            read = _from_json(LiveSnapshot)
-            feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, read, on_live))
+            feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, _read_snapshot, on_live))
         return subscription
 
     def watch(
@@ -227,8 +231,7 @@ class Client(DaemonClient):
         subscription = Subscription()
         self._subscriptions.append(subscription)
         feeds, key = subscription._feeds, f"{LIVE}/*/*/{run}"
-        read = _from_json(LiveSnapshot)
-        feeds.append(_Feed(self._session, key, _WATCHED_KEPT, read, on_live))
+        feeds.append(_Feed(self._session, key, _WATCHED_KEPT, _read_snapshot, on_live))
         if on_judged is not None:
             judged = f"{key}/{JUDGED}"
             feeds.append(_Feed(self._session, judged, _JUDGED_KEPT, _read_judgement, on_judged))

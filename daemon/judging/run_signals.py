@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from daemon.judging.oracles import OracleTimeline, SignalSampler, oracle_timeline
+from daemon.model.live_checks import LARGEST_VALUE
 from daemon.model.live_judgement import DoorMotion, LiveSignal
 from daemon.trace import JointTrack, Trace
 from grammars.model.geometry import Floats
@@ -24,6 +25,8 @@ DOOR_CLEARANCE: Final = "clearance(doors)"
 _USUAL: Final = ("loc.error", "clearance", DOOR_CLEARANCE, "speed")
 _AJAR: Final = 0.05
 """A door this far from how it is drawn, shut, counts as open [rad or m]."""
+_MOST_LIMITS: Final = 1000
+"""Limits of a thinned signal: of more no line is told from the next."""
 _DIGITS: Final = 4
 """Significant digits of thinned values: more are not seen, and travel for nothing."""
 
@@ -114,13 +117,16 @@ def thin_signal(signal: RunSignal, start: float, end: float, columns: int) -> Li
     low[held] = high[held] = signal.values[last[held]]
     return LiveSignal(
         signal.name, signal.unit, start, end, _rounded(low), _rounded(high),
-        signal.limits, merge_spans(signal.against, span / columns), signal.readers,
+        signal.limits[:_MOST_LIMITS], merge_spans(signal.against, span / columns), signal.readers,
     )  # fmt: skip
 
 
 def _rounded(values: Floats) -> tuple[float | None, ...]:
     return tuple(
-        float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()
+        float(f"{min(max(value, -LARGEST_VALUE), LARGEST_VALUE):.{_DIGITS}g}")
+        if np.isfinite(value)
+        else None
+        for value in values.tolist()
     )
 
 

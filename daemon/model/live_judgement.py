@@ -8,16 +8,19 @@ watcher who comes late, costs nothing. Times are simulated seconds.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Final
 
-from daemon.model.verdicts import Verdict
+from daemon.model.live_checks import LARGEST_VALUE, check_times
+from daemon.model.verdicts import Verdict, shorten_evidence
 from grammars.text import codec
 
 LARGEST_JUDGEMENT: Final = 2**20
 """Bytes of JSON."""
 _FASTEST: Final = 1
+_MOST_ENTRIES: Final = 4096
+"""Doors' motions, lines of a log, limits of a signal or moments: each is drawn on its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +98,29 @@ class LiveJudgement:
 
 
 def pack_judgement(judgement: LiveJudgement) -> bytes:
-    """Return a judgement as it travels: JSON, compressed to about a fifth."""
-    return zlib.compress(codec.to_json(judgement), _FASTEST)
+    """Return a judgement as it travels: JSON, compressed to about a fifth.
+
+    What makes it too long to be read is left out: long evidence first, then verdicts, then the
+    rest. The last line of its log says so.
+    """
+    text = b""
+    for told in _shorter_and_shorter(judgement):
+        text = codec.to_json(told)
+        if len(text) <= LARGEST_JUDGEMENT:
+            break
+    return zlib.compress(text, _FASTEST)
+
+
+def _shorter_and_shorter(judgement: LiveJudgement) -> Iterator[LiveJudgement]:
+    yield judgement
+    verdicts = tuple(
+        replace(one, verdict=shorten_evidence(one.verdict)) for one in judgement.verdicts
+    )
+    yield replace(judgement, verdicts=verdicts)
+    words = f"{len(verdicts)} verdicts are too long to be told so far: they come at the end"
+    missing = LogLine(judgement.time, "oracles", words, "warn")
+    yield replace(judgement, verdicts=(), log=(*judgement.log, missing))
+    yield LiveJudgement(judgement.run, judgement.time, (), (), (), (), (missing,))
 
 
 def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> LiveJudgement:
@@ -112,7 +136,35 @@ def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> Li
     if not inflater.eof:
         raise ValueError(f"cut, or of more than {LARGEST_JUDGEMENT} bytes")
     judgement = codec.from_json(LiveJudgement, clean(text))
-    for signal in judgement.signals:
-        if len(signal.low) != len(signal.high) or signal.end < signal.start:
-            raise ValueError(f"{signal.name}: least and greatest values do not go together")
+    _check_judgement(judgement)
     return judgement
+
+
+def _check_judgement(judgement: LiveJudgement) -> None:
+    """Raise ``ValueError`` for what no run is told by: it is drawn, whoever has sent it."""
+    evidence = (one.verdict.evidence.time for one in judgement.verdicts)
+    check_times((judgement.time, *judgement.reached))
+    check_times(motion.time for motion in judgement.doors)
+    check_times(line.time for line in judgement.log)
+    check_times(time for time in evidence if time is not None)
+    for told in (judgement.reached, judgement.doors, judgement.log):
+        if len(told) > _MOST_ENTRIES:
+            raise ValueError(f"{len(told)} entries, at most {_MOST_ENTRIES} are told")
+    if not 0 <= judgement.log_before <= 2**53:
+        raise ValueError(f"{judgement.log_before} lines before the log")
+    for signal in judgement.signals:
+        _check_signal(signal)
+
+
+def _check_signal(signal: LiveSignal) -> None:
+    parts = len(signal.low)
+    if parts != len(signal.high) or signal.end < signal.start:
+        raise ValueError(f"{signal.name[:80]}: least and greatest values do not go together")
+    check_times((signal.start, signal.end))
+    check_times(moment for span in signal.against for moment in span)
+    # No two stretches are less than a part apart.
+    if len(signal.against) > parts + 1 or max(parts, len(signal.limits)) > _MOST_ENTRIES:
+        raise ValueError("a signal of more parts than are told")
+    known = (value for value in (*signal.low, *signal.high, *signal.limits) if value is not None)
+    if any(abs(value) > LARGEST_VALUE for value in known):
+        raise ValueError(f"a signal beyond {LARGEST_VALUE:g}")

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from daemon.model.live_checks import FARTHEST_POINT
 from daemon.model.spec import Snapshot
 from daemon.model.sut import Cloud, Estimate
 from grammars.model.geometry import Floats, Point2, Pose2
@@ -91,7 +92,9 @@ def _thin_points(points: Floats, most: int) -> Floats:
 def to_centimetres(points: Floats) -> tuple[int, ...]:
     """Return points (n, 2 or more) [m] as x, y, x, y, ... [cm]."""
     known = points[np.isfinite(points).all(axis=1), :2]
-    return tuple(np.rint(known * 100.0).astype(np.int64).ravel().tolist())
+    # Whatever a system plans: what is farther away than any map is at the end of what can be told.
+    told = np.clip(known, -FARTHEST_POINT / 100.0, FARTHEST_POINT / 100.0)
+    return tuple(np.rint(told * 100.0).astype(np.int64).ravel().tolist())
 
 
 def from_centimetres(numbers: Sequence[int]) -> tuple[Point2, ...]:

@@ -14,7 +14,13 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from daemon.model.attachments import attached_digests
-from daemon.model.verdicts import Outcome, Verdict, join_notes
+from daemon.model.verdicts import (
+    LONGEST_EVIDENCE,
+    Outcome,
+    Verdict,
+    join_notes,
+    shorten_evidence,
+)
 from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Pose2
 from grammars.model.grid import MapRule
@@ -218,7 +224,6 @@ LARGEST_RESULT: Final = 256 * 2**10
 """Bytes of a result in JSON: a hundred times what it has of three oracles. Its trace has the rest.
 """
 _LONGEST_NOTE: Final = 2000
-_LONGEST_EVIDENCE: Final = 200
 
 
 def bound_result(result: RunResult) -> RunResult:
@@ -235,25 +240,15 @@ def bound_result(result: RunResult) -> RunResult:
     note = result.note[:_LONGEST_NOTE]
     shorter = replace(
         result,
-        verdicts=tuple(map(_shorten, result.verdicts)),
+        verdicts=tuple(map(shorten_evidence, result.verdicts)),
         note=join_notes(f"{words}notes were cut", note),
-        leads=tuple(replace(lead, object=lead.object[:_LONGEST_EVIDENCE]) for lead in result.leads),
+        leads=tuple(replace(lead, object=lead.object[:LONGEST_EVIDENCE]) for lead in result.leads),
     )
     if len(codec.to_json(shorter)) <= LARGEST_RESULT:
         return shorter
     lost = f"{words}{len(result.verdicts)} verdicts were left out, judge its trace again"
     bare = replace(shorter, verdicts=(), note=join_notes(lost, note))
     return bare if len(codec.to_json(bare)) <= LARGEST_RESULT else replace(bare, leads=())
-
-
-def _shorten(verdict: Verdict) -> Verdict:
-    evidence = verdict.evidence
-    shorter = replace(
-        evidence,
-        object=evidence.object[:_LONGEST_EVIDENCE],
-        note=evidence.note[:_LONGEST_EVIDENCE],
-    )
-    return replace(verdict, evidence=shorter)
 
 
 _PACKAGE: Final = "scenario-tui"

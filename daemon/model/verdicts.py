@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Final
 
 _MOMENT: Final = re.compile(r"\b(at|until|from) (\d+\.\d\d) s\b")
 """A moment in a note, as oracles write it."""
+LONGEST_EVIDENCE: Final = 200
+"""Characters of a note or the name of an object, where there is no room for all of it."""
 
 
 class Outcome(StrEnum):
@@ -67,6 +69,17 @@ class Verdict:
     def margin(self) -> float | None:
         """The decisive bound: the lower one, or ``None`` when the margin is unknown."""
         return self.lower if self.outcome is not Outcome.FAIL else self.upper
+
+
+def shorten_evidence(verdict: Verdict) -> Verdict:
+    """Return a verdict whose evidence says no more than :data:`LONGEST_EVIDENCE` at a time."""
+    evidence = verdict.evidence
+    shorter = replace(
+        evidence,
+        object=evidence.object[:LONGEST_EVIDENCE],
+        note=evidence.note[:LONGEST_EVIDENCE],
+    )
+    return replace(verdict, evidence=shorter)
 
 
 def combine(verdicts: Iterable[Verdict], *, valid: bool = True) -> Outcome:

@@ -28,6 +28,7 @@ class Judging:
         self.costs: list[float] = []
         self._first, self._later = first, later
         self._wanted: JudgingWanted = "nothing"
+        self.refuses = False
         self._trace = cut(make_trace(along(times(4.0)), goal=mission((5.0, 0.0))), 4.0)
         clock = SimpleNamespace(perf_counter=lambda: self.now)
         monkeypatch.setattr("daemon.run_judge.time", clock)
@@ -42,6 +43,8 @@ class Judging:
         return self._wanted
 
     def tell(self, judgement: LiveJudgement) -> None:
+        if self.refuses:
+            raise UnicodeEncodeError("utf-8", "\ud800", 0, 1, "what a plug-in says")
         self.told.append(self.now)
 
     def share(self) -> float:
@@ -98,3 +101,17 @@ def test_opening_a_run_again_and_again_does_not_slow_it_down(
         # Told again what was judged last, where judging anew has to wait.
         assert judging.told[before] <= opened + STEP + 0.5
     assert judging.share() <= 0.1
+
+
+def test_a_judgement_that_cannot_be_told_does_not_end_the_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    judging = Judging(monkeypatch, first=0.1, later=0.1)
+    judging.go_on("everything", 5.0)
+    told = len(judging.told)
+    assert told
+    judging.refuses = True
+    judging.go_on("everything", 5.0)
+    judging.go_on("nothing", 5.0)
+    judging.go_on("everything", 5.0)
+    assert len(judging.told) == told

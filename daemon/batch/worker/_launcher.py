@@ -138,7 +138,9 @@ class Launcher:
             child.listen()
             if child.live or child.judged:
                 judged = base64.b64encode(child.judged).decode()
-                self._report(LaunchReport(key, live=child.live.decode(), judged=judged))
+                self._report(
+                    LaunchReport(key, live=child.live.decode("utf-8", "replace"), judged=judged)
+                )
                 child.live = child.judged = b""
             if child.end is not None:
                 child.listen()  # its last words may have come after the ones just read

@@ -15,6 +15,10 @@ _BETTER: Final = 1.15
 _BINS: Final = 90
 """Directions of walls are counted by the degree, from 0 to 90: all four sides of a room are one."""
 _NEAR: Final = math.radians(2.0)
+_FARTHEST: Final = 1e9
+"""Metres from the origin of a map; a system may take the robot to be anywhere."""
+_OUTMOST: Final = 2e4
+"""Dots: a line to what lies farther out is not followed to its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +35,17 @@ class MapProjection:
     turn: float = 0.0
 
     def dots(self, points: Floats) -> Floats:
-        """Return points (n, 2) [m] as dots (n, 2)."""
+        """Return points (n, 2) [m] as dots (n, 2), those far beyond any screen as less far."""
         along, across = self.scale * math.cos(self.turn), self.scale * math.sin(self.turn)
-        moved = points - np.array(self.middle)
+        moved = np.clip(points, -_FARTHEST, _FARTHEST) - np.array(self.middle)
         x, y = moved.T
-        return np.column_stack(
+        dots: Floats = np.column_stack(
             (
                 self.centre[0] + along * x - across * y,
                 self.centre[1] - across * x - along * y,
             )
         )
+        return dots.clip(-_OUTMOST, _OUTMOST)
 
     def metres(self, right: float, up: float) -> Point2:
         """Return a way on the screen, in dots, as a way on the map [m]."""

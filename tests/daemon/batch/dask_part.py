@@ -2,7 +2,8 @@
 
 ``python -m tests.daemon.batch.dask_part scheduler PORT KIND FOLDER`` or ``... worker ADDRESS KIND
 FOLDER THREADS ...``, one process for each number of threads. Of kind ``other`` they have another
-version of ours, of kind ``lacking`` none.
+version of ours, of kind ``lacking`` none. A scheduler of kind ``patient`` begins a task anew when
+its worker dies, as Dask does by default.
 """
 
 from __future__ import annotations
@@ -40,7 +41,10 @@ async def serve(what: str, where: str, threads: int) -> None:
 def main(what: str, where: str, kind: str, folder: str, *threads: str) -> None:
     disguise(kind)
     # The first worker's death is one death: with more than one chance a test would take long.
-    dask.config.set({"temporary-directory": folder, "distributed.scheduler.allowed-failures": 0})
+    failures = 3 if kind == "patient" else 0
+    dask.config.set(
+        {"temporary-directory": folder, "distributed.scheduler.allowed-failures": failures}
+    )
     for number in threads[1:]:
         if os.fork() == 0:
             asyncio.run(serve(what, where, int(number)))

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 from textual.containers import VerticalScroll
 
+from daemon.model.live_checks import read_snapshot
 from daemon.model.live_judgement import LogLine
+from daemon.model.live_view import to_centimetres
 from daemon.model.spec import OracleText
 from daemon.model.status import RunDetail, RunState
 from grammars.model.geometry import Pose2
+from grammars.text import codec
 from scenario_tui.dashboard.live_timeline import heard_timeline, live_timeline
 from scenario_tui.dashboard.live_tracks import HeardMoment, Tracks
 from scenario_tui.dashboard.signal_strips import clearance_along, limits_of
@@ -100,6 +103,24 @@ async def test_what_a_system_waits_for_is_shown_as_it_is_brackets_too() -> None:
     async with opened(FakeDaemon(live=(make_live(7, waiting=waiting),)), (140, 40)) as pilot:
         await look_at(pilot)
         assert waiting in shown(pilot)
+
+
+@pytest.mark.parametrize("far", [1e6, 1e15, 1e90])
+async def test_a_system_that_takes_the_robot_to_be_anywhere_is_watched_all_the_same(
+    far: float,
+) -> None:
+    lost = make_live(7, 61.0)
+    points = to_centimetres(np.array([(far, -far), (-far, 0.0), (1.0, 2.0)] * 12))
+    snapshot = replace(
+        lost.snapshot, estimate=Pose2(far, -far, far), spread=(far, 0.0, far), plan=points
+    )
+    async with opened(running()) as pilot:
+        await look_at(pilot)
+        told = codec.to_json(replace(lost, snapshot=snapshot))
+        pilot.app.tracks.add(read_snapshot(told))
+        await settle(pilot)
+        assert "61 s of 1200 s" in shown(pilot)
+        assert "◆3" in shown(pilot)
 
 
 async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on() -> None:

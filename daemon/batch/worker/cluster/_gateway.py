@@ -28,6 +28,7 @@ from daemon.batch.worker.cluster._remote import (
     JobStatus,
 )
 from daemon.model.execution import DaskScheduler, RunLimits
+from daemon.model.live_checks import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, pack_judgement, unpack_judgement
 from daemon.model.messages import LARGEST_REQUEST
 from daemon.model.spec import RunResult, SutReference
@@ -38,6 +39,8 @@ from grammars.text.terminal_text import printable
 
 _LONGEST_REASON: Final = 6000
 _LONGEST_WORDS: Final = 200
+_TELL_AGAIN: Final = 2.0
+"""Seconds until what is wanted of a run is told to it again, as long as it does not know that."""
 
 
 class RemoteExecution:
@@ -69,6 +72,8 @@ class RemoteExecution:
         self._key = ""
         self._workers: frozenset[str] = frozenset()
         self._inputs_sent = False
+        self._wanted: frozenset[Wanted] = frozenset()
+        self._told_at = -math.inf
         self._lock = threading.RLock()
 
     def submit(self, given: Sequence[bytes] = ()) -> None:
@@ -94,7 +99,24 @@ class RemoteExecution:
     def watch(self, wanted: frozenset[Wanted]) -> None:
         """Have the Dask worker leave word for it."""
         # What is published was told before, so it is known where it executes.
-        self._cluster.watch(self.where, self._key, sorted(wanted))
+        self._wanted = wanted
+        self._tell_wanted()
+
+    def _tell_wanted(self) -> None:
+        self._told_at = time.monotonic()
+        self._cluster.watch(self.where, self._key, sorted(self._wanted))
+
+    def take_progress(
+        self, live: LiveSnapshot, judged: LiveJudgement | None, progress: JobProgress
+    ) -> None:
+        """Take in what it tells of itself, and tell it again what it does not know to be wanted."""
+        self.live, self.where = codec.to_json(live), progress.worker
+        if judged is not None and judged.run == live.run:
+            self.judged = pack_judgement(judged)
+        # Dask may have begun it anew, on another worker, and what is told to a worker may be lost.
+        unknown = frozenset(progress.wanted) != self._wanted
+        if unknown and time.monotonic() - self._told_at > _TELL_AGAIN:
+            self._tell_wanted()
 
     def kill(self, why: str = "") -> None:
         """Give it up; the cluster stops it within a fraction of a second."""
@@ -327,19 +349,19 @@ class Gateway:
                 self._preparing[progress.key] = printable(progress.preparing)[:_LONGEST_WORDS]
                 self.wake()
                 return
-            live = codec.from_json(LiveSnapshot, progress.live)
-            judged = _judgement(progress.judged)
+            live = read_snapshot(progress.live)
         except ValueError:
             return
         self._preparing.pop(progress.key, None)
         if run is None or run.attempt.lease.run != live.run:
             return
-        run.live, run.where = codec.to_json(live), progress.worker
-        if judged is not None and judged.run == live.run:
-            run.judged = pack_judgement(judged)
+        run.take_progress(live, _judgement(progress.judged), progress)
         self.wake()
 
 
 def _judgement(text: str) -> LiveJudgement | None:
-    """Read a judgement in base64; raises ``ValueError`` for what is none."""
-    return unpack_judgement(base64.b64decode(text, validate=True)) if text else None
+    """Read a judgement in base64; ``None`` for what is none."""
+    try:
+        return unpack_judgement(base64.b64decode(text, validate=True)) if text else None
+    except ValueError:  # the snapshot beside it may be as good as ever
+        return None

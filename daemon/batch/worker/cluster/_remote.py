@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -86,7 +87,7 @@ class JobProgress:
     prepared before it can start.
 
     ``judged`` is a :class:`daemon.model.live_judgement.LiveJudgement`, packed and in base64, or
-    nothing; ``worker`` the Dask worker.
+    nothing; ``worker`` the Dask worker; ``wanted`` what it was told that those who watch want.
     """
 
     key: str
@@ -94,6 +95,7 @@ class JobProgress:
     judged: str = ""
     worker: str = ""
     preparing: str = ""
+    wanted: tuple[str, ...] = ()
 
 
 _WARM_UP_LIMIT: Final = 330.0
@@ -133,6 +135,7 @@ class RemoteLauncher:
         self._sending = threading.Lock()
         self._inboxes: dict[str, SimpleQueue[LaunchReport]] = {}
         self._names: dict[str, str] = {}
+        self._wanted: dict[str, tuple[Wanted, ...]] = {}
         self.ended = False
         threading.Thread(target=self._read, name="launcher", daemon=True).start()
 
@@ -198,6 +201,7 @@ class RemoteLauncher:
         ``OSError`` when there is no room.
         """
         key = self._names[name] = uuid.uuid4().hex
+        self._wanted[key] = ()
         folder = self._paths.spool / key / f"attempt-{lease.attempt}"
         inbox = self._inboxes[key] = SimpleQueue()
         try:
@@ -212,13 +216,19 @@ class RemoteLauncher:
             # One that Dask began anew here meanwhile goes by the same name.
             if self._names.get(name) == key:
                 del self._names[name]
+            del self._wanted[key]
             shutil.rmtree(folder.parent, ignore_errors=True)
 
     def watch(self, name: str, wanted: tuple[Wanted, ...]) -> None:
         """Tell an attempt what those who watch it want, unless it is over."""
         key = self._names.get(name)
         if key is not None:
+            self._wanted[key] = wanted
             self._send(LaunchRequest(key, wanted=wanted))
+
+    def wanted(self, name: str) -> tuple[Wanted, ...]:
+        """Return what an attempt was told to be wanted."""
+        return self._wanted.get(self._names.get(name, ""), ())
 
     def _await(
         self,
@@ -332,7 +342,7 @@ def _execute_here(
         job.grant,
         job.limits,
         lambda: _is_wanted(worker, key),
-        _progress_publisher(worker, job.topic, key),
+        _progress_publisher(worker, job.topic, key, partial(launcher.wanted, key)),
         key,
     )
     if output.result:
@@ -354,7 +364,9 @@ def _is_wanted(worker: Any, key: str) -> bool:
     return task is not None and task.state in ("executing", "long-running")
 
 
-def _progress_publisher(worker: Any, topic: str, key: str) -> Callable[[LaunchReport], None]:
+def _progress_publisher(
+    worker: Any, topic: str, key: str, wanted: Callable[[], tuple[Wanted, ...]]
+) -> Callable[[LaunchReport], None]:
     following = 0.0
     judged = ""
 
@@ -363,7 +375,8 @@ def _progress_publisher(worker: Any, topic: str, key: str) -> Callable[[LaunchRe
         now, judged = time.monotonic(), report.judged or judged
         if (report.live or report.preparing) and now >= following:
             following = now + _LIVE_PERIOD
-            progress = JobProgress(key, report.live, judged, worker.address, report.preparing)
+            words = report.preparing
+            progress = JobProgress(key, report.live, judged, worker.address, words, wanted())
             judged = ""
             worker.log_event(topic, codec.to_json(progress).decode())
 

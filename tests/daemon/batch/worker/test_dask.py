@@ -159,6 +159,32 @@ def test_a_run_in_the_cluster_is_watched_and_judged(client: Client, tmp_path: Pa
     assert len(judged[-1].log) == 2000
 
 
+def test_a_run_that_dask_begins_anew_elsewhere_is_still_watched(tmp_path: Path) -> None:
+    seen: list[LiveSnapshot] = []
+    judged: list[LiveJudgement] = []
+    log = tmp_path / "log"
+    with (
+        dask_in(tmp_path / "dask", kind="patient") as dask,
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.client() as client,
+        gateway_for(dask, daemon),
+    ):
+        (victim,) = dask.start_workers(1)
+        client.submit(make_submission("anew", 1, sleep=600.0, log=str(log)))
+        with client.watch("anew.0", seen.append, judged.append):
+            eventually(lambda: judged)
+            dask.start_workers(1)
+            victim.kill()
+            eventually(lambda: log.read_text().count("\n") == 2)
+            seen.clear()
+            judged.clear()
+            eventually(lambda: any(live.snapshot.returns == (100, 200) for live in seen))
+            eventually(lambda: judged)
+        (row,) = client.runs("anew").rows
+        assert row.attempt == 1
+        client.cancel("anew")
+
+
 def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_path: Path) -> None:
     # On a busy machine a lease may lapse before its run begins: then it begins again.
     with (

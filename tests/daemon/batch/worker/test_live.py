@@ -140,6 +140,34 @@ def test_a_short_message_after_a_pause_is_never_left_out() -> None:
     assert budget.allows(6.0)
 
 
+def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(
+    daemon: DaemonPart, client: Client, clock: SimpleNamespace
+) -> None:
+    told: Any = Told()
+    seen: list[LiveSnapshot] = []
+    with (
+        bus.open_client(daemon.endpoint) as session,
+        client.events(lambda _: None, seen.append),
+        client.watch(RUN, lambda _: None),
+    ):
+        publisher = LivePublisher(session, "worker-1")
+
+        def is_watched() -> bool:
+            clock.time += 1.0
+            told.tells(1.0)
+            publisher.publish(told)
+            return bool(told.wanted) and {Wanted.DETAILS, Wanted.MARGIN} <= set(told.wanted[-1])
+
+        eventually(is_watched)
+        clock.time += 1.0
+        told.live = b"no snapshot"
+        publisher.publish(told)
+        clock.time += 1.0
+        told.tells(7.0)
+        publisher.publish(told)
+        eventually(lambda: seen and seen[-1].snapshot.time == 7.0)
+
+
 @pytest.mark.parametrize(("told", "said"), [(12.5, 12.5), (1e300, MOST_SIMULATED), (-1.0, 0.0)])
 def test_a_renewal_never_says_of_a_run_what_is_refused(
     daemon: DaemonPart, told: float, said: float

@@ -1,0 +1,106 @@
+"""What is told of runs that go on is read where it can be drawn, whoever has sent it."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from daemon.model.live_checks import read_snapshot
+from daemon.model.live_judgement import (
+    LARGEST_JUDGEMENT,
+    DoorMotion,
+    LiveJudgement,
+    LiveSignal,
+    LogLine,
+    ProvisionalVerdict,
+    pack_judgement,
+    unpack_judgement,
+)
+from daemon.model.spec import Snapshot
+from daemon.model.status import LiveSnapshot
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from grammars.model.geometry import Pose2
+from grammars.text import codec
+
+SNAPSHOT = LiveSnapshot(
+    "c.0", Snapshot(1.0, 60.0, Pose2(1.0, 2.0), Pose2(1e30), 0, 3, (0.5,), spread=(1e15, 0.0, 1.0))
+)
+VERDICT = Verdict("clear", "always(clearance >= 0 m)", Outcome.PASS, 0.1, 0.1, "m", Evidence(1.0))
+JUDGEMENT = LiveJudgement(
+    "c.0",
+    2.0,
+    (LiveSignal("speed", "m/s", 0.0, 2.0, (0.0, None), (1e30, None), (0.5,), ((0.0, 1.0),)),),
+    (ProvisionalVerdict(VERDICT),),
+    (DoorMotion(1.0, "door", opens=True),),
+    (1.5,),
+    (LogLine(1.0, "sut", "hello"),),
+)
+FAR = 1e300
+REFUSED = "values|moment|waypoints|points|covariance|bytes|entries|lines|signal"
+
+
+def changed(value: Any, path: str, new: object) -> bytes:
+    """Return the JSON of a value with something else at ``path``."""
+    document = json.loads(codec.to_json(value))
+    *way, last = (int(step) if step.isdigit() else step for step in path.split("."))
+    place = document
+    for step in way:
+        place = place[step]
+    place[last] = new
+    return json.dumps(document).encode()
+
+
+def test_what_runs_tell_is_read() -> None:
+    assert read_snapshot(codec.to_json(SNAPSHOT)) == SNAPSHOT
+    assert unpack_judgement(pack_judgement(JUDGEMENT)) == JUDGEMENT
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("time", FAR), ("time", -FAR), ("limit", FAR), ("reached", -1), ("waypoints", 10**400),
+        ("spread", [FAR, 0.0, FAR]), ("returns", [10**400, 1]), ("plan", [1, -(10**17)]),
+        ("contacts", [10**400, 0]), ("plan", [0] * 10_000), ("waiting", "x" * 10_000),
+    ],
+)  # fmt: skip
+def test_a_snapshot_that_no_run_tells_is_refused(path: str, value: object) -> None:
+    told = changed(SNAPSHOT, f"snapshot.{path}", value)
+    with pytest.raises(ValueError, match=REFUSED):
+        read_snapshot(told)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("time", FAR), ("log_before", -1), ("log_before", 10**400), ("reached", [FAR]),
+        ("reached", [1.0] * 5000), ("doors.0.time", -FAR), ("log.0.time", FAR),
+        ("verdicts.0.verdict.evidence.time", FAR), ("signals.0.start", -FAR),
+        ("signals.0.start", 5.0), ("signals.0.end", FAR), ("signals.0.low", [0.0]),
+        ("signals.0.low", [0.0, -FAR]), ("signals.0.high", [FAR, 0.0]),
+        ("signals.0.limits", [FAR]), ("signals.0.limits", [0.0] * 5000),
+        ("signals.0.against", [[0.0, FAR]]), ("signals.0.against", [[0.0, 1.0]] * 4),
+    ],
+)  # fmt: skip
+def test_a_judgement_that_no_run_is_told_by_is_refused(path: str, value: object) -> None:
+    told = zlib.compress(changed(JUDGEMENT, path, value))
+    with pytest.raises(ValueError, match=REFUSED):
+        unpack_judgement(told)
+
+
+def test_of_a_judgement_that_is_too_long_what_fits_is_told() -> None:
+    long = replace(VERDICT, evidence=Evidence(1.0, note="x" * LARGEST_JUDGEMENT))
+    told = unpack_judgement(
+        pack_judgement(replace(JUDGEMENT, verdicts=(ProvisionalVerdict(long),)))
+    )
+    assert len(told.verdicts[0].verdict.evidence.note) == 200
+    many = replace(JUDGEMENT, verdicts=JUDGEMENT.verdicts * 5000)
+    told = unpack_judgement(pack_judgement(many))
+    assert (told.signals, told.verdicts) == (JUDGEMENT.signals, ())
+    assert told.log[-1].text.startswith("5000 verdicts are too long")
+    wide = replace(many, signals=(replace(JUDGEMENT.signals[0], name="x" * LARGEST_JUDGEMENT),))
+    told = unpack_judgement(pack_judgement(wide))
+    assert (told.run, told.time, told.signals) == ("c.0", 2.0, ())
