@@ -6,6 +6,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 # For tests machine code is made once here, and not by each of their processes. The demo makes what
 # it needs, and says how far it is.
 WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
+# What pytest makes of the tests when it reads them for the first time, for the same reason.
+READ_ONCE := $(BIN)/pytest --ignore tests/ros2 --collect-only -qq > /dev/null
 # Each of the test processes reads every test; without bytecode of the last time that takes twice as
 # long. Some containers switch it off.
 KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
@@ -20,7 +22,7 @@ test: $(VENV)/.installed-test     ## lint, types, import contracts and every tes
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --num-workers 2
 	$(BIN)/lint-imports --no-cache
-	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 4 --dist loadfile
+	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each), test against them
 	$(BIN)/python -m tests.ros2.environment jazzy kilted
@@ -74,5 +76,5 @@ $(VENV)/.installed-docs: pyproject.toml requirements.lock
 $(VENV)/.installed-test: pyproject.toml requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --editable '.[test]'
-	@$(WARM)
+	@$(KEEP_BYTECODE) $(READ_ONCE) & $(WARM) && wait
 	@touch $@

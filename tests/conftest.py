@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from grammars.text.parsing import Language
+from tests.file_order import order_by_file
 
 # A round of all tests looks at fewer examples than hypothesis would by itself, and each round on a
 # developer's machine at others; "--hypothesis-profile thorough" looks at many.
@@ -31,6 +32,10 @@ settings.load_profile("project")
 # A test process holds some hundred megabytes of modules, compiled code and collected tests. With
 # Python's thresholds a fifth of the time of tests of the dashboard went into walking through them.
 gc.set_threshold(20_000, 20, 50)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    order_by_file(items)
 
 
 def pytest_collection_finish() -> None:

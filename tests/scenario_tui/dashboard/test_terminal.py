@@ -90,7 +90,7 @@ def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon) -> None
         shown.type("\x1a")
         eventually(lambda: (shown.read(0.05), shown.stopped())[1])
         shown.until(lambda: restored(shown))
-        shown.screen.reset()
+        shown.clear()
         os.kill(shown.pid, signal.SIGCONT)
         shown.until("corridor-1")
         assert shown.mode(ALTERNATE)

@@ -43,11 +43,16 @@ class Terminal:
         self.sent = 0
         self.raw = bytearray()
         self._code: int | None = None
+        self._lines: list[str] | None = None
 
     @property
     def lines(self) -> list[str]:
         """What a reader sees."""
-        return [line.rstrip() for line in self.screen.display]
+        # Putting them together takes milliseconds, and who waits for something asks for them fifty
+        # times a second: that was most of the time of the tests in terminals.
+        if self._lines is None:
+            self._lines = [line.rstrip() for line in self.screen.display]
+        return self._lines
 
     @property
     def text(self) -> str:
@@ -73,6 +78,7 @@ class Terminal:
         self.sent += len(data)
         self.raw += data
         self._stream.feed(data)
+        self._lines = None
         if self._background and _ASKED in data:
             self.type(f"\x1b]11;rgb:{self._background}\x1b\\")
         return bool(data)
@@ -93,7 +99,13 @@ class Terminal:
         """Change the size, as dragging the window does; the program gets SIGWINCH."""
         _set_size(self._master, columns, rows)
         self.screen.resize(rows, columns)
+        self._lines = None
         os.kill(self.pid, signal.SIGWINCH)
+
+    def clear(self) -> None:
+        """Forget what is on the screen, and how it was set, as a terminal does that is reset."""
+        self.screen.reset()
+        self._lines = None
 
     def wait(self, seconds: float = DEADLINE) -> int:
         """Read until the program has left; returns its exit code, minus the signal's number.

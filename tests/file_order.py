@@ -1,0 +1,52 @@
+"""The files of tests that take long, and that are therefore begun first.
+
+A file is the work of one process of the tests. Begun last, a file of half a minute leaves every
+other processor without work until it is done.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+ROOT: Final = Path(__file__).parent
+
+LONG: Final = (
+    "daemon/batch/worker/test_worker.py",
+    "daemon/batch/test_survival.py",
+    "daemon/batch/worker/test_dask.py",
+    "daemon/search/test_coordinator.py",
+    "scenario_tui/cli/test_run_limits.py",
+    "daemon/batch/test_cuts.py",
+    "scenario_tui/terminal/test_first_hour.py",
+    "scenario_tui/dashboard/test_dashboard.py",
+    "language_docs/test_tutorials.py",
+    "scenario_tui/cli/test_examples.py",
+    "scenario_tui/dashboard/test_terminal.py",
+    "scenario_tui/cli/test_build_servers.py",
+    "scenario_tui/test_pictures.py",
+    "daemon/analysis/blame/test_saving.py",
+    "daemon/batch/test_chaos.py",
+    "daemon/batch/worker/test_process_trees.py",
+    "scenario_tui/cli/test_verify.py",
+    "daemon/batch/test_quota.py",
+    "daemon/batch/server/test_slices.py",
+    "scenario_tui/cli/test_real_runs.py",
+    "scenario_tui/cli/test_real_parts.py",
+    "scenario_tui/dashboard/test_playback_process.py",
+    "scenario_tui/dashboard/test_driving_for_real.py",
+    "scenario_tui/dashboard/test_poisoned.py",
+    "scenario_tui/cli/test_real_search.py",
+    "daemon/model/test_kernels.py",
+)
+"""By how long they take, beside three others: from a minute to 5 s. Most have few tests."""
+
+
+def order_by_file(items: list[pytest.Item]) -> None:
+    """Put the files that take long first, the others by how many tests they have; in place."""
+    ranks = {ROOT / name: rank for rank, name in enumerate(LONG)}
+    sizes = Counter(item.path for item in items)
+    items.sort(key=lambda item: (ranks.get(item.path, len(LONG)), -sizes[item.path]))
