@@ -251,7 +251,7 @@ def _scale_bar(axes: Axes, frame: PlotLimits) -> None:
     )
     left, low = frame.west + 0.02 * wide, frame.south + 0.02 * wide
     axes.line([left, left + length], [low, low], INK, 1.6, flat=True)
-    axes.words(left, low + 0.015 * wide, f"{length:g} m")
+    axes.words(left, low + 0.015 * wide, f"{length:g} m", colour=INK, halo=True)
 
 
 def _touches(ring: Any, frame: PlotLimits) -> bool:
@@ -330,16 +330,33 @@ def plot_error_peak(run: RunTracks, limit: float | None) -> Sheet:
     return sheet
 
 
+def _inside(at: float, low: float, high: float, half: float) -> float:
+    """Return the middle of what reaches ``half`` to both sides, moved to where ``low`` to ``high``
+    fills it.
+    """
+    low, high = min(low, at) + half, max(high, at) - half
+    return min(max(at, low), high) if low < high else (low + high) / 2.0
+
+
 def plot_peak_map(run: RunTracks, scene: Scene) -> Sheet:
     """Return the map around the place with the largest localisation error of a run (figure 9)."""
     peak = int(np.nanargmax(run.error))
     x, y = float(run.x[peak]), float(run.y[peak])
-    high = _PEAK_MAP_HALF * 2.2 / WIDTH
+    half, high = _PEAK_MAP_HALF, _PEAK_MAP_HALF * 2.2 / WIDTH
+    corners = np.array([corner for ring in solid_rings(scene, _CUT) for corner in ring])
+    # Not beyond the building, where there is nothing to be seen.
+    middle = [
+        _inside(at, part.min(initial=at), part.max(initial=at), room)
+        for at, part, room in zip((x, y), corners.reshape(-1, 2).T, (half, high), strict=True)
+    ]
     sheet = Sheet(WIDTH, 2.4)
     (axes,) = sheet.axes
-    half = _PEAK_MAP_HALF
     around = replace(
-        plot_limits([run]), west=x - half, south=y - high, east=x + half, north=y + high
+        plot_limits([run]),
+        west=middle[0] - half,
+        south=middle[1] - high,
+        east=middle[0] + half,
+        north=middle[1] + high,
     )
     draw_map(axes, scene, around)
     axes.line(run.x, run.y, LINE, 0.9, alpha=0.8)
