@@ -63,13 +63,16 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
         on_top = [("robot", machine), ("waypoints", stops)]
     # Names of doors are placed before those of spaces, which have far more spots to go to;
     # waypoints and the robot are painted last, since a mission is what one looks for.
+    driven = _mission.run_lines(run, page) if run else []
+    labels.avoid(driven, 1.5)
     names = _scene.object_names(scene, page, start, labels)
     if mission and not closely:
         on_top.append(("start", _mission.start_label(mission, world.robot, page, labels)))
-    if run:
-        figure.add("driven", _mission.run_lines(run, page))
     figure.add("space names", _scene.space_names(scene, page, labels))
     figure.add("names", names)
+    if run:
+        # Above the names, where there is no room for both: the way is what one looks for.
+        figure.add("driven", driven)
     for name, items in on_top:
         figure.add(name, items)
     if closely:
@@ -78,8 +81,9 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     low = any(is_below(s, CUT) for s in scene.solids)
     late = closely or (run is not None and bool(run.positions))
     doors = ("end" if late else "start") if scene.objects else ""
-    driven = mission is not None
-    row = _page.legend(page, doors=doors, low=low, mission=driven, robot=driven and not closely)
+    has_mission = mission is not None
+    shows_robot = has_mission and not closely
+    row = _page.legend(page, doors=doors, low=low, mission=has_mission, robot=shows_robot)
     figure.add("legend", row)
     if run:
         figure.add("key", _mission.run_key(run, page))

@@ -140,8 +140,9 @@ APPARENT: Final = "#2b6fd4"
 class RunOverlay:
     """What happened, in the map frame [m]: lines of points, and single points.
 
-    ``close`` are the pieces of the way with something inside the safety buffer. Of a part of a run
-    there are ``footprints`` now and then, the last of them where the part ends, and
+    ``close`` are the pieces of the way with something inside the safety buffer. The last of the
+    ``footprints`` is where the run ends, or the part of it that is shown; of a part there are
+    others now and then before it, and
     ``apparent_goals``: where the waypoint lies that the robot drives to, as far as it knows.
     ``positions`` [rad or m] of joints by scene-wide name are those at the end; ``closely`` shows
     the surroundings of the way alone.
@@ -193,7 +194,8 @@ def run_key(what: RunOverlay, page: Page) -> list[DrawingItem]:
         ("believed", BELIEVED, len(what.believed) > 1),
         ("inside the buffer", CLOSE, bool(what.close)),
         ("contact", TOUCHED, bool(what.contacts)),
-        ("footprint, filled at the end", ROBOT, bool(what.footprints)),
+        ("robot at the end of its way", ROBOT, len(what.footprints) == 1),
+        ("footprint, filled at the end", ROBOT, len(what.footprints) > 1),
         ("the waypoint as the robot sees it", APPARENT, bool(what.apparent_goals)),
     )
     return legend_row(

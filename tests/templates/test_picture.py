@@ -145,6 +145,24 @@ def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key() -> None:
     assert len(shapes(nowhere, "driven")) == 2
 
 
+def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends() -> None:
+    def name_of_room(figure: Drawing) -> TextLabel:
+        items = (i for g in figure.groups if g.name == "space names" for i in g.items)
+        (label,) = (i for i in items if isinstance(i, TextLabel) and i.text == "left")
+        return label
+
+    free = name_of_room(draw_world(world()))
+    x, y = (free.at[0] - 108.5) / 120.0, (356.0 - free.at[1]) / 120.0
+    way = ((x - 0.2, y), (x + 0.2, y))
+    figure = draw_world(world(), RunOverlay(way, footprints=(box(0.2, 0.2, 0.6, 0.4),)))
+    assert name_of_room(figure).at != free.at
+    groups = [group.name for group in figure.groups]
+    assert groups.index("space names") < groups.index("driven") < groups.index("waypoints")
+    (key,) = (g.items for g in figure.groups if g.name == "key")
+    said = [item.text for item in key if isinstance(item, TextLabel)]
+    assert said == ["driven", "robot at the end of its way"]
+
+
 def test_the_documentation_shows_the_flat_of_the_demo_as_it_is() -> None:
     """``python -m tests.pictures`` draws it again."""
     worlds, _ = worlds_of_campaign(ROOT / "campaigns" / "demo" / "campaign.yaml")

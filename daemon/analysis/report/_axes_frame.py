@@ -34,6 +34,8 @@ _PLAIN: Final = 7.5
 """Sizes of the words at ticks and legends, and of others [points]."""
 _LETTER: Final = 0.48
 """Width of a letter, as a share of its size: whose fonts show it is not known here."""
+_DIGIT: Final = 0.6
+"""Width of a digit in a wide font, as a share of its size."""
 _TICK_ROOM: Final = (25.0, 14.0)
 """Points from one tick to the next at least, along x and y."""
 _MARGIN: Final = 0.05
@@ -145,7 +147,7 @@ class AxesFrame:
         right, bottom = left + width, top + height
         grid: list[Floats] = []
         words: list[str] = []
-        named = tick_names(*y_limits, height / _TICK_ROOM[1])
+        named = _fitting_ticks(*y_limits, height / _TICK_ROOM[1], left - 3.5)
         if self.y_names is not None:
             named = [(float(k), name) for k, name in enumerate(self.y_names)]
         for value, name in named:
@@ -209,3 +211,15 @@ def _legend_sample(entry: _LegendEntry, right: float, y: float) -> str:
         return path_element(rings_data([rectangle(right - 8.4, y - 2.4, right, y + 2.4)]), look)
     points = np.array([(right - 8.4, y), (right, y)])
     return path_element(path_data(points), stroke(entry.colour, 1.2, dashes=entry.dashes))
+
+
+def _fitting_ticks(low: float, high: float, most: float, room: float) -> list[tuple[float, str]]:
+    """Return ticks whose names are no wider than ``room`` [points].
+
+    Of fewer ticks the names are shorter: 0.005 is written where 0.0025 would be cut.
+    """
+    named = tick_names(low, high, most)
+    while len(named) > 3 and max(_SMALL * _DIGIT * len(name) for _, name in named) > room:
+        most = 0.6 * most
+        named = tick_names(low, high, most)
+    return named

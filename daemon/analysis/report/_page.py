@@ -6,6 +6,7 @@ import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal
 
 from markupsafe import Markup
@@ -30,6 +31,7 @@ from daemon.analysis.report._formatting import (
     percentage,
     verdict_details,
 )
+from daemon.analysis.report._input import ReportInput
 from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
 from daemon.analysis.report._svg import SERIES
@@ -129,6 +131,7 @@ def write_page(
         "bars": histogram_bars,
         # Verdict texts align columns of a terminal by two blanks.
         "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
+        "place": lambda file: _place(file, data.input),
     }
     return render_report(
         filters,
@@ -228,8 +231,22 @@ def _facts(
         ("cells", f"{count_noun(len(scenarios), 'scenario')} × {count_noun(len(suts), 'SUT')}"),
         *marked,
         ("simulated", duration_text(simulated)),
-        ("from", data.input.id or data.input.where),
+        ("from", data.input.id or _folder(data.input)),
     )
+
+
+def _folder(chosen: ReportInput) -> str:
+    name = Path(chosen.where).name
+    return f"the folder {name}" if name else "a folder of traces"
+
+
+def _place(file: str, chosen: ReportInput) -> str:
+    """Return a file as seen from the folder a report is of, elsewhere its name alone.
+
+    A page is sent to people whom the folders of this machine do not concern.
+    """
+    path, folder = Path(file), Path(chosen.where)
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
 
 
 def _not_repeatable(data: ReportData) -> tuple[str, ...]:
@@ -265,8 +282,9 @@ def _finding(
     picture = None if moment is None else _as_markup(moment)
     if shown is None:
         return ReportFinding(oracle, text, runs, (), picture)
-    # A folder of traces has no ids that commands would know.
-    name = shown.id if data.input.id else shown.trace or shown.id
+    # A folder of traces has no ids that commands would know, but the names of its files.
+    name = shown.trace and _place(shown.trace, data.input)
+    name = shown.id if data.input.id else name or shown.id
     failed = shown.outcome is Outcome.FAIL
     typed = tuple(
         (c.text.format(run=shlex.quote(name), oracle=shlex.quote(oracle.oracle)), c.purpose)

@@ -10,6 +10,7 @@ import numpy as np
 
 from daemon.analysis.report._axes import Axes, Sheet
 from daemon.analysis.report._plots import (
+    CUT,
     DASHED,
     DOTTED,
     WIDTH,
@@ -22,6 +23,7 @@ from daemon.analysis.report._plots import (
 from daemon.analysis.report._references import ReferenceMark
 from daemon.analysis.report._svg import BAD, INK, LINE, NEAR, SECOND, SERIES, SOFT
 from daemon.analysis.report._tracks import AFTER, BEFORE, RunTracks, TriggerEncounter
+from grammars.model.kinematics import solid_rings
 from grammars.model.scene import Scene
 
 _STEP: Final = 0.2
@@ -60,16 +62,33 @@ def plot_error_peak(run: RunTracks, limit: float | None) -> Sheet:
     return sheet
 
 
+def _inside(at: float, low: float, high: float, half: float) -> float:
+    """Return the middle of what reaches ``half`` to both sides, moved to where ``low`` to ``high``
+    fills it.
+    """
+    low, high = min(low, at) + half, max(high, at) - half
+    return min(max(at, low), high) if low < high else (low + high) / 2.0
+
+
 def plot_peak_map(run: RunTracks, scene: Scene) -> Sheet:
     """Return the map around the place with the largest localisation error of a run (figure 9)."""
     peak = int(np.nanargmax(run.error))
     x, y = float(run.x[peak]), float(run.y[peak])
-    high = _PEAK_MAP_HALF * 2.2 / WIDTH
+    half, high = _PEAK_MAP_HALF, _PEAK_MAP_HALF * 2.2 / WIDTH
+    corners = np.array([corner for ring in solid_rings(scene, CUT) for corner in ring])
+    # Not beyond the building, where there is nothing to be seen.
+    middle = [
+        _inside(at, part.min(initial=at), part.max(initial=at), room)
+        for at, part, room in zip((x, y), corners.reshape(-1, 2).T, (half, high), strict=True)
+    ]
     sheet = Sheet(WIDTH, 2.4)
     (axes,) = sheet.axes
-    half = _PEAK_MAP_HALF
     around = replace(
-        plot_limits([run]), west=x - half, south=y - high, east=x + half, north=y + high
+        plot_limits([run]),
+        west=middle[0] - half,
+        south=middle[1] - high,
+        east=middle[0] + half,
+        north=middle[1] + high,
     )
     draw_map(axes, scene, around)
     axes.line(run.x, run.y, LINE, 0.9, alpha=0.8)

@@ -318,7 +318,7 @@ def _ways(sampler: SignalSampler, line: _Timeline, area: _MapFrame) -> tuple[str
     still = path_data(points[: line.moment - first + 1])
     if gone[-1] < 1.0:
         return "", path_element(still, look)
-    rest = [number(gone[-1] - gone[frame - first]) for frame in line.frames.tolist()]
+    rest = [_dash_offset(gone[-1] - gone[frame - first]) for frame in line.frames.tolist()]
     grows = (
         f'<animate attributeName="stroke-dashoffset" values="{";".join(rest)}" {line.repeated}/>'
     )
@@ -327,8 +327,17 @@ def _ways(sampler: SignalSampler, line: _Timeline, area: _MapFrame) -> tuple[str
 
 
 def _undrawn(length: float) -> str:
-    """Return the attributes of a line of which nothing is seen until its offset goes to 0."""
-    return f'stroke-dasharray="{number(length)}" stroke-dashoffset="{number(length)}"'
+    """Return the attributes of a line of which nothing is seen until its offset gets smaller."""
+    offset = _dash_offset(length)
+    return f'stroke-dasharray="{offset}" stroke-dashoffset="{offset}"'
+
+
+def _dash_offset(left: float) -> str:
+    """Return the offset at which so much [points] of an undrawn line is left to be seen.
+
+    The dash is a point longer than the line: rounded, its next one would begin at the line's end.
+    """
+    return number(left + 1.0)
 
 
 def _contacts(sampler: SignalSampler, line: _Timeline, area: _MapFrame) -> Iterator[str]:
@@ -369,9 +378,10 @@ def _foot(line: _Timeline, height: float) -> str:
     rail, done = (
         f'<path d="M{number(left)} {number(y)} {number(end)} {number(y)}"' for end in (right, at)
     )
-    rest = number(right - at)
-    steps = [(number(right - left), "0"), (rest, line.share(line.pause))]
-    steps += [(rest, line.share(line.resume)), ("0", line.share(line.arrival)), ("0", "1")]
+    rest = _dash_offset(right - at)
+    steps = [(_dash_offset(right - left), "0"), (rest, line.share(line.pause))]
+    steps += [(rest, line.share(line.resume))]
+    steps += [(_dash_offset(0.0), line.share(line.arrival)), (_dash_offset(0.0), "1")]
     whole = (
         f"{rail} {_undrawn(right - left)}{stroke(LINE, 2.0)}>"
         f"{_animate('stroke-dashoffset', steps, line, leaping=False)}</path>"

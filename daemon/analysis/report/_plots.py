@@ -19,7 +19,7 @@ WIDTH: Final = 3.5
 """Width of a panel [inches]."""
 REPEATS: Final = 10
 """Repeats drawn of one cell at most: the paper has five; more lines than this are one band."""
-_CUT: Final = 0.3
+CUT: Final = 0.3
 """Height [m] at which the map is cut: about where lasers look."""
 _BINS: Final = 64
 DASHED: Final = "4 3"
@@ -223,7 +223,7 @@ def _way_pieces(run: RunTracks, shown: Any) -> tuple[Any, Any]:
 
 def draw_map(axes: Axes, scene: Scene, frame: PlotLimits) -> None:
     """Draw what the scene has at laser height, doors as they start, within ``frame``."""
-    walls, things = solid_rings(scene, _CUT), object_rings(scene, _CUT)
+    walls, things = solid_rings(scene, CUT), object_rings(scene, CUT)
     for rings, colour in ((walls, WALL), (things, SECOND)):
         near = [ring for ring in rings if _touches(ring, frame)]
         if near:
@@ -240,7 +240,7 @@ def _scale_bar(axes: Axes, frame: PlotLimits) -> None:
     )
     left, low = frame.west + 0.02 * wide, frame.south + 0.02 * wide
     axes.line([left, left + length], [low, low], INK, 1.6, flat=True)
-    axes.words(left, low + 0.015 * wide, f"{length:g} m")
+    axes.words(left, low + 0.015 * wide, f"{length:g} m", colour=INK, halo=True)
 
 
 def _touches(ring: Any, frame: PlotLimits) -> bool:

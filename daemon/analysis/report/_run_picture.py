@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -117,6 +118,7 @@ def _run(trace: Trace, part: _RunPart | None) -> RunOverlay:
         close=_pieces(found.x, found.y, (found.clearance < found.limit) & shown),
         contacts=tuple((x, y) for _, _, x, y in contacts),
         about="  ·  ".join(parts),
+        footprints=(_pose(trace.ground_truth, math.inf).apply_ring(trace.spec.robot.footprint),),
     )
     return overlay if part is None else replace(overlay, **_closely(trace, part))
 
