@@ -17,7 +17,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import DashboardState, Query, RunsView, Track
-from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun
+from scenario_tui.dashboard.widgets.running_grid import RunningGrid, more_to_come, running_runs
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -213,15 +213,14 @@ class RunsScreen(SteeringScreen):
         """Show what is under way of the campaign, whatever page and filter there are."""
         if state.running is None:
             return  # not known yet: another screen was in front
-        tracks, wanted = self.dashboard.tracks, self._wanted.campaign
-        found = []
-        for row in state.running.rows:
-            if wanted in ("", row.campaign):
-                track = tracks.get(row.id)
-                seen, silence = (track.snapshot, tracks.silence(track)) if track else (None, 0.0)
-                found.append(RunningRun(row.id, run_label(row), seen, silence))
+        wanted = self._wanted.campaign
+        campaigns = {row.id: row for row in state.campaigns if wanted in ("", row.id)}
+        rows = [row for row in state.running.rows if wanted in ("", row.campaign)]
+        named = campaigns if len({row.campaign for row in rows}) > 1 else None
         grid = self.query_one(RunningGrid)
-        grid.show(found)
+        grid.show(
+            running_runs(rows, self.dashboard.tracks, named), more=more_to_come(campaigns.values())
+        )
         if not grid.display and grid.has_focus:
             self.query_one(KeyedTable).focus(scroll_visible=False)
 
