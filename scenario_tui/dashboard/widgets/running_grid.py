@@ -11,7 +11,6 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widget import Widget
 
-from daemon.model.spec import Snapshot
 from scenario_tui.text.formatting import (
     BUSY,
     DASHBOARD_STYLES,
@@ -25,6 +24,7 @@ from scenario_tui.text.formatting import (
 from scenario_tui.text.provisional_text import worst_text
 
 if TYPE_CHECKING:
+    from daemon.model.spec import Snapshot
     from daemon.model.status import CampaignRow, RunRow
     from scenario_tui.dashboard.state import Tracks
 
