@@ -24,6 +24,7 @@ from scenario_tui.text.formatting import (
     QUIET,
     UNSURE,
     age_text,
+    brief_duration,
     duration,
     margin,
     pluralise,
@@ -184,6 +185,8 @@ def campaign_cells(
     counts = run_counts(row)
     said = _up_to_date(row, said)
     judged = _judged(row, said) if search is None else _searched(row, search)
+    if row.seconds_left is not None and not row.paused:
+        judged.append(f"  {brief_duration(row.seconds_left)} left", style="not bold")
     if row.priority:
         judged.append(f"  {priority_text(row.priority)}", style="not bold")
     return row.id, (
@@ -247,6 +250,8 @@ def campaign_text(
     if row.about:
         text.append(f"{row.about}\n")
     text.append(f"\n{pluralise(row.total, 'run')}, submitted {age_text(row.submitted_at, now)}")
+    if row.seconds_left is not None:
+        text.append(f",\n{duration(row.seconds_left)} left")
     if row.finished_at is not None:
         text.append(f",\nfinished in {duration(row.finished_at - row.submitted_at)}")
     text.append("\n\n")

@@ -24,6 +24,7 @@ from scenario_tui.text.formatting import (
     QUIET,
     glyph_word,
     margin,
+    run_counts,
     run_label,
     run_word,
     time_text,
@@ -40,6 +41,7 @@ FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("lost", {"state": "lost"}),
     ("running", {"state": "running"}),
     ("queued", {"state": "queued"}),
+    ("cancelled", {"state": "cancelled"}),
     ("pass", {"outcome": "pass"}),
 )
 _COLUMNS: Final = (
@@ -296,8 +298,14 @@ class RunsScreen(SteeringScreen):
         (grid if grid.display and not grid.has_focus else table).focus(scroll_visible=False)
 
     def action_only(self) -> None:
-        """Show runs of the next verdict or state only."""
-        self._only = (self._only + 1) % len(FILTERS)
+        """Show runs of the next verdict or state only that there are any of."""
+        state, wanted = self.dashboard.daemon_state, self._wanted.campaign
+        counted = state.campaign(wanted) if wanted else state.overview
+        counts = run_counts(counted) if counted is not None else {}
+        for _ in FILTERS:
+            self._only = (self._only + 1) % len(FILTERS)
+            if not self._only or not counts or FILTERS[self._only][0] in counts:
+                break
         self._change(**({"state": "", "outcome": ""} | FILTERS[self._only][1]))
 
     def action_sort(self, step: int) -> None:
