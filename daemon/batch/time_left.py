@@ -216,6 +216,21 @@ def _parts(work: CampaignWork, times: CellTimes, size: int) -> Iterable[tuple[in
             yield min(size, queued - first), seconds
 
 
+def _pace_by_sut(running: Iterable[RunInProgress]) -> dict[str, tuple[float, float]]:
+    """Return by system under test what runs in progress took, and what they simulated in it [s]."""
+    paces: dict[str, tuple[float, float]] = {}
+    for run in running:
+        if run.simulated >= _TELLING * run.limit:
+            pace = (run.elapsed - run.age, run.simulated)
+            paces[run.sut] = _summed((paces.get(run.sut, (0.0, 0.0)), pace))
+    return paces
+
+
+def _summed(paces: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    found = list(paces)
+    return sum(wall for wall, _ in found), sum(simulated for _, simulated in found)
+
+
 class CellTimes:
     """How long runs of a campaign take, by their cell, else by what is most like them.
 
@@ -229,12 +244,10 @@ class CellTimes:
             found = cell.executed if cell.executed.runs else cell.earlier
             self._suts[cell.sut] = self._suts.get(cell.sut, ExecutedRuns()) + found
         self._any = sum(self._suts.values(), ExecutedRuns())
-        self._running: dict[str, tuple[float, float]] = {}
-        for run in work.running:
-            if run.simulated >= _TELLING * run.limit:
-                wall, simulated = self._running.get(run.sut, (0.0, 0.0))
-                spent = run.elapsed - run.age
-                self._running[run.sut] = wall + spent, simulated + run.simulated
+        self._running = _pace_by_sut(work.running)
+        # Of systems of which nothing runs yet either, others are better than nothing.
+        paces = self._running or _pace_by_sut(run for one in all_work for run in one.running)
+        self._any_running = _summed(paces.values())
         if not self._any.runs:
             # Better than nothing: other campaigns on the same machines.
             others = [cell.executed for one in all_work for cell in one.cells]
@@ -252,7 +265,10 @@ class CellTimes:
         if simulated > 0.0:
             share = self._any.simulated / self._any.limit if self._any.limit > 0.0 else 1.0
             return limit * share * wall / simulated
-        return limit * self._any.wall / self._any.limit if self._any.limit > 0.0 else None
+        if self._any.limit > 0.0:
+            return limit * self._any.wall / self._any.limit
+        wall, simulated = self._any_running
+        return limit * wall / simulated if simulated > 0.0 else None
 
     def of_any(self) -> float | None:
         """Return the seconds that any run takes."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,6 +15,8 @@ from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats, Point2, Pose2
 from scenario_tui.dashboard.live_tracks import HeardMoment
 from scenario_tui.dashboard.signal_strips import (
+    FailureMoment,
+    ReplayTransport,
     RunTimeline,
     SignalStrip,
     with_limits,
@@ -29,6 +32,38 @@ _STEPS: Final = 6
 """Steps, at least, in which the axis grows to twice its length: it stands still in between."""
 
 
+@dataclass(slots=True)
+class LiveTransport(ReplayTransport):
+    """The moment shown of a run that goes on: its last one while it ``follows``.
+
+    Who goes back, or stops it, stays there; at the end it follows again.
+    """
+
+    playing: bool = False
+    follows: bool = True
+
+    def grow(self, start: float, end: float) -> None:
+        """Take in that the run is known from ``start`` to ``end`` [s]."""
+        # A run that begins anew, with another attempt, is another one.
+        self.follows = self.follows or end < self.end
+        self.start, self.end = start, end
+        if self.follows:
+            self.time = end
+
+    def go(self, time: float) -> None:
+        """Go to a moment, or the nearest there is."""
+        # Not super(): a dataclass with slots is another class than the one written here.
+        ReplayTransport.go(self, time)
+        self.follows = self.time >= self.end
+
+    def toggle(self) -> None:
+        """Stay at this moment, or play on from where it stays."""
+        if self.follows:
+            self.follows = False
+        else:
+            self.playing = not self.playing
+
+
 def live_timeline(
     judgement: LiveJudgement, spec: RunSpec, limits: Sequence[ComparedLimit]
 ) -> RunTimeline:
@@ -41,7 +76,7 @@ def live_timeline(
         judgement.doors,
         judgement.reached,
         len(spec.mission.waypoints),
-        tuple(sorted(_decided(judgement))),
+        tuple(moment.time for moment in decided_moments(judgement)),
         tuple(waypoint.id for waypoint in spec.mission.waypoints),
         _horizon(judgement.time),
     )
@@ -99,11 +134,14 @@ def _numbers(values: Sequence[float | None]) -> Floats:
     return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
 
 
-def _decided(judgement: LiveJudgement) -> list[float]:
-    """Return when oracles were decided against, for good."""
-    against = [one.verdict for one in judgement.verdicts if one.final]
-    failed = [v.evidence.time for v in against if v.outcome is Outcome.FAIL]
-    return [time for time in failed if time is not None]
+def decided_moments(judgement: LiveJudgement) -> list[FailureMoment]:
+    """Return when oracles were decided against for good, by time."""
+    final = [one.verdict for one in judgement.verdicts if one.final]
+    failed = [verdict for verdict in final if verdict.outcome is Outcome.FAIL]
+    moments = [
+        FailureMoment(v.evidence.time, v.oracle) for v in failed if v.evidence.time is not None
+    ]
+    return sorted(moments, key=lambda moment: (moment.time, moment.oracle))
 
 
 def _horizon(now: float) -> float:

@@ -38,6 +38,7 @@ class HeardMoment:
     pose: Pose2
     estimate: Pose2 | None
     reached: int
+    joints: tuple[float, ...] = ()
 
 
 @dataclass(slots=True)
@@ -64,7 +65,7 @@ class Track:
         now = self.snapshot
         if now.waiting or (self.heard_of and now.time <= self.heard_of[-1].time):
             return
-        self.heard_of.append(HeardMoment(now.time, now.pose, now.estimate, now.reached))
+        self.heard_of.append(HeardMoment(now.time, now.pose, now.estimate, now.reached, now.joints))
         if len(self.heard_of) > _KEPT_MOMENTS:
             del self.heard_of[1:-1:2]
 

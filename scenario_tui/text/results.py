@@ -38,6 +38,8 @@ class Conclusion:
 NONE_JUDGED: Final = "none judged"
 """What is said of a campaign while no oracle has judged any of its runs."""
 
+SO_FAR_FINE: Final = Conclusion("running", "so far fine")
+"""What has been judged is as expected, and not all has been."""
 _CONCLUSIONS: Final = {
     0: Conclusion("pass", "as expected"),
     3: Conclusion("lost", "not all judged"),
@@ -123,7 +125,7 @@ def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
     states = {cell.state for cell in assessment.cells}
     if code == 4 and not finished:
         if any(cell.oracles for cell in assessment.cells):
-            return Conclusion("running", "so far fine")
+            return SO_FAR_FINE
         # A search that runs has no run between two proposals.
         begun = "queued" not in states or "running" in states
         return Conclusion("running" if begun else "queued", NONE_JUDGED)
@@ -151,6 +153,9 @@ def overall_conclusion(
     found = [conclusions[row.id] for row in newest.values() if row.id in conclusions]
     if count := sum(one.unexpected for one in found):
         return unexpected_conclusion(count)
+    judged = [one for one in found if one.text != NONE_JUDGED]
+    if judged and len(judged) < len(found) and all(one.word == "pass" for one in judged):
+        return SO_FAR_FINE
     return min(found, key=lambda one: SEVERITY.index(one.word), default=None)
 
 

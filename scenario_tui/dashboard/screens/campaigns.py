@@ -14,7 +14,8 @@ from textual.widgets import Static
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
 from scenario_tui.dashboard.search_runs import best_margin
-from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState
+from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState, Query
+from scenario_tui.dashboard.widgets.running_grid import RunningGrid, more_to_come, running_runs
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
@@ -24,6 +25,7 @@ from scenario_tui.text.formatting import (
     QUIET,
     UNSURE,
     age_text,
+    brief_duration,
     duration,
     margin,
     pluralise,
@@ -78,7 +80,9 @@ class CampaignsScreen(SteeringScreen):
     IN_FOOTER = ("open", "matrix", "submit", "pause", "cancel", "retry", "palette", "help", "quit")
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
-    ]
+        Binding("tab,v", "part", "Under way", show=False, id="view",
+                tooltip="To the runs under way, and back to the table"),
+    ]  # fmt: skip
 
     def body(self) -> ComposeResult:
         """Table, and details beside it."""
@@ -89,6 +93,11 @@ class CampaignsScreen(SteeringScreen):
             side.border_title = "campaign "
             with side:
                 yield StaticText(id="about")
+        yield RunningGrid(id="running")
+
+    def state_query(self) -> Query:
+        """Beyond the campaigns, what is under way of all of them."""
+        return Query(running="")
 
     def trail(self) -> str:
         """Say how many campaigns there are."""
@@ -118,13 +127,34 @@ class CampaignsScreen(SteeringScreen):
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()
+        self._show_running(state)
+
+    def _show_running(self, state: DashboardState) -> None:
+        """Show what is under way below the campaigns, which leave most of the screen empty."""
+        if state.running is None:
+            return  # not known yet: another screen was in front
+        campaigns = {row.id: row for row in state.campaigns}
+        runs = running_runs(state.running.rows, self.dashboard.tracks, campaigns)
+        grid = self.query_one(RunningGrid)
+        grid.show(runs, more=more_to_come(state.campaigns))
+        if not grid.display and grid.has_focus:
+            self.query_one(KeyedTable).focus(scroll_visible=False)
+
+    def on_running_grid_opened(self, event: RunningGrid.Opened) -> None:
+        """Open a run under way."""
+        self.dashboard.open_run(event.run)
+
+    def action_part(self) -> None:
+        """Give the keys to the runs under way, or back to the table."""
+        grid, table = self.query_one(RunningGrid), self.query_one(KeyedTable)
+        (grid if grid.display and not grid.has_focus else table).focus(scroll_visible=False)
 
     def _nothing(self, state: DashboardState) -> str:
         if state.connected:
             return _NOTHING.format(submit=self.key("submit"))
         if state.refused:
             return f"{state.problem}\n\n{_OTHERS}"
-        if self.dashboard.launching:
+        if self.dashboard.launching and state.problem:
             return _LAUNCHING
         return _NOBODY if state.problem else ""
 
@@ -156,6 +186,8 @@ def campaign_cells(
     counts = run_counts(row)
     said = _up_to_date(row, said)
     judged = _judged(row, said) if search is None else _searched(row, search)
+    if row.seconds_left is not None and not row.paused:
+        judged.append(f"  {brief_duration(row.seconds_left)} left", style="not bold")
     if row.priority:
         judged.append(f"  {priority_text(row.priority)}", style="not bold")
     return row.id, (
@@ -219,6 +251,8 @@ def campaign_text(
     if row.about:
         text.append(f"{row.about}\n")
     text.append(f"\n{pluralise(row.total, 'run')}, submitted {age_text(row.submitted_at, now)}")
+    if row.seconds_left is not None:
+        text.append(f",\n{duration(row.seconds_left)} left")
     if row.finished_at is not None:
         text.append(f",\nfinished in {duration(row.finished_at - row.submitted_at)}")
     text.append("\n\n")

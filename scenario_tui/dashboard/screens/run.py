@@ -17,13 +17,18 @@ from textual.widgets import OptionList, Static
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.status import CampaignRow, RunDetail, RunState
 from daemon.model.verdicts import Verdict
-from scenario_tui.dashboard.live_timeline import heard_timeline, live_timeline
+from scenario_tui.dashboard.live_timeline import (
+    LiveTransport,
+    decided_moments,
+    heard_timeline,
+    live_timeline,
+)
 from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
 from scenario_tui.dashboard.screens.run_log import log_text
-from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of, track_of
+from scenario_tui.dashboard.screens.run_panel import RunMap, heard_view, top_view_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
@@ -34,6 +39,7 @@ from scenario_tui.dashboard.signal_strips import (
     limits_of,
 )
 from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
@@ -94,6 +100,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self._so_far: RunTimeline | None = None
         self._limits: tuple[ComparedLimit, ...] | None = None
         self._since = 0.0
+        self._live_view: View | None = None
 
     def body(self) -> ComposeResult:
         """Words on the left; map and signals on the right, or one of them alone."""
@@ -145,6 +152,10 @@ class RunScreen(PlayingScreen, SteeringScreen):
         """Return the campaign the run is part of."""
         return self.dashboard.daemon_state.campaign(self._run.rpartition(".")[0])
 
+    def renamed_keys(self) -> dict[str, str]:
+        """What follows a run that goes on is stopped by the key that plays."""
+        return super().renamed_keys() | ({"replay-play": "Stay"} if self._following else {})
+
     def trail(self) -> str:
         """Where we are."""
         detail = self._detail()
@@ -152,8 +163,10 @@ class RunScreen(PlayingScreen, SteeringScreen):
         return f"campaigns › {self._run.rpartition('.')[0]} › {label}"
 
     def moments(self) -> Sequence[FailureMoment]:
-        """Return when its oracles were decided against."""
-        return self._playback.moments if self._playback is not None else ()
+        """Return when its oracles were decided against, of a run that goes on until now."""
+        if self._playback is not None:
+            return self._playback.moments
+        return decided_moments(self._judgement) if self._judgement is not None else ()
 
     def _detail(self) -> RunDetail | None:
         return self.dashboard.daemon_state.detail_of(self._run)
@@ -236,13 +249,13 @@ class RunScreen(PlayingScreen, SteeringScreen):
         if judgement is not None and judgement is not self._judgement and judgement.signals:
             self._judgement = judgement
             self._so_far = live_timeline(judgement, detail.spec, self._limits or ())
-            signals.show((self._so_far,), judgement.time)
+            self._grow(signals, self._so_far)
         if judgement is None and _unfinished(detail):
             # Before the first one, and where none comes, snapshots tell something, too.
             before = self._so_far
             self._so_far = heard_timeline(track.heard_of, detail.spec) if track else None
             if self._so_far and (before is None or before.end != self._so_far.end):
-                signals.show((self._so_far,), self._so_far.end)
+                self._grow(signals, self._so_far)
         untold = "" if self._so_far else self._untold(detail, track)
         show_message_or(self.query_one("#untold"), signals, why or untold)
         told = not (why or untold)
@@ -255,7 +268,29 @@ class RunScreen(PlayingScreen, SteeringScreen):
             if self._so_far and track and judgement:
                 known, limit = clearance_along(self._so_far.strips, track.times)
                 view = replace(view, clearances=known, limit=limit)
-            above.show(view)
+            self._live_view = view
+            above.show(self._seen_then(track))
+
+    def _grow(self, signals: TimelineView, known: RunTimeline) -> None:
+        """Show signals that have grown; the cursor goes along unless somebody went back."""
+        transport = self.transport
+        if not isinstance(transport, LiveTransport):
+            transport = LiveTransport(known.start, known.end, known.end)
+            self.transport = transport
+            self.refresh_bindings()
+        transport.grow(known.start, known.end)
+        signals.show((known,), transport.time)
+
+    def _seen_then(self, track: Track | None) -> View | None:
+        """Return the map of the moment shown, as it is now where nothing else is known."""
+        transport, view = self.transport, self._live_view
+        if view is None or track is None or self._following or transport is None:
+            return view
+        return heard_view(view, track, transport.time) or view
+
+    @property
+    def _following(self) -> bool:
+        return isinstance(self.transport, LiveTransport) and self.transport.follows
 
     def _untold(self, detail: RunDetail, track: Track | None) -> str:
         """Return why there are no signals (yet)."""
@@ -287,6 +322,10 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def _say_live(self, said: Text, track: Track) -> None:
         now, silence = track.snapshot, self.dashboard.tracks.silence(track)
+        if isinstance(self.transport, LiveTransport) and not self._following:
+            said.append(f"  {clock_line(self.transport)}", style=UNSURE)
+            said.append(f"  {self.key('end')} follows again", style=QUIET)
+            return
         far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s"
         if self.has_class("-wide") or now.margin is None:  # else the margin would be cut
             far += f" of {now.limit:.0f} s"
@@ -301,9 +340,12 @@ class RunScreen(PlayingScreen, SteeringScreen):
         if not self.is_attached or not self.app.is_running:
             return
         playback, transport, detail = self._playback, self.transport, self._detail()
-        if playback is None or transport is None or detail is None:
+        if transport is None or detail is None:
             return
-        self.query_one("#map", TopView).show(playback.view(transport.time, window=window))
+        if playback is not None:
+            self.query_one("#map", TopView).show(playback.view(transport.time, window=window))
+        elif (track := track_of(self.dashboard, detail)) is not None:
+            self.query_one(RunMap).show(self._seen_then(track))
         self.query_one("#signals", TimelineView).move(transport.time)
         self._say(detail)
 
@@ -346,8 +388,11 @@ class RunScreen(PlayingScreen, SteeringScreen):
         signals.display = self.query_one("#signs").display = True
         signals.show((playback.timeline,))
         # Who watched it to its end stays there; who opens it sees the moment that tells most.
-        watched = self._so_far is not None
+        # Who went back in it stays at that moment.
+        before, watched = self.transport, self._so_far is not None
         now = playback.end if watched else playback.start
+        if before is not None and not self._following:
+            now = before.time
         self.begin(ReplayTransport(playback.start, playback.end, now, playing=False))
         if not watched:
             self._go_to_chosen()
@@ -355,14 +400,24 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     @on(OptionList.OptionHighlighted)
     @on(OptionList.OptionSelected)
-    def _go_to_chosen(self) -> None:
+    def _go_to_chosen(self, event: OptionList.OptionMessage | None = None) -> None:
         """Go to when the chosen oracle was decided; Enter goes back there."""
         chosen = self.query_one(VerdictList).chosen()
         if chosen is None:
             return
         self.query_one("#signals", TimelineView).lead(chosen.oracle)
-        if chosen.evidence.time is not None:
+        # The list of a run that goes on changes by itself: only Enter stops the clock there.
+        asked = self._playback is not None or isinstance(event, OptionList.OptionSelected)
+        if chosen.evidence.time is not None and asked:
             self.go(chosen.evidence.time)
+
+    def action_view(self, step: int) -> None:
+        """Show the next part of the screen; where all are in view, give the log the keys."""
+        if not self.has_class("-wide"):
+            super().action_view(step)
+        else:
+            verdicts, log = self.VIEWS.index("verdicts"), self.VIEWS.index("log")
+            self.show_view(verdicts if self._part == log else log)
 
     def action_replay(self) -> None:
         """Play the recorded run, the map alone, once its trace is read."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from textual.app import ComposeResult
@@ -109,6 +111,32 @@ def _view(
             trail=recording.trail,
         )
     return View(scene, spec.robot, spec.mission, resting)
+
+
+def heard_view(view: View, track: Track, time: float) -> View | None:
+    """Return the top view of a running run as it was at ``time`` [s]: where the robot was, and how
+    the doors stood.
+
+    ``None`` before anything was heard of it. Nobody keeps what its laser saw.
+    """
+    index = bisect_right(track.heard_of, time, key=lambda one: one.time) - 1
+    if index < 0:
+        return None
+    then = track.heard_of[index]
+    count = bisect_right(track.times, time)
+    return replace(
+        view,
+        joints=then.joints if len(then.joints) == len(view.joints) else view.joints,
+        robot_pose=then.pose,
+        estimate=then.estimate,
+        reached=then.reached,
+        trail=view.trail[:count],
+        clearances=view.clearances[:count],
+        returns=(),
+        plan=(),
+        contacts=(),
+        spread=None,
+    )
 
 
 def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:

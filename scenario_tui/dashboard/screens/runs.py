@@ -18,7 +18,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import DashboardState, Query, RunsView
-from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun
+from scenario_tui.dashboard.widgets.running_grid import RunningGrid, more_to_come, running_runs
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
@@ -26,6 +26,7 @@ from scenario_tui.text.formatting import (
     QUIET,
     glyph_word,
     margin,
+    run_counts,
     run_label,
     run_word,
     time_text,
@@ -42,6 +43,7 @@ FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("lost", {"state": "lost"}),
     ("running", {"state": "running"}),
     ("queued", {"state": "queued"}),
+    ("cancelled", {"state": "cancelled"}),
     ("pass", {"outcome": "pass"}),
 )
 _COLUMNS: Final = (
@@ -215,15 +217,14 @@ class RunsScreen(SteeringScreen):
         """Show what is under way of the campaign, whatever page and filter there are."""
         if state.running is None:
             return  # not known yet: another screen was in front
-        tracks, wanted = self.dashboard.tracks, self._wanted.campaign
-        found = []
-        for row in state.running.rows:
-            if wanted in ("", row.campaign):
-                track = tracks.get(row.id)
-                seen, silence = (track.snapshot, tracks.silence(track)) if track else (None, 0.0)
-                found.append(RunningRun(row.id, run_label(row), seen, silence))
+        wanted = self._wanted.campaign
+        campaigns = {row.id: row for row in state.campaigns if wanted in ("", row.id)}
+        rows = [row for row in state.running.rows if wanted in ("", row.campaign)]
+        named = campaigns if len({row.campaign for row in rows}) > 1 else None
         grid = self.query_one(RunningGrid)
-        grid.show(found)
+        grid.show(
+            running_runs(rows, self.dashboard.tracks, named), more=more_to_come(campaigns.values())
+        )
         if not grid.display and grid.has_focus:
             self.query_one(KeyedTable).focus(scroll_visible=False)
 
@@ -299,8 +300,14 @@ class RunsScreen(SteeringScreen):
         (grid if grid.display and not grid.has_focus else table).focus(scroll_visible=False)
 
     def action_only(self) -> None:
-        """Show runs of the next verdict or state only."""
-        self._only = (self._only + 1) % len(FILTERS)
+        """Show runs of the next verdict or state only that there are any of."""
+        state, wanted = self.dashboard.daemon_state, self._wanted.campaign
+        counted = state.campaign(wanted) if wanted else state.overview
+        counts = run_counts(counted) if counted is not None else {}
+        for _ in FILTERS:
+            self._only = (self._only + 1) % len(FILTERS)
+            if not self._only or not counts or FILTERS[self._only][0] in counts:
+                break
         self._change(**({"state": "", "outcome": ""} | FILTERS[self._only][1]))
 
     def action_sort(self, step: int) -> None:

@@ -115,12 +115,16 @@ class SteeringScreen(BaseScreen):
         super().update_from_state()
         if not self._composed or not self.app.is_running:
             return
-        row = self.campaign()
-        renamed = {"pause": "Resume"} if row is not None and row.paused else {}
+        renamed = self.renamed_keys()
         barred = self.disabled_keys() | self.pointless_keys()
         if (self._renamed, self._barred) != (renamed, barred):
             self._renamed, self._barred = renamed, barred
             self.refresh_bindings()
+
+    def renamed_keys(self) -> dict[str, str]:
+        """Return what keys are called just now, by their id."""
+        row = self.campaign()
+        return {"pause": "Resume"} if row is not None and row.paused else {}
 
     _barred: frozenset[str] = frozenset()
     """The ids of keys that are shown as barred."""

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
 from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widget import Widget
 
-from daemon.model.spec import Snapshot
 from scenario_tui.text.formatting import (
     BUSY,
     DASHBOARD_STYLES,
@@ -20,12 +19,20 @@ from scenario_tui.text.formatting import (
     duration,
     glyph_word,
     pluralise,
+    run_label,
 )
 from scenario_tui.text.provisional_text import worst_text
+
+if TYPE_CHECKING:
+    from daemon.model.spec import Snapshot
+    from daemon.model.status import CampaignRow, RunRow
+    from scenario_tui.dashboard.live_tracks import Tracks
 
 _CELL: Final = 76
 """Columns of a run at least; more than one stand beside each other where there is room."""
 _LABEL: Final = 20
+"""Columns of its name at least; longer ones take what the cell has left, and keep their end."""
+_REST: Final = _CELL - _LABEL
 _BAR: Final = 12
 _SILENT: Final = 5.0
 """Seconds after which a run that says nothing is said to be silent."""
@@ -53,6 +60,28 @@ class RunningRun:
         return least is None, 0.0 if least is None else least
 
 
+def running_runs(
+    rows: Iterable[RunRow], tracks: Tracks, campaigns: Mapping[str, CampaignRow] | None = None
+) -> list[RunningRun]:
+    """Return runs under way with what was heard of them; called with their campaign if
+    ``campaigns`` are given.
+    """
+    found = []
+    for row in rows:
+        label, track = run_label(row), tracks.get(row.id)
+        if campaigns is not None:
+            known = campaigns.get(row.campaign)
+            label = f"{known.name if known else row.campaign} {label}"
+        seen, silence = (track.snapshot, tracks.silence(track)) if track else (None, 0.0)
+        found.append(RunningRun(row.id, label, seen, silence))
+    return found
+
+
+def more_to_come(campaigns: Iterable[CampaignRow]) -> bool:
+    """Whether others will run when those under way are over."""
+    return any(row.queued and not row.paused for row in campaigns)
+
+
 class RunningGrid(Widget, can_focus=True):
     """Shows runs under way; of more than fit those with the least margin, in their order."""
 
@@ -78,6 +107,7 @@ class RunningGrid(Widget, can_focus=True):
         self.display = False
         self._runs: tuple[RunningRun, ...] = ()
         self._hidden = 0
+        self._rows = 0
         self._chosen = ""
         self._drawn = Text()
 
@@ -87,8 +117,12 @@ class RunningGrid(Widget, can_focus=True):
         runs = [one.run for one in self._runs]
         return self._chosen if self._chosen in runs else next(iter(runs), "")
 
-    def show(self, runs: Sequence[RunningRun]) -> None:
-        """Show the runs under way, or nothing without any."""
+    def show(self, runs: Sequence[RunningRun], *, more: bool = False) -> None:
+        """Show the runs under way, or nothing without any.
+
+        While ``more`` are to come the place of one that ends is kept: what is beside them must not
+        jump whenever a slot is free for a moment.
+        """
         height = self.screen.size.height
         lines = max(2, height // _ROOM)
         across = self._across()
@@ -97,10 +131,12 @@ class RunningGrid(Widget, can_focus=True):
         worst = {one.run for one in sorted(runs, key=lambda one: one.trouble)[:most]}
         self._runs = tuple(one for one in runs if one.run in worst)
         self._hidden = len(runs) - len(self._runs)
-        self.display = bool(runs) and height >= _LOWEST
+        kept = min(self._rows, lines) if more else 0
+        self._rows = max(-(-len(self._runs) // across), kept)
+        self.display = self._rows > 0 and height >= _LOWEST
         if not self.display:
             return
-        self.styles.height = _FRAME + -(-len(self._runs) // across)
+        self.styles.height = _FRAME + self._rows
         drawn = self._draw()
         if drawn != self._drawn:
             self._drawn = drawn
@@ -119,10 +155,12 @@ class RunningGrid(Widget, can_focus=True):
         text.append("" if self.has_focus else "  tab to choose", style=QUIET)
         across = self._across()
         width = (self.size.width or self.screen.size.width) // across
+        longest = max((len(one.label) for one in self._runs), default=0)
+        names = max(_LABEL, min(longest, width - _REST))
         chosen = self.chosen if self.has_focus else ""
         for place, one in enumerate(self._runs):
             text.append("\n" if place % across == 0 else "")
-            cell = run_line(one)
+            cell = run_line(one, names)
             cell.truncate(width - 1, overflow="ellipsis", pad=True)
             if one.run == chosen:
                 cell.stylize("reverse")
@@ -161,9 +199,13 @@ class RunningGrid(Widget, can_focus=True):
             self.post_message(self.Opened(self.chosen))
 
 
-def run_line(one: RunningRun) -> Text:
-    """Return a run under way: label, bar and time of its limit, waypoints, least margin so far."""
-    text = Text(f"{one.label[:_LABEL]:<{_LABEL}} ", no_wrap=True)
+def run_line(one: RunningRun, width: int = _LABEL) -> Text:
+    """Return a run under way: its label in ``width`` columns, bar and time of its limit, waypoints,
+    least margin so far.
+    """
+    fits = len(one.label) <= width
+    label = one.label if fits else f"…{one.label[len(one.label) - width + 1 :]}"
+    text = Text(f"{label:<{width}} ", no_wrap=True)
     seen = one.seen
     if seen is None:
         return text.append("starting", style=QUIET)

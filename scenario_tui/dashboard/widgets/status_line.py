@@ -56,7 +56,8 @@ class StatusLine(StaticText):
 
     def show(self, state: DashboardState, now: float, *, launching: bool = False) -> None:
         """Show what is known at wall clock time ``now``; a daemon may be ``launching``."""
-        launching = launching and not state.connected
+        # Whether one is there and busy, or none, is not known before somebody has asked.
+        launching = launching and not state.connected and bool(state.problem)
         self.set_class(not state.connected and not launching, "-gone")
         width = self.size.width or self.app.size.width - 2
         self.update(Text("… starting a daemon") if launching else status_text(state, now, width))

@@ -139,8 +139,11 @@ class TimelineDrawing:
         ends = max(max(c.end, c.horizon or c.end) for c in timelines)
         self.span = _Span(min(c.start for c in timelines), ends, max(columns - self.gutter, 1))
         self.strips = strips
-        self.doors = _door_lanes(timelines[0].doors, max(1, rows // _LANES))
-        below = len(self.doors) + len(timelines) + 1
+        # What nothing is known of has no lane.
+        self._told = [timeline for timeline in timelines if timeline.doors is not None]
+        most = max(1, 2 * rows // (_LANES * (1 + len(timelines))))
+        self.doors = _door_lanes([timeline.doors or () for timeline in self._told], most)
+        below = len(self.doors) * len(self._told) + len(timelines) + 1
         self.heights = fit_heights(self.strips, max(rows - below, 0))
         self.more = len(self.strips) - len(self.heights)
         row = 0
@@ -251,11 +254,12 @@ class TimelineDrawing:
         self.write(row, 0, text if len(text) <= width else f"{text[: width - 1]}…", owner)
 
     def _events(self, timelines: Sequence[RunTimeline], row: int) -> None:
-        """Draw doors of the first run, the mission of every one, and the axis of time."""
-        for name, events in self.doors:
-            self.label(row, name)
-            self._door(row, timelines[0], events)
-            row += 1
+        """Draw doors and mission of every run, and the axis of time."""
+        for name, joints in self.doors:
+            for timeline in self._told:
+                self.label(row, name if timeline is self._told[0] else f"┊ {name}")
+                self._door(row, timeline, joints)
+                row += 1
         missions = range(row, row + len(timelines))
         for place, timeline in zip(missions, timelines, strict=True):
             self.label(place, "mission" if timeline is timelines[0] else "┊ mission")
@@ -268,12 +272,13 @@ class TimelineDrawing:
             for time in timeline.decided:
                 self.write(place, self.gutter + self.span.column(time), "✗", FAIL)
 
-    def _door(self, row: int, timeline: RunTimeline, events: Sequence[DoorMotion]) -> None:
+    def _door(self, row: int, timeline: RunTimeline, joints: frozenset[str]) -> None:
         """Draw a bar while any door of a lane stands open."""
         at, span = self.gutter, self.span
         ends = span.column(timeline.end)
+        events = [event for event in timeline.doors or () if event.joint in joints]
         if not events:
-            self.write(row, at, _STILL, FAINT)
+            self.write(row, at, _STILL if len(joints) == 1 else _NONE_MOVES, FAINT)
             return
         self.write(row, at, "·" * (ends + 1), FAINT)
         first = {event.joint: event.opens for event in reversed(events)}
@@ -316,29 +321,29 @@ class TimelineDrawing:
                 self.write(row, at + column, text, FAINT)
 
 
-_STILL: Final = "none moves"
+_STILL: Final = "does not move"
+_NONE_MOVES: Final = "none moves"
 """Of doors: whether they stand open or shut the map shows."""
 
 
 def _door_lanes(
-    events: Sequence[DoorMotion] | None, most: int
-) -> list[tuple[str, tuple[DoorMotion, ...]]]:
-    """Return doors that moved, by when they first did, each with its events.
+    motions: Sequence[Sequence[DoorMotion]], most: int
+) -> list[tuple[str, frozenset[str]]]:
+    """Return doors that moved in any run, by when they first did, each with its joints.
 
     Of more than ``most`` of them the last ones share a lane.
     """
-    if events is None:
+    if not motions:
         return []
+    events = sorted((event for run in motions for event in run), key=lambda event: event.time)
     names = list(dict.fromkeys(event.joint for event in events))
     own = names if len(names) <= most else names[: most - 1]
-    lanes = [(name, tuple(e for e in events if e.joint == name)) for name in own]
-    rest = names[len(own) :]
-    if rest:
-        said = f"{len(rest)} more doors" if own else "doors"
-        lanes.append((said, tuple(e for e in events if e.joint in rest)))
+    lanes = [(name, frozenset({name})) for name in own]
+    if rest := frozenset(names[len(own) :]):
+        lanes.append((f"{len(rest)} more doors" if own else "doors", rest))
     short = [name.rpartition(".")[0] or name for name, _ in lanes]
     # A door is called like its object unless another part of it moves, too.
     return [
-        (brief if short.count(brief) == 1 else name, found)
-        for brief, (name, found) in zip(short, lanes, strict=True)
-    ] or [("doors", ())]
+        (brief if short.count(brief) == 1 else name, joints)
+        for brief, (name, joints) in zip(short, lanes, strict=True)
+    ] or [("doors", frozenset())]

@@ -58,6 +58,16 @@ def test_before_any_run_has_finished_the_speed_of_those_that_run_tells_with_thei
     assert left.all == pytest.approx(270.0 + 300.0)
 
 
+def test_systems_of_which_nothing_runs_yet_count_with_the_speed_of_those_that_run() -> None:
+    running = RunInProgress("S1", "ros", LIMIT, elapsed=30.0, simulated=60.0)
+    first = work(cell("ros", 1), cell("other", 2), running=(running,))
+    assert estimate_time_left([first], 1).all == pytest.approx(270.0 + 3 * 300.0)
+    # Also of another campaign.
+    second = CampaignWork("d", (cell("pilot", 1),))
+    left = estimate_time_left([work(running=(running,)), second], 1)
+    assert left.campaigns["d"] == pytest.approx(270.0 + 300.0)
+
+
 def test_a_run_that_has_hardly_begun_tells_no_speed() -> None:
     # Most of its time went into starting: by that speed the queue would take hours.
     running = RunInProgress("S1", "ros", LIMIT, elapsed=12.0, simulated=1.0)

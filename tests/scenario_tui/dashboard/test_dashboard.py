@@ -12,7 +12,11 @@ import pytest
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.config import Config
-from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.campaigns import (
+    CampaignsScreen,
+    campaign_cells,
+    campaign_text,
+)
 from scenario_tui.dashboard.screens.dialogs import Menu, Question
 from scenario_tui.dashboard.screens.help import Help, key_groups
 from scenario_tui.dashboard.screens.run import RunScreen
@@ -20,6 +24,7 @@ from scenario_tui.dashboard.screens.runs import FILTERS, SORTS, RunsScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.text.formatting import SEVERITY
 from tests.scenario_tui.dashboard.driven import choose_from_palette, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, FakeDaemon, make_live, make_row
@@ -127,22 +132,35 @@ async def test_letters_typed_into_the_filter_are_no_commands(opened) -> None:
         assert "No run matches" in shown(pilot)
 
 
-async def test_f_goes_through_verdicts_and_states(opened) -> None:
+async def test_f_goes_through_verdicts_and_states_that_there_are(opened) -> None:
     seen = []
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter")
-        for _ in FILTERS:
+        while not seen or "only " in screen_text(pilot)[1]:
             await press(pilot, "f")
-            message = "No run matches" in shown(pilot)
-            seen.append(0 if message else len(first_column(pilot)))
-    assert seen == [2, 1, 0, 1, 1, 1, 4, 10]
+            seen.append(len(first_column(pilot)))
+    assert seen == [2, 1, 1, 1, 1, 4, 10]
+
+
+def test_a_campaign_says_how_long_it_still_takes(fake: FakeDaemon) -> None:
+    row = replace(fake._campaign_rows()[0], seconds_left=7380.0, finished_at=None)
+    assert "\n2 h 03 min left" in campaign_text(row, None, NOW).plain
+    assert campaign_cells(row, None, NOW)[1][1].plain.endswith("  2 h left")
+    paused = replace(row, seconds_left=None, paused=True)
+    assert "left" not in campaign_cells(paused, None, NOW)[1][1].plain
+
+
+def test_f_knows_every_word_of_a_run() -> None:
+    assert {name for name, _ in FILTERS} == {"all", *SEVERITY} - {"measure"}
 
 
 async def test_the_table_has_the_keys_again_after_an_empty_page(opened) -> None:
     async with opened(120, 30) as pilot:
         await settle(pilot)
-        await press(pilot, "enter", "f", "f", "f", "f", "enter")
+        await press(pilot, "enter", "f", "slash", *"pilot/4", "enter")
+        assert "No run matches" in shown(pilot)
+        await press(pilot, "f", "f", "enter")
         assert isinstance(pilot.app.screen, RunScreen)
         assert "S2/pilot/4" in shown(pilot)
 

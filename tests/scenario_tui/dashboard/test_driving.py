@@ -173,7 +173,7 @@ async def test_a_read_only_dashboard_looks_and_says_so(fake) -> None:
         assert not bindings["cancel"]
         assert bindings["matrix"]
     assert {call[0] for call in fake.calls} <= {"open", "overview", "campaigns", "records",
-                                                "declared"}  # fmt: skip
+                                                "declared", "runs"}  # fmt: skip
 
 
 async def test_answers_can_be_clicked_on(fake) -> None:

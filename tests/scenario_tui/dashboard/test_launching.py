@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from textual.app import App
 
 from daemon.batch.errors import LaunchFailed
 from scenario_tui.cli import tui
 from scenario_tui.dashboard.config import Config
-from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
+from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.widgets.status_line import StatusLine
+from tests.scenario_tui.dashboard.driven import SteeredDaemon
 from tests.scenario_tui.dashboard.inline import make_dashboard, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN
+from tests.scenario_tui.idle import until_idle
 
 STARTED = (
     "started a daemon on this machine at tcp/127.0.0.1:7447 (`scenario daemon --stop` ends it)"
@@ -32,13 +37,25 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
     app = make_dashboard(fake, launch_daemon=launch)
     async with app.run_test(size=(80, 24)) as pilot:
         app.update_state()
-        await until(pilot, lambda: "starting one on this machine" in "".join(screen_text(pilot)))
+        await until_idle(app)
+        assert "starting one on this machine" in "".join(screen_text(pilot))
         assert screen_text(pilot)[0].strip() == "… starting a daemon"
         begin.set()
         await settle(pilot)
         assert CAMPAIGN in "\n".join(screen_text(pilot))
         assert STARTED in [notice.message for notice in app._notifications]
     assert app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
+
+
+async def test_whether_one_is_started_is_said_only_once_nobody_answered() -> None:
+    state = DashboardState()
+    line = StatusLine()
+    async with App[None]().run_test() as pilot:
+        await pilot.app.mount(line)
+        line.show(state, 0.0, launching=True)
+        assert "connecting" in str(line.content)
+        line.show(replace(state, problem="nobody"), 0.0, launching=True)
+        assert "starting a daemon" in str(line.content)
 
 
 async def test_a_daemon_that_answers_is_left_as_it_is() -> None:

@@ -17,7 +17,11 @@ from daemon.model.spec import OracleText
 from daemon.model.status import RunDetail, RunState
 from grammars.model.geometry import Pose2
 from grammars.text import codec
-from scenario_tui.dashboard.live_timeline import heard_timeline, live_timeline
+from scenario_tui.dashboard.live_timeline import (
+    LiveTransport,
+    heard_timeline,
+    live_timeline,
+)
 from scenario_tui.dashboard.live_tracks import HeardMoment, Tracks
 from scenario_tui.dashboard.signal_strips import clearance_along, limits_of
 from scenario_tui.dashboard.widgets.tables import VerdictList
@@ -339,3 +343,77 @@ def test_the_axis_of_time_stands_still_while_a_run_grows() -> None:
     ends = [live_timeline(make_judgement(time=t), SPEC, ()).horizon for t in np.arange(1.0, 200.0)]
     assert all(end > now for now, end in zip(np.arange(1.0, 200.0), ends, strict=True))
     assert len(set(ends)) < 25
+
+
+async def test_the_cursor_goes_back_in_a_run_that_goes_on_and_follows_again_at_the_end() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        screen = pilot.app.screen
+        signals = screen.query_one(TimelineView)
+        assert signals._time == 60.0
+        await press(pilot, "shift+left", "shift+left", "shift+left")
+        fake.watchers[RUN](make_live(7, 62.0))
+        fake.judged[RUN] = make_judgement(time=62.0)
+        await settle(pilot)
+        assert signals._time == 30.0
+        assert "30.0 s of 62.0 s" in shown(pilot)
+        assert "end follows again" in shown(pilot)
+        assert screen.query_one(TopView)._view.robot_pose == make_live(7, 30.0).snapshot.pose
+        await press(pilot, "end")
+        fake.judged[RUN] = make_judgement(time=64.0)
+        fake.watchers[RUN](make_live(7, 64.0))
+        await settle(pilot)
+        assert signals._time == 64.0
+        assert screen.query_one(TopView)._view.robot_pose == make_live(7, 64.0).snapshot.pose
+        assert "follows again" not in shown(pilot)
+
+
+async def test_space_stays_at_a_moment_of_a_run_that_goes_on_and_plays_from_there() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        assert "space Stay" in shown(pilot)
+        await press(pilot, "space")
+        fake.judged[RUN] = make_judgement(time=70.0)
+        await settle(pilot)
+        transport = pilot.app.screen.transport
+        assert (transport.time, transport.end, transport.playing) == (60.0, 70.0, False)
+        assert "space Play" in shown(pilot)
+        await press(pilot, "space")
+        assert transport.playing
+        transport.advance(60.0)
+        assert transport.follows
+
+
+async def test_enter_on_a_verdict_so_far_goes_to_its_moment_and_the_list_alone_does_not() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        await press(pilot, "down")
+        assert pilot.app.screen.transport.follows
+        await press(pilot, "enter")
+        assert pilot.app.screen.query_one(VerdictList).chosen().oracle == "clear"
+        assert pilot.app.screen.transport.time == 27.0
+
+
+async def test_a_run_that_begins_anew_is_followed_from_its_start() -> None:
+    transport = LiveTransport(0.0, 50.0, 50.0)
+    transport.go(20.0)
+    transport.grow(0.0, 3.0)
+    assert (transport.time, transport.follows) == (3.0, True)
+
+
+async def test_where_all_is_in_view_tab_goes_to_the_log_and_back() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        focused = []
+        for _ in range(3):
+            await press(pilot, "tab")
+            focused.append(pilot.app.screen.focused.id)
+        assert focused == ["log", "decided", "log"]

@@ -17,7 +17,13 @@ from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.widgets.cell_table import CellTable
-from scenario_tui.text.results import conclude, overall_conclusion, unexpected_conclusion
+from scenario_tui.text.results import (
+    NONE_JUDGED,
+    Conclusion,
+    conclude,
+    overall_conclusion,
+    unexpected_conclusion,
+)
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon
@@ -208,3 +214,15 @@ def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> Non
     assert overall_conclusion((fixed, *rows), said) == unexpected_conclusion(1)
     assert overall_conclusion((fixed,), said) == said[fixed.id]
     assert overall_conclusion(rows, {}) is None
+
+
+def test_what_is_as_expected_is_said_while_another_campaign_has_not_been_judged(judged) -> None:
+    rows = judged._campaign_rows()
+    new = replace(rows[0], id="new-1", name="new")
+    waiting = Conclusion("queued", NONE_JUDGED)
+    fine = conclude(Assessment((), (), (), 0), finished=True)
+    said = {new.id: waiting, rows[0].id: fine}
+    assert overall_conclusion((new, rows[0]), said).glyph_text == "▶ so far fine"
+    assert overall_conclusion((new,), said) == waiting
+    said[rows[0].id] = unexpected_conclusion(2)
+    assert overall_conclusion((new, rows[0]), said).unexpected == 2

@@ -68,6 +68,38 @@ async def test_wide_terminals_show_several_beside_each_other() -> None:
         assert lines[3].count("━━━─────────") == 2
 
 
+async def test_the_place_of_a_run_that_ended_is_kept_while_more_are_to_come() -> None:
+    grid = RunningGrid()
+    async with opened(FakeDaemon()) as pilot:
+        await pilot.pause(0)
+        await pilot.app.screen.mount(grid)
+        two = [RunningRun("c.1", "S1/pilot/1"), RunningRun("c.2", "S1/pilot/2")]
+        heights = []
+        for runs, more in ((two, True), (two[:1], True), ([], True), ([], False)):
+            grid.show(runs, more=more)
+            heights.append(grid.styles.height.value if grid.display else 0)
+        assert heights == [4, 4, 4, 0]
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_below_the_campaigns_stands_what_is_under_way_of_all(size: tuple[int, int]) -> None:
+    async with opened(busy(2), size) as pilot:
+        await settle(pilot)
+        lines = screen_text(pilot)
+        name = pilot.app.daemon_state.campaigns[0].name
+        place = next(i for i, line in enumerate(lines) if "worst margin so far" in line)
+        assert place > size[1] // 2
+        assert f"{name} S2/pilot/0" in lines[place + 1]
+        assert "+0.15 m clear" in "".join(lines[place + 1 :])
+        await press(pilot, "tab", "enter")
+        assert pilot.app.screen._run == f"{CAMPAIGN}.7"
+
+
+def test_a_long_name_keeps_its_end() -> None:
+    line = run_line(RunningRun("c.1", "frontiers-2024 S3.6/fro-omni/4")).plain
+    assert line.startswith("…024 S3.6/fro-omni/4 ")
+
+
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
 async def test_enter_opens_the_run_one_has_gone_to(size: tuple[int, int]) -> None:
     async with opened(busy(3), size) as pilot:

@@ -15,7 +15,7 @@ from scenario_tui.dashboard.playback import Playback, open_playback
 from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
 from scenario_tui.dashboard.widgets.cell_view import Canvas, changed_spans
 from scenario_tui.dashboard.widgets.timeline import TimelineView, at_cursor
-from scenario_tui.dashboard.widgets.timeline_drawing import fit_heights, ranges
+from scenario_tui.dashboard.widgets.timeline_drawing import TimelineDrawing, fit_heights, ranges
 from tests.scenario_tui.recorded import TURNED, record_run
 
 
@@ -192,6 +192,19 @@ def test_an_end_of_a_range_has_no_more_digits_than_the_other() -> None:
     strip = SignalStrip("it", "m", time, least, most=most)
     shown = [at_cursor(strip, t) for t in (0.5, 1.5, 2.5)]
     assert shown == ["0.0001–0.0063 m", "0.03–1.9 m", "0–1.2 m"]
+
+
+def test_of_two_runs_the_doors_of_both_are_drawn(playback: Playback) -> None:
+    opens, shuts = (DoorMotion(at, "door-0.hinge", opens=at < 5.0) for at in (2.0, 8.0))
+    first = replace(playback.timeline, doors=(opens, shuts))
+    second = replace(first, doors=(opens, DoorMotion(4.0, "door-1.hinge", opens=True)))
+    drawing = TimelineDrawing((first, second), (), 90, 20)
+    lines = ["".join(map(chr, row)) for row in drawing.codes]
+    lanes = {line[:24].strip(): line[24:] for line in lines if "door-" in line}
+    assert list(lanes) == ["door-0", "┊ door-0", "door-1", "┊ door-1"]
+    assert lanes["┊ door-0"].count("━") > lanes["door-0"].count("━") > 0
+    assert "does not move" in lanes["door-1"]
+    assert "━" in lanes["┊ door-1"]
 
 
 def test_doors_of_which_none_moves_are_not_drawn_as_shut(playback: Playback) -> None:
