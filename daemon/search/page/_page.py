@@ -158,7 +158,7 @@ def _facts(row: SearchRow, proposals: Sequence[ProposalRow]) -> tuple[tuple[str,
         ("simulated", f"{duration_text(simulated)} in {duration_text(cpu)} of CPU"),
         ("state", state),
         ("search", row.campaign),
-        ("written by", f"scenario {own_version()}"),
+        ("page written by", own_version()),
     )
     return tuple((name, value) for name, value in facts if value)
 

@@ -15,6 +15,7 @@ import pytest
 from daemon.model.proposals import ProposalRow
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
+from daemon.model.spec import own_version
 from daemon.model.status import RunState
 from daemon.search.page import search_figures, search_headline, search_page
 from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
@@ -86,6 +87,16 @@ def test_the_page_is_html_and_needs_nothing_else() -> None:
         assert sentence in page
     assert "scenario replay demo-s-1.3" in page
     assert page == search_page(row, rows, commands=(("scenario replay demo-s-1.3", "watch it"),))
+
+
+def test_what_is_wider_than_a_phone_can_be_scrolled_by_keys() -> None:
+    row, rows = searched(DOOR, *OTHERS)
+    page = search_page(row, rows, commands=(("scenario replay demo-s-1.3", "watch it"),))
+    tree = html5lib.HTMLParser(strict=True).parse(page)
+    wide = [e for e in tree.iter() if e.get("class") in ("wide", "full")]
+    assert {e.get("class") for e in wide} == {"wide", "full"}
+    assert {e.get("tabindex") for e in wide} == {"0"}
+    assert f"<dt>page written by</dt><dd>{own_version()}</dd>" in page
 
 
 def test_nothing_that_a_campaign_is_called_gets_into_the_page() -> None:
