@@ -127,7 +127,7 @@ SYNONYMS: Final = {
 
 
 class ExpectText(StrictModel):
-    """What is known to be otherwise than passing; a surprise pass is reported too."""
+    """What is known to be otherwise than passing; an unexpected pass is reported too."""
 
     scenario: str = "*"
     """Name of a scenario, or a pattern such as S3.*; all when left out."""

@@ -145,7 +145,7 @@ def _in_signs(text: str) -> str:
     return moments_in_tenths(_HYPHEN.sub("−", text).replace("  t=", "  at "))
 
 
-def surprise_text(found: UnexpectedVerdict, styles: Styles) -> Text:
+def unexpected_text(found: UnexpectedVerdict, styles: Styles) -> Text:
     """Return what is not as expected, with the run to look at."""
     known = found.why and f"known: {found.why}"
     text = _attention_line(str(found.verdict), _in_signs(found.text), [known], styles)
@@ -175,7 +175,7 @@ def repeatability_text(results: CampaignResults) -> str:
 def attention_lists(results: CampaignResults, styles: Styles) -> list[tuple[str, list[Text]]]:
     """Return what is to be looked at, as titles with lines; empty lists are left out."""
     groups = (
-        ("unexpected", [surprise_text(found, styles) for found in results.assessment.surprises]),
+        ("unexpected", [unexpected_text(found, styles) for found in results.assessment.surprises]),
         ("undecided", [undecided_text(found, styles) for found in results.undecided]),
         ("not executed", [_lost_run_text(row, styles) for row in results.lost_runs]),
         (

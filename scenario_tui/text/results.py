@@ -79,14 +79,14 @@ class CampaignResults:
     @property
     def undecided(self) -> tuple[CellVerdict, ...]:
         """What is neither as expected nor the opposite, of cells that have all their runs."""
-        surprising = {(s.scenario, s.sut, s.oracle) for s in self.assessment.surprises}
+        unexpected = {(s.scenario, s.sut, s.oracle) for s in self.assessment.surprises}
         return tuple(
             oracle
             for cell in self.assessment.cells
             for oracle in cell.oracles
             if not oracle.met
             and not oracle.missing
-            and (oracle.scenario, oracle.sut, oracle.oracle) not in surprising
+            and (oracle.scenario, oracle.sut, oracle.oracle) not in unexpected
         )
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -52,12 +53,27 @@ def keys() -> Iterator[tuple[str, str]]:
         yield f"key {bound.id}", bound.meaning
 
 
-TEXTS: Final = (*pages(), *helps(), *keys())
+def schemas() -> Iterator[tuple[str, str]]:
+    """Yield what an editor says of every property of a file."""
+
+    def walk(name: str, part: Any) -> Iterator[tuple[str, str]]:
+        for key, inner in part.items() if isinstance(part, dict) else enumerate(part):
+            if key == "description" and isinstance(inner, str):
+                yield name, inner
+            elif isinstance(inner, dict | list):
+                yield from walk(f"{name} {key}", inner)
+
+    for path in sorted((ROOT / "grammars" / "editor" / "schemas").glob("*.json")):
+        yield from walk(path.name, json.loads(path.read_text("utf-8")))
+
+
+TEXTS: Final = (*pages(), *helps(), *keys(), *schemas())
 
 
 def test_the_texts_are_there() -> None:
     names = [name for name, text in TEXTS if text.strip()]
     assert {"README.md", "docs/dashboard.md", "scenario submit", "key retry"} <= set(names)
+    assert any(name.startswith("campaign.schema.json") for name in names)
     assert len(names) > 300
 
 

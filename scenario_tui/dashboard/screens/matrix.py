@@ -143,7 +143,7 @@ class MatrixScreen(SteeringScreen):
     def action_next(self, step: int) -> None:
         """Go to the next cell that is not as expected, or the one before; round at the end."""
         table = self.query_one(CellTable)
-        places = [(cell.scenario, cell.sut) for cell in self._surprising()]
+        places = [(cell.scenario, cell.sut) for cell in self._unexpected_cells()]
         if not places:
             self.notify("no cell is unexpected")
             return
@@ -152,7 +152,7 @@ class MatrixScreen(SteeringScreen):
         ahead = [place for place in order if (table.places.index(place) - here) * step > 0]
         table.go_to(*(ahead or order)[0 if step > 0 else -1])
 
-    def _surprising(self) -> list[CellAssessment]:
+    def _unexpected_cells(self) -> list[CellAssessment]:
         results = self._shown
         if results is None:
             return []
