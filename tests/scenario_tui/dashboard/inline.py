@@ -16,7 +16,7 @@ from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.background import BackgroundTasks, Problem
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.live_tracks import LiveNews
+from scenario_tui.dashboard.live_tracks import LiveNews, Tracks
 from scenario_tui.dashboard.playback_process import read_playback
 from scenario_tui.dashboard.state import DashboardState, Notice
 from tests.daemon.batch.harness import DEADLINE
@@ -77,6 +77,8 @@ def make_dashboard(fake: FakeDaemon, **settings: Any) -> Dashboard:
     settings.setdefault("read_playback", read_playback)
     dashboard = Dashboard(InlineFeed(fake), clock=lambda: fake.now, **settings)
     dashboard.background_tasks = CountedTasks(dashboard.run_command)
+    # What was told once would have been heard of long ago on a busy machine.
+    dashboard.tracks = Tracks(clock=lambda: fake.now)
     # On a busy machine what a test reads would be gone before.
     dashboard.NOTIFICATION_TIMEOUT = 600.0
     return dashboard

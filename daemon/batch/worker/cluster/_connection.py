@@ -85,6 +85,8 @@ class ClusterConnection:
         self._lock = threading.Lock()
         # By address. Written by the thread here and, when a job finds its worker unfit, by Dask's.
         self._workers: dict[str, _DaskWorker] = {}
+        # What those who watch want of jobs that are being told, by key: Dask worker, words.
+        self._wishes: dict[str, tuple[str, tuple[str, ...]]] = {}
         self._leaving = threading.Event()
         self._keeper = threading.Thread(target=self._keep, name="cluster", daemon=True)
         self.topic = f"scenario-{uuid.uuid4().hex}"
@@ -171,19 +173,33 @@ class ClusterConnection:
 
     def watch(self, worker: str, key: str, wanted: Sequence[str]) -> None:
         """Tell a job on a Dask worker what those who watch it want; lost when that is gone."""
-        client = self._client
-        if client is None or not self.connected:
-            return
+        with self._lock:
+            begun = key in self._wishes
+            self._wishes[key] = (worker, tuple(wanted))
+        # It asks the scheduler, and a frozen one must not stop who keeps leases. One thread for
+        # each job: what was wanted first must not arrive last.
+        if not begun:
+            threading.Thread(target=self._tell_wish, args=(key,), name="watch", daemon=True).start()
 
-        def tell() -> None:
-            with suppress(*_NO_CONNECTION):
-                client.run(
-                    _remote.watch_job, self._executor, key, tuple(wanted),
-                    workers=[worker], on_error="ignore",
-                )  # fmt: skip
-
-        # It asks the scheduler, and a frozen one must not stop who keeps leases.
-        threading.Thread(target=tell, name="watch", daemon=True).start()
+    def _tell_wish(self, key: str) -> None:
+        """Tell a job what is wanted of it, again while that has changed meanwhile."""
+        told: tuple[str, tuple[str, ...]] | None = None
+        while True:
+            with self._lock:
+                wish = self._wishes[key]
+                if wish == told:
+                    del self._wishes[key]
+                    return
+            told = wish
+            worker, wanted = wish
+            client = self._client
+            if client is not None and self.connected:
+                # Whatever a client raises that is closing: nobody is told then.
+                with suppress(Exception):
+                    client.run(
+                        _remote.watch_job, self._executor, key, wanted,
+                        workers=[worker], on_error="ignore",
+                    )  # fmt: skip
 
     def has_no_worker(self, workers: frozenset[str]) -> bool:
         """Whether a job that only these workers may execute waits for ever."""

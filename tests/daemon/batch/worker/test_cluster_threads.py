@@ -51,6 +51,32 @@ def test_a_cluster_is_looked_at_again_whatever_its_client_raises(
     assert said[1] == "the Dask scheduler tcp://nowhere:1 is back"
 
 
+def test_what_is_wanted_of_a_job_last_is_what_it_is_told_last() -> None:
+    told: list[tuple[str, ...]] = []
+    asked, go_on = threading.Event(), threading.Event()
+
+    def run(_: object, __: str, ___: str, wanted: tuple[str, ...], **____: object) -> None:
+        if wanted == ("details",):  # a scheduler that takes its time
+            asked.set()
+            assert go_on.wait(60.0)
+        told.append(wanted)
+
+    made: Any = ClusterConnection(
+        SCHEDULER, "none", changed=lambda: None, on_event=lambda _: None, log=lambda _: None
+    )
+    made._client = SimpleNamespace(status="running", run=run, close=lambda **_: None)
+    with closing(made):
+        made.watch("tcp://there:1", "job", ("details",))
+        assert asked.wait(60.0)
+        made.watch("tcp://there:1", "job", ("margin",))
+        made.watch("tcp://there:1", "job", ())
+        made.watch("tcp://there:1", "another", ("margin",))  # does not wait for that
+        eventually(lambda: told == [("margin",)])
+        go_on.set()
+        eventually(lambda: len(told) == 3)
+    assert told[1:] == [("details",), ()]
+
+
 @pytest.mark.parametrize("answer", [None, (b"{}",), ("{}", 1, 2), (7, b"", b"")])
 def test_an_answer_of_another_form_ends_its_attempt(tmp_path: Path, answer: object) -> None:
     told: list[Any] = []
