@@ -43,7 +43,7 @@ _COLUMNS: Final = (
     Column("done", 7, right=True),
     Column("✗ fail", 6, right=True),
     Column("‼ err", 5, from_width=100, right=True),
-    Column("! lost", 6, right=True),
+    Column("! lost", 6, from_width=90, right=True),
     Column("? incon", 7, from_width=100, right=True),
     Column("✓ pass", 6, from_width=90, right=True),
     Column("submitted", 10, right=True),
