@@ -153,6 +153,8 @@ def overall_conclusion(
     found = [conclusions[row.id] for row in newest.values() if row.id in conclusions]
     if count := sum(one.unexpected for one in found):
         return unexpected_conclusion(count)
+    # What was cancelled says nothing more, and must not hide what the others say.
+    found = [one for one in found if one.word != "cancelled"] or found
     judged = [one for one in found if one.text != NONE_JUDGED]
     if judged and len(judged) < len(found) and all(one.word == "pass" for one in judged):
         return SO_FAR_FINE

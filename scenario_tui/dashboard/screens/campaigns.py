@@ -44,7 +44,7 @@ _COLUMNS: Final = (
     Column("done", 7, right=True),
     Column("✗ fail", 6, right=True),
     Column("‼ err", 5, from_width=100, right=True),
-    Column("! lost", 6, right=True),
+    Column("! lost", 6, from_width=90, right=True),
     Column("? incon", 7, from_width=100, right=True),
     Column("✓ pass", 6, from_width=90, right=True),
     Column("submitted", 10, right=True),
@@ -186,7 +186,8 @@ def campaign_cells(
     counts = run_counts(row)
     said = _up_to_date(row, said)
     judged = _judged(row, said) if search is None else _searched(row, search)
-    if row.seconds_left is not None and not row.paused:
+    # Of a search the margin is worth more than the time, and both do not fit.
+    if row.seconds_left is not None and not row.paused and search is None:
         judged.append(f"  {brief_duration(row.seconds_left)} left", style="not bold")
     if row.priority:
         judged.append(f"  {priority_text(row.priority)}", style="not bold")

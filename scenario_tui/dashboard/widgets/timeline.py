@@ -177,7 +177,10 @@ def _words(
         return [(f"{strip.name[: width - len(said) - 1]} {said}", NAME)]
     named = [strip.name]
     if len(strip.name) > width and height > _LEAST_ROWS:
-        named = [strip.name[:width], strip.name[width:]]
+        # Between its words, where it has any.
+        cut = strip.name.rfind(" ", 0, width + 1)
+        ends, begins = (cut, cut + 1) if cut > 0 else (width, width)
+        named = [strip.name[:ends], strip.name[begins:]]
     words = [(name, NAME) for name in named]
     if len(said) > width and height > 2 and len(values) > 1:
         words += [(values[0], CURVE), (f"┊ {values[1]}", OTHER)]

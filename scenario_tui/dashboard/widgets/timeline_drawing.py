@@ -33,7 +33,7 @@ STYLES: Final = (
     Style(reverse=True),
     Style(color=_FORBIDDEN),
 )
-_GUTTER: Final = 24
+_GUTTER: Final = 27
 """Columns for what a signal is called, its value at the cursor, and its scale."""
 _TICKS: Final = 7
 """Columns of these that the scale takes, where there is room for all of the gutter."""
@@ -134,7 +134,7 @@ class TimelineDrawing:
         self.codes: Codes = np.full((rows, columns), ord(" "), dtype=np.int32)
         self.owners: Codes = np.full((rows, columns), -1, dtype=np.int32)
         # Two values need room beside each other.
-        self.gutter = min(_GUTTER, columns // (3 if len(timelines) == 1 else 2))
+        self.gutter = min(_GUTTER, columns * 3 // 8 if len(timelines) == 1 else columns // 2)
         self.ticks = _TICKS if self.gutter > 2 * _TICKS else 0
         ends = max(max(c.end, c.horizon or c.end) for c in timelines)
         self.span = _Span(min(c.start for c in timelines), ends, max(columns - self.gutter, 1))

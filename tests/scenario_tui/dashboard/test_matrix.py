@@ -224,5 +224,8 @@ def test_what_is_as_expected_is_said_while_another_campaign_has_not_been_judged(
     said = {new.id: waiting, rows[0].id: fine}
     assert overall_conclusion((new, rows[0]), said).glyph_text == "▶ so far fine"
     assert overall_conclusion((new,), said) == waiting
+    said[new.id] = Conclusion("cancelled", "cancelled")
+    assert overall_conclusion((new, rows[0]), said) == fine
+    said[new.id] = waiting
     said[rows[0].id] = unexpected_conclusion(2)
     assert overall_conclusion((new, rows[0]), said).unexpected == 2

@@ -234,3 +234,22 @@ def test_only_changed_parts_of_rows_are_drawn_again() -> None:
     found = [(r.x, r.y, r.width) for r in changed_spans(before, after)]
     assert found == [(3, 2, 3), (30, 2, 1), (39, 4, 1)]
     assert changed_spans(before, before) == []
+
+
+def test_a_long_name_is_written_on_two_lines_cut_between_its_words() -> None:
+    time = np.array([0.0, 10.0])
+    strip = SignalStrip("clearance(0.35 m, 0.20 m)", "m", time, time)
+    timeline = RunTimeline(0.0, 10.0, (strip,), None, (), 0, ())
+    lines = drawn_of(timeline, 72, 8)
+    assert lines[0].startswith("clearance(0.35 m, ")
+    assert lines[1].startswith("0.20 m) ")
+
+
+def test_the_names_of_common_signals_are_whole_beside_the_map_of_a_terminal_of_120() -> None:
+    time = np.array([0.0, 10.0])
+    names = ("clearance(doors)", "clearance(0.55 m)", "mission.distance")
+    strips = tuple(SignalStrip(name, "m", time, time) for name in names)
+    lines = drawn_of(RunTimeline(0.0, 10.0, strips, None, (), 0, ()), 72, 14)
+    assert [name for name in names if any(line.startswith(f"{name} ") for line in lines)] == [
+        *names
+    ]
