@@ -136,7 +136,7 @@ def many_runs() -> Iterator[Measurement]:
 def turn_pages(shown: Terminal) -> Iterator[Measurement]:
     pages = [f"{100 * page + 1}-{100 * page + 100} of" for page in range(1, TURNS + 1)]
     before = cpu(shown.pid)
-    times = [took(shown, "n", lambda page=page: page in shown.text) for page in pages]
+    times = [took(shown, "]", lambda page=page: page in shown.text) for page in pages]
     used = 1e3 * (cpu(shown.pid) - before) / TURNS
     yield spread(f"{MANY:,} runs: the next page", times, at_most(50.0))
     yield Measurement("  CPU of the dashboard for one", used, "CPU ms")
