@@ -6,10 +6,12 @@ import hashlib
 import os
 import subprocess
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from daemon.campaign._campaign import Campaign
-from daemon.model.status import CampaignOrigin
+
+if TYPE_CHECKING:
+    from daemon.model.status import CampaignOrigin
 
 _PATIENCE: Final = 5.0
 """Seconds git may take: of a repository on a slow disk nothing is said then."""
@@ -28,6 +30,9 @@ def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
     ``changed`` means that a file which git knows differs from the commit, or that git does not know
     the campaign's file.
     """
+    # Loaded for who submits: a campaign that is only checked comes from nowhere.
+    from daemon.model.status import CampaignOrigin
+
     digest = hashlib.sha256(campaign.source.encode()).hexdigest()
     unknown = CampaignOrigin(file.name, digest, campaign.seed)
     how = ("--porcelain=v2", "--branch", "--no-ahead-behind", "--untracked-files=no")

@@ -15,6 +15,7 @@ from pydantic import Field
 from daemon.model.attachments import LARGEST_FILE
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec
 from daemon.model.status import PREFIX
+from daemon.model.text_fields import IdText, Sha256Text, ShortText, WorkerId
 
 ASK: Final = f"{PREFIX}/ask"
 """Questions are asked at ``ASK/<name>/<verb>``, under the name of the requester's key."""
@@ -49,13 +50,9 @@ LONGEST_TROUBLE: Final = 2000
 LARGEST_ENCLOSED_TRACE: Final = 256 * 2**10
 """Bytes of a trace that may come along with its result, in one request."""
 
-IdText = Annotated[str, Field(max_length=128)]
-WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
-ShortText = Annotated[str, Field(max_length=400)]
 # Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
 NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
 SimulatedSeconds = Annotated[float, Field(ge=0.0, le=MOST_SIMULATED)]
-Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Base64Text = Annotated[str, Field(max_length=LARGEST_CHUNK * 4 // 3 + 4)]
 
 

@@ -13,11 +13,12 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.messages import LARGEST_PAGE, IdText, NonNegativeInt
+from daemon.model.messages import LARGEST_PAGE, NonNegativeInt
 from daemon.model.packed_submission import PackedSubmission
 from daemon.model.search import Point, SearchTask
 from daemon.model.spec import LeadingMargin
 from daemon.model.status import RunState
+from daemon.model.text_fields import IdText
 from daemon.model.verdicts import Outcome, Verdict
 
 Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]

@@ -7,9 +7,9 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.messages import IdText
 from daemon.model.proposals import ObjectiveValue, Phase
 from daemon.model.search import BundledFile, Point, PointValue, SearchTask
+from daemon.model.text_fields import IdText
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 
 LONGEST_NOTE: Final = 2000

@@ -27,7 +27,11 @@ class MessageBlock:
     @property
     def sizes(self) -> IntArray:
         """Bytes of each record (n,)."""
-        return np.diff(self.offsets, append=len(self.data))
+        # A third of what np.diff takes with its append; asked of every block of every chunk.
+        sizes = np.empty_like(self.offsets)
+        np.subtract(self.offsets[1:], self.offsets[:-1], out=sizes[:-1])
+        sizes[-1:] = len(self.data) - self.offsets[-1:]
+        return sizes
 
 
 @dataclass(frozen=True, slots=True, eq=False)

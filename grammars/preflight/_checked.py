@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from shapely.geometry.base import BaseGeometry
@@ -36,18 +36,31 @@ class CheckedScene:
     @functools.cached_property
     def obstacles(self) -> SolidIndex:
         """The walls, columns and dividers."""
-        return SolidIndex(self.scene)
+        return _solid_index(self.scene)
 
     @functools.cached_property
-    def floors(self) -> list[BaseGeometry]:
+    def floors(self) -> Sequence[BaseGeometry]:
         """The floor of every space, then that of every doorway."""
-        spaces = [valid_polygon(region.outline) for region in self.scene.regions]
-        return spaces + [valid_polygon(doorway.footprint) for doorway in self.scene.doorways]
+        return _floors(self.scene)
 
     def place(self, name: str) -> Where:
         """Return the place of a joint, else of its object, else of everything."""
         owner = name.partition(".")[0]
         return self.places.get(name) or self.places.get(owner) or self.home
+
+
+# Scenarios and the points of a search share their scene: what follows from it alone is made once.
+
+
+@functools.lru_cache(maxsize=4)
+def _solid_index(scene: Scene) -> SolidIndex:
+    return SolidIndex(scene)
+
+
+@functools.lru_cache(maxsize=4)
+def _floors(scene: Scene) -> tuple[BaseGeometry, ...]:
+    rings = [r.outline for r in scene.regions] + [d.footprint for d in scene.doorways]
+    return tuple(valid_polygon(ring) for ring in rings)
 
 
 @functools.lru_cache(maxsize=4)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 from shapely.geometry import Point, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
 from grammars.model.free_space import inscribed_radius, is_overlap, moving_links, swept_area
@@ -14,7 +16,7 @@ from grammars.model.geometry import Point2
 from grammars.model.mission import Mission
 from grammars.model.movers import PLANAR_JOINTS, is_mover
 from grammars.model.robot import Robot
-from grammars.model.scene import Joint, Scene, SceneObject
+from grammars.model.scene import Joint, Link, Scene, SceneObject
 from grammars.preflight._behaviours import check_events, check_triggers, check_walks
 from grammars.preflight._checked import CheckedScene
 from grammars.preflight._doors import colliding_doors
@@ -74,13 +76,11 @@ def check_run(
 def _check_spot(
     checked: CheckedScene, robot: Robot, label: str, point: Point2, place: Where
 ) -> Diagnostic | None:
-    scene = checked.scene
     distance, owner = checked.obstacles.nearest(*point, z_max=robot.height)
     if distance == 0.0:
         return Diagnostic(place, f"{label} is inside of {owner}", "move it into a room")
     spot = Point(point)
-    rooms = [r.outline for r in scene.regions] + [d.footprint for d in scene.doorways]
-    if not any(Polygon(ring).covers(spot) for ring in rooms):
+    if not any(floor.covers(spot) for floor in checked.floors):
         return Diagnostic(
             place,
             f"{label} ({point[0]:g}, {point[1]:g}) is outside of every room",
@@ -181,7 +181,7 @@ def _moving_doors(
         positions = behaviour.positions
         used.setdefault(name, {})[joint] = (min(positions), max(positions))
     sweeps: Sweeps = [
-        (body, link, swept_area(_starting_in_range(body, used[body.name]), link, used[body.name]))
+        (body, link, _swept(body, link, tuple(used[body.name].items())))
         for body in checked.scene.objects
         if body.name in used
         for link in moving_links(body)
@@ -199,6 +199,18 @@ def _moving_doors(
                     Diagnostic(place, message, "the robot may be hit there", Severity.WARNING)
                 )
     return findings
+
+
+@functools.lru_cache(maxsize=256)
+def _swept(
+    body: SceneObject, link: Link, told: tuple[tuple[str, tuple[float, float]], ...]
+) -> BaseGeometry:
+    """Return what a link covers while the joints named move through the ranges they are told.
+
+    Scenarios and the points of a search mostly differ in when a door moves, not in how far.
+    """
+    used = dict(told)
+    return swept_area(_starting_in_range(body, used), link, used)
 
 
 def _starting_in_range(body: SceneObject, used: Mapping[str, tuple[float, float]]) -> SceneObject:

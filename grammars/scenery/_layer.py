@@ -83,6 +83,8 @@ def configure(
     and ``places`` that of each of them, where it is known.
     Raises :class:`InputError` with every override that does not fit.
     """
+    if not overrides:
+        return layer
     groups = {group.name: group for group in layer.groups}
     parameters = {parameter.name: parameter for parameter in layer.parameters}
     findings: list[Diagnostic] = []

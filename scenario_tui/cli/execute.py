@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from daemon.analysis.report import write_campaign_note
 from daemon.batch.client import Client
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
 from daemon.batch.paths import StatePaths, endpoint_text
@@ -56,6 +55,9 @@ def run_here(
     up in ``folder``; everything else the daemon needed is removed, also when the command is
     interrupted.
     """
+    # Reading the ledger and traces comes with it: for who only submits, a seventh of the time.
+    from daemon.analysis.report import write_campaign_note
+
     target = (folder or Path("scenario-results") / submission.campaign).absolute()
     target.mkdir(parents=True, exist_ok=True)
     # First of all: with it the traces of a run that is interrupted can still be reported.

@@ -99,7 +99,10 @@ def first_screen(state: Path) -> Iterator[Measurement]:
                 used.append(times.user + times.system)
                 shown.until("small-1")
                 filled.append(time.perf_counter() - start)
-            numpy.append(cpu_of(NUMPY[1], environment()))
+            start = time.perf_counter()
+            cpu_of(NUMPY[1], environment())
+            numpy.append(time.perf_counter() - start)
+        # By the clock on the wall as well, which other work on the machine makes run for both.
         beside = Reference(NUMPY[0], min(numpy))
         yield Measurement(
             "dashboard's first screen", min(walls), "s", beside, (at_most(0.4),),

@@ -13,7 +13,6 @@ import numpy as np
 from daemon.model.search import Point
 from daemon.search.space import SearchSpace
 from grammars.model.geometry import Floats
-from grammars.variation.designs import halton_points
 
 _TRIES: Final = 10_000
 """Points of a sequence in a row that are taken already, or not allowed."""
@@ -49,6 +48,9 @@ class SearchHistory:
         self._values: Final[dict[int, float | None]] = {}
         self._known: Final[list[KnownResult]] = []
         self._known_below = 0
+        # Loaded for who proposes: a check only asks whether the method of a search fits it.
+        from grammars.variation.designs import halton_points
+
         self._sequence: Final = halton_points(space.dimensions, seed)
 
     def generator(self, number: int) -> np.random.Generator:

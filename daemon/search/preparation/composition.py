@@ -25,7 +25,6 @@ from daemon.campaign import (
     with_overrides,
 )
 from daemon.model.search import ParameterSlot, Point, SearchTask
-from daemon.model.search_answer import PointResult
 from daemon.model.spec import OracleText, RunSpec
 from daemon.search.points import is_as_written
 from grammars.floorplan import FloorPlan
@@ -38,6 +37,7 @@ from grammars.text.sources import reading_only_in
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Candidate, RunCase
+    from daemon.model.search_answer import PointResult
 
 _MOST_SCENES: Final = 64
 """So many scenes are kept: those of repeats, and of points nearby."""

@@ -26,7 +26,7 @@ BUDGETS = (
     ("status", 3, 360, LANGUAGES | BUS),
     ("results nothing", 3, 450, LANGUAGES),
     ("search", 3, 460, LANGUAGES),
-    (f"check {DEMO}", 0, 740, BUS),
+    (f"check {DEMO}", 0, 700, BUS | {"daemon.model.messages", "grammars.variation"}),
     ("check campaigns/demo/flat.fpm", 0, 630, BUS | {"daemon.campaign"}),
 )
 HEAVY = ("numba", "numpy", "pymunk", "textual", "zenoh", "pydantic", "textx", "rdflib", "shapely")
@@ -81,6 +81,11 @@ def test_a_command_loads_no_more_than_it_needs(
     )
     assert not loaded & (NEEDED_BY_FEW | unneeded)
     assert len(loaded) <= most
+
+
+def test_who_submits_loads_nothing_that_reads_ledgers_and_traces() -> None:
+    loaded = _loaded_after("import scenario_tui.cli.execute")
+    assert loaded.isdisjoint({"daemon.analysis", "daemon.batch.ledger", "daemon.trace", "mcap"})
 
 
 def test_the_first_screen_loads_nothing_that_only_answers_of_a_daemon_need() -> None:
