@@ -8,6 +8,7 @@ from __future__ import annotations
 import random
 import time
 import traceback
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final, Literal, Protocol
 
@@ -16,11 +17,12 @@ import numpy as np
 from daemon.judging.oracles import judge_so_far, least_margin
 from daemon.judging.running import RunningJudge
 from daemon.model.deadline import OutOfTime, interruptible
-from daemon.model.live_judgement import LiveJudgement
+from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.spec import Snapshot
 from daemon.model.verdicts import Verdict
 from daemon.run_loop import ProgressCallback
 from daemon.trace import TraceWriter
+from grammars.text.terminal_text import printable
 
 JudgingWanted = Literal["nothing", "margin", "everything"]
 
@@ -28,6 +30,7 @@ _PERIODS: Final = {"margin": 2.0, "everything": 1.0}
 """Seconds of the wall's clock between two judgements, at least."""
 _SHARES: Final = {"margin": 0.05, "everything": 0.1}
 """Share of the run's time that judging takes in the long run, at most."""
+_LONGEST_REASON: Final = 200
 
 
 class JudgementReceiver(Protocol):
@@ -49,6 +52,7 @@ class WatchedRun:
         self._trace, self._on_progress, self._receiver = trace, on_progress, receiver
         self._judge = RunningJudge()
         self._failed = False
+        self._now = 0.0
         # Until when earlier judgements are paid for, at the share of those that tell everything.
         self._next = self._rested = 0.0
         self._early = False
@@ -68,6 +72,9 @@ class WatchedRun:
         # First what is seen, then what is made of it: that may take longer.
         self._on_progress(snapshot)
         began, self._wanted = wanted != self._wanted, wanted
+        self._now = snapshot.time
+        if began and wanted == "everything" and self._failed and self._told is not None:
+            self._tell(self._told)
         if wanted == "nothing" or self._failed:
             return
         now = time.perf_counter()
@@ -120,10 +127,9 @@ class WatchedRun:
                 judgement = self._judge.judge(trace) if wanted == "everything" else None
                 found = judgement.verdicts if judgement else judge_so_far(trace, trace.spec.oracles)
                 self._least = least_margin(found)
-        except (Exception, OutOfTime):
+        except (Exception, OutOfTime) as error:
             # Whatever it is, the run goes on; at its end the same is judged, and told, once more.
-            traceback.print_exc()
-            self._failed = True
+            self._give_up(error, wanted)
             return
         finally:
             random.setstate(chance[0])
@@ -134,8 +140,19 @@ class WatchedRun:
     def _tell(self, judgement: LiveJudgement) -> None:
         try:
             self._receiver.tell(judgement)
-        except Exception:  # what a plug-in says may be nothing that can be written down
-            traceback.print_exc()
-            self._failed = True
+        except Exception as error:  # what a plug-in says may be nothing that can be written down
+            self._give_up(error, "everything")
         else:
             self._told = judgement
+
+    def _give_up(self, error: BaseException, wanted: JudgingWanted) -> None:
+        """Judge no more, and say so to who watches: what was told last no longer holds."""
+        traceback.print_exception(error)
+        self._failed = True
+        words = printable(f"not judged any more while it runs: {error!r}"[:_LONGEST_REASON])
+        line = LogLine(self._now, "oracles", words, "error")
+        # Told again whenever somebody opens the run.
+        self._told = LiveJudgement("", self._now, (), (), (), (), (line,))
+        if wanted == "everything":
+            with suppress(Exception):  # the way there may be what has failed
+                self._receiver.tell(self._told)

@@ -35,6 +35,7 @@ from grammars.text import codec
 
 A = TypeVar("A")
 T = TypeVar("T")
+L = TypeVar("L", LiveSnapshot, LiveJudgement)
 
 # Samples that wait while a call takes long. Events must be many, for a lost one means asking for
 # everything again; of a watched run nobody wants to see but the newest snapshots.
@@ -59,6 +60,18 @@ def _read_snapshot(payload: bytes) -> LiveSnapshot:
 def _read_judgement(payload: bytes) -> LiveJudgement:
     # It has not come through the daemon, which cleans what it takes.
     return unpack_judgement(payload, strip_control_characters)
+
+
+def _of_run(run: str, read: Callable[[bytes], L]) -> Callable[[bytes], L]:
+    """Return a reader that raises ``ValueError`` for what speaks of another run."""
+
+    def read_own(payload: bytes) -> L:
+        told = read(payload)
+        if told.run != run:
+            raise ValueError(f"it speaks of {told.run}")
+        return told
+
+    return read_own
 
 
 class _Feed(threading.Thread, Generic[T]):
@@ -227,12 +240,16 @@ class Client(DaemonClient):
         on_live: Callable[[LiveSnapshot], None],
         on_judged: Callable[[LiveJudgement], None] | None = None,
     ) -> Subscription:
-        """Call back on detailed snapshots of one run while it runs, and on how it is judged."""
+        """Call back on detailed snapshots of one run while it runs, and on how it is judged.
+
+        What comes under its name and speaks of another run is left out.
+        """
         subscription = Subscription()
         self._subscriptions.append(subscription)
         feeds, key = subscription._feeds, f"{LIVE}/*/*/{run}"
-        feeds.append(_Feed(self._session, key, _WATCHED_KEPT, _read_snapshot, on_live))
+        seen = _of_run(run, _read_snapshot)
+        feeds.append(_Feed(self._session, key, _WATCHED_KEPT, seen, on_live))
         if on_judged is not None:
-            judged = f"{key}/{JUDGED}"
-            feeds.append(_Feed(self._session, judged, _JUDGED_KEPT, _read_judgement, on_judged))
+            judged = _of_run(run, _read_judgement)
+            feeds.append(_Feed(self._session, f"{key}/{JUDGED}", _JUDGED_KEPT, judged, on_judged))
         return subscription

@@ -28,13 +28,15 @@ class Judging:
         self.costs: list[float] = []
         self._first, self._later = first, later
         self._wanted: JudgingWanted = "nothing"
-        self.refuses = False
+        self.refuses = self.fails = False
         self._trace = cut(make_trace(along(times(4.0)), goal=mission((5.0, 0.0))), 4.0)
         clock = SimpleNamespace(perf_counter=lambda: self.now)
         monkeypatch.setattr("daemon.run_judge.time", clock)
         self._run = WatchedRun(cast("TraceWriter", self), lambda _: None, self)
 
     def so_far(self, ended: str | None, note: str) -> Trace:
+        if self.fails:
+            raise RuntimeError("the plug-in\x1b[2J broke")
         self.costs.append(self._first if not self.costs else self._later)
         self.now += self.costs[-1]
         return self._trace
@@ -46,6 +48,7 @@ class Judging:
         if self.refuses:
             raise UnicodeEncodeError("utf-8", "\ud800", 0, 1, "what a plug-in says")
         self.told.append(self.now)
+        self.last = judgement
 
     def share(self) -> float:
         """Return how much of the run's time judging took: the first is free, two may be owed."""
@@ -115,3 +118,22 @@ def test_a_judgement_that_cannot_be_told_does_not_end_the_run(
     judging.go_on("nothing", 5.0)
     judging.go_on("everything", 5.0)
     assert len(judging.told) == told
+
+
+@pytest.mark.parametrize("before", ["margin", "everything"])
+def test_who_watches_is_told_that_a_run_is_not_judged_any_more(
+    monkeypatch: pytest.MonkeyPatch, before: JudgingWanted
+) -> None:
+    judging = Judging(monkeypatch, first=0.1, later=0.1)
+    judging.go_on(before, 5.0)
+    judging.fails = True
+    judging.go_on(before, 5.0)
+    judging.go_on("nothing", 5.0)
+    told = len(judging.told)
+    judging.go_on("everything", 5.0)
+    assert len(judging.told) == told + 1
+    assert judging.last.verdicts == ()
+    (line,) = judging.last.log
+    assert (line.time, line.level) == (SNAPSHOT.time, "error")
+    assert line.text.startswith("not judged any more while it runs: RuntimeError('the plug-in")
+    assert "\x1b[" not in line.text

@@ -240,8 +240,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self._judgement = judgement
             self._so_far = live_timeline(judgement, detail.spec, self._limits or ())
             signals.show((self._so_far,), judgement.time)
-        if judgement is None and _unfinished(detail):
-            # Before the first one, and where none comes, snapshots tell something, too.
+        if not (judgement and judgement.signals) and _unfinished(detail):
+            # Before the first one, and where none comes any more, snapshots tell something, too.
             before = self._so_far
             self._so_far = heard_timeline(track.heard_of, detail.spec) if track else None
             if self._so_far and (before is None or before.end != self._so_far.end):

@@ -11,7 +11,7 @@ import pytest
 from textual.containers import VerticalScroll
 
 from daemon.model.live_checks import read_snapshot
-from daemon.model.live_judgement import LogLine
+from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.live_view import to_centimetres
 from daemon.model.spec import OracleText
 from daemon.model.status import RunDetail, RunState
@@ -87,6 +87,21 @@ async def test_signals_are_drawn_anew_only_when_there_is_a_new_judgement() -> No
         fake.judged[RUN] = make_judgement(time=61.0)
         await settle(pilot)
         assert signals._drawing is not drawing
+
+
+async def test_a_run_that_is_not_judged_any_more_says_so_and_goes_on_to_be_drawn() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        assert "passing so far" in shown(pilot)
+        line = LogLine(60.0, "oracles", "not judged any more while it runs: it broke", "error")
+        fake.judged[RUN] = LiveJudgement(RUN, 60.0, (), (), (), (), (line,))
+        fake.watchers[RUN](make_live(7, 62.0))
+        await settle(pilot)
+        assert "passing so far" not in shown(pilot)
+        assert "not judged any more" in shown(pilot)
+        assert "speed" in shown(pilot)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
