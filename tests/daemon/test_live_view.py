@@ -178,7 +178,9 @@ def test_a_judge_that_fails_fails_alone(
         spec, scene, trace_path=tmp_path / "run.mcap", on_progress=lambda _: None,
         interest=lambda: "everything", judgements=judged,
     )  # fmt: skip
-    assert (result.ended, judged.found) == ("limit", [])
+    assert result.ended == "limit"
+    (told,) = judged.found
+    assert (told.verdicts, [line.level for line in told.log]) == ((), ["error"])
     assert capfd.readouterr().err.count("ZeroDivisionError") == 1
 
 
