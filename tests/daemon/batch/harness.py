@@ -18,6 +18,7 @@ import psutil
 
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
+from tests.daemon.batch.prepared_parts import PreparedProcess, start_prepared
 
 EXECUTOR = "tests.daemon.batch.fake_run:execute"
 ROOT = Path(__file__).parents[3]
@@ -97,10 +98,16 @@ class Part:
     ) -> None:
         self._command = [*through, sys.executable, "-m", module, command, *options]
         self._log = log
-        self.process: subprocess.Popen[bytes] = self._start()
+        # Elsewhere, in benchmarks, what is started is started as by everybody.
+        self._prepared = module == "daemon" and not through and "PYTEST_CURRENT_TEST" in os.environ
+        self.process: subprocess.Popen[bytes] | PreparedProcess = self._start()
 
-    def _start(self) -> subprocess.Popen[bytes]:
+    def _start(self) -> subprocess.Popen[bytes] | PreparedProcess:
         with self._log.open("ab") as output:
+            if self._prepared:
+                part = start_prepared(self._command[3:], ROOT, output.fileno())
+                if part is not None:
+                    return part
             return subprocess.Popen(
                 self._command,
                 cwd=ROOT,

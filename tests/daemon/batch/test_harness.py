@@ -1,13 +1,17 @@
-"""What the tests of daemons stand on: ports that no other process of the tests is given."""
+"""What the tests of daemons stand on: ports of their own, and parts that are forked."""
 
 from __future__ import annotations
 
 import errno
+import signal
 import socket
+import subprocess
+from pathlib import Path
 
 import pytest
 
-from tests.daemon.batch.harness import free_endpoint
+from tests.daemon.batch.harness import ROOT, Part, free_endpoint
+from tests.daemon.batch.prepared_parts import PreparedProcess, start_prepared
 
 
 def test_a_free_endpoint_is_kept_for_who_listens_there() -> None:
@@ -34,3 +38,27 @@ def test_a_free_endpoint_of_all_addresses_is_free_at_each_of_them() -> None:
         with socket.socket(family) as other, pytest.raises(OSError, match="in use"):
             other.bind((host, port))
     socket.create_server(("::", port), family=socket.AF_INET6, dualstack_ipv6=True).close()
+
+
+def test_a_forked_part_is_a_process_as_others_are(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    options = ("--state", str(state), "--listen", free_endpoint(), "--slots", "0")
+    first = Part("serve", tmp_path / "first.log", *options)
+    assert isinstance(first.process, PreparedProcess)
+    with pytest.raises(subprocess.TimeoutExpired):
+        first.wait(0.0)
+    first.kill()
+    assert first.process.poll() == -signal.SIGKILL
+    wrong = Part("serve", tmp_path / "wrong.log", "--slots", "none")
+    assert wrong.wait() == 2
+    assert "invalid int value" in wrong.output
+
+
+def test_in_an_environment_of_its_own_a_part_is_not_forked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert start_prepared(["serve"], ROOT, 1) is None
+    part = Part("serve", tmp_path / "log", "--slots", "none")
+    assert isinstance(part.process, subprocess.Popen)
+    assert part.wait() == 2
