@@ -129,15 +129,20 @@ class _Feed(threading.Thread, Generic[T]):
 
 
 class Subscription:
-    """Calls back with what the daemon publishes, from threads of its own, until closed."""
+    """Calls back with what the daemon publishes, from threads of its own, until closed.
 
-    def __init__(self) -> None:
+    ``forget`` is told when it is: who watches one run after another all day keeps none of them.
+    """
+
+    def __init__(self, forget: Callable[[Subscription], object]) -> None:
         self._feeds: list[_Feed[Any]] = []
+        self._forget = forget
 
     def close(self) -> None:
         """Stop calling back; afterwards no call is under way (unless this is one)."""
         while self._feeds:
             self._feeds.pop().close()
+        self._forget(self)
 
     def __enter__(self) -> Subscription:
         return self
@@ -159,7 +164,7 @@ class Client(DaemonClient):
         self._session = session
         self._credentials = credentials
         self._timeout = timeout
-        self._subscriptions: list[Subscription] = []
+        self._subscriptions: set[Subscription] = set()
         self.endpoint = endpoint
 
     @classmethod
@@ -174,9 +179,8 @@ class Client(DaemonClient):
 
     def close(self) -> None:
         """End the subscriptions and the connection."""
-        for subscription in self._subscriptions:
+        for subscription in tuple(self._subscriptions):
             subscription.close()
-        self._subscriptions.clear()
         # Last: a process that leaves with a subscription open hangs in Zenoh's threads.
         self._session.close()  # type: ignore[no-untyped-call]
 
@@ -225,8 +229,8 @@ class Client(DaemonClient):
         on_live: Callable[[LiveSnapshot], None] | None = None,
     ) -> Subscription:
         """Call back on every event, and on snapshots of running runs."""
-        subscription = Subscription()
-        self._subscriptions.append(subscription)
+        subscription = Subscription(self._subscriptions.discard)
+        self._subscriptions.add(subscription)
         feeds = subscription._feeds
         changes = _from_json(ChangeEvent)
         feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, changes, on_event))
@@ -244,8 +248,8 @@ class Client(DaemonClient):
 
         What comes under its name and speaks of another run is left out.
         """
-        subscription = Subscription()
-        self._subscriptions.append(subscription)
+        subscription = Subscription(self._subscriptions.discard)
+        self._subscriptions.add(subscription)
         feeds, key = subscription._feeds, f"{LIVE}/*/*/{run}"
         seen = _of_run(run, _read_snapshot)
         feeds.append(_Feed(self._session, key, _WATCHED_KEPT, seen, on_live))

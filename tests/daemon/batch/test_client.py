@@ -1,5 +1,7 @@
+import gc
 import signal
 import threading
+import weakref
 from pathlib import Path
 
 import psutil
@@ -126,3 +128,13 @@ def test_closing_twice_and_with_open_subscriptions_is_fine(tmp_path: Path) -> No
         client.events(lambda _: None)
         client.close()
         client.close()
+
+
+def test_subscriptions_that_were_closed_are_not_kept(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+        closed = client.watch("c.0", lambda _: None)
+        closed.close()
+        left = weakref.ref(closed)
+        del closed
+        gc.collect()
+        assert left() is None
