@@ -149,10 +149,18 @@ class WatchedRun:
         """Judge no more, and say so to who watches: what was told last no longer holds."""
         traceback.print_exception(error)
         self._failed = True
-        words = printable(f"not judged any more while it runs: {error!r}"[:_LONGEST_REASON])
+        words = printable(f"not judged any more while it runs: {_name(error)}"[:_LONGEST_REASON])
         line = LogLine(self._now, "oracles", words, "error")
         # Told again whenever somebody opens the run.
         self._told = LiveJudgement("", self._now, (), (), (), (), (line,))
         if wanted == "everything":
             with suppress(Exception):  # the way there may be what has failed
                 self._receiver.tell(self._told)
+
+
+def _name(error: BaseException) -> str:
+    """Return what an error is called, of whatever class of a plug-in it is."""
+    try:
+        return repr(error)
+    except Exception:
+        return type(error).__name__

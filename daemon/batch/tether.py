@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import subprocess
 import sys
 import threading
@@ -26,10 +27,15 @@ def exit_when_stdin_closes() -> None:
 
 def await_stdin_end() -> None:
     """Return when nobody holds the other end of standard input any more."""
+    descriptor = sys.stdin.fileno()
     # A terminal that hung up, or a socket whose peer was killed, ends by an error.
     with suppress(OSError):
-        while os.read(sys.stdin.fileno(), 4096):
-            pass
+        while True:
+            try:
+                if not os.read(descriptor, 4096):
+                    return
+            except BlockingIOError:  # whoever made it does not wait for it: nothing has ended
+                select.select([descriptor], [], [])
 
 
 def end_tethered(process: subprocess.Popen[Any], patience: float) -> None:

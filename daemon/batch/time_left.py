@@ -138,8 +138,8 @@ def follow_time_left(before: TimeLeft, passed: float, found: TimeLeft) -> TimeLe
 def estimate_time_left(work: Sequence[CampaignWork], slots: int) -> TimeLeft:
     """Return how long what is left takes on ``slots``; campaigns of one priority take turns.
 
-    Nothing is known while no slot is there, or while a run waits of which nothing like it has been
-    executed and nothing shows how fast such runs are.
+    Nothing is known while no slot is there, or while a run waits and nothing shows how fast runs
+    are: none has been executed, and none that goes on has come far enough to tell.
     """
     busy = sum(len(one.running) for one in work)
     slots = max(slots, busy)
@@ -234,7 +234,7 @@ def _summed(paces: Iterable[tuple[float, float]]) -> tuple[float, float]:
 class CellTimes:
     """How long runs of a campaign take, by their cell, else by what is most like them.
 
-    Where nothing of it was executed those of ``all_work`` tell.
+    Where nothing of it was executed those of ``all_work`` tell, at last those that go on.
     """
 
     def __init__(self, work: CampaignWork, all_work: Sequence[CampaignWork]) -> None:

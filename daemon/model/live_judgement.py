@@ -14,13 +14,14 @@ from typing import Final
 
 from daemon.model.live_checks import LARGEST_VALUE, check_times
 from daemon.model.verdicts import Verdict, shorten_evidence
+from grammars.model.mission import MOST_WAYPOINTS
 from grammars.text import codec
 
 LARGEST_JUDGEMENT: Final = 2**20
 """Bytes of JSON."""
 _FASTEST: Final = 1
 _MOST_ENTRIES: Final = 4096
-"""Doors' motions, lines of a log, limits of a signal or moments: each is drawn on its own."""
+"""Doors' motions, lines of a log, limits or parts of a signal: each is drawn on its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,9 +148,13 @@ def _check_judgement(judgement: LiveJudgement) -> None:
     check_times(motion.time for motion in judgement.doors)
     check_times(line.time for line in judgement.log)
     check_times(time for time in evidence if time is not None)
-    for told in (judgement.reached, judgement.doors, judgement.log):
-        if len(told) > _MOST_ENTRIES:
-            raise ValueError(f"{len(told)} entries, at most {_MOST_ENTRIES} are told")
+    for told, most in (
+        (judgement.reached, MOST_WAYPOINTS),
+        (judgement.doors, _MOST_ENTRIES),
+        (judgement.log, _MOST_ENTRIES),
+    ):
+        if len(told) > most:
+            raise ValueError(f"{len(told)} entries, at most {most} are told")
     if not 0 <= judgement.log_before <= 2**53:
         raise ValueError(f"{judgement.log_before} lines before the log")
     for signal in judgement.signals:

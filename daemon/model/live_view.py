@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from daemon.model.live_checks import FARTHEST_POINT
+from daemon.model.live_checks import FARTHEST_POINT, LARGEST_VALUE
 from daemon.model.spec import Snapshot
 from daemon.model.sut import Cloud, Estimate
 from grammars.model.geometry import Floats, Point2, Pose2
@@ -79,7 +79,9 @@ def _covariance_xy(belief: Cloud | Estimate | None) -> tuple[float, float, float
     if belief is None:
         return None
     covariance = belief.covariance
-    return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+    known = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+    # One that cannot be drawn would keep all else from being read.
+    return known if all(abs(value) <= LARGEST_VALUE for value in known) else None
 
 
 def _thin_points(points: Floats, most: int) -> Floats:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from grammars.model.geometry import Pose2
+
+MOST_WAYPOINTS: Final = 10_000
+"""Waypoints of a mission file at most."""
 
 
 @dataclass(frozen=True, slots=True)

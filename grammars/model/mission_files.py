@@ -19,7 +19,7 @@ from pydantic import Field
 
 from grammars.model.geometry import Pose2
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, ROBOT_KEYS
-from grammars.model.mission import Mission, Waypoint
+from grammars.model.mission import MOST_WAYPOINTS, Mission, Waypoint
 from grammars.text.diagnostics import Diagnostic, InputError
 from grammars.text.documents import QuantityField, StrictModel, YamlDocument, load_yaml, read_model
 
@@ -79,7 +79,9 @@ class MissionText(StrictModel):
     start: PoseText | None = None
     """Where the robot stands at first; the origin of the map when left out."""
     waypoints: list[WaypointText] = Field(
-        min_length=1, max_length=10_000, examples=[[{"id": "kitchen", "x": 1.5, "y": 0.4}]]
+        min_length=1,
+        max_length=MOST_WAYPOINTS,
+        examples=[[{"id": "kitchen", "x": 1.5, "y": 0.4}]],
     )
     """Places to visit, in this order."""
 

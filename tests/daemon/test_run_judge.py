@@ -28,15 +28,16 @@ class Judging:
         self.costs: list[float] = []
         self._first, self._later = first, later
         self._wanted: JudgingWanted = "nothing"
-        self.refuses = self.fails = False
+        self.refuses = False
+        self.failure: Exception | None = None
         self._trace = cut(make_trace(along(times(4.0)), goal=mission((5.0, 0.0))), 4.0)
         clock = SimpleNamespace(perf_counter=lambda: self.now)
         monkeypatch.setattr("daemon.run_judge.time", clock)
         self._run = WatchedRun(cast("TraceWriter", self), lambda _: None, self)
 
     def so_far(self, ended: str | None, note: str) -> Trace:
-        if self.fails:
-            raise RuntimeError("the plug-in\x1b[2J broke")
+        if self.failure is not None:
+            raise self.failure
         self.costs.append(self._first if not self.costs else self._later)
         self.now += self.costs[-1]
         return self._trace
@@ -126,7 +127,7 @@ def test_who_watches_is_told_that_a_run_is_not_judged_any_more(
 ) -> None:
     judging = Judging(monkeypatch, first=0.1, later=0.1)
     judging.go_on(before, 5.0)
-    judging.fails = True
+    judging.failure = RuntimeError("the plug-in\x1b[2J broke")
     judging.go_on(before, 5.0)
     judging.go_on("nothing", 5.0)
     told = len(judging.told)
@@ -137,3 +138,18 @@ def test_who_watches_is_told_that_a_run_is_not_judged_any_more(
     assert (line.time, line.level) == (SNAPSHOT.time, "error")
     assert line.text.startswith("not judged any more while it runs: RuntimeError('the plug-in")
     assert "\x1b[" not in line.text
+
+
+def test_an_error_that_cannot_say_what_it_is_does_not_end_the_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class WordlessError(Exception):
+        def __str__(self) -> str:
+            raise TypeError("an error of a plug-in may be of any class")
+
+        __repr__ = __str__
+
+    judging = Judging(monkeypatch, first=0.1, later=0.1)
+    judging.failure = WordlessError()
+    judging.go_on("everything", 5.0)
+    assert judging.last.log[0].text == "not judged any more while it runs: WordlessError"

@@ -6,6 +6,7 @@ import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Final, Literal
 
@@ -303,9 +304,13 @@ def _grouped(measures: Sequence[RunMeasure]) -> list[tuple[RunMeasure, ...]]:
 def _compared(
     data: ReportData, measures: Sequence[RunMeasure]
 ) -> tuple[tuple[CellAssessment, tuple[MeasureRow | None, ...]], ...]:
-    """Return the measures of every cell, in the order of ``measures``."""
-    found = []
+    """Return the measures of every cell, in the order of ``measures``; a scenario's together."""
+    # Traces may lie in a folder for each system: then those of a scenario are not side by side.
+    together: dict[str, list[CellAssessment]] = {}
     for cell in data.assessment.cells:
+        together.setdefault(cell.scenario, []).append(cell)
+    found = []
+    for cell in chain.from_iterable(together.values()):
         of = set(cell.runs)
         runs = [run.tracks.measures for run in data.runs if run.record.id in of]
         rows = []

@@ -33,6 +33,7 @@ class AcceptorProcess:
         self._listener = _listen(address)
         self._process: subprocess.Popen[str] | None = None
         self._next_start = 0.0
+        self._problem = ""
         self._held = _hold_port()
         self.port = self._held.getsockname()[1]
 
@@ -67,10 +68,12 @@ class AcceptorProcess:
             )
         except OSError as error:
             # No process to be had just now: those who are connected already need this daemon.
-            self._log.write("acceptor not started", problem=str(error))
+            problem, self._problem = self._problem, str(error)
+            if problem != self._problem:  # twice a second the same would push all else out
+                self._log.write("acceptor not started", problem=self._problem)
             self._next_start = time.monotonic() + _PAUSE
             return
-        self._process = process
+        self._process, self._problem = process, ""
         threading.Thread(target=self._read_reports, args=(process,), daemon=True).start()
         self._log.write("acceptor started", pid=process.pid)
 

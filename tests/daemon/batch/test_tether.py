@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
+import threading
 
 import pytest
+
+from daemon.batch.tether import await_stdin_end
 
 HELD = """
 import os, time
@@ -30,3 +34,31 @@ def test_a_process_ends_with_the_other_end_of_its_tether(unread: bool) -> None:
             assert process.wait(60.0) == 1
         finally:
             process.kill()
+
+
+def test_a_tether_that_does_not_wait_has_not_ended_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+    theirs, ours = os.pipe()
+    os.set_blocking(theirs, False)  # as whoever gave it to us may have left it
+    asked = threading.Event()
+    read = os.read
+
+    def watched_read(descriptor: int, size: int) -> bytes:
+        try:
+            return read(descriptor, size)
+        except BlockingIOError:
+            asked.set()
+            raise
+
+    with os.fdopen(theirs) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        monkeypatch.setattr(os, "read", watched_read)
+        waiting = threading.Thread(target=await_stdin_end)
+        waiting.start()
+        assert asked.wait(60.0)
+        asked.clear()
+        os.write(ours, b"?")  # still held
+        assert asked.wait(60.0)
+        assert waiting.is_alive()
+        os.close(ours)
+        waiting.join(60.0)
+        assert not waiting.is_alive()

@@ -24,6 +24,7 @@ from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.model.geometry import Pose2
+from grammars.model.mission import MOST_WAYPOINTS
 from grammars.text import codec
 
 SNAPSHOT = LiveSnapshot(
@@ -54,6 +55,11 @@ def changed(value: Any, path: str, new: object) -> bytes:
     return json.dumps(document).encode()
 
 
+def test_a_run_is_told_by_every_waypoint_that_a_mission_may_have() -> None:
+    done = replace(JUDGEMENT, reached=tuple(map(float, range(MOST_WAYPOINTS))))
+    assert unpack_judgement(pack_judgement(done)) == done
+
+
 def test_what_runs_tell_is_read() -> None:
     assert read_snapshot(codec.to_json(SNAPSHOT)) == SNAPSHOT
     assert unpack_judgement(pack_judgement(JUDGEMENT)) == JUDGEMENT
@@ -77,7 +83,7 @@ def test_a_snapshot_that_no_run_tells_is_refused(path: str, value: object) -> No
     ("path", "value"),
     [
         ("time", FAR), ("log_before", -1), ("log_before", 10**400), ("reached", [FAR]),
-        ("reached", [1.0] * 5000), ("doors.0.time", -FAR), ("log.0.time", FAR),
+        ("reached", [1.0] * (MOST_WAYPOINTS + 1)), ("doors.0.time", -FAR), ("log.0.time", FAR),
         ("verdicts.0.verdict.evidence.time", FAR), ("signals.0.start", -FAR),
         ("signals.0.start", 5.0), ("signals.0.end", FAR), ("signals.0.low", [0.0]),
         ("signals.0.low", [0.0, -FAR]), ("signals.0.high", [FAR, 0.0]),

@@ -244,7 +244,8 @@ class RemoteLauncher:
             if time.monotonic() - looked_at >= _TICK:
                 looked_at = time.monotonic()
                 if not wanted():
-                    self._send(LaunchRequest(key))
+                    with suppress(OSError):  # the launcher has just ended: its reader says so
+                        self._send(LaunchRequest(key))
             try:
                 report = inbox.get(timeout=_TICK)
             except Empty:

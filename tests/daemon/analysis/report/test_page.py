@@ -154,6 +154,20 @@ def test_tables_can_be_scrolled_by_keys_and_no_head_is_empty(tree: Element) -> N
         assert sum(covered) == len(list(table.iter(f"{HTML}tr"))) - 1
 
 
+def test_measures_of_a_scenario_stand_together_in_whatever_order_its_traces_are(
+    data: ReportData, page: str
+) -> None:
+    cells = sorted(data.assessment.cells, key=lambda cell: cell.sut)
+    assert len({cell.scenario for cell in cells[:2]}) == 2
+    shuffled = replace(data, assessment=replace(data.assessment, cells=tuple(cells)))
+
+    def heads(page: str) -> list[tuple[str, str | None]]:
+        found = section(parse(page), "measures").iter(f"{HTML}th")
+        return sorted((words(e), e.get("rowspan")) for e in found if e.get("scope") == "rowgroup")
+
+    assert heads(write_page(shuffled, (), processes=1)) == heads(page)
+
+
 def test_numbers_beside_axes_are_not_cut(data: ReportData) -> None:
     """Millimetres have more digits than metres, and are as near to the edge."""
     small = tuple(

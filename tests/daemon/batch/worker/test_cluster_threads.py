@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from daemon.batch.worker import Attempt
+from daemon.batch.worker._attempts import AttemptEnd
 from daemon.batch.worker.cluster import Gateway, _connection
 from daemon.batch.worker.cluster._connection import ClusterConnection
 from daemon.batch.worker.cluster._remote import LaunchReport, RemoteLauncher
@@ -117,3 +118,19 @@ def test_who_waits_for_a_launcher_hears_that_it_ended_or_is_not_understood(words
     assert launcher.ended
     assert end is not None
     assert end.why == "the process that starts runs ended"
+
+
+def test_a_launcher_that_ends_while_its_run_is_stopped_has_ended_and_lacks_no_room() -> None:
+    ours, theirs = Pipe()
+    inbox: SimpleQueue[LaunchReport] = SimpleQueue()
+    launcher: Any = RemoteLauncher.__new__(RemoteLauncher)
+    launcher._wire, launcher._sending, launcher.ended = ours, threading.Lock(), False
+    end = AttemptEnd("the process that starts runs ended")
+
+    def wanted() -> bool:
+        inbox.put(LaunchReport("key", end=end))  # as its reader does, at that very moment
+        return False
+
+    theirs.close()
+    with ours:
+        assert launcher._await("key", inbox, wanted, lambda _: None) == end
