@@ -68,7 +68,7 @@ async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map() -> No
         await look_at(pilot)
         for words in (
             "✓ passing so far  clear  +0.06 m", "nearest at 27.0 s, door-1",
-            "… waiting  reached", "now 1 of 3 waypoints reached",
+            "… waiting  reached", "so far 1 of 3 waypoints reached",
             "clearance", "limit 0.05 m", "1 w1─◇─", "54.00 s  pilot", "robot",
         ):  # fmt: skip
             assert words in shown(pilot)
