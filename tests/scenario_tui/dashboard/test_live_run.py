@@ -422,6 +422,18 @@ async def test_a_run_that_begins_anew_is_followed_from_its_start() -> None:
     assert (transport.time, transport.follows) == (3.0, True)
 
 
+async def test_a_run_that_begins_anew_has_not_failed_yet() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement(contact=True)
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        assert [one.oracle for one in pilot.app.screen.moments()] == ["no-contact"]
+        del fake.judged[RUN]
+        fake.watchers[RUN](make_live(7, 0.0))
+        await settle(pilot)
+        assert not pilot.app.screen.moments()
+
+
 async def test_where_all_is_in_view_tab_goes_to_the_log_and_back() -> None:
     fake = running()
     fake.judged[RUN] = make_judgement()
