@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from textual.events import Key
 
 from daemon.model.status import LiveSnapshot
 from scenario_tui.dashboard.screens.run import RunScreen
@@ -112,6 +113,19 @@ async def test_the_oracle_is_worth_more_than_the_bar_and_the_name(oracle: str, b
 def test_the_bar_of_a_run_does_not_move_what_follows_while_its_time_grows() -> None:
     runs = [RunningRun("c.1", "S1/pilot/1", live(7, time).snapshot) for time in (9.0, 99.0, 300.0)]
     assert len({run_line(one).plain.index(" wp") for one in runs}) == 1
+
+
+@pytest.mark.parametrize("campaign", ["", CAMPAIGN])
+async def test_keys_typed_without_a_pause_go_to_the_run_under_way(campaign: str) -> None:
+    async with opened(busy(3)) as pilot:
+        await settle(pilot)
+        if campaign:
+            await look_at(pilot, campaign)
+        for key in ("tab", "j", "enter"):
+            pilot.app.post_message(Key(key, None))
+        await settle(pilot)
+        assert isinstance(pilot.app.screen, RunScreen)
+        assert pilot.app.screen._run == f"{CAMPAIGN}.8"
 
 
 def test_a_long_name_keeps_its_end() -> None:
