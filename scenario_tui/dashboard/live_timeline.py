@@ -64,6 +64,11 @@ class LiveTransport(ReplayTransport):
             self.playing = not self.playing
 
 
+def follows(transport: ReplayTransport | None) -> bool:
+    """Whether what is shown goes along with a run that goes on."""
+    return isinstance(transport, LiveTransport) and transport.follows
+
+
 def live_timeline(
     judgement: LiveJudgement, spec: RunSpec, limits: Sequence[ComparedLimit]
 ) -> RunTimeline:

@@ -69,7 +69,8 @@ def _waiting_text(verdict: Verdict) -> Text:
     parts = [quantity(seen.value, verdict.unit)] if seen.value is not None else []
     parts += [seen.object, seen.note_text.partition("\n")[0]]
     if any(parts):
-        text.append(f"\n    now {', '.join(filter(None, parts))}", style=QUIET)
+        # Not "now": of most oracles it is the best of all moments until now.
+        text.append(f"\n    so far {', '.join(filter(None, parts))}", style=QUIET)
     return text
 
 

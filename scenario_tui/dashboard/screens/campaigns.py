@@ -147,7 +147,9 @@ class CampaignsScreen(SteeringScreen):
     def action_part(self) -> None:
         """Give the keys to the runs under way, or back to the table."""
         grid, table = self.query_one(RunningGrid), self.query_one(KeyedTable)
-        (grid if grid.display and not grid.has_focus else table).focus(scroll_visible=False)
+        # At once: the next key may wait already, and is not for who had the keys before.
+        there = grid.display and self.focused is not grid
+        self.set_focus(grid if there else table, scroll_visible=False)
 
     def _nothing(self, state: DashboardState) -> str:
         if state.connected:

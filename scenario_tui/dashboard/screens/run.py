@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -14,32 +13,28 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import OptionList, Static
 
-from daemon.model.live_judgement import LiveJudgement
-from daemon.model.status import CampaignRow, RunDetail, RunState
+from daemon.model.status import CampaignRow, RunDetail
 from daemon.model.verdicts import Verdict
-from scenario_tui.dashboard.live_timeline import (
-    LiveTransport,
-    decided_moments,
-    heard_timeline,
-    live_timeline,
-)
-from scenario_tui.dashboard.live_tracks import Track
+from scenario_tui.dashboard.live_timeline import LiveTransport, follows
 from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
 from scenario_tui.dashboard.screens.run_log import log_text
-from scenario_tui.dashboard.screens.run_panel import RunMap, heard_view, top_view_of, track_of
+from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
+from scenario_tui.dashboard.screens.unfinished_run import (
+    UnfinishedRun,
+    is_running,
+    live_text,
+)
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
     FailureMoment,
     ReplayTransport,
     RunTimeline,
-    clearance_along,
     limits_of,
 )
 from scenario_tui.dashboard.state import DashboardState, Query
-from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
@@ -48,25 +43,17 @@ from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     QUIET,
-    UNSURE,
-    duration,
     glyph_word,
     run_label,
     run_word,
 )
-from scenario_tui.text.provisional_text import worst_text
 from scenario_tui.text.run_text import run_text
 
 if TYPE_CHECKING:
-    from grammars.oracle import ComparedLimit
     from scenario_tui.dashboard.playback import Playback
 
 _VAST: Final = 170
 """Columns from which on map and signals stand side by side."""
-_SILENT: Final = 5.0
-"""Seconds after which a run that says nothing is said to be silent."""
-_PATIENCE: Final = 30.0
-"""Seconds after which somebody who looks is told that no signals come."""
 
 
 class RunScreen(PlayingScreen, SteeringScreen):
@@ -95,12 +82,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self._opened: Path | None = None
         self._damage = ""
         self._shown: object = None
-        self._track: Track | None = None
-        self._judgement: LiveJudgement | None = None
-        self._so_far: RunTimeline | None = None
-        self._limits: tuple[ComparedLimit, ...] | None = None
+        self._unfinished = UnfinishedRun()
+        self._limits_asked = False
         self._since = 0.0
-        self._live_view: View | None = None
 
     def body(self) -> ComposeResult:
         """Words on the left; map and signals on the right, or one of them alone."""
@@ -154,7 +138,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def renamed_keys(self) -> dict[str, str]:
         """What follows a run that goes on is stopped by the key that plays."""
-        return super().renamed_keys() | ({"replay-play": "Stay"} if self._following else {})
+        return super().renamed_keys() | ({"replay-play": "Stay"} if follows(self.transport) else {})
 
     def trail(self) -> str:
         """Where we are."""
@@ -164,9 +148,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def moments(self) -> Sequence[FailureMoment]:
         """Return when its oracles were decided against, of a run that goes on until now."""
-        if self._playback is not None:
-            return self._playback.moments
-        return decided_moments(self._judgement) if self._judgement is not None else ()
+        return (self._playback or self._unfinished).moments
 
     def _detail(self) -> RunDetail | None:
         return self.dashboard.daemon_state.detail_of(self._run)
@@ -176,7 +158,11 @@ class RunScreen(PlayingScreen, SteeringScreen):
         detail = self._detail()
         if detail is None:
             return
-        track, seen = self._last_heard(detail), state.recording_of(self._run)
+        self._unfinished.hear(detail, track_of(self.dashboard, detail))
+        if not self._limits_asked and is_running(detail):
+            self._limits_asked = True
+            self._read_limits(detail)
+        seen = state.recording_of(self._run)
         if (
             isinstance(seen, TraceSummary)
             and detail.result is not None
@@ -184,29 +170,19 @@ class RunScreen(PlayingScreen, SteeringScreen):
         ):
             self._opened = seen.path
             self._open(seen.path, detail.result.verdicts)
-        self._words(detail, track)
+        self._words(detail)
         if self._playback is None:
-            self._show_live(detail, state, track)
+            self._show_live(detail, state)
         self._say(detail)
-
-    def _last_heard(self, detail: RunDetail) -> Track | None:
-        """Return what was heard of the run, also when it is over, until its trace is read."""
-        track = track_of(self.dashboard, detail)
-        if track is not None or _unfinished(detail):
-            self._track = track
-        if self._limits is None and _runs(detail):
-            self._limits = ()
-            self._read_limits(detail)
-        return self._track
 
     @work(thread=True)
     def _read_limits(self, detail: RunDetail) -> None:
         """Read the oracles of a run outside the thread that draws: their language loads slowly."""
-        self._limits = limits_of(detail.spec.oracles)
-        self._judgement = None
+        self._unfinished.compare(limits_of(detail.spec.oracles))
 
-    def _words(self, detail: RunDetail, track: Track | None) -> None:
+    def _words(self, detail: RunDetail) -> None:
         """Show verdicts once there are any, and the log."""
+        track = self._unfinished.track
         result, judgement = detail.result, track.judgement if track else None
         so_far = judgement.verdicts if judgement else ()
         judged = result is not None or bool(so_far)
@@ -225,7 +201,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         if self._shown != shown:
             if self._shown is None:
                 # What is going on for a run that runs, why it failed for one that is over.
-                self.show_view(self.VIEWS.index("map") if _runs(detail) else 0)
+                self.show_view(self.VIEWS.index("map") if is_running(detail) else 0)
                 self._since = self.dashboard.clock()
             self._shown = shown
             words = log_text(detail, self._playback, judgement=judgement)
@@ -235,8 +211,10 @@ class RunScreen(PlayingScreen, SteeringScreen):
             if bool(grows) != log.is_anchored:
                 log.anchor(bool(grows))
 
-    def _show_live(self, detail: RunDetail, state: DashboardState, track: Track | None) -> None:
+    def _show_live(self, detail: RunDetail, state: DashboardState) -> None:
         """Show the map and the signals as they are now, or why there is nothing to see."""
+        live = self._unfinished
+        track = live.track
         view, why = top_view_of(state, detail, track)
         why = self._damage or why
         above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
@@ -245,31 +223,19 @@ class RunScreen(PlayingScreen, SteeringScreen):
         above.explain(why)
         self.query_one("#starting", Static).update(Text(starting))
         self.set_class(bool(starting), "-starting")
-        judgement = track.judgement if track else None
-        if judgement is not None and judgement is not self._judgement and judgement.signals:
-            self._judgement = judgement
-            self._so_far = live_timeline(judgement, detail.spec, self._limits or ())
-            self._grow(signals, self._so_far)
-        if not (judgement and judgement.signals) and _unfinished(detail):
-            # Before the first one, and where none comes any more, snapshots tell something, too.
-            before = self._so_far
-            self._so_far = heard_timeline(track.heard_of, detail.spec) if track else None
-            if self._so_far and (before is None or before.end != self._so_far.end):
-                self._grow(signals, self._so_far)
-        untold = "" if self._so_far else self._untold(detail, track)
+        if live.grow(detail) and live.timeline is not None:
+            self._grow(signals, live.timeline)
+        reason = live.why_untold(detail, self.dashboard.clock() - self._since)
+        untold = "" if live.timeline else reason
         show_message_or(self.query_one("#untold"), signals, why or untold)
-        told = not (why or untold)
         self.set_class(bool(untold) and not why, "-untold")
-        soon = "" if judgement or not _runs(detail) else self._untold(detail, track)
-        self.query_one("#signs").display = told
+        soon = is_running(detail) and not (track and track.judgement)
+        self.query_one("#signs").display = not (why or untold)
         # As text: what a system waits for may have brackets, which are markup otherwise.
-        self.query_one("#signs", Static).update(Text(soon or SIGNS))
+        self.query_one("#signs", Static).update(Text(reason if soon else SIGNS))
         if not why and view is not None:
-            if self._so_far and track and judgement:
-                known, limit = clearance_along(self._so_far.strips, track.times)
-                view = replace(view, clearances=known, limit=limit)
-            self._live_view = view
-            above.show(self._seen_then(track))
+            live.take_map(view)
+            above.show(live.view_at(self.transport))
 
     def _grow(self, signals: TimelineView, known: RunTimeline) -> None:
         """Show signals that have grown; the cursor goes along unless somebody went back."""
@@ -281,31 +247,6 @@ class RunScreen(PlayingScreen, SteeringScreen):
         transport.grow(known.start, known.end)
         signals.show((known,), transport.time)
 
-    def _seen_then(self, track: Track | None) -> View | None:
-        """Return the map of the moment shown, as it is now where nothing else is known."""
-        transport, view = self.transport, self._live_view
-        if view is None or track is None or self._following or transport is None:
-            return view
-        return heard_view(view, track, transport.time) or view
-
-    @property
-    def _following(self) -> bool:
-        return isinstance(self.transport, LiveTransport) and self.transport.follows
-
-    def _untold(self, detail: RunDetail, track: Track | None) -> str:
-        """Return why there are no signals (yet)."""
-        if detail.row.state is RunState.QUEUED:
-            return "This run is queued. Its signals are drawn while it runs."
-        if not _runs(detail):
-            return "Its trace is being read."
-        if track is None:
-            return "Nothing was heard of this run yet: its worker prepares it."
-        if track.snapshot.waiting:
-            return f"{track.snapshot.waiting}\n\nSignals begin with simulated time, when it is up."
-        if self.dashboard.clock() - self._since > _PATIENCE:
-            return "Its worker tells no signals: they are drawn when the run is over."
-        return "Signals and verdicts so far come in a moment."
-
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
         word = run_word(detail.row)
@@ -315,25 +256,11 @@ class RunScreen(PlayingScreen, SteeringScreen):
             reached = self._playback.reached(self.transport.time)
             said.append(f"  {clock_line(self.transport)}  {reached}/{self._playback.waypoints} wp")
         elif track is not None:
-            self._say_live(said, track)
+            silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
+            said.append_text(live_text(track, silence, self.transport, self.key("end"), wide=wide))
         tabs = "" if self.has_class("-wide") else self.tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
-
-    def _say_live(self, said: Text, track: Track) -> None:
-        now, silence = track.snapshot, self.dashboard.tracks.silence(track)
-        if isinstance(self.transport, LiveTransport) and not self._following:
-            said.append(f"  {clock_line(self.transport)}", style=UNSURE)
-            said.append(f"  {self.key('end')} follows again", style=QUIET)
-            return
-        far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s"
-        if self.has_class("-wide") or now.margin is None:  # else the margin would be cut
-            far += f" of {now.limit:.0f} s"
-        if silence > _SILENT:
-            said.append(f"  last heard {duration(silence)} ago", style=UNSURE)
-        said.append(f"  {now.waiting or far}", style="default not bold")
-        if worst := worst_text(now.margin, now.unit, now.oracle):
-            said.append("  ").append_text(worst)
 
     def show_moment(self, window: float = FLASH) -> None:
         """Show map and cursor at the moment."""
@@ -344,8 +271,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
             return
         if playback is not None:
             self.query_one("#map", TopView).show(playback.view(transport.time, window=window))
-        elif (track := track_of(self.dashboard, detail)) is not None:
-            self.query_one(RunMap).show(self._seen_then(track))
+        else:
+            self.query_one(RunMap).show(self._unfinished.view_at(transport))
         self.query_one("#signals", TimelineView).move(transport.time)
         self._say(detail)
 
@@ -389,9 +316,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         signals.show((playback.timeline,))
         # Who watched it to its end stays there; who opens it sees the moment that tells most.
         # Who went back in it stays at that moment.
-        before, watched = self.transport, self._so_far is not None
+        before, watched = self.transport, self._unfinished.timeline is not None
         now = playback.end if watched else playback.start
-        if before is not None and not self._following:
+        if before is not None and not follows(before):
             now = before.time
         self.begin(ReplayTransport(playback.start, playback.end, now, playing=False))
         if not watched:
@@ -443,11 +370,3 @@ class RunScreen(PlayingScreen, SteeringScreen):
         from scenario_tui.dashboard.screens.compare import mark_or_compare
 
         mark_or_compare(self.dashboard, self._run)
-
-
-def _runs(detail: RunDetail) -> bool:
-    return detail.row.state is RunState.RUNNING
-
-
-def _unfinished(detail: RunDetail) -> bool:
-    return detail.row.state in (RunState.QUEUED, RunState.RUNNING)

@@ -34,6 +34,8 @@ _LABEL: Final = 20
 """Columns of its name at least; longer ones take what the cell has left, and keep their end."""
 _REST: Final = _CELL - _LABEL
 _BAR: Final = 12
+_SHORT_BAR: Final = 6
+"""Columns of every bar where what follows one does not fit otherwise."""
 _SILENT: Final = 5.0
 """Seconds after which a run that says nothing is said to be silent."""
 _ROOM: Final = 4
@@ -155,12 +157,11 @@ class RunningGrid(Widget, can_focus=True):
         text.append("" if self.has_focus else "  tab to choose", style=QUIET)
         across = self._across()
         width = (self.size.width or self.screen.size.width) // across
-        longest = max((len(one.label) for one in self._runs), default=0)
-        names = max(_LABEL, min(longest, width - _REST))
+        names, bar = _fit_columns(self._runs, width)
         chosen = self.chosen if self.has_focus else ""
         for place, one in enumerate(self._runs):
             text.append("\n" if place % across == 0 else "")
-            cell = run_line(one, names)
+            cell = run_line(one, names, bar)
             cell.truncate(width - 1, overflow="ellipsis", pad=True)
             if one.run == chosen:
                 cell.stylize("reverse")
@@ -199,9 +200,25 @@ class RunningGrid(Widget, can_focus=True):
             self.post_message(self.Opened(self.chosen))
 
 
-def run_line(one: RunningRun, width: int = _LABEL) -> Text:
-    """Return a run under way: its label in ``width`` columns, bar and time of its limit, waypoints,
-    least margin so far.
+def _fit_columns(runs: Sequence[RunningRun], width: int) -> tuple[int, int]:
+    """Return the columns of names and of bars in cells of ``width``.
+
+    Whose margin is the least is worth more than a long bar, and that more than a long name.
+    """
+    longest = max((len(one.label) for one in runs), default=0)
+    names = max(_LABEL, min(longest, width - _REST))
+
+    def too_long(bar: int) -> int:
+        return max((run_line(one, names, bar).cell_len for one in runs), default=0) - width + 1
+
+    if too_long(_BAR) <= 0:
+        return names, _BAR
+    return max(_LABEL, names - max(too_long(_SHORT_BAR), 0)), _SHORT_BAR
+
+
+def run_line(one: RunningRun, width: int = _LABEL, bar: int = _BAR) -> Text:
+    """Return a run under way: its label in ``width`` columns, ``bar`` columns of the time of its
+    limit that is over, that time, waypoints, least margin so far.
     """
     fits = len(one.label) <= width
     label = one.label if fits else f"…{one.label[len(one.label) - width + 1 :]}"
@@ -212,9 +229,10 @@ def run_line(one: RunningRun, width: int = _LABEL) -> Text:
     if seen.waiting:
         return text.append(seen.waiting, style=QUIET)
     share = min(max(seen.time / seen.limit, 0.0), 1.0) if seen.limit > 0.0 else 1.0
-    done = round(share * _BAR)
-    text.append("━" * done, style=BUSY).append("─" * (_BAR - done), style=QUIET)
-    text.append(f"  {seen.time:.0f} of {seen.limit:.0f} s".ljust(18))
+    done = round(share * bar)
+    text.append("━" * done, style=BUSY).append("─" * (bar - done), style=QUIET)
+    limit = f"{seen.limit:.0f}"
+    text.append(f"  {seen.time:>{len(limit)}.0f} of {limit} s  ")
     text.append(f"{seen.reached}/{seen.waypoints} wp  ")
     if one.silence > _SILENT:
         text.append(f"last heard {duration(one.silence)} ago  ", style=UNSURE)

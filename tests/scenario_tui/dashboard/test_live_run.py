@@ -68,7 +68,7 @@ async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map() -> No
         await look_at(pilot)
         for words in (
             "✓ passing so far  clear  +0.06 m", "nearest at 27.0 s, door-1",
-            "… waiting  reached", "now 1 of 3 waypoints reached",
+            "… waiting  reached", "so far 1 of 3 waypoints reached",
             "clearance", "limit 0.05 m", "1 w1─◇─", "54.00 s  pilot", "robot",
         ):  # fmt: skip
             assert words in shown(pilot)
@@ -420,6 +420,18 @@ async def test_a_run_that_begins_anew_is_followed_from_its_start() -> None:
     transport.go(20.0)
     transport.grow(0.0, 3.0)
     assert (transport.time, transport.follows) == (3.0, True)
+
+
+async def test_a_run_that_begins_anew_has_not_failed_yet() -> None:
+    fake = running()
+    fake.judged[RUN] = make_judgement(contact=True)
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        assert [one.oracle for one in pilot.app.screen.moments()] == ["no-contact"]
+        del fake.judged[RUN]
+        fake.watchers[RUN](make_live(7, 0.0))
+        await settle(pilot)
+        assert not pilot.app.screen.moments()
 
 
 async def test_where_all_is_in_view_tab_goes_to_the_log_and_back() -> None:

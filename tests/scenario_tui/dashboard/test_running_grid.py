@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from textual.events import Key
 
 from daemon.model.status import LiveSnapshot
 from scenario_tui.dashboard.screens.run import RunScreen
@@ -93,6 +94,38 @@ async def test_below_the_campaigns_stands_what_is_under_way_of_all(size: tuple[i
         assert "+0.15 m clear" in "".join(lines[place + 1 :])
         await press(pilot, "tab", "enter")
         assert pilot.app.screen._run == f"{CAMPAIGN}.7"
+
+
+@pytest.mark.parametrize(("oracle", "bar"), [("clear", 12), ("no-contact-doors", 6)])
+async def test_the_oracle_is_worth_more_than_the_bar_and_the_name(oracle: str, bar: int) -> None:
+    seen = replace(live(7).snapshot, oracle=oracle)
+    grid = RunningGrid()
+    async with opened(FakeDaemon()) as pilot:
+        await pilot.pause(0)
+        await pilot.app.screen.mount(grid)
+        grid.show([RunningRun("c.7", "frontiers S3.6/amcl/4", seen)])
+        line = grid.render().plain.splitlines()[1]
+        assert f"+0.11 m {oracle} " in line
+        assert "S3.6/amcl/4 " in line
+        assert sum(line.count(sign) for sign in "━─") == bar
+
+
+def test_the_bar_of_a_run_does_not_move_what_follows_while_its_time_grows() -> None:
+    runs = [RunningRun("c.1", "S1/pilot/1", live(7, time).snapshot) for time in (9.0, 99.0, 300.0)]
+    assert len({run_line(one).plain.index(" wp") for one in runs}) == 1
+
+
+@pytest.mark.parametrize("campaign", ["", CAMPAIGN])
+async def test_keys_typed_without_a_pause_go_to_the_run_under_way(campaign: str) -> None:
+    async with opened(busy(3)) as pilot:
+        await settle(pilot)
+        if campaign:
+            await look_at(pilot, campaign)
+        for key in ("tab", "j", "enter"):
+            pilot.app.post_message(Key(key, None))
+        await settle(pilot)
+        assert isinstance(pilot.app.screen, RunScreen)
+        assert pilot.app.screen._run == f"{CAMPAIGN}.8"
 
 
 def test_a_long_name_keeps_its_end() -> None:
