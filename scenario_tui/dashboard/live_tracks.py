@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 LiveNews: TypeAlias = "LiveSnapshot | LiveJudgement"
 """What running runs tell of themselves, and no ledger keeps."""
+SILENT: Final = 5.0
+"""Seconds after which a run that says nothing is said to be silent."""
 _KEPT_RUNS: Final = 64
 """Running runs whose tracks are kept; nobody looks at more of them at a time."""
 _KEPT_MOMENTS: Final = 600

@@ -17,7 +17,7 @@ from scenario_tui.dashboard.live_timeline import (
     heard_timeline,
     live_timeline,
 )
-from scenario_tui.dashboard.live_tracks import Track
+from scenario_tui.dashboard.live_tracks import SILENT, Track
 from scenario_tui.dashboard.screens.playing import clock_line
 from scenario_tui.dashboard.screens.run_panel import heard_view
 from scenario_tui.dashboard.signal_strips import (
@@ -33,8 +33,6 @@ from scenario_tui.text.provisional_text import worst_text
 if TYPE_CHECKING:
     from grammars.oracle import ComparedLimit
 
-_SILENT: Final = 5.0
-"""Seconds after which a run that says nothing is said to be silent."""
 _PATIENCE: Final = 30.0
 """Seconds after which somebody who looks is told that no signals come."""
 
@@ -129,7 +127,7 @@ def live_text(
     far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s"
     if wide or now.margin is None:  # else the margin would be cut
         far += f" of {now.limit:.0f} s"
-    if silence > _SILENT:
+    if silence > SILENT:
         said.append(f"  last heard {duration(silence)} ago", style=UNSURE)
     said.append(f"  {now.waiting or far}", style="default not bold")
     if worst := worst_text(now.margin, now.unit, now.oracle):

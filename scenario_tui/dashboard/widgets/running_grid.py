@@ -11,6 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widget import Widget
 
+from scenario_tui.dashboard.live_tracks import SILENT
 from scenario_tui.text.formatting import (
     BUSY,
     DASHBOARD_STYLES,
@@ -36,8 +37,6 @@ _REST: Final = _CELL - _LABEL
 _BAR: Final = 12
 _SHORT_BAR: Final = 6
 """Columns of every bar where what follows one does not fit otherwise."""
-_SILENT: Final = 5.0
-"""Seconds after which a run that says nothing is said to be silent."""
 _ROOM: Final = 4
 """Of the screen's rows, one of so many is for runs under way."""
 _FRAME: Final = 2
@@ -234,6 +233,6 @@ def run_line(one: RunningRun, width: int = _LABEL, bar: int = _BAR) -> Text:
     limit = f"{seen.limit:.0f}"
     text.append(f"  {seen.time:>{len(limit)}.0f} of {limit} s  ")
     text.append(f"{seen.reached}/{seen.waypoints} wp  ")
-    if one.silence > _SILENT:
+    if one.silence > SILENT:
         text.append(f"last heard {duration(one.silence)} ago  ", style=UNSURE)
     return text.append_text(worst_text(seen.margin, seen.unit, seen.oracle))
