@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.amounts import size_text
-from scenario_tui.text.formatting import pluralise
+from grammars.text.words import count_noun
 
 if TYPE_CHECKING:
     from daemon.model.status import DeletedCampaign
@@ -40,7 +40,7 @@ class CampaignAction:
 
     def outcome_text(self, campaign: str, runs: int = 0, **words: object) -> str:
         """Say what became of ``runs`` runs of a campaign."""
-        return self.outcome.format(campaign=campaign, runs=pluralise(runs, "run"), **words)
+        return self.outcome.format(campaign=campaign, runs=count_noun(runs, "run"), **words)
 
 
 PAUSE: Final = CampaignAction(
@@ -94,7 +94,7 @@ def deletion_text(gone: Sequence[DeletedCampaign], *, dry: bool = False) -> str:
         outcome.outcome_text(
             one.campaign,
             one.runs,
-            traces=f"{pluralise(one.traces, 'trace')}, {size_text(one.bytes)}",
+            traces=f"{count_noun(one.traces, 'trace')}, {size_text(one.bytes)}",
         )
         for one in gone
     )

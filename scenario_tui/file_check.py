@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.sources import is_folder, refuse_unreadable
-from scenario_tui.text.formatting import pluralise
+from grammars.text.words import count_noun
 
 if TYPE_CHECKING:
     from daemon.campaign import Campaign
@@ -54,9 +54,9 @@ def _floorplan(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
     plan = load_floorplan(path)
     parts = (
-        pluralise(len(plan.spaces), "space"),
-        pluralise(len(plan.walls), "wall"),
-        pluralise(len(plan.openings), "opening"),
+        count_noun(len(plan.spaces), "space"),
+        count_noun(len(plan.walls), "wall"),
+        count_noun(len(plan.openings), "opening"),
     )
     return f"floor plan with {', '.join(parts)}", _building_findings(plan)
 
@@ -66,9 +66,9 @@ def _walls(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
     plan = load_walls(path)
     parts = (
-        pluralise(len(plan.spaces), "space"),
-        pluralise(len(plan.features), "wall"),
-        pluralise(len(plan.openings), "entryway"),
+        count_noun(len(plan.spaces), "space"),
+        count_noun(len(plan.features), "wall"),
+        count_noun(len(plan.openings), "entryway"),
     )
     return f"walls layer with {', '.join(parts)}", _building_findings(plan)
 
@@ -92,7 +92,7 @@ def _variation(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
     variation = load_variation(path)
     return (
-        f"variation of {variation.plan_name} with {pluralise(len(variation.draws), 'draw')}",
+        f"variation of {variation.plan_name} with {count_noun(len(variation.draws), 'draw')}",
         variation.warnings,
     )
 
@@ -107,13 +107,13 @@ def _mission(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     from grammars.model.mission_files import load_mission
 
     mission, _ = load_mission(path)
-    return f"mission with {pluralise(len(mission.waypoints), 'waypoint')}", ()
+    return f"mission with {count_noun(len(mission.waypoints), 'waypoint')}", ()
 
 
 def _oracles(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     from grammars.oracle import load_oracles
 
-    return pluralise(len(load_oracles(path)), "oracle"), ()
+    return count_noun(len(load_oracles(path)), "oracle"), ()
 
 
 def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
@@ -157,10 +157,10 @@ def check_campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...], Campaign]:
     suts = [*(cell.suts for cell in campaign.cells), *campaign.lost]
     cells, policy = sum(map(len, suts)), campaign.declared.policy
     more = f", up to {cells * policy.at_most:,}" if policy.until_decided else ""
-    scenarios = pluralise(len(suts), "scenario")
-    runs = pluralise(campaign.runs + campaign.lost_runs, "run")
-    searches = f", {pluralise(len(campaign.searches), 'search', 'searches')}"
-    meant = f", {pluralise(len(campaign.allowed), 'warning')} allowed" if campaign.allowed else ""
+    scenarios = count_noun(len(suts), "scenario")
+    runs = count_noun(campaign.runs + campaign.lost_runs, "run")
+    searches = f", {count_noun(len(campaign.searches), 'search', 'searches')}"
+    meant = f", {count_noun(len(campaign.allowed), 'warning')} allowed" if campaign.allowed else ""
     return (
         f"{scenarios}, {runs}{more}{searches if campaign.searches else ''}{meant}",
         found,

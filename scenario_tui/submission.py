@@ -20,7 +20,8 @@ from daemon.model.execution import python_command
 from daemon.model.status import Submission, SubmissionReceipt
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity
-from scenario_tui.text.formatting import duration, pluralise
+from grammars.text.words import count_noun
+from scenario_tui.text.formatting import duration
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import Forecast
@@ -67,7 +68,7 @@ def searches_text(path: Path, names: tuple[str, ...]) -> str:
 
 def receipt_text(receipt: SubmissionReceipt) -> str:
     """Say what became of a submission."""
-    runs = pluralise(receipt.runs, "run")
+    runs = count_noun(receipt.runs, "run")
     if receipt.known:
         return f"{receipt.campaign} is known already, its {runs} are kept (--fresh runs them anew)"
     cached = f", {receipt.cached:,} cached (--fresh runs them anew)" if receipt.cached else ""
@@ -192,9 +193,9 @@ def _forecast(runs: Sequence[RunSpec], state: Path) -> Forecast | None:
 
 def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
     """Say what would be executed, and about how long that takes ``slots`` runs at a time."""
-    cells, runs = pluralise(plan.cells, "cell"), pluralise(plan.runs, "run")
+    cells, runs = count_noun(plan.cells, "cell"), count_noun(plan.runs, "run")
     counted = (
-        f"{cells} × {pluralise(plan.repeats, 'repeat')} = {runs}"
+        f"{cells} × {count_noun(plan.repeats, 'repeat')} = {runs}"
         if plan.repeats
         else (f"{cells}, {runs}")
     )
@@ -212,7 +213,7 @@ def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
     at_once = max(1, min(slots, plan.runs - cached))
     about = "at least" if untimed else "about"
     more = f", {untimed:,} of them unknown" if untimed else ""
-    return f"{known}; {about} {duration(seconds / at_once)} on {pluralise(at_once, 'slot')}{more}"
+    return f"{known}; {about} {duration(seconds / at_once)} on {count_noun(at_once, 'slot')}{more}"
 
 
 def check_file_in_child(

@@ -14,6 +14,7 @@ from pydantic import TypeAdapter
 
 from daemon.campaign import Campaign, load_campaign
 from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search_answer import (
     Confirmation,
     NearestFailure,
@@ -22,7 +23,6 @@ from daemon.model.search_answer import (
     SearchRow,
 )
 from daemon.model.spec import LeadingMargin
-from daemon.model.status import RunState
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.search.methods import make_method
 from daemon.search.space import SearchSpace

@@ -15,9 +15,9 @@ from pydantic import Field
 
 from daemon.model.messages import LARGEST_PAGE, NonNegativeInt
 from daemon.model.packed_submission import PackedSubmission
+from daemon.model.run_state import RunState
 from daemon.model.search import Point, SearchTask
 from daemon.model.spec import LeadingMargin
-from daemon.model.status import RunState
 from daemon.model.text_fields import IdText
 from daemon.model.verdicts import Outcome, Verdict
 

@@ -12,7 +12,7 @@ from datetime import datetime
 from typing import Final
 
 from daemon.model.assessments import AssessmentRules
-from daemon.model.run_state import RunState as RunState
+from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, Snapshot
 from daemon.model.verdicts import Outcome
 from grammars.model.scene import Scene

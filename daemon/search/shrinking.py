@@ -25,9 +25,9 @@ from daemon.analysis.blame import (
     unresolved_candidate,
 )
 from daemon.model.bundles import read_bundle
+from daemon.model.run_state import RunState
 from daemon.model.search import BundledFile
 from daemon.model.search_answer import PointResult, ShrunkScenario
-from daemon.model.status import RunState
 from daemon.search.execution.point_runner import PointRunner, RunPurpose
 from grammars.model.behaviour import Reaction, Walk
 from grammars.text.diagnostics import InputError

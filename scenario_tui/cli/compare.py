@@ -224,14 +224,14 @@ def compare(
 
 def print_comparison(found: CampaignDifference, *, everything: bool = False) -> None:
     """Print what changed from one campaign to the other, what got worse first."""
-    from scenario_tui.text.formatting import pluralise
+    from grammars.text.words import count_noun
 
     console = stdout_console()
     console.print(f"{found.before} → {found.after}", style="bold", markup=False)
     sides = ((found.before, found.unfinished_before), (found.after, found.unfinished_after))
     for name, count in dict(sides).items():
         if count:
-            words = f"{name}: {pluralise(count, 'run')} not finished, compared is the rest"
+            words = f"{name}: {count_noun(count, 'run')} not finished, compared is the rest"
             console.print(words, markup=False, style="yellow", soft_wrap=True)
     for title, cells in (("only before", found.only_before), ("only after", found.only_after)):
         if cells:
@@ -248,7 +248,7 @@ def print_comparison(found: CampaignDifference, *, everything: bool = False) -> 
             console.print(f"and {len(shown) - MAX_LISTED} more")
     # How many were tested is said because Holm's correction depends on it.
     tested = sum(shift.p is not None for shift in found.shifts)
-    quantities = pluralise(tested, "quantity", "quantities")
+    quantities = count_noun(tested, "quantity", "quantities")
     changed = sum(shift.changed for shift in found.shifts)
     console.print(f"\n{quantities} tested (t, Holm at 5 %): {changed} changed", markup=False)
     if found.worse_by is not None:

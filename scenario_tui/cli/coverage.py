@@ -32,11 +32,11 @@ class CoverageOutput(Output, schema="coverage"):
 
     def print(self) -> None:
         """Print a table for each kind of thing that can be covered."""
-        from scenario_tui.text.formatting import pluralise
+        from grammars.text.words import count_noun
 
         found, console = self.coverage, stdout_console()
         basis = "by their traces" if found.recorded else "as planned"
-        console.print(f"{pluralise(found.runs, 'run')}, {basis}")
+        console.print(f"{count_noun(found.runs, 'run')}, {basis}")
         console.print()
         console.print(_feature_table(found))
         _print_pairs(found)

@@ -23,13 +23,13 @@ from daemon.batch.paths import StatePaths, endpoint_text
 from daemon.model.assessments import RunRecord
 from daemon.model.execution import machine_text
 from daemon.model.status import RunRow
+from grammars.text.words import count_noun
 from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import say, stdout_console
 from scenario_tui.cli.progress import watch
 from scenario_tui.cli.results import emit_results, print_commands, print_summary
 from scenario_tui.cli.target import DaemonTarget
-from scenario_tui.text.formatting import pluralise
 from scenario_tui.text.results import CampaignResults, gather_results
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def run_here(
         print_summary(_naming_traces(results), took=time.perf_counter() - started)
         kept = sum(1 for run in results.rows if run.trace)
         stdout_console().print(
-            f"{pluralise(kept, 'trace')} in {typed_path(target)}\n", markup=False, soft_wrap=True
+            f"{count_noun(kept, 'trace')} in {typed_path(target)}\n", markup=False, soft_wrap=True
         )
     return results
 
@@ -98,7 +98,7 @@ def _temporary_state(target: Path, campaign: str) -> Iterator[Path]:
         yield state
     except KeyboardInterrupt:
         kept = _move_traces(state, target, campaign)
-        say(f"\ninterrupted; {pluralise(kept, 'finished trace')} in {typed_path(target)}")
+        say(f"\ninterrupted; {count_noun(kept, 'finished trace')} in {typed_path(target)}")
         raise
     else:
         _move_traces(state, target, campaign)

@@ -63,11 +63,12 @@ class FetchOutput(Output, schema="fetch"):
 
     def print(self) -> None:
         """Print how much it was and where it lies."""
-        from scenario_tui.text.formatting import pluralise, time_text
+        from grammars.text.words import count_noun
+        from scenario_tui.text.formatting import time_text
 
         folders = ", ".join(sorted({str(Path(one.path).parent) for one in self.traces}))
         where = f" in {folders}" if folders else ""
-        count, size = pluralise(len(self.traces), "trace"), self.bytes / 1e6
+        count, size = count_noun(len(self.traces), "trace"), self.bytes / 1e6
         words = f"{count}{where}, {size:.1f} MB, {time_text(self.seconds)}"
         stdout_console().print(words, markup=False, soft_wrap=True)
 

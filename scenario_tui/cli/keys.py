@@ -156,8 +156,8 @@ def revoke(
         say(f'"{key}" is revoked')
         return
     from daemon.batch.security import KEYS_VARIABLE
+    from grammars.text.words import count_noun
     from scenario_tui.cli.target import DaemonTarget
-    from scenario_tui.text.formatting import pluralise
 
     if load_register(place).find(key) is None:
         withdraw(place, key, utc_now())  # says which keys there are
@@ -167,7 +167,7 @@ def revoke(
         found = daemon.deliveries(key)
         if not (as_json or yes):
             VoidOutput(key, False, found.runs, found.held, found.campaigns).print()
-            say(f'"{key}" brought {pluralise(found.runs, "result")} and holds {found.held} leases')
+            say(f'"{key}" brought {count_noun(found.runs, "result")} and holds {found.held} leases')
             typer.confirm("Revoke it, void all of that and run it again?", abort=True, err=True)
         if as_json and not yes:
             VoidOutput(key, False, found.runs, found.held, found.campaigns).emit()
@@ -177,7 +177,7 @@ def revoke(
         runs = daemon.void(key)
     if as_json:
         VoidOutput(key, True, runs, found.held, found.campaigns).emit()
-    say(f'"{key}" is revoked; {pluralise(runs, "run")} queued again')
+    say(f'"{key}" is revoked; {count_noun(runs, "run")} queued again')
 
 
 @keys_app.command(cls=PlainFlagsCommand)

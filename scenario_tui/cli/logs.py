@@ -54,7 +54,7 @@ class LogsOutput(Output, schema="logs"):
     def _print_steps(self) -> None:
         from datetime import datetime
 
-        from scenario_tui.text.formatting import pluralise
+        from grammars.text.words import count_noun
 
         console = stdout_console()
         for step in self.steps:
@@ -65,7 +65,7 @@ class LogsOutput(Output, schema="logs"):
             words = self.standing or "no attempt yet"
             console.print(words, markup=False, soft_wrap=True)
         elif not self.steps:
-            attempts = pluralise(self.attempts, "attempt")
+            attempts = count_noun(self.attempts, "attempt")
             console.print(f"{attempts}; when is not remembered any more")
 
     def _print_recorded(self) -> None:
@@ -87,7 +87,7 @@ class LogsOutput(Output, schema="logs"):
     def _print_printed(self, typed: str, *, everything: bool) -> None:
         from shlex import quote
 
-        from scenario_tui.text.formatting import pluralise
+        from grammars.text.words import count_noun
         from scenario_tui.text.printed_output import SHOWN_LINES, last_lines
 
         console = stdout_console()
@@ -95,7 +95,7 @@ class LogsOutput(Output, schema="logs"):
             lines, hidden = last_lines(text, None if everything else SHOWN_LINES)
             console.print(f"\n{name}", markup=False, style="dim", soft_wrap=True)
             if hidden:
-                more = f"{pluralise(hidden, 'line')} before these"
+                more = f"{count_noun(hidden, 'line')} before these"
                 how = f"scenario show {quote(typed)} --output {quote(name)}"
                 console.print(f"({more}: {how})", markup=False, style="dim", soft_wrap=True)
             for line in lines or ["(nothing)"]:

@@ -133,12 +133,12 @@ def _elapsed(row: CampaignRow) -> float | None:
 
 
 def _print_trace_folder(row: CampaignRow, rows: tuple[RunRow, ...], *, listed: bool) -> None:
+    from grammars.text.words import count_noun
     from scenario_tui.cli.results import print_commands
-    from scenario_tui.text.formatting import pluralise
 
     traces = [run.trace for run in rows if run.trace]
     if traces:
-        where = f"{pluralise(len(traces), 'trace')} in {traces[0].rpartition('/')[0]}"
+        where = f"{count_noun(len(traces), 'trace')} in {traces[0].rpartition('/')[0]}"
         stdout_console().print(where, markup=False, soft_wrap=True)
     runs = (f"scenario results {row.id} --runs", "every run and its trace")
     one = (f"scenario show {rows[0].id if rows else 'RUN'}", "one run: what each oracle says")
@@ -282,7 +282,7 @@ def _with_proposal(daemon: DaemonClient, detail: RunDetail, task: SearchTask) ->
 
 
 def _next_commands(detail: RunDetail, task: SearchTask | None = None) -> Iterable[tuple[str, str]]:
-    from daemon.model.status import RunState
+    from daemon.model.run_state import RunState
 
     row = detail.row
     if row.trace:

@@ -11,11 +11,11 @@ import typer
 
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
 from daemon.model.run_state import RunState
+from grammars.text.words import count_noun
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import open_progress, say
 from scenario_tui.cli.target import DaemonTarget, RunSource, find_campaign, find_run
 from scenario_tui.client import all_runs
-from scenario_tui.text.formatting import pluralise
 from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
 
 def _few(traces: Sequence[Path]) -> str:
     """Return how many traces there are, and the names of the first ones."""
-    count = pluralise(len(traces), "trace")
+    count = count_noun(len(traces), "trace")
     if not traces:
         return count
     names = ", ".join(trace.name for trace in traces[:_NAMED])
@@ -148,7 +148,7 @@ def _say_what_is_missing(campaign: str, traces: int, target: DaemonTarget) -> No
 
 def _say_progress(campaign: CampaignRow, traces: int) -> None:
     if left := unfinished_text(campaign):
-        say(f"{campaign.id} goes on ({left}): {pluralise(traces, 'run')} finished so far")
+        say(f"{campaign.id} goes on ({left}): {count_noun(traces, 'run')} finished so far")
 
 
 def why_without_traces(name: str, target: DaemonTarget) -> str:

@@ -92,8 +92,8 @@ def _check_settings() -> DoctorFinding:
     """Say which file the dashboard takes its settings from, and whether it can."""
     from daemon.batch.operation import DoctorFinding, FindingLevel
     from grammars.text.diagnostics import InputError
+    from grammars.text.words import count_noun
     from scenario_tui.dashboard.config import read_config
-    from scenario_tui.text.formatting import pluralise
 
     try:
         config = read_config()
@@ -109,7 +109,7 @@ def _check_settings() -> DoctorFinding:
         return DoctorFinding(
             FindingLevel.OK, "config", f"{config.path} is not there: everything as usual", ""
         )
-    parts = [pluralise(len(config.keys), "key")] if config.keys else []
+    parts = [count_noun(len(config.keys), "key")] if config.keys else []
     parts += [f"theme {config.theme}"] if config.theme else []
     parts += ["read-only"] if config.read_only else []
     return DoctorFinding(
@@ -173,21 +173,21 @@ class GcOutput(Output, schema="gc"):
     def print(self) -> None:
         """Print a line for each campaign and one for all."""
         from daemon.batch.amounts import size_text
-        from scenario_tui.text.formatting import pluralise
+        from grammars.text.words import count_noun
 
         console = stdout_console()
         for one in self.campaigns:
-            line = f"{one.campaign}  {pluralise(one.traces, 'trace')}  {size_text(one.bytes)}"
+            line = f"{one.campaign}  {count_noun(one.traces, 'trace')}  {size_text(one.bytes)}"
             console.print(line, markup=False, soft_wrap=True)
         for stray in self.strays:
             line = f"{stray.what}  {stray.path}  {size_text(stray.bytes)}"
             console.print(line, markup=False, soft_wrap=True)
         verb = "would remove" if self.dry_run else "removed"
-        gone = pluralise(sum(one.traces for one in self.campaigns), "trace")
+        gone = count_noun(sum(one.traces for one in self.campaigns), "trace")
         words = f"{verb} {gone}, {size_text(self.freed)}; {size_text(self.kept)} of traces stay"
         if self.strays:
             taken = size_text(sum(stray.bytes for stray in self.strays))
-            words += f"; {pluralise(len(self.strays), 'stray')}, {taken}"
+            words += f"; {count_noun(len(self.strays), 'stray')}, {taken}"
         console.print(words, soft_wrap=True)
 
 

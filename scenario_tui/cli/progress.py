@@ -21,6 +21,7 @@ from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
 from daemon.model.verbs import DaemonClient
 from grammars.text.terminal_text import printable_streams
+from grammars.text.words import count_noun
 from scenario_tui.cli.interrupts import stop_if_interrupted
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import ClientOpener
@@ -29,7 +30,6 @@ from scenario_tui.text.formatting import (
     TERMINAL_STYLES,
     duration,
     glyph_word,
-    pluralise,
     rate_text,
     run_counts,
     run_label,
@@ -142,7 +142,7 @@ def run_lines(
 def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tuple[Text, Text]:
     """Return what stands before and after the bar, with or without words and rate."""
     row = progress.row
-    tail = Text(f"{_over(row)}/{pluralise(row.total, 'run')}")
+    tail = Text(f"{_over(row)}/{count_noun(row.total, 'run')}")
     for word, count in run_counts(row).items():
         if word not in ("queued", "running"):
             tail.append(

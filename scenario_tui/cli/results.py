@@ -17,6 +17,7 @@ from daemon.model.assessments import Assessment, AssessmentRules, ComparisonVerd
 from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.words import count_noun
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import Output, plain_table, schema_identifier, stdout_console
 from scenario_tui.text.assessment_text import (
@@ -32,7 +33,6 @@ from scenario_tui.text.formatting import (
     NOTHING,
     TERMINAL_STYLES,
     fine_duration,
-    pluralise,
     quiet_style,
 )
 from scenario_tui.text.results import CampaignResults, conclude
@@ -159,7 +159,7 @@ def _conclusion_line(results: CampaignResults) -> str:
         ExitCode.INFRASTRUCTURE: "some runs could not be executed or judged",
     }.get(ExitCode(code), "not everything is decided")
     if code == ExitCode.INCONCLUSIVE and row.cancelled:
-        said = f"not everything is decided: {pluralise(row.cancelled, 'run')} cancelled"
+        said = f"not everything is decided: {count_noun(row.cancelled, 'run')} cancelled"
     if not row.finished:
         standing = conclude(results.assessment, finished=False).text
         if code == ExitCode.UNEXPECTED:

@@ -276,11 +276,11 @@ def wait(
     import time
     from math import inf
 
+    from grammars.text.words import count_noun
     from scenario_tui.cli.progress import PATIENCE, ask_patiently, watch
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.search import wait_for_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
-    from scenario_tui.text.formatting import pluralise
     from scenario_tui.text.results import conclude, gather_results
 
     limit = read_duration(timeout) if timeout else inf
@@ -305,7 +305,7 @@ def wait(
         emit_results(results)
     said = conclude(results.assessment, finished=row.finished).glyph_text
     if not row.finished:
-        runs = pluralise(row.queued + row.running, "run")
+        runs = count_noun(row.queued + row.running, "run")
         # What is said so far is said, but a campaign that goes on has no verdict yet.
         say(f"{row.id}: {runs} left after {timeout}, {said}")
         raise typer.Exit(ExitCode.INCONCLUSIVE)

@@ -304,23 +304,24 @@ def _hand_over(
 
 def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str:
     """Say what became of a search that was handed over."""
-    from scenario_tui.text.formatting import pluralise
+    from grammars.text.words import count_noun
 
     task, id_ = submission.task, submission.campaign
     if before is None:
-        about = f"{pluralise(len(task.parameters), 'parameter')} of {task.scenario}"
+        about = f"{count_noun(len(task.parameters), 'parameter')} of {task.scenario}"
         return f"submitted {id_}: {about}, {_budget_text(task)}"
     anew = "(--fresh searches anew)"
-    runs = pluralise(before.finished, "run")
+    runs = count_noun(before.finished, "run")
     if before.state == "finished":
         return f"{id_} is known already, its answer is kept {anew}"
     return f"{id_} is known already and goes on after {runs} {anew}"
 
 
 def _budget_text(task: SearchTask) -> str:
-    from scenario_tui.text.formatting import duration, pluralise
+    from grammars.text.words import count_noun
+    from scenario_tui.text.formatting import duration
 
-    runs = f"at most {pluralise(task.runs, 'run')}"
+    runs = f"at most {count_noun(task.runs, 'run')}"
     return f"{runs} or {duration(task.seconds)}" if task.seconds else runs
 
 

@@ -14,6 +14,7 @@ from rich.text import Text
 from daemon.batch.errors import Refused
 from daemon.model.proposals import objective
 from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
+from grammars.text.words import count_noun
 from scenario_tui.cli.progress import (
     WAITING,
     ProgressDisplay,
@@ -22,7 +23,7 @@ from scenario_tui.cli.progress import (
     run_lines,
 )
 from scenario_tui.client import newer_proposals
-from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, duration, margin, pluralise
+from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, duration, margin
 from scenario_tui.text.search_text import (
     SearchTally,
     failures_text,
@@ -100,7 +101,7 @@ class SearchWatch:
         assert self.row is not None
         assert self.tally is not None
         row, tally = self.row, self.tally
-        text = Text(f"{tally.explored}/{pluralise(row.task.runs, 'run')}")
+        text = Text(f"{tally.explored}/{count_noun(row.task.runs, 'run')}")
         if tally.failed:
             words = failures_text(tally.failed) if dispensable < 3 else f"{tally.failed:,}"
             words = f"{GLYPHS['fail']} {words}"

@@ -140,12 +140,12 @@ class LiveServices:
 
     def who(self) -> list[str]:
         """Say who is connected, a line each."""
-        from scenario_tui.text.formatting import pluralise
+        from grammars.text.words import count_noun
 
         lines = [self.without] if self.without else []
         if self.foxglove is not None:
             count = self.foxglove.clients
-            said = pluralise(count, "client") if count else "nobody listens"
+            said = count_noun(count, "client") if count else "nobody listens"
             lines.append(f"Foxglove {self._url()}  {said}")
         if self.bridge is not None:
             lines.append(f"ROS 2 {self.bridge.state}")

@@ -52,7 +52,8 @@ class StatusOutput(Output, schema="status"):
 
     def _print_overview(self) -> None:
         from daemon.batch.paths import endpoint_text
-        from scenario_tui.text.formatting import duration, pluralise, rate_text
+        from grammars.text.words import count_noun
+        from scenario_tui.text.formatting import duration, rate_text
 
         overview, console = self.overview, stdout_console()
         slots = sum(worker.slots for worker in self.workers if not worker.away)
@@ -60,7 +61,7 @@ class StatusOutput(Output, schema="status"):
         console.print(
             f"daemon {overview.version} at {endpoint_text(self.endpoint)}, "
             f"up {duration(overview.now - overview.started_at)}, "
-            f"{pluralise(overview.workers, 'worker')} with {pluralise(slots, 'slot')}"
+            f"{count_noun(overview.workers, 'worker')} with {count_noun(slots, 'slot')}"
             + (f", {away} away" if away else ""),
             soft_wrap=True,
         )

@@ -244,18 +244,18 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 def _facts(line: CheckLine) -> str:
     """Return type, quality of service and counts of a topic or an action."""
-    from scenario_tui.text.formatting import pluralise
+    from grammars.text.words import count_noun
 
     facts = [line.kind, line.qos]
     if line.publishers is not None and line.listeners is not None:
-        facts += [pluralise(line.publishers, "publisher"), pluralise(line.listeners, "listener")]
+        facts += [count_noun(line.publishers, "publisher"), count_noun(line.listeners, "listener")]
     return ", ".join(filter(None, facts))
 
 
 def _summary(lines: tuple[CheckLine, ...]) -> str:
-    from scenario_tui.text.formatting import pluralise
+    from grammars.text.words import count_noun
 
     count = Counter(line.state for line in lines)
     missing = f"{count['missing']} missing" if count["missing"] else "nothing is missing"
-    warnings = f", {pluralise(count['warning'], 'warning')}" if count["warning"] else ""
+    warnings = f", {count_noun(count['warning'], 'warning')}" if count["warning"] else ""
     return f"{missing}{warnings}"

@@ -216,11 +216,11 @@ def _column_name(index: int) -> str:
 
 
 def _summary(written: tuple[VariantFile, ...], number: int | None, folder: Path) -> str:
-    from scenario_tui.text.formatting import pluralise
+    from grammars.text.words import count_noun
 
     outcomes = [entry.outcome for entry in written]
     new = len(outcomes) - outcomes.count("kept") - outcomes.count("unchanged")
-    words = [f"{pluralise(new, 'plan')} written to {folder}"]
+    words = [f"{count_noun(new, 'plan')} written to {folder}"]
     if "unchanged" in outcomes:
         words.append(f"{outcomes.count('unchanged')} there already")
     if "kept" in outcomes:

@@ -14,6 +14,7 @@ from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen, Screen
 from textual.theme import Theme
 
+from grammars.text.words import count_noun
 from scenario_tui.client import ClientOpener
 from scenario_tui.dashboard.background import CommandLines
 from scenario_tui.dashboard.base_app import BaseDashboard
@@ -24,7 +25,6 @@ from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.terminal.background_question import BackgroundQuestion
-from scenario_tui.text.formatting import pluralise
 
 FRAMES: Final = 10
 """How often a second the screen takes over what the feed has found, live maps included."""
@@ -189,7 +189,7 @@ class Dashboard(BaseDashboard):
         said = ["Left the dashboard"]
         if overview is not None and self.daemon_state.connected:
             waiting = overview.queued + overview.running
-            runs = pluralise(waiting, "unfinished run")
+            runs = count_noun(waiting, "unfinished run")
             said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
         said += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
         said = [f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"]

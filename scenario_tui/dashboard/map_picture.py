@@ -16,12 +16,12 @@ from textual.app import App, SuspendNotSupported
 
 from grammars.text.diagnostics import InputError
 from grammars.text.extras import load_extra
+from grammars.text.words import count_noun
 from scenario_tui.dashboard.base_app import BaseDashboard
 from scenario_tui.dashboard.config import Config, config_path, read_config
 from scenario_tui.dashboard.config_file import Pictures
 from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.formatting import pluralise
 from templates.plan_shapes import ShapeRole, footprint_shape, trail_shapes
 from templates.world import ArtefactWorld
 
@@ -43,7 +43,7 @@ def paint_view(view: View, path: Path) -> Path:
         if shape.role is not ShapeRole.TRAIL
         for part in shape.parts
     )
-    stops = pluralise(len(view.mission.waypoints), "waypoint")
+    stops = count_noun(len(view.mission.waypoints), "waypoint")
     (body,) = footprint_shape(view.where, view.robot).parts
     overlay = RunOverlay(
         view.trail,

@@ -19,6 +19,7 @@ from daemon.trace import ScanTrack, Trace, TraceError, read_outputs, read_trace
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
+from grammars.text.words import count_noun
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
     FailureMoment,
@@ -32,7 +33,7 @@ from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
 from scenario_tui.terminal.capabilities import Blocks
-from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET, pluralise
+from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET
 from scenario_tui.text.run_text import verdict_lines
 
 RAYS: Final = 120
@@ -285,7 +286,7 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
 
 def headline(playback: Playback, time: float) -> str:
     """Return the first line: when it is, of how much, and how far the mission is."""
-    done = f"reached {playback.reached(time)} of {pluralise(playback.waypoints, 'waypoint')}"
+    done = f"reached {playback.reached(time)} of {count_noun(playback.waypoints, 'waypoint')}"
     state = "" if playback.trace.complete else "  (recording was cut)"
     return f"{playback.label}  {time:.1f} s of {playback.end:.1f} s  {done}{state}"
 

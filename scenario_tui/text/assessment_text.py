@@ -20,6 +20,7 @@ from daemon.model.assessments import (
 )
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, moments_in_tenths
+from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -31,7 +32,6 @@ from scenario_tui.text.formatting import (
     glyph_word,
     margin,
     moment_text,
-    pluralise,
     quiet_style,
     run_label,
     run_word,
@@ -236,7 +236,7 @@ def cell_notes(cell: CellAssessment) -> Text:
     ):
         _append_oracle(text, oracle)
     if not cell.oracles:
-        runs = pluralise(len(cell.runs), "run")
+        runs = count_noun(len(cell.runs), "run")
         text.append(f"{_WITHOUT_VERDICT[cell.state].format(runs)}\n", style=QUIET)
     return text
 

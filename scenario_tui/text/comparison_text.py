@@ -18,6 +18,7 @@ from daemon.analysis.rejudge import OracleChange, RejudgedTrace
 from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text import codec
+from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -29,7 +30,6 @@ from scenario_tui.text.formatting import (
     glyph_word,
     margin,
     moment_text,
-    pluralise,
     quantity,
     verdict_line,
 )
@@ -205,7 +205,7 @@ def rejudge_report(found: Sequence[RejudgedTrace]) -> RenderableType:
     lines = change_lines(judged, DASHBOARD_STYLES)
     parts: list[RenderableType] = [Text(rejudge_summary(judged, len(found) - len(judged)) + "\n")]
     if judged:
-        said = f"{pluralise(len(lines), 'verdict')} changed" if lines else "no verdict changed"
+        said = f"{count_noun(len(lines), 'verdict')} changed" if lines else "no verdict changed"
         parts.append(Text(said, "bold"))
     parts += lines[:LISTED]
     if len(lines) > LISTED:
@@ -231,7 +231,7 @@ def rejudge_summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
     """Return how many runs were judged, and with what they were compared."""
     same = sum(one.outcome is one.outcome_before for one in judged)
     known = sum(one.origin == "ledger" for one in judged)
-    words = [f"{pluralise(len(judged), 'trace')} judged, {same} with the verdict they had"]
+    words = [f"{count_noun(len(judged), 'trace')} judged, {same} with the verdict they had"]
     if known:
         words.append(f"{known} compared with the ledger")
     if known < len(judged):

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 from grammars.text.terminal_text import printable, spell_out
-from scenario_tui.text.formatting import pluralise
+from grammars.text.words import count_noun
 
 
 def render_diagnostic(diagnostic: Diagnostic) -> Text:
@@ -36,9 +36,9 @@ def diagnostic_counts(diagnostics: Iterable[Diagnostic]) -> str:
     """Return ``2 errors, 1 warning``."""
     found = tuple(diagnostics)
     errors = sum(d.severity is Severity.ERROR for d in found)
-    parts = [pluralise(errors, "error")] if errors else []
+    parts = [count_noun(errors, "error")] if errors else []
     if len(found) > errors:
-        parts.append(pluralise(len(found) - errors, "warning"))
+        parts.append(count_noun(len(found) - errors, "warning"))
     return ", ".join(parts) or "no problems"
 
 

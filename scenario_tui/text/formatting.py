@@ -73,11 +73,6 @@ def glyph_word(word: str) -> str:
     return f"{GLYPHS[word]} {word}"
 
 
-def pluralise(number: int, noun: str, plural: str = "") -> str:
-    """Return ``1 run`` or ``2 runs``."""
-    return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
-
-
 def brief_seed(seed: int) -> str:
     """Return the first digits of a seed, enough to tell two apart: nobody types it."""
     digits = str(seed)

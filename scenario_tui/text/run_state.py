@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from daemon.model.run_state import UNFINISHED_STATES, RunState
-from scenario_tui.text.formatting import duration, pluralise
+from grammars.text.words import count_noun
+from scenario_tui.text.formatting import duration
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, RunRow
@@ -29,7 +30,7 @@ def unfinished_text(row: CampaignRow) -> str:
 
 def progress_text(row: CampaignRow) -> str:
     """Return how many runs a campaign has, and how many have finished if some have not."""
-    runs = pluralise(row.total, "run")
+    runs = count_noun(row.total, "run")
     if row.ended == row.total:
         return runs
     return f"{row.ended:,} of {runs} finished"
@@ -49,7 +50,7 @@ def without_trace_text(run: RunRow, campaign: CampaignRow | None, before: int | 
         return f"{said}; `scenario retry {run.campaign}` queues it again"
     if run.state is RunState.LOST:
         why = run.reason.strip().splitlines()[-1:]
-        said = f"{run.id} is lost, {pluralise(run.attempt, 'attempt')} left no result"
+        said = f"{run.id} is lost, {count_noun(run.attempt, 'attempt')} left no result"
         return ": ".join((said, *why)) + f"; `scenario retry {run.campaign}` queues it again"
     return f"{run.id} has no trace: {run.remark or 'it is not there any more'}"
 
@@ -62,7 +63,7 @@ def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None)
         return f"its campaign is paused, `scenario pause {campaign.id} --off` lets it go on"
     parts = []
     if before is not None:
-        first = f"{pluralise(before, 'run')} of its campaign queued before it"
+        first = f"{count_noun(before, 'run')} of its campaign queued before it"
         parts.append(first if before else "the next of its campaign")
     if campaign is not None and campaign.seconds_left is not None:
         parts.append(f"{duration(campaign.seconds_left)} left for all of {campaign.id}")

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
+from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -23,7 +24,6 @@ from scenario_tui.text.formatting import (
     margin,
     margin_bar,
     moment_text,
-    pluralise,
     quantity,
     quiet_style,
     run_label,
@@ -187,7 +187,7 @@ def _running(text: Text, seen: Snapshot | None, styles: Styles) -> None:
         text.append(f"{seen.waiting}\n", style=styles["running"])
         text.append("simulated time begins when it is up\n", style=quiet_style(styles))
         return
-    text.append(f"reached {seen.reached} of {pluralise(seen.waypoints, 'waypoint')}, ")
+    text.append(f"reached {seen.reached} of {count_noun(seen.waypoints, 'waypoint')}, ")
     text.append(f"{seen.time:.0f} s of {seen.limit:.0f} s simulated\n")
 
 
@@ -223,8 +223,8 @@ def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLE
         ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {brief_seed(spec.seed)}"),
         ("SUT", f"{spec.sut.name} ({spec.sut.kind}{repeatable})"),
         ("robot", f"{spec.robot.name}, {spec.robot.drive.kind}"),
-        ("mission", f"{spec.mission.name}, {pluralise(len(spec.mission.waypoints), 'waypoint')}"),
-        ("doors", f"{pluralise(len(spec.behaviours), 'behaviour')}, {_map_text(spec.map)}"),
+        ("mission", f"{spec.mission.name}, {count_noun(len(spec.mission.waypoints), 'waypoint')}"),
+        ("doors", f"{count_noun(len(spec.behaviours), 'behaviour')}, {_map_text(spec.map)}"),
         ("limit", f"{spec.limit:g} s simulated"),
     ]
     if result is not None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
+from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     NOTHING,
@@ -18,7 +19,6 @@ from scenario_tui.text.formatting import (
     margin,
     margin_bar,
     moment_text,
-    pluralise,
     quiet_style,
 )
 
@@ -203,9 +203,9 @@ def search_line(row: SearchRow) -> str:
     parts = [phase_text(row)]
     answer, exploring = row.answer, row.state == "running" and row.phase == "explore"
     if exploring:
-        parts.append(f"{row.finished:,} of {pluralise(row.task.runs, 'run')}")
+        parts.append(f"{row.finished:,} of {count_noun(row.task.runs, 'run')}")
     else:
-        parts.append(pluralise(row.finished, "run"))
+        parts.append(count_noun(row.finished, "run"))
     if answer is not None:
         yet = " yet" if row.state == "running" and not answer.failed else ""
         parts.append(f"{failures_text(answer.failed)}{yet}")
@@ -218,7 +218,7 @@ def search_line(row: SearchRow) -> str:
 
 def failures_text(count: int) -> str:
     """Return ``3 failures``, or that there is none."""
-    return pluralise(count, "failure") if count else "no failure"
+    return count_noun(count, "failure") if count else "no failure"
 
 
 def headline(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
@@ -232,7 +232,7 @@ def headline(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
     if task.about:
         text.append(f"  {task.about}", style=quiet_style(styles))
     what = f"any of {len(task.scales)} oracles" if len(task.scales) > 1 else task.minimise
-    counts = f"{pluralise(len(task.parameters), 'parameter')} of {task.scenario} ({task.sut})"
+    counts = f"{count_noun(len(task.parameters), 'parameter')} of {task.scenario} ({task.sut})"
     text.append(f"\n{what} over {counts}, method {task.method}, seed {task.seed}")
     return text
 
@@ -263,7 +263,7 @@ def answer_lines(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> list[Text
 
 
 def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
-    words = pluralise(row.finished, "run")
+    words = count_noun(row.finished, "run")
     if answer.reused:
         verb = "was" if answer.reused == 1 else "were"
         words += f", {answer.reused:,} of them {verb} there already"
@@ -337,7 +337,7 @@ def finding_cells(found: Finding) -> tuple[str, str, str, str, str]:
 
 def _influence_title(answer: SearchAnswer) -> str:
     runs = max((one.runs for one in answer.influence), default=0)
-    return f"influence on the margin, rank correlation in {pluralise(runs, 'unguided run')}"
+    return f"influence on the margin, rank correlation in {count_noun(runs, 'unguided run')}"
 
 
 def influence_lines(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import psutil
 
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from tests.chaos.executor import TREE
 from tests.chaos.report import Report
 from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually

@@ -19,6 +19,7 @@ from daemon.judging.running import RunningJudge
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import Empty, IdRequest, RecordQuery, RunQuery
+from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
 from daemon.model.status import (
     CampaignRow,
@@ -27,7 +28,6 @@ from daemon.model.status import (
     RunDetail,
     RunPage,
     RunRow,
-    RunState,
     Submission,
 )
 from daemon.model.sut import TICK_RATE

@@ -31,6 +31,7 @@ from daemon.model.messages import (
     TraceDownloadRequest,
 )
 from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.spec import (
@@ -56,7 +57,6 @@ from daemon.model.status import (
     RunDetail,
     RunPage,
     RunRow,
-    RunState,
     Submission,
     SubmissionReceipt,
     WorkerRow,

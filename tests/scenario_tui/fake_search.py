@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from daemon.model.proposals import ObjectiveValue, Phase, Proposal, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search import BundledFile, OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
@@ -18,7 +19,6 @@ from daemon.model.search_answer import (
     ShrunkScenario,
 )
 from daemon.model.spec import LeadingMargin
-from daemon.model.status import RunState
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 
 SEARCH = "house-doors-in-time-0f1e2d3c"

@@ -44,8 +44,9 @@ from daemon.batch.ledger.transitions import (
     advance,
 )
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
+from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec
-from daemon.model.status import NONDETERMINISTIC, ChangeEvent, RunState
+from daemon.model.status import NONDETERMINISTIC, ChangeEvent
 
 _FIELDS: Final = tuple(field.name for field in fields(ExecutionState))
 """Also names of columns of the table ``run``."""

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from daemon.batch.errors import Refused
 from daemon.model.messages import CampaignQuery, RunQuery
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from grammars.text.diagnostics import did_you_mean
 

@@ -38,6 +38,7 @@ from daemon.model.messages import (
     RunQuery,
 )
 from daemon.model.proposals import ProposalQuery, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchQuery, SearchRow
 from daemon.model.spec import RunResult
@@ -48,7 +49,6 @@ from daemon.model.status import (
     RunDetail,
     RunPage,
     RunRow,
-    RunState,
 )
 from daemon.model.verdicts import Outcome
 from grammars.text import codec

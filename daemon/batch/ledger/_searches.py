@@ -12,10 +12,10 @@ from daemon.batch.ledger._results import find_trace, missing_trace_text, read_re
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import LARGEST_PAGE, LARGEST_PAGE_BYTES
 from daemon.model.proposals import Proposal, ProposalQuery, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchAnswer, SearchQuery, SearchRow, SearchState
 from daemon.model.spec import LARGEST_RESULT
-from daemon.model.status import RunState
 from grammars.text import codec
 
 _SEARCHES: Final = (

@@ -31,7 +31,8 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from daemon.model.messages import LedgerAnswer
-from daemon.model.status import NONDETERMINISTIC, RunState
+from daemon.model.run_state import RunState
+from daemon.model.status import NONDETERMINISTIC
 
 MOST_LAPSES: Final = 20
 """Leases of one run that lapse one after the other before it is taken for the cause.

@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from daemon.model.status import CampaignRow, DaemonOverview, DiskUsage, RunState, WorkerRow
+from daemon.model.run_state import RunState
+from daemon.model.status import CampaignRow, DaemonOverview, DiskUsage, WorkerRow
 from grammars.text.terminal_text import printable
 
 Samples: TypeAlias = Sequence[tuple[Mapping[str, str], float]]

@@ -23,7 +23,8 @@ from daemon.batch.server._stopping import StopRequest
 from daemon.batch.server._threads import LedgerlessThread
 from daemon.batch.stores import Marker, write_marker
 from daemon.model.messages import ASK, Empty
-from daemon.model.status import DaemonOverview, DiskUsage, RunState
+from daemon.model.run_state import RunState
+from daemon.model.status import DaemonOverview, DiskUsage
 from daemon.model.verbs import VERBS
 
 _AGAIN: Final = 1.0

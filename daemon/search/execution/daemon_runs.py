@@ -17,6 +17,7 @@ from daemon.batch.errors import Refused, Unreachable
 from daemon.model.messages import LARGEST_EXTENSION, CampaignQuery
 from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest, Phase, Proposal, ProposalQuery, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search_answer import (
     LONGEST_NOTE,
     SearchAnswer,
@@ -25,7 +26,7 @@ from daemon.model.search_answer import (
     SearchRow,
 )
 from daemon.model.spec import RunSpec
-from daemon.model.status import ChangeEvent, RunState, Submission
+from daemon.model.status import ChangeEvent, Submission
 from daemon.model.verbs import CAMPAIGNS, EXTEND, PROGRESS, PROPOSALS, SEARCHES, Verb
 from daemon.search.execution.runs import SearchStoppedError
 from grammars.model.scene import Scene

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from daemon.judging.statistics import proportion_interval
 from daemon.model.proposals import ObjectiveValue, ProposalRow, objective
+from daemon.model.run_state import RunState
 from daemon.model.search import Point, SearchTask
 from daemon.model.search_answer import Confirmation, PointResult
-from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome, Verdict
 
 

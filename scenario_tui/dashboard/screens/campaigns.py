@@ -11,6 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Static
 
+from grammars.text.words import count_noun
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
 from scenario_tui.dashboard.search_runs import best_margin
@@ -28,7 +29,6 @@ from scenario_tui.text.formatting import (
     brief_duration,
     duration,
     margin,
-    pluralise,
     run_counts,
 )
 from scenario_tui.text.results import NONE_JUDGED, Conclusion
@@ -253,7 +253,7 @@ def campaign_text(
         text.append(f"{mark}\n", style=UNSURE)
     if row.about:
         text.append(f"{row.about}\n")
-    text.append(f"\n{pluralise(row.total, 'run')}, submitted {age_text(row.submitted_at, now)}")
+    text.append(f"\n{count_noun(row.total, 'run')}, submitted {age_text(row.submitted_at, now)}")
     if row.seconds_left is not None:
         text.append(f",\n{duration(row.seconds_left)} left")
     if row.finished_at is not None:

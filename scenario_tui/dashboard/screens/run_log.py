@@ -11,7 +11,8 @@ from rich.text import Text
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.spec import RunResult
 from daemon.model.status import RunDetail
-from scenario_tui.text.formatting import QUIET, UNSURE, pluralise
+from grammars.text.words import count_noun
+from scenario_tui.text.formatting import QUIET, UNSURE
 from scenario_tui.text.printed_output import last_lines, printed_lines
 from scenario_tui.text.run_text import append_facts
 
@@ -66,7 +67,7 @@ def _append_live(text: Text, judgement: LiveJudgement) -> None:
     """Add the end of the log of a run that goes on."""
     text.append("\n")
     if judgement.log_before:
-        more = pluralise(judgement.log_before, "line")
+        more = count_noun(judgement.log_before, "line")
         text.append(f"{more} before these\n", style=QUIET)
     _append_lines(text, ((line.time, line.source, line.text) for line in judgement.log))
 
@@ -84,7 +85,7 @@ def _append_outputs(text: Text, playback: Playback) -> None:
         shown, hidden = last_lines(printed)
         text.append(f"\n{name}\n", style="bold")
         if hidden:
-            more = pluralise(hidden, "line")
+            more = count_noun(hidden, "line")
             text.append(f"{more} before these: scenario show --log --all prints all\n", style=QUIET)
         text.append("".join(f"{line}\n" for line in shown or ["(nothing)"]))
 

@@ -11,8 +11,9 @@ from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.model.live_view import from_centimetres
+from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec
-from daemon.model.status import RunDetail, RunState
+from daemon.model.status import RunDetail
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace

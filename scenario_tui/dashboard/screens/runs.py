@@ -12,7 +12,8 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Input
 
 from daemon.model.messages import RunQuery
-from daemon.model.status import CampaignRow, RunPage, RunRow, RunState
+from daemon.model.run_state import RunState
+from daemon.model.status import CampaignRow, RunPage, RunRow
 from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.run_panel import RunPanel

@@ -13,6 +13,7 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.model.status import CampaignRow, RunDetail
+from grammars.text.words import count_noun
 from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.map_actions import MapActions
@@ -33,14 +34,7 @@ from scenario_tui.dashboard.widgets.search_curve import (
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    GLYPHS,
-    NOTHING,
-    QUIET,
-    margin,
-    pluralise,
-)
+from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, NOTHING, QUIET, margin
 from scenario_tui.text.search_text import answer_lines, phase_text, search_word
 
 if TYPE_CHECKING:
@@ -206,7 +200,7 @@ class SearchScreen(SteeringScreen, MapActions):
         if best is not None and best.value is not None:
             said.append(f"  best {margin(best.value.margin, best.value.unit)}")
         after = len(search.runs) - len(runs)
-        said.append(f"  and {pluralise(after, 'run')} after" if after else "", style=QUIET)
+        said.append(f"  and {count_noun(after, 'run')} after" if after else "", style=QUIET)
         tabs = "" if self.has_class("-wide") else self._tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
 
+from grammars.text.words import count_noun
 from scenario_tui.campaign_actions import (
     CANCEL,
     KEYED,
@@ -22,7 +23,6 @@ from scenario_tui.campaign_actions import (
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question
 from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report
-from scenario_tui.text.formatting import pluralise
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow
@@ -233,7 +233,7 @@ class SteeringScreen(BaseScreen):
             if yes:
                 self._steer(CANCEL, row, lambda daemon: daemon.cancel(row.id))
 
-        text = f"Cancel {pluralise(waiting, 'unfinished run')} of {row.id}? Its results are kept."
+        text = f"Cancel {count_noun(waiting, 'unfinished run')} of {row.id}? Its results are kept."
         self.app.push_screen(Question(text, self._line("cancel", row.id)), decided)
 
     def action_delete(self) -> None:
@@ -253,7 +253,7 @@ class SteeringScreen(BaseScreen):
                 )
 
         text = (
-            f"Delete {row.id} with its {pluralise(row.total, 'run')}, results and traces?\n"
+            f"Delete {row.id} with its {count_noun(row.total, 'run')}, results and traces?\n"
             "Nothing brings them back."
         )
         self.app.push_screen(Question(text, self._line("delete", row.id)), decided)

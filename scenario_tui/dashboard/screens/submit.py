@@ -19,6 +19,7 @@ from daemon.batch.paths import StatePaths
 from daemon.model.status import Submission
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Severity
+from grammars.text.words import count_noun
 from scenario_tui.campaign_files import (
     find_files,
     fuzzy_matches,
@@ -33,7 +34,7 @@ from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.submission import CheckedFile, plan_text, receipt_text, searches_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
-from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET, pluralise
+from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET
 
 _PAUSE: Final = 0.15
 """Seconds the cursor rests on a file before it is checked."""
@@ -110,7 +111,7 @@ class SubmitScreen(BaseScreen):
         """Which folder, how many files, whether everything is run anew."""
         parts = ["submit a campaign", f"{self._folder}"]
         if self._files is not None:
-            parts.append(f"{len(self._names)} of {pluralise(len(self._files), 'file')}")
+            parts.append(f"{len(self._names)} of {count_noun(len(self._files), 'file')}")
         return "  ".join([*parts, *(["everything anew"] if self._fresh else [])])
 
     def command(self) -> str:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 
 from daemon.model.live_judgement import LiveJudgement
-from daemon.model.status import RunDetail, RunState
+from daemon.model.run_state import RunState
+from daemon.model.status import RunDetail
 from scenario_tui.dashboard.live_timeline import (
     LiveTransport,
     decided_moments,

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 from textual.app import ComposeResult
 
+from grammars.text.words import count_noun
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import age_text, duration, pluralise
+from scenario_tui.text.formatting import age_text, duration
 
 if TYPE_CHECKING:
     from daemon.model.status import WorkerRow
@@ -56,7 +57,7 @@ class WorkersScreen(BaseScreen):
         here = [row for row in rows if not row.away]
         busy, slots = sum(row.busy for row in here), sum(row.slots for row in here)
         away = f", {len(rows) - len(here)} away" if len(here) < len(rows) else ""
-        return f"workers ({len(here)}{away})  {busy} of {pluralise(slots, 'slot')} busy"
+        return f"workers ({len(here)}{away})  {busy} of {count_noun(slots, 'slot')} busy"
 
     def show(self, state: DashboardState) -> None:
         """Fill the table."""

@@ -11,6 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widget import Widget
 
+from grammars.text.words import count_noun
 from scenario_tui.dashboard.live_tracks import SILENT
 from scenario_tui.text.formatting import (
     BUSY,
@@ -19,7 +20,6 @@ from scenario_tui.text.formatting import (
     UNSURE,
     duration,
     glyph_word,
-    pluralise,
     run_label,
 )
 from scenario_tui.text.provisional_text import worst_text
@@ -150,7 +150,7 @@ class RunningGrid(Widget, can_focus=True):
         count = len(self._runs) + self._hidden
         text = Text(no_wrap=True, overflow="ellipsis")
         text.append(glyph_word("running"), style=DASHBOARD_STYLES["running"])
-        text.append(f"  {pluralise(count, 'run')}, worst margin so far", style=QUIET)
+        text.append(f"  {count_noun(count, 'run')}, worst margin so far", style=QUIET)
         if self._hidden:
             text.append(f"  {self._hidden} more in the table", style=QUIET)
         text.append("" if self.has_focus else "  tab to choose", style=QUIET)

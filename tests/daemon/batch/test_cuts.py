@@ -10,7 +10,7 @@ import psutil
 
 from daemon.batch import bus
 from daemon.batch.client import Client
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from tests.chaos.light import LightWorker
 from tests.chaos.links import relay
 from tests.daemon.batch.harness import (

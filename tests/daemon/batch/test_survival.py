@@ -17,7 +17,7 @@ import pytest
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, LaunchFailed
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from tests.daemon.batch.harness import (
     EXECUTOR,
     ROOT,

@@ -33,7 +33,7 @@ from daemon.model.messages import (
     UploadProgress,
     WelcomeReply,
 )
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from tests.chaos.links import relay
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_submission

@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search import BundledFile, SearchTask
 from daemon.model.search_answer import SearchAnswer, ShrunkScenario
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot, TraceInfo
-from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
 from daemon.search.execution.runs import Runs
 from grammars.model.scene import Scene

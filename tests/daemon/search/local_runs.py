@@ -10,9 +10,9 @@ from typing import TypeAlias
 
 from daemon.analysis.blame import SLOTS, Candidate, run_forked
 from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer
 from daemon.model.spec import RunResult
-from daemon.model.status import RunState
 from daemon.run import execute
 
 BatchExecutor: TypeAlias = Callable[[Sequence[Candidate]], list[RunResult | None]]

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from daemon.model.run_state import RunState
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
-from daemon.model.status import RunState
 from daemon.search.exercised import PARTS, exercised_space
 from daemon.search.points import position_in_range
 from daemon.search.program import run_search

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.model import verbs
-from daemon.model.status import ChangeEvent, RunState
+from daemon.model.run_state import RunState
+from daemon.model.status import ChangeEvent
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.progress import CampaignProgress, progress_lines, watch

@@ -12,9 +12,9 @@ import typer
 from rich.console import Console
 
 from daemon.model.messages import IdRequest
+from daemon.model.run_state import RunState
 from daemon.model.search import BundledFile, SearchSubmission, SearchTask
 from daemon.model.search_answer import SearchRow
-from daemon.model.status import RunState
 from scenario_tui.cli import progress
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.progress import ProgressDisplay

@@ -13,7 +13,8 @@ import pytest
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import ReleaseRequest
-from daemon.model.status import LiveSnapshot, RunState
+from daemon.model.run_state import RunState
+from daemon.model.status import LiveSnapshot
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.named_traces import resolve_recorded

@@ -11,7 +11,8 @@ from daemon.model.assessments import (
     RepeatPolicy,
     ScenarioComparison,
 )
-from daemon.model.status import RunRow, RunState
+from daemon.model.run_state import RunState
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from tests.scenario_tui.fake import FakeDaemon, make_row
 

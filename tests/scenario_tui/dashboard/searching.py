@@ -12,6 +12,7 @@ import numpy as np
 
 from daemon.model.messages import IdRequest
 from daemon.model.proposals import ObjectiveValue, Phase, Proposal, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Finding,
@@ -23,7 +24,7 @@ from daemon.model.search_answer import (
     SearchRow,
 )
 from daemon.model.spec import LeadingMargin, RunResult
-from daemon.model.status import CampaignRow, RunDetail, RunRow, RunState
+from daemon.model.status import CampaignRow, RunDetail, RunRow
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard.playback import open_playback
 from tests.scenario_tui.fake import NOW, FakeDaemon, campaign_row, make_result, make_row, make_spec

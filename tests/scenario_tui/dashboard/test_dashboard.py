@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens.campaigns import (

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from grammars.text.codec import to_plain
 from scenario_tui.dashboard.screens import trace_actions

@@ -13,8 +13,9 @@ from textual.containers import VerticalScroll
 from daemon.model.live_checks import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.live_view import to_centimetres
+from daemon.model.run_state import RunState
 from daemon.model.spec import OracleText
-from daemon.model.status import RunDetail, RunState
+from daemon.model.status import RunDetail
 from grammars.model.geometry import Pose2
 from grammars.text import codec
 from scenario_tui.dashboard.live_timeline import (

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from daemon.model.assessments import Assessment
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.screens.matrix import MatrixScreen

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale
-from daemon.model.status import ChangeEvent, RunState
+from daemon.model.status import ChangeEvent
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import FakeDaemon, campaign_row, make_live, make_row
 

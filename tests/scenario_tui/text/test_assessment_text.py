@@ -14,8 +14,9 @@ from daemon.model.assessments import (
     RepeatPolicy,
     RunRecord,
 )
+from daemon.model.run_state import RunState
 from daemon.model.spec import Timing
-from daemon.model.status import RunDetail, RunRow, RunState
+from daemon.model.status import RunDetail, RunRow
 from daemon.model.verdicts import Outcome, Verdict
 from scenario_tui.text.assessment_text import cell_notes
 from scenario_tui.text.results import conclude

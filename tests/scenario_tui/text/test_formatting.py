@@ -7,8 +7,9 @@ import sys
 
 import pytest
 
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from grammars.text.words import count_noun
 from scenario_tui.text import formatting
 from scenario_tui.text.run_text import evidence_parts
 
@@ -103,9 +104,9 @@ def test_every_outcome_and_state_has_a_glyph_and_a_style() -> None:
 
 
 def test_counting_uses_the_plural_for_all_but_one() -> None:
-    assert formatting.pluralise(1, "run") == "1 run"
-    assert formatting.pluralise(0, "run") == "0 runs"
-    assert formatting.pluralise(12_000, "run") == "12,000 runs"
+    assert count_noun(1, "run") == "1 run"
+    assert count_noun(0, "run") == "0 runs"
+    assert count_noun(12_000, "run") == "12,000 runs"
 
 
 def test_seeds_are_shown_short() -> None:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from daemon.model.proposals import ObjectiveValue
+from daemon.model.run_state import RunState
 from daemon.model.search_answer import ParameterChange
-from daemon.model.status import RunState
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.text.search_text import (
     answer_lines,

@@ -41,8 +41,9 @@ from daemon.model.messages import (
     RunQuery,
 )
 from daemon.model.packed_submission import pack_submission
+from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, SutReference, Timing
-from daemon.model.status import CampaignOrigin, CampaignRow, RunRow, RunState, Submission
+from daemon.model.status import CampaignOrigin, CampaignRow, RunRow, Submission
 from daemon.model.verdicts import Outcome
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
 

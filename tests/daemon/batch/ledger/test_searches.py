@@ -17,9 +17,10 @@ from daemon.batch.server import stage_extension
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
 from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec
-from daemon.model.status import CampaignRow, RunState, Submission, SubmissionReceipt
+from daemon.model.status import CampaignRow, Submission, SubmissionReceipt
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 from tests.daemon.batch.samples import (

@@ -26,8 +26,8 @@ from daemon.model.messages import (
     ReleaseRequest,
     RetryRequest,
 )
+from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
-from daemon.model.status import RunState
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
 
 HOLDERS = {"w1": "", "w2": "", "w3": "worker.spare"}

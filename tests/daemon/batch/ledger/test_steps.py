@@ -29,7 +29,8 @@ from daemon.model.messages import (
     RunQuery,
 )
 from daemon.model.packed_submission import pack_submission
-from daemon.model.status import RunState, Submission
+from daemon.model.run_state import RunState
+from daemon.model.status import Submission
 from tests.daemon.batch.samples import make_result, make_spec, make_submission, submission_of
 
 NOW = 1_000_000.0

@@ -16,7 +16,7 @@ from daemon.batch.ledger.transitions import (
     advance,
 )
 from daemon.model.messages import LedgerAnswer
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 
 QUEUED = ExecutionState()
 RUNNING = advance(QUEUED, Leased("w", 7, 30.0), attempts=3).run

@@ -14,7 +14,8 @@ from daemon.batch.ledger import LedgerReader, LedgerWriter, check_integrity, con
 from daemon.batch.ledger.transitions import Completed, ExecutionState, Leased, Voided, advance
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest, RunQuery
-from daemon.model.status import KeyDeliveries, RunState
+from daemon.model.run_state import RunState
+from daemon.model.status import KeyDeliveries
 from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = 1_000_000.0

@@ -15,8 +15,8 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion, RetryRequest
+from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
-from daemon.model.status import RunState
 from tests.daemon.batch.samples import make_result, make_spec, make_submission, submission_of
 
 NOW = 1000.0

@@ -39,7 +39,7 @@ from daemon.model.messages import (
     LedgerAnswer,
     WorkerInfo,
 )
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from grammars.text import codec
 from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually, free_endpoint
 from tests.daemon.batch.samples import make_result, make_submission

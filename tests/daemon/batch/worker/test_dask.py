@@ -13,8 +13,9 @@ from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import attach_files
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.live_judgement import LiveJudgement
+from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
-from daemon.model.status import LiveSnapshot, RunState, Submission
+from daemon.model.status import LiveSnapshot, Submission
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from tests.daemon.batch.dask_harness import Dask, dask_in, gateway, gateway_for

@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from daemon.batch.client import Client
-from daemon.model.status import RunState
+from daemon.model.run_state import RunState
 from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually, worker_for
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 

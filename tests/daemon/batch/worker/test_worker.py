@@ -17,8 +17,9 @@ from daemon.batch.run_process import WATCHED
 from daemon.model import verbs
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import LeaseRequest, WorkerInfo
+from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
-from daemon.model.status import LiveSnapshot, RunState
+from daemon.model.status import LiveSnapshot
 from daemon.model.verdicts import Outcome
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.daemon.batch.harness import (

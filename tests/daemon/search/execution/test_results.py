@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search import ANY, OracleScale, SearchTask
 from daemon.model.spec import LeadingMargin
-from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.execution.results import confirmation, first_failure, median_result, point_result
 from tests.daemon.search.pretended import ORACLE, made_result, make_task, seconds

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from daemon.model.proposals import ProposalRow
+from daemon.model.run_state import RunState
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import own_version
-from daemon.model.status import RunState
 from daemon.search.page import search_figures, search_headline, search_page
 from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
 from daemon.search.page._points import drawn_points, smallest_so_far
