@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -89,7 +90,13 @@ def scenario(
     monkeypatch.setattr(target.DaemonTarget, "open", lambda self: fake.open())
 
     def call(*arguments: str) -> Said:
-        code = invoke(arguments)
+        # Some set variables for the processes they start, and end with their process elsewhere.
+        before = dict(os.environ)
+        try:
+            code = invoke(arguments)
+        finally:
+            os.environ.clear()
+            os.environ.update(before)
         said = capsys.readouterr()
         if "--json" in arguments and said.out:
             declared(said.out)

@@ -45,7 +45,7 @@ async def until_idle(app: App[Any]) -> None:
             quiet, doing = quiet + 1, None
         else:
             doing = next(_under_way(app), None)
-            quiet = quiet + 1 if doing is None else 0
+            quiet = quiet + 1 if doing is None and not works else 0
         assert time.monotonic() < deadline, f"still under way: {doing!r}"
         # A message is a matter of turns of this loop; what others do needs the processor.
         await asyncio.sleep(0 if doing is None or isinstance(doing, MessagePump) else _THREADS)

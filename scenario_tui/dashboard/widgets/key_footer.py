@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textual.app import ComposeResult
 from textual.screen import Screen
 from textual.widgets import Footer
 
@@ -20,8 +21,7 @@ class KeyFooter(Footer):
 
     def bindings_changed(self, screen: Screen[object]) -> None:
         """Show the keys that a screen has now."""
-        found = screen.active_bindings.values()
-        shown = [(one.binding, one.enabled, one.tooltip) for one in found if one.binding.show]
+        shown = _offered(screen)
         if not self._takes_over(screen):
             # Textual shows nothing then either; what comes afterwards is new.
             self._shown = None
@@ -31,5 +31,16 @@ class KeyFooter(Footer):
             self._shown = shown
         super().bindings_changed(screen)
 
+    def compose(self) -> ComposeResult:
+        """Yield the keys as they are now, which may be others than when they were told of."""
+        if self._shown is not None:
+            self._shown = _offered(self.screen)
+        yield from super().compose()
+
     def _takes_over(self, screen: Screen[object]) -> bool:
         return screen.app.app_focus and self.is_attached and screen is self.screen
+
+
+def _offered(screen: Screen[object]) -> list[object]:
+    found = screen.active_bindings.values()
+    return [(one.binding, one.enabled, one.tooltip) for one in found if one.binding.show]

@@ -4,7 +4,7 @@ To load it takes each of them 0.3 CPU s, most of what the others do in a test, a
 a hundred. What is forked is not initialised: modules are in memory, ``python -m daemon`` runs as
 it does elsewhere, in a session and with an environment and output of its own. What starts by
 itself (``scenario daemon``, the workers of a daemon, fork servers) loads everything, as do parts in
-another environment than that of the first one.
+another environment than the one in which the tests were read.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ class PreparedProcess:
 
 def start_prepared(words: Sequence[str], root: Path, output: int) -> PreparedProcess | None:
     """Run ``python -m daemon WORDS`` in the folder ``root``; ``None`` in another environment."""
-    server, environment = _server(root)
-    if _environment() != environment:
+    if _environment() != ENVIRONMENT:
         return None
+    server = _server(root)
     ended, write_end = os.pipe()
     message = json.dumps([list(words), os.environ.get(_OF_THE_TEST, "")]).encode()
     socket.send_fds(server, [message], [write_end, output])
@@ -79,9 +79,14 @@ def _environment() -> Mapping[str, str]:
     return {name: value for name, value in os.environ.items() if name != _OF_THE_TEST}
 
 
+# When this is imported no test has begun: whichever part is the first may have one of its own.
+ENVIRONMENT: Final = _environment()
+"""What is forked has this environment."""
+
+
 @cache
-def _server(root: Path) -> tuple[socket.socket, Mapping[str, str]]:
-    """The process to fork from, and the environment it was started in; it ends with this one."""
+def _server(root: Path) -> socket.socket:
+    """The process to fork from, which ends with this one."""
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with there:
         subprocess.Popen(
@@ -91,7 +96,7 @@ def _server(root: Path) -> tuple[socket.socket, Mapping[str, str]]:
             pass_fds=[there.fileno()],
             start_new_session=True,
         ).returncode = 0  # nobody waits for it: it ends after this process
-    return here, _environment()
+    return here
 
 
 def _serve(asked: socket.socket) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import signal
 import socket
 import subprocess
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.batch.harness import ROOT, Part, free_endpoint
-from tests.daemon.batch.prepared_parts import PreparedProcess, start_prepared
+from tests.daemon.batch.prepared_parts import ENVIRONMENT, PreparedProcess, start_prepared
 
 
 def test_a_free_endpoint_is_kept_for_who_listens_there() -> None:
@@ -40,7 +41,14 @@ def test_a_free_endpoint_of_all_addresses_is_free_at_each_of_them() -> None:
     socket.create_server(("::", port), family=socket.AF_INET6, dualstack_ipv6=True).close()
 
 
-def test_a_forked_part_is_a_process_as_others_are(tmp_path: Path) -> None:
+def test_a_forked_part_is_a_process_as_others_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Whatever a test of this process has left in the environment.
+    for name in os.environ.keys() - ENVIRONMENT.keys() - {"PYTEST_CURRENT_TEST"}:
+        monkeypatch.delenv(name)
+    for name, value in ENVIRONMENT.items():
+        monkeypatch.setenv(name, value)
     state = tmp_path / "state"
     options = ("--state", str(state), "--listen", free_endpoint(), "--slots", "0")
     first = Part("serve", tmp_path / "first.log", *options)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.idle import until_idle
 
 
 async def test_the_line_of_keys_is_made_when_it_says_something_else(
@@ -27,3 +29,30 @@ async def test_the_line_of_keys_is_made_when_it_says_something_else(
         # The key that pauses resumes then: another name, and so another line.
         await press(pilot, "P")
         await until(pilot, lambda: len(made) > 1)
+
+
+async def test_keys_that_come_back_while_the_line_is_made_are_shown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    absent: set[str] = set()
+    pointless, make_anew = CampaignsScreen.pointless_keys, KeyFooter.recompose
+
+    async def recompose(self: KeyFooter) -> None:
+        absent.add("matrix")  # after the line was told of its keys, before it is made of them
+        await make_anew(self)
+
+    async with make_dashboard(SteeredDaemon()).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        screen = pilot.app.screen
+        monkeypatch.setattr(CampaignsScreen, "pointless_keys", lambda it: pointless(it) | absent)
+        with monkeypatch.context() as meanwhile:
+            meanwhile.setattr(KeyFooter, "recompose", recompose)
+            absent.add("open")
+            screen.refresh_bindings()
+            await until_idle(pilot.app)
+        assert "Matrix" not in screen_text(pilot)[-1]
+        absent.remove("matrix")
+        screen.refresh_bindings()
+        await until_idle(pilot.app)
+        assert "Matrix" in screen_text(pilot)[-1]
+        assert "Open" not in screen_text(pilot)[-1]
