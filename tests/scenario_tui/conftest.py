@@ -83,23 +83,21 @@ def fake() -> FakeDaemon:
 @pytest.fixture
 def scenario(
     fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., Said]:
+) -> Iterator[Callable[..., Said]]:
     """Call ``scenario ...`` in this process, against the fake daemon."""
     for name in ("SCENARIO_STATE", "SCENARIO_CONNECT"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(target.DaemonTarget, "open", lambda self: fake.open())
+    before = dict(os.environ)
 
     def call(*arguments: str) -> Said:
-        # Some set variables for the processes they start, and end with their process elsewhere.
-        before = dict(os.environ)
-        try:
-            code = invoke(arguments)
-        finally:
-            os.environ.clear()
-            os.environ.update(before)
+        code = invoke(arguments)
         said = capsys.readouterr()
         if "--json" in arguments and said.out:
             declared(said.out)
         return Said(code, said.out, said.err)
 
-    return call
+    yield call
+    # Commands set variables for the processes they start, and end with their own elsewhere.
+    os.environ.clear()
+    os.environ.update(before)
