@@ -51,14 +51,14 @@ def tui(
 
         config = read_config()
         check_config(config)
-    if asked is None:
-        say(f"scenario: {why}")
-        raise typer.Exit(ExitCode.BAD_INPUT)
-    # The option can only take rights away: who forbade changes in the file meant it.
-    config = replace(config, read_only=config.read_only or read_only)
-    equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
-    launch = None if target.named or config.read_only else partial(_launch_daemon, target)
-    stay_small()
+        if asked is None:
+            say(f"scenario: {why}")
+            raise typer.Exit(ExitCode.BAD_INPUT)
+        # The option can only take rights away: who forbade changes in the file meant it.
+        config = replace(config, read_only=config.read_only or read_only)
+        equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
+        launch = None if target.named or config.read_only else partial(_launch_daemon, target)
+        stay_small()
     code, farewell = run_dashboard(target.open, config, equivalent, launch, asked)
     if code:
         raise typer.Exit(ExitCode.BUG)

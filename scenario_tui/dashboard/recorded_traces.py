@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.model.run_state import RunState
+from daemon.model.run_state import UNFINISHED_STATES
 from grammars.model.geometry import Pose2
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def local_trace(detail: RunDetail, source: DaemonClient | None = None) -> Path |
     One that lies elsewhere is brought here if ``source`` is given; that may take a while.
     """
     run, path = detail.row.id, Path(detail.row.trace)
-    if detail.row.state in (RunState.QUEUED, RunState.RUNNING):
+    if detail.row.state in UNFINISHED_STATES:
         return UnavailableTrace(
             run, f"This run is {detail.row.state}: its trace is there when it is over."
         )

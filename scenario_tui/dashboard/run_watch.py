@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.model.run_state import RunState
+from daemon.model.run_state import UNFINISHED_STATES, RunState
 from scenario_tui.dashboard.live_tracks import LiveNews
 from scenario_tui.dashboard.recorded_traces import (
     TraceSummary,
@@ -116,7 +116,7 @@ class RunWatch:
         self, daemon: DaemonClient, detail: RunDetail | None
     ) -> TraceSummary | UnavailableTrace | None:
         """Return what the trace of a run says that is over, or why it says nothing."""
-        if detail is None or detail.row.state in (RunState.QUEUED, RunState.RUNNING):
+        if detail is None or detail.row.state in UNFINISHED_STATES:
             return None
         # With the trace: a run that is queued again gets another one.
         key = (detail.row.id, detail.row.trace)

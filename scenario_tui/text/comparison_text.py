@@ -28,6 +28,7 @@ from scenario_tui.text.formatting import (
     Styles,
     brief_seed,
     glyph_word,
+    keep_start,
     margin,
     moment_text,
     quantity,
@@ -126,7 +127,7 @@ def _short(text: str) -> str:
     try:
         number = float(text)
     except ValueError:
-        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+        return keep_start(text, _LONGEST)
     # Whole numbers with so many digits are seeds.
     return f"{number:.6g}" if "." in text else brief_seed(int(text)) if text.isdigit() else text
 

@@ -73,6 +73,16 @@ def glyph_word(word: str) -> str:
     return f"{GLYPHS[word]} {word}"
 
 
+def keep_start(text: str, width: int) -> str:
+    """Return a text of at most ``width`` characters, cut at its end."""
+    return text if len(text) <= width else f"{text[: width - 1]}…"
+
+
+def keep_end(text: str, width: int) -> str:
+    """Return a text of ``width`` characters: padded, or cut at its start."""
+    return f"{text:<{width}}" if len(text) <= width else f"…{text[len(text) - width + 1 :]}"
+
+
 def brief_seed(seed: int) -> str:
     """Return the first digits of a seed, enough to tell two apart: nobody types it."""
     digits = str(seed)

@@ -39,13 +39,8 @@ async def until_idle(app: App[Any]) -> None:
         # turn it is too early; and where nobody had any since they were asked, they say the same.
         works = bool(asyncio.get_running_loop()._ready)  # type: ignore[attr-defined]
         busy = busy + 1 if works else 0
-        if works and busy % _BUSY:
-            quiet, doing = 0, None
-        elif quiet and not works:
-            quiet, doing = quiet + 1, None
-        else:
-            doing = next(_under_way(app), None)
-            quiet = quiet + 1 if doing is None and not works else 0
+        doing = None if quiet or busy % _BUSY else next(_under_way(app), None)
+        quiet = 0 if works or doing is not None else quiet + 1
         assert time.monotonic() < deadline, f"still under way: {doing!r}"
         # A message is a matter of turns of this loop; what others do needs the processor.
         await asyncio.sleep(0 if doing is None or isinstance(doing, MessagePump) else _THREADS)

@@ -116,9 +116,9 @@ class SteeringScreen(BaseScreen):
         if not self._composed or not self.app.is_running:
             return
         renamed = self.renamed_keys()
-        barred = self.disabled_keys() | self.pointless_keys()
-        if (self._renamed, self._barred) != (renamed, barred):
-            self._renamed, self._barred = renamed, barred
+        pointless = self.pointless_keys()
+        if (self._renamed, self._pointless) != (renamed, pointless):
+            self._renamed, self._pointless = renamed, pointless
             self.refresh_bindings()
 
     def renamed_keys(self) -> dict[str, str]:
@@ -126,8 +126,8 @@ class SteeringScreen(BaseScreen):
         row = self.campaign()
         return {"pause": "Resume"} if row is not None and row.paused else {}
 
-    _barred: frozenset[str] = frozenset()
-    """The ids of keys that are shown as barred."""
+    _pointless: frozenset[str] = frozenset()
+    """The ids of keys that are not offered, as they are shown."""
 
     def palette_commands(self) -> Iterable[SystemCommand]:
         """Yield retrying of each kind: the key only opens a menu of them."""

@@ -30,6 +30,7 @@ from scenario_tui.dashboard.widgets.map_style import (
 )
 from scenario_tui.dashboard.widgets.still_map import EYE_HEIGHT, StillMap, still_map
 from scenario_tui.terminal.capabilities import Blocks
+from scenario_tui.text.formatting import keep_start
 from templates import plan_shapes
 from templates.plan_shapes import PlanShape, ShapeRole
 
@@ -234,8 +235,7 @@ class MapFrame:
         for (row, column), numbers in self._numbers.items():
             if not (0 <= row < self.canvas.rows and 0 <= column < self.canvas.columns):
                 continue
-            text = ",".join(numbers)
-            text = text if len(text) <= _MOST_NUMBERS else f"{text[: _MOST_NUMBERS - 1]}…"
+            text = keep_start(",".join(numbers), _MOST_NUMBERS)
             left, right = column - len(text), column + 1
             # On the other side where a wall would be covered, if that has room.
             full = right + len(text) > codes.shape[1] or solid[row, right : right + len(text)].any()

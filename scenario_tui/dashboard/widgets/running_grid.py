@@ -20,6 +20,7 @@ from scenario_tui.text.formatting import (
     UNSURE,
     duration,
     glyph_word,
+    keep_end,
     run_label,
 )
 from scenario_tui.text.provisional_text import worst_text
@@ -219,9 +220,7 @@ def run_line(one: RunningRun, width: int = _LABEL, bar: int = _BAR) -> Text:
     """Return a run under way: its label in ``width`` columns, ``bar`` columns of the time of its
     limit that is over, that time, waypoints, least margin so far.
     """
-    fits = len(one.label) <= width
-    label = one.label if fits else f"…{one.label[len(one.label) - width + 1 :]}"
-    text = Text(f"{label:<{width}} ", no_wrap=True)
+    text = Text(f"{keep_end(one.label, width)} ", no_wrap=True)
     seen = one.seen
     if seen is None:
         return text.append("starting", style=QUIET)

@@ -8,7 +8,7 @@ from typing import Final
 from rich.text import Text
 
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
-from scenario_tui.text.formatting import QUIET, UNSURE
+from scenario_tui.text.formatting import QUIET, UNSURE, keep_end, keep_start
 from scenario_tui.text.search_text import share_in_range, value_text
 
 _BAR, _LEAST_NAME = 11, 12
@@ -61,11 +61,11 @@ def parameters_text(
     for name, (one, value), (written, now) in zip(names, pairs, said, strict=True):
         changed = value != one.written
         text.append("≠ " if changed else "  ", style=UNSURE)
-        text.append(_end(name, name_cells), style="bold" if changed else QUIET)
-        text.append(f" {_cut(written, sizes[0]):>{sizes[0]}} ", style=QUIET)
+        text.append(keep_end(name, name_cells), style="bold" if changed else QUIET)
+        text.append(f" {keep_start(written, sizes[0]):>{sizes[0]}} ", style=QUIET)
         text.append("→ " if changed else "  ", style=QUIET)
         text.append(
-            f"{_cut(now, sizes[1]):<{sizes[1]}} ", style=f"bold {UNSURE}" if changed else ""
+            f"{keep_start(now, sizes[1]):<{sizes[1]}} ", style=f"bold {UNSURE}" if changed else ""
         )
         text.append(range_bar(one, value), style="" if changed else QUIET)
         if one.name in correlations:
@@ -80,11 +80,3 @@ def _written(parameter: SearchParameter, value: PointValue) -> str:
     words = value_text(parameter, parameter.written)
     numbers = isinstance(value, float | int) and isinstance(parameter.written, float | int)
     return words.removesuffix(f" {parameter.unit}") if numbers and parameter.unit else words
-
-
-def _end(name: str, cells: int) -> str:
-    return f"{name:<{cells}}" if len(name) <= cells else f"…{name[len(name) - cells + 1 :]}"
-
-
-def _cut(text: str, cells: int) -> str:
-    return text if len(text) <= cells else f"{text[: cells - 1]}…"

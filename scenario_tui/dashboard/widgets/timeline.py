@@ -22,7 +22,7 @@ from scenario_tui.dashboard.widgets.timeline_drawing import (
     STYLES,
     TimelineDrawing,
 )
-from scenario_tui.text.formatting import NOTHING, quantity
+from scenario_tui.text.formatting import NOTHING, keep_start, quantity
 
 _LEAST_ROWS: Final = 3
 """Rows that name, value and limit of a signal take; a long name takes one more."""
@@ -160,8 +160,7 @@ def label_signals(
         values += [at_cursor(s, time) for s in same] or [NOTHING] * (len(timelines) - 1)
         words = _words(strip, values, width, height)
         for line, (text, owner) in enumerate(words[:height]):
-            shown = text if len(text) <= width else f"{text[: width - 1]}…"
-            write_text(codes, owners, row + line, 0, shown, owner)
+            write_text(codes, owners, row + line, 0, keep_start(text, width), owner)
         row += height
     if drawing.more:
         text = f"> {drawing.more} more"[: drawing.gutter - 1]

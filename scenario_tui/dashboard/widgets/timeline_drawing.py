@@ -13,7 +13,7 @@ from daemon.model.live_judgement import DoorMotion
 from grammars.model.geometry import Floats
 from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
 from scenario_tui.dashboard.widgets.cell_view import Canvas, Codes, write_text
-from scenario_tui.text.formatting import BAD, BUSY, FACT, GOOD, QUIET, UNSURE, quantity
+from scenario_tui.text.formatting import BAD, BUSY, FACT, GOOD, QUIET, UNSURE, keep_start, quantity
 from scenario_tui.text.scale import AxisScale, fit_axis, mark_axis, tick_text
 
 LIMIT, OTHER, CURVE = range(3)
@@ -250,8 +250,7 @@ class TimelineDrawing:
 
     def label(self, row: int, text: str, owner: int = NAME) -> None:
         """Write words into the gutter, cut to it."""
-        width = self.gutter - 1
-        self.write(row, 0, text if len(text) <= width else f"{text[: width - 1]}…", owner)
+        self.write(row, 0, keep_start(text, self.gutter - 1), owner)
 
     def _events(self, timelines: Sequence[RunTimeline], row: int) -> None:
         """Draw doors and mission of every run, and the axis of time."""

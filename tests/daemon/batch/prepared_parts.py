@@ -24,6 +24,8 @@ from typing import Final
 
 _LARGEST: Final = 65536
 """Bytes of the largest command line."""
+_PID_BYTES: Final = 8
+"""More than the number of any process has; what comes behind is the exit code."""
 _OF_THE_TEST: Final = "PYTEST_CURRENT_TEST"
 
 
@@ -33,7 +35,7 @@ class PreparedProcess:
     def __init__(self, ended: int) -> None:
         self._ended = ended
         self._code: int | None = None
-        self.pid = int(os.read(ended, 20))
+        self.pid = int(os.read(ended, _PID_BYTES))
 
     def poll(self) -> int | None:
         """The exit code, minus the signal's number; ``None`` while it runs."""
@@ -123,7 +125,7 @@ def _run(words: list[str], test: str, ended: int, output: int) -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     part = os.fork()
     if part:
-        os.write(ended, f"{part}\n".encode())
+        os.write(ended, f"{part:{_PID_BYTES}}".encode())
         os.close(output)
         _, status = os.waitpid(part, 0)
         os.write(ended, f"{os.waitstatus_to_exitcode(status)}\n".encode())

@@ -416,7 +416,7 @@ async def test_enter_on_a_verdict_so_far_goes_to_its_moment_and_the_list_alone_d
         assert pilot.app.screen.transport.time == 27.0
 
 
-async def test_a_run_that_begins_anew_is_followed_from_its_start() -> None:
+def test_a_run_that_begins_anew_is_followed_from_its_start() -> None:
     transport = LiveTransport(0.0, 50.0, 50.0)
     transport.go(20.0)
     transport.grow(0.0, 3.0)
