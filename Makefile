@@ -12,7 +12,7 @@ READ_ONCE := $(BIN)/pytest --ignore tests/ros2 --collect-only -qq > /dev/null
 # long. Some containers switch it off.
 KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
 
-.PHONY: demo test test-ros2 test-ros2-short bench bench-campaign fuzz chaos docs lint format lock clean
+.PHONY: demo test thorough test-ros2 test-ros2-short bench bench-campaign fuzz chaos docs lint format lock clean
 
 demo: $(VENV)/.installed          ## run the main job: a campaign with moving doors, judged
 	@$(BIN)/scenario demo
@@ -23,6 +23,9 @@ test: $(VENV)/.installed-test     ## lint, types, import contracts and every tes
 	$(BIN)/mypy --num-workers 2
 	$(BIN)/lint-imports --no-cache
 	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 4 --dist loadfile --no-loadscope-reorder
+
+thorough: $(VENV)/.installed-test   ## every property with 500 examples instead of 25; hours
+	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 2 --hypothesis-profile thorough
 
 test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each), test against them
 	$(BIN)/python -m tests.ros2.environment jazzy kilted

@@ -1,11 +1,8 @@
 """Fixtures every room's tests may use."""
 
-from __future__ import annotations
-
 import functools
 import gc
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +12,7 @@ from grammars.text.parsing import Language
 from tests.file_order import order_by_file
 
 # A round of all tests looks at fewer examples than hypothesis would by itself, and each round on a
-# developer's machine at others; "--hypothesis-profile thorough" looks at many.
+# developer's machine at others; `make thorough` looks at many.
 # Loading compiled kernels for the first time takes longer than hypothesis allows one example, and
 # beside other load so does making examples. What lands is judged by the same examples each time;
 # new ones are sought on developers' machines.
@@ -26,7 +23,7 @@ settings.register_profile(
     derandomize="CI" in os.environ,
     suppress_health_check=[HealthCheck.too_slow],
 )
-settings.register_profile("thorough", settings.get_profile("project"), max_examples=300)
+settings.register_profile("thorough", settings.get_profile("project"), max_examples=500)
 settings.load_profile("project")
 
 # A test process holds some hundred megabytes of modules, compiled code and collected tests. With
@@ -34,17 +31,17 @@ settings.load_profile("project")
 gc.set_threshold(20_000, 20, 50)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     order_by_file(items)
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish():
     """Leave what lives until the end out of every later garbage collection."""
     gc.collect()
     gc.freeze()
 
 
-def pytest_sessionfinish() -> None:
+def pytest_sessionfinish():
     """Look for what was left open once: pytest does five times, through all there is."""
     gc.collect()
     gc.freeze()
@@ -54,7 +51,7 @@ _read_once = functools.lru_cache(maxsize=256)(Language._tree)
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _texts_are_read_once(request: pytest.FixtureRequest) -> Iterator[None]:
+def _texts_are_read_once(request):
     """Read the same text of a language once, but where reading it is what is tested.
 
     Nobody changes a tree, and reading the campaigns that ship again and again took two fifths of
@@ -67,7 +64,7 @@ def _texts_are_read_once(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def reference_data() -> Path:
+def reference_data():
     """The folder of published inputs and measured results; tests that need it skip without."""
     folder = os.environ.get("SCENARIO_REFERENCE_DATA")
     if not folder:
@@ -76,6 +73,6 @@ def reference_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def campaigns() -> Path:
+def campaigns():
     """The folder of campaigns that ship with the project."""
     return Path(__file__).parent.parent / "campaigns"

@@ -4,17 +4,12 @@ A file is the work of one process of the tests. Begun last, a file of half a min
 other processor without work until it is done.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
-from typing import Final
 
-import pytest
+ROOT = Path(__file__).parent
 
-ROOT: Final = Path(__file__).parent
-
-LONG: Final = (
+LONG = (
     "daemon/batch/worker/test_worker.py",
     "daemon/batch/test_survival.py",
     "daemon/batch/worker/test_dask.py",
@@ -45,7 +40,7 @@ LONG: Final = (
 """By how long they take, beside three others: from a minute to 5 s. Most have few tests."""
 
 
-def order_by_file(items: list[pytest.Item]) -> None:
+def order_by_file(items):
     """Put the files that take long first, the others by how many tests they have; in place."""
     ranks = {ROOT / name: rank for rank, name in enumerate(LONG)}
     sizes = Counter(item.path for item in items)

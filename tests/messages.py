@@ -1,17 +1,12 @@
 """The messages that the source of a module can give, read from its text."""
 
-from __future__ import annotations
-
 import ast
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Final
 
-_CALLS: Final = frozenset({"Diagnostic", "_warning"})
-_GAP: Final = "…"
+_CALLS = frozenset({"Diagnostic", "_warning"})
+_GAP = "…"
 
 
-def message_templates(path: Path) -> set[str]:
+def message_templates(path):
     """Return the texts of a module's findings, with ``…`` for what is only known later."""
     tree = ast.parse(path.read_text("utf-8"))
     found = {text for node in _messages(tree) for text in _texts(node)}
@@ -19,7 +14,7 @@ def message_templates(path: Path) -> set[str]:
     return {text for text in found if len(text.replace(_GAP, "").split()) > 1}
 
 
-def _messages(tree: ast.AST) -> Iterator[ast.expr]:
+def _messages(tree):
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             if node.func.id in _CALLS and len(node.args) > 1:
@@ -28,11 +23,11 @@ def _messages(tree: ast.AST) -> Iterator[ast.expr]:
             yield node.value
 
 
-def _is_message(target: ast.expr) -> bool:
+def _is_message(target):
     return isinstance(target, ast.Name) and target.id == "message"
 
 
-def _texts(node: ast.expr) -> Iterator[str]:
+def _texts(node):
     match node:
         case ast.Constant(value=str(text)):
             yield text

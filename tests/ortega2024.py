@@ -13,13 +13,10 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
 
 from daemon.analysis.report import (
-    ReportInput,
     ReportRun,
     draw_run,
     folder_input,
@@ -30,23 +27,17 @@ from daemon.analysis.report import (
 from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import assess, mission_completed, reference_comparisons
 from daemon.judging.statistics import mean_difference, mean_interval, proportion_interval
-from daemon.model.assessments import (
-    Assessment,
-    ReferenceComparison,
-    ReferenceValue,
-    RunRecord,
-)
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import Outcome
 from daemon.trace import read_trace
 from scenario_tui.cli.target import find_campaign
 
-PAGE: Final = Path(__file__).parents[1] / "docs" / "ortega2024.md"
-_BLOCK: Final = re.compile(
+PAGE = Path(__file__).parents[1] / "docs" / "ortega2024.md"
+_BLOCK = re.compile(
     r"(<!-- table (?P<name>[a-z-]+)[^>]*-->\n).*?(<!-- end of table -->)", re.DOTALL
 )
-NOTHING: Final = "–"
-DANCE: Final = PAGE.with_name("dance.svg")
-ABORT: Final = PAGE.with_name("abort.svg")
+NOTHING = "–"
+DANCE = PAGE.with_name("dance.svg")
+ABORT = PAGE.with_name("abort.svg")
 _INTO_DANCE, _DANCE_SHOWN, _ABORT_SHOWN = 60.0, 12.0, 30.0
 """Seconds after the robot came to its goal, of the dance, and before an abort."""
 
@@ -60,24 +51,22 @@ class Cell:
     runs: tuple[ReportRun, ...]
 
     @property
-    def finished(self) -> tuple[ReportRun, ...]:
+    def finished(self):
         """Return the runs that ended their mission."""
         return tuple(run for run in self.runs if mission_completed(run.record))
 
-    def measured(self, name: str, *, finished: bool = False) -> tuple[float, ...]:
+    def measured(self, name, *, finished=False):
         """Return a measure of the report for every run that has it."""
         runs = self.finished if finished else self.runs
         return tuple(r.tracks.measures[name] for r in runs if name in r.tracks.measures)
 
 
-def read_cells(
-    results: Sequence[str], state: Path | None
-) -> tuple[tuple[Cell, ...], Assessment, ReportInput]:
+def read_cells(results, state):
     """Return the cells of one campaign, in the order of its file, and what it comes to."""
     inputs = [_read_input(name, state) for name in results]
     whole = replace(inputs[0], records=tuple(r for each in inputs for r in each.records))
     data = read_report_data(whole)
-    runs: dict[tuple[str, str], dict[int, ReportRun]] = {}
+    runs = {}
     for run in data.runs:
         cell = runs.setdefault((run.record.scenario, run.record.sut), {})
         # The same repeat of two campaigns is the same run.
@@ -90,7 +79,7 @@ def read_cells(
     return cells, assess(whole.declared, records), whole
 
 
-def _read_input(name: str, state: Path | None) -> ReportInput:
+def _read_input(name, state):
     if Path(name).is_dir():
         return folder_input(Path(name))
     paths = StatePaths.find(state)
@@ -98,12 +87,12 @@ def _read_input(name: str, state: Path | None) -> ReportInput:
         return ledger_input(reader, find_campaign(reader, name), paths)
 
 
-def number(value: float, digits: int) -> str:
+def number(value, digits):
     """Return a number with so many decimals and a true minus."""
     return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
-def mean_text(values: Sequence[float], digits: int) -> str:
+def mean_text(values, digits):
     """Return a mean with its 95 % t interval: ``691.2 (688.0 to 694.4)``."""
     if not values:
         return NOTHING
@@ -114,17 +103,17 @@ def mean_text(values: Sequence[float], digits: int) -> str:
     return f"{text} ({number(found.low, digits)} to {number(found.high, digits)})"
 
 
-def count_text(passed: int, n: int) -> str:
+def count_text(passed, n):
     """Return a count with the exact 95 % interval of its rate: ``3 of 5 (15 to 95 %)``."""
     low, high = proportion_interval(passed, n)
     return f"{passed} of {n} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
-def _extreme(values: Sequence[float], pick: Callable[[Sequence[float]], float], digits: int) -> str:
+def _extreme(values, pick, digits):
     return number(pick(values), digits) if values else NOTHING
 
 
-def cell_table(cells: Iterable[Cell]) -> Iterator[str]:
+def cell_table(cells):
     """Yield the rows of every cell."""
     yield (
         "| | finished | time [s] | error [m] | largest [m] | in 2σ [%] | nearest [m] | "
@@ -149,11 +138,11 @@ def cell_table(cells: Iterable[Cell]) -> Iterator[str]:
         yield f"| {' | '.join(columns)} |"
 
 
-def reference_table(compared: Iterable[ReferenceComparison]) -> Iterator[str]:
+def reference_table(compared):
     """Yield what the paper says beside what was found here; counts of many cells are one."""
     yield "| | | paper | here | difference |"
     yield "|---|---|---|---|---|"
-    groups: dict[ReferenceValue, list[ReferenceComparison]] = {}
+    groups = {}
     for found in compared:
         groups.setdefault(found.reference, []).append(found)
     for reference, group in groups.items():
@@ -173,7 +162,7 @@ def reference_table(compared: Iterable[ReferenceComparison]) -> Iterator[str]:
             yield f"| {where} | {quantity} | {said} | {here} | {difference} |"
 
 
-def _beside(found: ReferenceComparison) -> tuple[str, str]:
+def _beside(found):
     reference = found.reference
     if found.value is None or found.n == 0:
         return NOTHING, NOTHING
@@ -190,7 +179,7 @@ def _beside(found: ReferenceComparison) -> tuple[str, str]:
     return f"{text} {unit}, n={found.n}", f"{sign}{number(more, digits)} {unit}"
 
 
-def detour_table(cells: Iterable[Cell], pairs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+def detour_table(cells, pairs):
     """Yield how much longer the way is where a door has shut, and how much longer it takes."""
     by_name = {(cell.scenario, cell.sut): cell for cell in cells}
     yield (
@@ -216,7 +205,7 @@ def detour_table(cells: Iterable[Cell], pairs: Iterable[tuple[str, str, str]]) -
             yield f"| {' | '.join(columns)} |"
 
 
-def _delay_text(shut: Cell, still: Cell) -> str:
+def _delay_text(shut, still):
     left, right = (
         {(run.record.repeat,): run.tracks.measures["duration"] for run in side.finished}
         for side in (shut, still)
@@ -229,14 +218,12 @@ def _delay_text(shut: Cell, still: Cell) -> str:
     return f"{number(found.mean, 1)} ({low} to {high}), n={found.n}"
 
 
-def page_tables(
-    cells: Sequence[Cell], assessment: Assessment, chosen: ReportInput
-) -> dict[str, str]:
+def page_tables(cells, assessment, chosen):
     """Return the tables of the page by name."""
     compared = reference_comparisons(chosen.declared.references, assessment)
     of_s1 = [found for found in compared if found.scenario == "S1"]
     pairs = [(c.name, c.left, c.right) for c in chosen.declared.comparisons]
-    tables: dict[str, Iterator[str]] = {
+    tables = {
         "functional": reference_table(of_s1),
         "references": reference_table(found for found in compared if found not in of_s1),
         "detour": detour_table(cells, pairs),
@@ -246,7 +233,7 @@ def page_tables(
     return {name: "\n".join(rows) + "\n" for name, rows in tables.items()}
 
 
-def unexpected_table(assessment: Assessment) -> Iterator[str]:
+def unexpected_table(assessment):
     """Yield what does not come out as the campaign expects, for whoever writes ``expect:``."""
     yield "| not as expected | exit code |"
     yield "|---|---|"
@@ -255,12 +242,12 @@ def unexpected_table(assessment: Assessment) -> Iterator[str]:
     yield f"| {len(assessment.surprises)} in all | {assessment.exit_code} |"
 
 
-def page_with(page: str, tables: dict[str, str]) -> str:
+def page_with(page, tables):
     """Return the page with the tables between its markers."""
     return _BLOCK.sub(lambda found: found[1] + tables[found["name"]] + found[3], page)
 
 
-def draw_pictures(cells: Iterable[Cell]) -> Iterator[str]:
+def draw_pictures(cells):
     """Draw the longest dance at a goal and the first abort of S3.6; say what was drawn."""
     records = [run.record for cell in cells for run in cell.runs if run.record.trace is not None]
     dances = [(v.evidence.value or 0.0, r, v) for r in records if (v := _failed(r, "settled"))]
@@ -280,12 +267,12 @@ def draw_pictures(cells: Iterable[Cell]) -> Iterator[str]:
         yield f"{ABORT.name}: {record.scenario} {record.sut} {record.repeat}, at {end:.0f} s"
 
 
-def _failed(record: RunRecord, oracle: str) -> Verdict | None:
+def _failed(record, oracle):
     verdict = record.verdict(oracle)
     return verdict if verdict is not None and verdict.outcome is Outcome.FAIL else None
 
 
-def main() -> None:
+def main():
     """Print the tables, or write them into the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("results", nargs="+", help="a folder of traces, or a campaign by name")

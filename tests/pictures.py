@@ -7,8 +7,6 @@ is what ``scenario demo`` prints, ``docs/flat.svg`` the flat as ``scenario expor
 with the dashboard for asciinema instead, ``docs/pictures/first-hour.cast``.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import subprocess
@@ -30,7 +28,7 @@ SCENARIO = Path(sys.executable).with_name("scenario")
 WIDTH = 90
 
 
-def record_demo() -> None:
+def record_demo():
     """Run the demo in an empty folder and keep what it prints."""
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
@@ -48,7 +46,7 @@ def record_demo() -> None:
     console.save_svg(str(DOCS / "demo.svg"), title="scenario demo")
 
 
-def record_flat() -> None:
+def record_flat():
     """Draw the flat of the demo with its doors, mission and robot."""
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(
@@ -60,7 +58,7 @@ def record_flat() -> None:
         (DOCS / "flat.svg").write_text(drawn.read_text())
 
 
-def record_views() -> None:
+def record_views():
     """Draw every view and type every command of the documentation, and list the keys."""
     document = DOCS / "dashboard.md"
     before, _, _ = document.read_text().partition(KEYS)

@@ -13,30 +13,25 @@ import json
 import re
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean, stdev
-from typing import Any, Final
+from typing import Any
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.spec import RunSpec
-from daemon.model.status import Submission
 from daemon.model.verdicts import Outcome
 
-ROOT: Final = Path(__file__).parents[1]
-PAGE: Final = ROOT / "docs" / "fast-planner.md"
-CAMPAIGN: Final = ROOT / "campaigns" / "ortega2024" / "campaign.yaml"
-PLANNERS: Final = ("exact", "incremental")
-MEASURES: Final = {"duration": 1, "distance": 1, "loc-mean": 3}
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "fast-planner.md"
+CAMPAIGN = ROOT / "campaigns" / "ortega2024" / "campaign.yaml"
+PLANNERS = ("exact", "incremental")
+MEASURES = {"duration": 1, "distance": 1, "loc-mean": 3}
 """Measures of the campaign in the table, with their decimals."""
-_PROCESSES: Final = 2
-_BLOCK: Final = re.compile(
-    r"(<!-- table (?P<name>[a-z]+)[^>]*-->\n).*?(<!-- end of table -->)", re.DOTALL
-)
+_PROCESSES = 2
+_BLOCK = re.compile(r"(<!-- table (?P<name>[a-z]+)[^>]*-->\n).*?(<!-- end of table -->)", re.DOTALL)
 Row = dict[str, Any]
 
 
@@ -49,17 +44,17 @@ class Place:
     repeat: int
 
     @property
-    def file(self) -> str:
+    def file(self):
         """Return the name of the file that keeps what came out."""
         return f"{self.scenario}-{self.sut}-{self.repeat}.json"
 
 
 @cache
-def _submission() -> Submission:
+def _submission():
     return expand(load_campaign(CAMPAIGN))
 
 
-def planned_by(spec: RunSpec, planner: str) -> RunSpec:
+def planned_by(spec, planner):
     """Return ``spec`` with another planner; nothing else differs, the seed neither."""
     if planner == "exact":
         return spec
@@ -67,14 +62,14 @@ def planned_by(spec: RunSpec, planner: str) -> RunSpec:
     return replace(spec, sut=replace(spec.sut, parameters=parameters))
 
 
-def places(repeats: int) -> list[Place]:
+def places(repeats):
     """Return all places of the campaign's first ``repeats``, those of one repeat together."""
     runs = [Place(r.scenario, r.sut.name, r.repeat) for r in _submission().runs]
     there = [place for place in runs if place.repeat < repeats]
     return sorted(there, key=lambda place: place.repeat)
 
 
-def run_pair(place: Place, folder: Path) -> Path:
+def run_pair(place, folder):
     """Run one place with both planners and keep what came out; return the file."""
     from daemon.run import execute
 
@@ -86,7 +81,7 @@ def run_pair(place: Place, folder: Path) -> Path:
         if (run.scenario, run.sut.name, run.repeat) == (place.scenario, place.sut, place.repeat)
     )
     scene = next(scene for scene in submission.scenes if scene.digest == spec.scene)
-    rows: dict[str, Row] = {}
+    rows = {}
     with tempfile.TemporaryDirectory() as there:
         for planner in PLANNERS:
             begun = time.process_time()
@@ -113,7 +108,7 @@ def run_pair(place: Place, folder: Path) -> Path:
 
 
 @cache
-def _warm() -> None:
+def _warm():
     """Compile before anything is timed."""
     from daemon.run import warm_up
     from daemon.stacks.ros1.navfn import warm_up_incremental
@@ -122,7 +117,7 @@ def _warm() -> None:
     warm_up_incremental()
 
 
-def run_missing(folder: Path, repeats: int) -> Iterator[Place]:
+def run_missing(folder, repeats):
     """Run what ``folder`` does not hold yet; yield each place when it is done."""
     folder.mkdir(parents=True, exist_ok=True)
     missing = [place for place in places(repeats) if not (folder / place.file).exists()]
@@ -135,9 +130,9 @@ def run_missing(folder: Path, repeats: int) -> Iterator[Place]:
             yield running[future]
 
 
-def read_pairs(folder: Path, repeats: int) -> dict[tuple[str, str], list[dict[str, Row]]]:
+def read_pairs(folder, repeats):
     """Return what was run of every cell, in the order of the campaign."""
-    cells: dict[tuple[str, str], list[dict[str, Row]]] = {}
+    cells = {}
     for place in sorted(places(repeats), key=lambda each: each.scenario):
         path = folder / place.file
         if path.exists():
@@ -146,7 +141,7 @@ def read_pairs(folder: Path, repeats: int) -> dict[tuple[str, str], list[dict[st
     return cells
 
 
-def verdicts_text(pairs: Sequence[dict[str, Row]]) -> str:
+def verdicts_text(pairs):
     """Return how often each oracle passed with either planner, where they differ."""
     names = list(pairs[0]["exact"]["verdicts"])
     found = []
@@ -157,11 +152,11 @@ def verdicts_text(pairs: Sequence[dict[str, Row]]) -> str:
     return "; ".join(found) or "the same"
 
 
-def _passed(pairs: Iterable[dict[str, Row]], planner: str, oracle: str) -> int:
+def _passed(pairs, planner, oracle):
     return sum(pair[planner]["verdicts"][oracle] == Outcome.PASS.value for pair in pairs)
 
 
-def number_text(values: Sequence[float | None], decimals: int) -> str:
+def number_text(values, decimals):
     """Return the mean of the values there are, with their standard deviation if there are more."""
     known = [value for value in values if value is not None]
     if not known:
@@ -170,7 +165,7 @@ def number_text(values: Sequence[float | None], decimals: int) -> str:
     return text if len(known) < 2 else f"{text} ± {stdev(known):.{decimals}f}"
 
 
-def table(cells: dict[tuple[str, str], list[dict[str, Row]]]) -> str:
+def table(cells):
     """Return the table of all cells, exact before incremental in every column with an arrow."""
     head = ["scenario", "SUT", "runs", "verdicts passed", "duration [s]", "distance [m]"]
     head += ["localisation error [m]", "CPU [s]", "times as fast"]
@@ -187,7 +182,7 @@ def table(cells: dict[tuple[str, str], list[dict[str, Row]]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def summary(cells: dict[tuple[str, str], list[dict[str, Row]]]) -> str:
+def summary(cells):
     """Return what the cells come to together, a line for each thing."""
     pairs = [pair for each in cells.values() for pair in each]
     both = [
@@ -208,12 +203,12 @@ def summary(cells: dict[tuple[str, str], list[dict[str, Row]]]) -> str:
     )
 
 
-def page_with(page: str, tables: dict[str, str]) -> str:
+def page_with(page, tables):
     """Return the text of a page with its tables replaced between their markers."""
     return _BLOCK.sub(lambda m: f"{m[1]}{tables.get(m['name'], '')}{m[3]}", page)
 
 
-def main() -> None:
+def main():
     """Run what is missing, print the tables, write them into the page if asked to."""
     parser = argparse.ArgumentParser(prog="python -m tests.planner_comparison")
     parser.add_argument("folder", type=Path, help="where what came out is kept")

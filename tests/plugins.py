@@ -1,17 +1,11 @@
 """A package of somebody's with systems under test of all sorts, installed for one test."""
 
-from __future__ import annotations
-
 import os
 import sys
-from pathlib import Path
-from typing import Final
 
-import pytest
+MODULE = "stacks_of_others"
 
-MODULE: Final = "stacks_of_others"
-
-SOURCE: Final = """
+SOURCE = """
 import ctypes
 import os
 import random
@@ -138,7 +132,7 @@ def reads_with_a_library(parameters):
     TypeAdapter(dict[str, float]).validate_python({"speed": "fast"})
 """
 
-_KINDS: Final = {
+_KINDS = {
     "plain": "Stack",
     "says-done": "SaysDone",
     "gives-up": "GivesUp",
@@ -161,7 +155,7 @@ _KINDS: Final = {
 }
 
 
-def install_plugins(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def install_plugins(folder, monkeypatch):
     """Install the package into ``folder`` and let this process and its children find it."""
     (folder / f"{MODULE}.py").write_text(SOURCE)
     (folder / "slow_to_import.py").write_text("import time\ntime.sleep(1e6)\n")
@@ -177,7 +171,7 @@ def install_plugins(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, MODULE, raising=False)
 
 
-def place_of(comment: str) -> str:
+def place_of(comment):
     """Return ``file:line`` of the line with that comment."""
     lines = SOURCE.splitlines()
     number = next(n for n, line in enumerate(lines, start=1) if comment in line)

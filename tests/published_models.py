@@ -17,10 +17,9 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
 
 import numpy as np
 from ruamel.yaml import YAML, YAMLError
@@ -28,12 +27,11 @@ from ruamel.yaml import YAML, YAMLError
 from daemon.campaign import expand, load_campaign
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
-from grammars.floorplan import FloorPlan, load_floorplan
+from grammars.floorplan import load_floorplan
 from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
 from grammars.model.behaviour import KeyFrames
 from grammars.model.map_files import read_map, write_map
 from grammars.model.mission_files import load_mission
-from grammars.model.scene import Scene
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import InputError
@@ -42,12 +40,12 @@ from templates.jsonld import write_jsonld
 from templates.sdf import frames_text
 from templates.tasks import contour_route, inset_contour
 
-ROOT: Final = Path(__file__).parents[1]
-PAGE: Final = ROOT / "docs" / "published-models.md"
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "published-models.md"
 _BEGIN, _END = "<!-- table -->", "<!-- end of table -->"
-_NOT_PUBLISHED: Final = {"goldens", "acceptance"}
+_NOT_PUBLISHED = {"goldens", "acceptance"}
 """Folders of the reference data that hold inputs made for tests."""
-_NEAR: Final = 1e-6
+_NEAR = 1e-6
 """What comes back lies this near to where it was [m]."""
 
 CAMPAIGN = """\
@@ -74,7 +72,7 @@ class Finding:
     returns: str = "-"
 
 
-def findings(folder: Path) -> Iterator[Finding]:
+def findings(folder):
     """Try every published model below ``folder``, in the order of their paths."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
@@ -91,11 +89,11 @@ def findings(folder: Path) -> Iterator[Finding]:
 _Look = Callable[[Path, Path], tuple[str, str, str]]
 
 
-def _trial(path: Path) -> tuple[str, _Look] | None:
+def _trial(path):
     """Return what a file or folder is, and how it is tried; ``None`` for what is no model."""
     if path.is_dir():
         return ("JSON-LD plan", _plan_folder) if _is_plan_folder(path) else None
-    endings: dict[str, tuple[str, _Look]] = {
+    endings = {
         ".fpm": ("plan", _plan),
         ".variation": ("variation", _variation),
         ".world": ("Gazebo world", _world),
@@ -115,11 +113,11 @@ def _trial(path: Path) -> tuple[str, _Look] | None:
     return None
 
 
-def _is_plan_folder(folder: Path) -> bool:
+def _is_plan_folder(folder):
     return all((folder / f"{name}.json").is_file() for name in ("floorplan", "skeleton"))
 
 
-def _keys(path: Path) -> set[str]:
+def _keys(path):
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
         told = (
@@ -130,7 +128,7 @@ def _keys(path: Path) -> set[str]:
     return set(told) if isinstance(told, dict) else set()
 
 
-def tried(attempt: Callable[[], object]) -> str:
+def tried(attempt):
     """Return ``yes``, or the first thing that is wrong in a few words."""
     try:
         found = attempt()
@@ -141,7 +139,7 @@ def tried(attempt: Callable[[], object]) -> str:
     return found if isinstance(found, str) else "yes"
 
 
-def _plan(path: Path, scratch: Path) -> tuple[str, str, str]:
+def _plan(path, scratch):
     loads = tried(lambda: load_floorplan(path))
     if loads != "yes":
         return loads, "-", "-"
@@ -153,7 +151,7 @@ def _plan(path: Path, scratch: Path) -> tuple[str, str, str]:
     )
 
 
-def _plan_folder(folder: Path, scratch: Path) -> tuple[str, str, str]:
+def _plan_folder(folder, scratch):
     loads = tried(lambda: load_floorplan_jsonld(folder))
     if loads != "yes":
         return loads, "-", "-"
@@ -162,17 +160,17 @@ def _plan_folder(folder: Path, scratch: Path) -> tuple[str, str, str]:
     return loads, runs, tried(lambda: _returned(plan, scratch))
 
 
-def _returned(plan: FloorPlan, scratch: Path) -> str:
+def _returned(plan, scratch):
     """Write a plan as JSON-LD, read it, and compare the scenes."""
     written = write_jsonld(plan, scratch / "jsonld")
     again = load_floorplan_jsonld(next(p for p in written if p.suffix == ".jsonld"))
     return "yes" if alike(compile_scene(plan), compile_scene(again)) else "another scene"
 
 
-def alike(one: Scene, other: Scene) -> bool:
+def alike(one, other):
     """Whether what stands in two scenes, and where one can go, is the same within a micrometre."""
 
-    def corners(scene: Scene) -> list[Any]:
+    def corners(scene):
         rings = [*(s.polygon for s in scene.solids), *(r.outline for r in scene.regions)]
         rings += [d.footprint for d in scene.doorways]
         return sorted(sorted(np.array(ring).round(6).tolist()) for ring in rings)
@@ -184,7 +182,7 @@ def alike(one: Scene, other: Scene) -> bool:
     return bool(np.allclose(*flat, atol=2 * _NEAR))
 
 
-def run_in(plan: FloorPlan, source: Path, scratch: Path) -> str:
+def run_in(plan, source, scratch):
     """Drive the pilot from one corner of the widest space to the next; say how it ended."""
     regions = sorted(compile_scene(plan).regions, key=lambda r: -_span(r.outline))
     routes = (contour_route(inset_contour(region, 0.7)) for region in regions)
@@ -206,17 +204,17 @@ def run_in(plan: FloorPlan, source: Path, scratch: Path) -> str:
     return result.note or "error" if result.outcome is Outcome.ERROR else "yes"
 
 
-def _span(ring: Any) -> float:
+def _span(ring):
     return float(np.ptp(np.array(ring), axis=0).min())
 
 
-def _variation(path: Path, scratch: Path) -> tuple[str, str, str]:
+def _variation(path, scratch):
     loads = tried(lambda: load_variation(path))
     if loads != "yes":
         return loads, "-", "-"
-    files: list[Path] = []
+    files = []
 
-    def variants() -> None:
+    def variants():
         drawn = sample(load_variation(path), 2, seed=1)
         files.extend(v.path for v in write_variants(drawn, scratch / "variants"))
         for file in files:
@@ -228,11 +226,11 @@ def _variation(path: Path, scratch: Path) -> tuple[str, str, str]:
     return loads, tried(lambda: run_in(load_floorplan(files[0]), files[0], scratch)), returns
 
 
-def _object(path: Path, scratch: Path) -> tuple[str, str, str]:
+def _object(path, scratch):
     return tried(lambda: load_scenery_jsonld(path)), "-", "-"
 
 
-def _map(path: Path, scratch: Path) -> tuple[str, str, str]:
+def _map(path, scratch):
     file = scratch / path.name
     shutil.copy(path, file)
     name = Path(YAML(typ="safe").load(path.read_text(encoding="utf-8"))["image"]).name
@@ -247,7 +245,7 @@ def _map(path: Path, scratch: Path) -> tuple[str, str, str]:
     if loads != "yes":
         return loads, "-", "-"
 
-    def returned() -> str:
+    def returned():
         grid = read_map(file)
         write_map(grid, scratch / "again", laser_height=0.0)
         again = read_map(scratch / "again.yaml")
@@ -257,7 +255,7 @@ def _map(path: Path, scratch: Path) -> tuple[str, str, str]:
     return loads, tried(lambda: _imported(file, scratch)), tried(returned)
 
 
-def _imported(file: Path, scratch: Path) -> str:
+def _imported(file, scratch):
     """Run in the building that is made of a map."""
     maps = importlib.import_module("grammars.maps")
     if not hasattr(maps, "vectorise"):
@@ -268,7 +266,7 @@ def _imported(file: Path, scratch: Path) -> str:
     return run_in(maps.load_walls(walls), walls, scratch)
 
 
-def _key_frames(path: Path, scratch: Path) -> tuple[str, str, str]:
+def _key_frames(path, scratch):
     told = json.loads(path.read_text(encoding="utf-8"))["keyframes"]
     frames = [(frame["time"], frame.get("pose", frame.get("position"))) for frame in told]
     moves = ", ".join(f"to {position} rad at {time} s" for time, position in frames)
@@ -278,7 +276,7 @@ def _key_frames(path: Path, scratch: Path) -> tuple[str, str, str]:
     doors = load_scenery(demo / "doors.scenery")
     scene = compile_scene(load_floorplan(demo / "flat.fpm"), [doors])
 
-    def act() -> KeyFrames:
+    def act():
         layers = (doors, load_scenery(layer))
         (found,) = resolve_behaviours(
             scene, layers, seed=np.random.SeedSequence(1), limit=3600.0
@@ -286,7 +284,7 @@ def _key_frames(path: Path, scratch: Path) -> tuple[str, str, str]:
         assert isinstance(found, KeyFrames)
         return found
 
-    def returned() -> str:
+    def returned():
         again = json.loads(frames_text(act(), "pose"))["keyframes"]
         same = [(f["time"], abs(f["pose"])) for f in again] == [(t, abs(p)) for t, p in frames]
         return "yes" if same else "other frames"
@@ -295,7 +293,7 @@ def _key_frames(path: Path, scratch: Path) -> tuple[str, str, str]:
     return loads, "-", tried(returned) if loads == "yes" else "-"
 
 
-def _task(path: Path, scratch: Path) -> tuple[str, str, str]:
+def _task(path, scratch):
     told = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["waypoints"]
     lines = [
         f"  - {{id: {json.dumps(str(w['id']))}, x: {w['x']}, y: {w['y']}, yaw: {w['yaw']}}}\n"
@@ -306,7 +304,7 @@ def _task(path: Path, scratch: Path) -> tuple[str, str, str]:
     first = f"start: {{x: {told[0]['x']}, y: {told[0]['y']}, yaw: 0}}\n"
     file.write_text(f"mission: task\n{first}waypoints:\n{''.join(lines)}")
 
-    def returned() -> str:
+    def returned():
         mission, _ = load_mission(file)
         found = [(w.id, w.x, w.y, w.yaw) for w in mission.waypoints]
         wanted = [(str(w["id"]), w["x"], w["y"], w["yaw"]) for w in told]
@@ -316,11 +314,11 @@ def _task(path: Path, scratch: Path) -> tuple[str, str, str]:
     return loads, "-", tried(returned) if loads == "yes" else "-"
 
 
-def _world(path: Path, scratch: Path) -> tuple[str, str, str]:
+def _world(path, scratch):
     return "written, never read", "-", "-"
 
 
-def table(found: list[Finding]) -> str:
+def table(found):
     """Return the findings as a table in Markdown."""
     rows = ["| kind | model | loads | runs | comes back |", "|---|---|---|---|---|"]
     for f in sorted(found, key=lambda f: (f.kind, f.name)):
@@ -329,7 +327,7 @@ def table(found: list[Finding]) -> str:
     return "\n".join(rows)
 
 
-def main(arguments: list[str]) -> int:
+def main(arguments):
     """Print or write the table; the exit code is 2 without any folder of models."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true", help=f"into {PAGE.name}")

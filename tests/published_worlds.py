@@ -11,10 +11,8 @@ import gzip
 import math
 import os
 import sys
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -22,25 +20,24 @@ import shapely
 
 from daemon.campaign import load_campaign
 from grammars.model.kinematics import placed_links
-from grammars.model.scene import Scene
 
 Floats = npt.NDArray[np.float64]
 
-LASER_HEIGHT: Final = 0.3
-HALL: Final = (0.0, 0.0)
+LASER_HEIGHT = 0.3
+HALL = (0.0, 0.0)
 """A place in the middle of the building, from which all corridors are seen."""
-NEAR: Final = 0.02
+NEAR = 0.02
 """How far an edge may be from its counterpart [m]."""
-_CRACK: Final = 2e-3
+_CRACK = 2e-3
 """Gaps in which two faces of a mesh are one wall [m]."""
-_SLIT: Final = 0.15
+_SLIT = 0.15
 """Gaps through which a robot does not leave the building [m]; the published walls have some."""
 
-MESHES: Final = {"S1": "brsu_building_c_static", "S3.4": "brsu_building_c_door_events"}
+MESHES = {"S1": "brsu_building_c_static", "S3.4": "brsu_building_c_door_events"}
 """A scenario in each published world, with the mesh it was simulated in."""
 
-_MITRE: Final[dict[str, Any]] = {"join_style": "mitre", "mitre_limit": 10.0}
-_FACET: Final = np.dtype(
+_MITRE = {"join_style": "mitre", "mitre_limit": 10.0}
+_FACET = np.dtype(
     [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")],
 )
 
@@ -55,18 +52,18 @@ class Fit:
     ours_near: float
 
     @property
-    def shares(self) -> tuple[float, float]:
+    def shares(self):
         """Return the part of the published edges that ours has, and the other way round."""
         return self.published_near / self.published, self.ours_near / self.ours
 
 
-def read_mesh(path: Path) -> Floats:
+def read_mesh(path):
     """Return the facets of a gzipped binary STL file, shape (n, 3, 3)."""
     data = gzip.decompress(path.read_bytes())
     return np.frombuffer(data, _FACET, offset=84)["corners"].astype(np.float64)
 
 
-def mesh_section(facets: Floats, height: float) -> shapely.Geometry:
+def mesh_section(facets, height):
     """Return what a horizontal plane at ``height`` [m] cuts out of a mesh.
 
     The published walls and pillars overlap and do not all face outwards, so each is cut alone.
@@ -75,7 +72,7 @@ def mesh_section(facets: Floats, height: float) -> shapely.Geometry:
     return _closed(shapely.union_all(pieces))
 
 
-def _bodies(facets: Floats) -> list[Floats]:
+def _bodies(facets):
     """Return the facets by body: those that share corners, directly or through others."""
     corners = facets.reshape(-1, 3).round(4)
     _, ids = np.unique(corners, axis=0, return_inverse=True)
@@ -93,14 +90,14 @@ def _bodies(facets: Floats) -> list[Floats]:
     return [facets[labels == label] for label in np.unique(labels)]
 
 
-def _cut(facets: Floats, height: float) -> Floats:
+def _cut(facets, height):
     """Return the segments in which facets meet the plane, shape (n, 2, 2), solid on one side."""
     segments = []
     for facet in facets:
         below = facet[:, 2] < height
         if below.all() or not below.any():
             continue
-        ends: dict[bool, Floats] = {}
+        ends = {}
         for i in range(3):
             first, second = facet[i], facet[(i + 1) % 3]
             if below[i] != below[(i + 1) % 3]:
@@ -110,7 +107,7 @@ def _cut(facets: Floats, height: float) -> Floats:
     return np.array(segments).reshape(-1, 2, 2)
 
 
-def _filled(segments: Floats) -> shapely.Geometry:
+def _filled(segments):
     """Return the area that directed segments run around, as often as they do and either way."""
     lines = shapely.linestrings(segments.round(5))
     net = shapely.node(shapely.multilinestrings(lines[shapely.length(lines) > 1e-5]))
@@ -127,7 +124,7 @@ def _filled(segments: Floats) -> shapely.Geometry:
     return shapely.union_all(inside)
 
 
-def scene_section(scene: Scene, height: float) -> shapely.Geometry:
+def scene_section(scene, height):
     """Return what a horizontal plane cuts out of a scene's walls and of what stands fixed in it."""
     cut = [s.polygon for s in scene.solids if s.z_min <= height <= s.z_max]
     for thing in scene.objects:
@@ -137,20 +134,15 @@ def scene_section(scene: Scene, height: float) -> shapely.Geometry:
     return _closed(shapely.union_all([shapely.Polygon(ring) for ring in cut]))
 
 
-def _closed(area: shapely.Geometry) -> shapely.Geometry:
+def _closed(area):
     return shapely.buffer(shapely.buffer(area, _CRACK, **_MITRE), -_CRACK, **_MITRE)
 
 
-def compare(
-    published: shapely.Geometry,
-    ours: shapely.Geometry,
-    leaves: shapely.Geometry,
-    places: Iterable[tuple[float, float]],
-) -> Fit:
+def compare(published, ours, leaves, places):
     """Compare the edges seen from ``places``, with all doorways that have a door shut."""
     points = [shapely.Point(place) for place in places]
 
-    def seen(area: shapely.Geometry) -> shapely.Geometry:
+    def seen(area):
         around = shapely.box(*shapely.buffer(area, 5.0).bounds)
         floor = shapely.difference(around, shapely.union(area, leaves))
         halls = shapely.get_parts(shapely.buffer(floor, -_SLIT / 2, **_MITRE))
@@ -158,7 +150,7 @@ def compare(
         reach = shapely.buffer(rooms, _SLIT / 2 + _CRACK, **_MITRE)
         return shapely.intersection(shapely.boundary(area), reach)
 
-    def near(edges: shapely.Geometry, other: shapely.Geometry) -> float:
+    def near(edges, other):
         return float(
             shapely.intersection(edges, shapely.buffer(shapely.boundary(other), NEAR)).length
         )
@@ -167,7 +159,7 @@ def compare(
     return Fit(theirs.length, near(theirs, ours), own.length, near(own, published))
 
 
-def shut_leaves(scene: Scene, joints: Mapping[str, float]) -> shapely.Geometry:
+def shut_leaves(scene, joints):
     """Return the leaves of all doors as they close their doorways, a little wider than they are."""
     rings = [
         ring
@@ -179,7 +171,7 @@ def shut_leaves(scene: Scene, joints: Mapping[str, float]) -> shapely.Geometry:
     return shapely.buffer(shapely.union_all([shapely.Polygon(ring) for ring in rings]), 0.04)
 
 
-def fits(data: Path, campaigns: Path) -> dict[str, Fit]:
+def fits(data, campaigns):
     """Return how the worlds of the campaign fit the published meshes, by scenario."""
     campaign = load_campaign(campaigns / "ortega2024" / "campaign.yaml")
     found = {}
@@ -193,7 +185,7 @@ def fits(data: Path, campaigns: Path) -> dict[str, Fit]:
     return found
 
 
-def main() -> int:
+def main():
     """Print the figures; the exit code is 2 without the published meshes."""
     folder = os.environ.get("SCENARIO_REFERENCE_DATA")
     if not folder or not (Path(folder) / "worlds").is_dir():

@@ -16,11 +16,9 @@ import argparse
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any, Final
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -28,7 +26,6 @@ from pydantic import TypeAdapter
 from daemon.analysis.report import Axes
 from daemon.analysis.report._svg import text_element
 from daemon.model.proposals import ProposalRow
-from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
 from daemon.model.verdicts import Outcome
 from daemon.search.page._boundary import (
@@ -40,15 +37,15 @@ from daemon.search.page._boundary import (
 from daemon.search.points import position_in_range
 from tests.ortega2024 import NOTHING, count_text, number, page_with
 
-PAGE: Final = Path(__file__).parents[1] / "docs" / "safe-region.md"
-FIGURE: Final = PAGE.with_name("safe-region.svg")
-SYSTEMS: Final = ("a2s", "fro-omni")
-SPACES: Final = {"door-17": "door 17 (S3.2)", "both-doors": "doors 17 and 12 (S3.3)",
+PAGE = Path(__file__).parents[1] / "docs" / "safe-region.md"
+FIGURE = PAGE.with_name("safe-region.svg")
+SYSTEMS = ("a2s", "fro-omni")
+SPACES = {"door-17": "door 17 (S3.2)", "both-doors": "doors 17 and 12 (S3.3)",
                  "times": "door times (S2)"}  # fmt: skip
 """Searches of both systems over the same points, by the beginning of their names."""
-DRAWN: Final = ("door-17", "both-doors")
-WORST: Final = "worst-times-a2s"
-CRITERIA: Final = {
+DRAWN = ("door-17", "both-doors")
+WORST = "worst-times-a2s"
+CRITERIA = {
     "touches nothing": ("no-contact",),
     "outside of the paper's box": ("no-collision",),
     "mission done": ("visited",),
@@ -56,9 +53,9 @@ CRITERIA: Final = {
 }
 """What a point may do well, by the oracles that have to pass."""
 SAFE, DONE = "touches nothing", "touches nothing, mission done"
-_MARK: Final = "#000000"
-_STUCK: Final = "#b8860b"
-_COLOURS: Final = {"ink": "#222222", "soft": "#555555", "rule": "#dddddd", "paper": "#ffffff",
+_MARK = "#000000"
+_STUCK = "#b8860b"
+_COLOURS = {"ink": "#222222", "soft": "#555555", "rule": "#dddddd", "paper": "#ffffff",
                    "near": "#7b2d8b"}  # fmt: skip
 """Values of the colours that figures name: this one stands alone and follows no page."""
 
@@ -72,7 +69,7 @@ class RecordedSearch:
     seconds: tuple[float, ...] = ()
 
     @property
-    def drawn(self) -> tuple[ProposalRow, ...]:
+    def drawn(self):
         """Return the runs that fill the space; the scenario as written was not drawn."""
         return tuple(
             r
@@ -80,12 +77,12 @@ class RecordedSearch:
             if r.proposal.phase == "explore" and not r.proposal.guided and r.proposal.number
         )
 
-    def passed(self, criterion: str) -> int:
+    def passed(self, criterion):
         """Return how many of the drawn runs do well."""
         return sum(does_well(row, criterion) for row in self.drawn)
 
 
-def read_searches(folder: Path) -> dict[str, RecordedSearch]:
+def read_searches(folder):
     """Return the searches of a folder by name."""
     found = {}
     for path in sorted(folder.glob("*.json")):
@@ -98,7 +95,7 @@ def read_searches(folder: Path) -> dict[str, RecordedSearch]:
     return found
 
 
-def does_well(row: ProposalRow, criterion: str) -> bool:
+def does_well(row, criterion):
     """Whether all oracles of a criterion pass in a run; raises ``ValueError`` without a verdict."""
     outcomes = {verdict.oracle: verdict.outcome for verdict in row.verdicts}
     found = [outcomes.get(oracle) for oracle in CRITERIA[criterion]]
@@ -107,7 +104,7 @@ def does_well(row: ProposalRow, criterion: str) -> bool:
     return all(outcome is Outcome.PASS for outcome in found)
 
 
-def region_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+def region_table(searches):
     """Yield how much of each space goes well, by system."""
     yield f"| | runs | {' | '.join(CRITERIA)} |"
     yield f"|---|---|{'---|' * len(CRITERIA)}"
@@ -117,7 +114,7 @@ def region_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
         yield f"| {SPACES[space]}, {system} | {n} | {' | '.join(parts)} |"
 
 
-def paired_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+def paired_table(searches):
     """Yield at how many of the same points one system does well and the other does not.
 
     The last column is the exact probability of such a split, or one that is less even, if both
@@ -142,13 +139,11 @@ def paired_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
             yield f"| {name} | {criterion} | {len(pairs)} | {words} | {_probability(p)} |"
 
 
-def _probability(p: float) -> str:
+def _probability(p):
     return "< 0.0001" if p < 0.0001 else f"{p:.2g}"
 
 
-def _same_points(
-    searches: Mapping[str, RecordedSearch], space: str, criterion: str
-) -> list[tuple[bool, bool]]:
+def _same_points(searches, space, criterion):
     sides = [searches.get(f"{space}-{system}") for system in SYSTEMS]
     found = [
         {row.proposal.values: does_well(row, criterion) for row in side.drawn}
@@ -160,7 +155,7 @@ def _same_points(
     return [(found[0][point], found[1][point]) for point in found[0] if point in found[1]]
 
 
-def band_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+def band_table(searches):
     """Yield between which values of each parameter of the springs runs touch something."""
     yield (
         "| | touches with | mission not done, nothing touched, with | smallest margin [m] | "
@@ -179,7 +174,7 @@ def band_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
         yield f"| {SPACES[space]}, {system} | {' | '.join(columns)} |"
 
 
-def ending_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+def ending_table(searches):
     """Yield how runs end in which the mission is not done, and what they were on the way to."""
     yield "| | mission not done | the robot gave up | after [s] | time was up | on the way to |"
     yield "|---|---|---|---|---|---|"
@@ -198,7 +193,7 @@ def ending_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
         yield f"| {SPACES[space]}, {system} | {' | '.join(columns)} |"
 
 
-def _ranges(search: RecordedSearch, rows: Sequence[ProposalRow]) -> str:
+def _ranges(search, rows):
     if not rows:
         return NOTHING
     parts = []
@@ -209,11 +204,11 @@ def _ranges(search: RecordedSearch, rows: Sequence[ProposalRow]) -> str:
     return ", ".join(parts)
 
 
-def _margin(row: ProposalRow) -> float | None:
+def _margin(row):
     return next((lead.margin for lead in row.leads if lead.oracle == "no-contact"), None)
 
 
-def finding_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+def finding_table(searches):
     """Yield the distinct failures of every search, with the run that has the smallest margin."""
     yield "| search | touches | on the way to | runs | smallest margin [m] | in run |"
     yield "|---|---|---|---|---|---|"
@@ -228,7 +223,7 @@ def finding_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
             )
 
 
-def nearest_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+def nearest_table(searches):
     """Yield the sentence of the nearest failure of every search, and how often it is repeated."""
     yield "| search | nearest failure | runs for it | fails with other noise |"
     yield "|---|---|---|---|"
@@ -243,7 +238,7 @@ def nearest_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
         yield f"| {name} | {nearest.sentence} | {spent} | {often} |"
 
 
-def cost_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+def cost_table(searches):
     """Yield what every search did and what it took."""
     yield (
         "| search | method | explored | fail | of those drawn | all runs | CPU [s] | "
@@ -263,7 +258,7 @@ def cost_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
         )
 
 
-def influence_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
+def influence_table(searches):
     """Yield the rank correlation of the door times with the margin, those of both systems."""
     sides = [searches.get(f"times-{system}") for system in SYSTEMS]
     found = [
@@ -279,22 +274,22 @@ def influence_table(searches: Mapping[str, RecordedSearch]) -> Iterator[str]:
         yield f"| {name.rpartition('.')[2]} | {' | '.join(values)} |"
 
 
-def _pairs(searches: Mapping[str, RecordedSearch]) -> Iterator[tuple[str, str, RecordedSearch]]:
+def _pairs(searches):
     for space in SPACES:
         for system in SYSTEMS:
             if (search := searches.get(f"{space}-{system}")) is not None:
                 yield space, system, search
 
 
-def _in_order(searches: Mapping[str, RecordedSearch]) -> Iterator[tuple[str, RecordedSearch]]:
+def _in_order(searches):
     for name in [f"{space}-{system}" for space in SPACES for system in SYSTEMS] + [WORST]:
         if name in searches:
             yield name, searches[name]
 
 
-def page_tables(searches: Mapping[str, RecordedSearch]) -> dict[str, str]:
+def page_tables(searches):
     """Return the tables of the page by name."""
-    makers: dict[str, Callable[[Mapping[str, RecordedSearch]], Iterator[str]]] = {
+    makers = {
         "regions": region_table, "paired": paired_table, "bands": band_table,
         "endings": ending_table,
         "findings": finding_table, "nearest": nearest_table, "influence": influence_table,
@@ -303,7 +298,7 @@ def page_tables(searches: Mapping[str, RecordedSearch]) -> dict[str, str]:
     return {name: "\n".join(make(searches)) + "\n" for name, make in makers.items()}
 
 
-def draw_regions(searches: Mapping[str, RecordedSearch]) -> str:
+def draw_regions(searches):
     """Return the safe regions of both systems side by side as SVG, a row for each space."""
     wide, high, gap = 238.0, 170.0, 42.0
     rows = [space for space in DRAWN if all(f"{space}-{s}" in searches for s in SYSTEMS)]
@@ -329,7 +324,7 @@ def draw_regions(searches: Mapping[str, RecordedSearch]) -> str:
     )
 
 
-def _draw_region(axes: Axes, search: RecordedSearch, *, words: bool) -> None:
+def _draw_region(axes, search, *, words):
     """Draw the margin of a search over two ranges, and what its runs did, explained in words."""
     x, y = search.row.task.parameters
     rows = [r for r in search.rows if r.proposal.phase == "explore" and _margin(r) is not None]
@@ -349,9 +344,7 @@ def _draw_region(axes: Axes, search: RecordedSearch, *, words: bool) -> None:
     _draw_marks(axes, search, rows, places, words=words)
 
 
-def _draw_marks(
-    axes: Axes, search: RecordedSearch, rows: Sequence[ProposalRow], places: Any, *, words: bool
-) -> None:
+def _draw_marks(axes, search, rows, places, *, words):
     x, y = search.row.task.parameters
     touches = np.array([not does_well(row, SAFE) for row in rows])
     stuck = np.array([does_well(row, SAFE) and not does_well(row, DONE) for row in rows])
@@ -370,21 +363,21 @@ def _draw_marks(
     axes.y_names = [f"{y.low * 10.0**k:g}" for k in range(count)]
 
 
-def _place(parameters: Sequence[SearchParameter], values: Sequence[Any]) -> tuple[float, ...]:
+def _place(parameters, values):
     return tuple(position_in_range(p, v) for p, v in zip(parameters, values, strict=True))
 
 
-def _decades(parameter: SearchParameter, place: float) -> float:
+def _decades(parameter, place):
     """Return how many decades above its lower end a place of a logarithmic range is."""
     return place * math.log10(parameter.high / parameter.low)
 
 
-def _on_axes(x: SearchParameter, y: SearchParameter, places: Any) -> list[tuple[float, float]]:
+def _on_axes(x, y, places):
     """Return places of the unit square as they are drawn: a value along x, decades along y."""
     return [(x.low + u * (x.high - x.low), _decades(y, v)) for u, v in places]
 
 
-def main() -> None:
+def main():
     """Print the tables, or write them and the figure."""
     parser = argparse.ArgumentParser(prog="python -m tests.safe_region")
     parser.add_argument("results", type=Path, help="a folder with NAME.json of every search")

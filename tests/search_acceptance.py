@@ -19,39 +19,34 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
-from typing import Any, Final
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
-from daemon.model.search import Point, SearchTask
-from daemon.model.search_answer import SearchAnswer, SearchRow
-from daemon.model.spec import RunResult
+from daemon.model.search_answer import SearchAnswer
 from daemon.run import execute
 from daemon.search import program
 from daemon.search.answers.found import write_found
-from daemon.search.methods import MethodProposal, SearchMethod, make_method
-from daemon.search.preparation.composition import SearchCase, load_search_case
+from daemon.search.methods import SearchMethod, make_method
+from daemon.search.preparation.composition import load_search_case
 from daemon.search.preparation.submission import prepare_search
 from daemon.search.program import run_search
-from daemon.search.space import SearchSpace
 from grammars.text.diagnostics import InputError
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.search.local_runs import LocalRuns
 
-ROOT: Final = Path(__file__).parents[1]
-CAMPAIGN: Final = ROOT / "campaigns" / "demo" / "campaign.yaml"
-NAME: Final = "doors-in-time"
-METHODS: Final = ("random", "halton", "auto")
-_SLOTS: Final = 2
-_KILL_EVERY: Final = 10
-_PATIENCE: Final = 1800.0
+ROOT = Path(__file__).parents[1]
+CAMPAIGN = ROOT / "campaigns" / "demo" / "campaign.yaml"
+NAME = "doors-in-time"
+METHODS = ("random", "halton", "auto")
+_SLOTS = 2
+_KILL_EVERY = 10
+_PATIENCE = 1800.0
 """Seconds after which a search by a daemon is broken, not slow."""
-_HARMLESS: Final = """
+_HARMLESS = """
   noise-only:
     scenario: open-house
     minimise: keeps-clear
@@ -59,7 +54,7 @@ _HARMLESS: Final = """
     budget: 20 runs
     method: halton
 """
-_FLAT: Final = """
+_FLAT = """
   flat:
     scenario: open-house
     minimise: nearest
@@ -74,19 +69,19 @@ class TimedMethod:
     method: SearchMethod
     cpu: float = 0.0
 
-    def propose(self, number: int) -> MethodProposal | None:
+    def propose(self, number):
         """Propose, and count the time."""
         return self._timed(lambda: self.method.propose(number))
 
-    def learn(self, number: int, point: Point, value: float | None) -> None:
+    def learn(self, number, point, value):
         """Learn, and count the time."""
         self._timed(lambda: self.method.learn(number, point, value))
 
-    def best(self) -> int | None:
+    def best(self):
         """Return the best number."""
         return self.method.best()
 
-    def _timed(self, act: Callable[[], Any]) -> Any:
+    def _timed(self, act):
         began = time.process_time()
         found = act()
         self.cpu += time.process_time() - began
@@ -103,16 +98,16 @@ class Measured:
     runs: float
 
 
-def _children() -> float:
+def _children():
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
-def measure(case: SearchCase, results: dict[str, RunResult]) -> Measured:
+def measure(case, results):
     """Run a search here, with the CPU of its parts."""
-    timed: list[TimedMethod] = []
+    timed = []
 
-    def make(task: SearchTask, space: SearchSpace) -> SearchMethod:
+    def make(task, space):
         timed.append(TimedMethod(make_method(task, space)))
         return timed[-1]
 
@@ -129,20 +124,20 @@ def measure(case: SearchCase, results: dict[str, RunResult]) -> Measured:
     )
 
 
-def case_of(seed: int, method: str, runs: int, **changes: Any) -> SearchCase:
+def case_of(seed, method, runs, **changes):
     """Return the demonstration's search with another seed, method and budget."""
     case = load_search_case(CAMPAIGN, NAME)
-    asked: dict[str, Any] = {"stop": "budget", "confirm": 0, "then": ()} | changes
+    asked = {"stop": "budget", "confirm": 0, "then": ()} | changes
     return replace(case, task=replace(case.task, seed=seed, method=method, runs=runs, **asked))
 
 
-def show_methods(seeds: Sequence[int], runs: int) -> bool:
+def show_methods(seeds, runs):
     """Print what each method finds at equal budget; whether it is what a search must show."""
     _title(f"{NAME}, {runs} runs each: first failure, failures, smallest margin [m]")
-    found: dict[str, list[Measured]] = {method: [] for method in METHODS}
+    found = {method: [] for method in METHODS}
     _row("method", "seed", "first", "failures", "smallest", "nearest failure")
     for seed in seeds:
-        results: dict[str, RunResult] = {}
+        results = {}
         for method in METHODS:
             # Only what the guided search finds is brought near: at most 60 points and repeats more.
             more = {"then": ("nearest",), "confirm": 5} if method == "auto" else {}
@@ -183,18 +178,18 @@ def show_methods(seeds: Sequence[int], runs: int) -> bool:
     )
 
 
-def _summary(answer: SearchAnswer) -> tuple[object, ...]:
+def _summary(answer):
     first = "–" if answer.first is None else answer.first.number
     nearest = "" if answer.nearest is None else answer.nearest.sentence
     return first, answer.failed, _margin(answer), nearest
 
 
-def _margin(answer: SearchAnswer) -> str:
+def _margin(answer):
     best = answer.best
     return "–" if best is None or best.value is None else f"{best.value.margin:.4f}"
 
 
-def _medians(found: Sequence[Measured]) -> tuple[float, float, float]:
+def _medians(found):
     firsts = [float("inf") if m.answer.first is None else m.answer.first.number for m in found]
     best = [m.answer.best for m in found]
     margins = [one.value.margin for one in best if one is not None and one.value is not None]
@@ -202,7 +197,7 @@ def _medians(found: Sequence[Measured]) -> tuple[float, float, float]:
     return median(firsts), failed, median(margins) if margins else float("nan")
 
 
-def show_found(runs: int) -> bool:
+def show_found(runs):
     """Print that the found file, beside the layers, gives the very same failure."""
     _title("the found file alone")
     with _copied_campaigns() as campaigns:
@@ -224,7 +219,7 @@ def show_found(runs: int) -> bool:
         return _check(words, said.outcome == "fail") and same
 
 
-def show_same(runs: int) -> bool:
+def show_same(runs):
     """Print whether the lists of runs are the same, whoever executes them and is killed."""
     _title(f"equal lists of runs, {runs} of them explored, by daemons")
     with tempfile.TemporaryDirectory(prefix="acceptance-") as folder:
@@ -242,10 +237,10 @@ def show_same(runs: int) -> bool:
     return _check("all lists are equal", all(found == expected for found in lists.values()))
 
 
-def _by_daemon(state: Path, slots: int, runs: int, *, kill: bool = False) -> list[tuple[int, str]]:
+def _by_daemon(state, slots, runs, *, kill=False):
     """Return positions and digests of a search by a real daemon with its own state."""
 
-    def change(task: SearchTask) -> SearchTask:
+    def change(task):
         return replace(task, runs=runs, confirm=2, then=("nearest",))
 
     submission, _ = prepare_search(CAMPAIGN, NAME, change=change)
@@ -270,7 +265,7 @@ def _by_daemon(state: Path, slots: int, runs: int, *, kill: bool = False) -> lis
             return [(one.proposal.position, one.digest) for one in client.proposals(campaign)]
 
 
-def _kill(daemon: DaemonPart, *, whole: bool) -> None:
+def _kill(daemon, *, whole):
     """Kill the daemon and start it again, or what runs the program of its search."""
     if whole:
         daemon.kill()
@@ -285,25 +280,25 @@ def _kill(daemon: DaemonPart, *, whole: bool) -> None:
     eventually(lambda: len(daemon.noted("search coordinator started")) > len(pids), _PATIENCE)
 
 
-def _row_of(daemon: DaemonPart, campaign: str) -> SearchRow:
+def _row_of(daemon, campaign):
     with daemon.client() as client:
         row = client.search_row(campaign)
     assert row is not None
     return row
 
 
-def _wait(daemon: DaemonPart, campaign: str, runs: int) -> None:
+def _wait(daemon, campaign, runs):
     """Wait until a search has so many results, or has ended."""
     with daemon.client() as client:
 
-        def reached() -> bool:
+        def reached():
             row = client.search_row(campaign)
             return row is not None and (row.state != "running" or row.finished >= runs)
 
         eventually(reached, _PATIENCE)
 
 
-def show_nothing() -> bool:
+def show_nothing():
     """Print what is said of a space in which nothing fails."""
     _title("a space without a failure: open-house, noise alone")
     with _copied_campaigns(searches=_HARMLESS) as campaigns:
@@ -316,7 +311,7 @@ def show_nothing() -> bool:
     return all((_check("it ends at its budget, nothing fails", ended), _check("says so", said)))
 
 
-def show_flat() -> bool:
+def show_flat():
     """Print how an oracle that cannot be followed is refused."""
     _title("a flat oracle")
     with _copied_campaigns(searches=_FLAT) as campaigns:
@@ -331,7 +326,7 @@ def show_flat() -> bool:
 
 
 @contextmanager
-def _copied_campaigns(searches: str = "") -> Iterator[Path]:
+def _copied_campaigns(searches=""):
     """A copy of the campaigns for the block, the demonstration with more searches."""
     with tempfile.TemporaryDirectory(prefix="acceptance-") as folder:
         copy = shutil.copytree(ROOT / "campaigns", Path(folder) / "campaigns")
@@ -341,22 +336,22 @@ def _copied_campaigns(searches: str = "") -> Iterator[Path]:
         yield copy
 
 
-def _title(text: str) -> None:
+def _title(text):
     print(f"\n{text}", flush=True)
 
 
-def _row(*cells: object) -> None:
+def _row(*cells):
     print("  " + "  ".join(f"{cell!s:<9}" for cell in cells).rstrip(), flush=True)
 
 
-def _check(text: str, holds: bool) -> bool:
+def _check(text, holds):
     print(f"  {'ok ' if holds else 'NOT'} {text}", flush=True)
     return holds
 
 
-def main() -> int:
+def main():
     """Show the parts that are named; 1 when one does not hold."""
-    parts: dict[str, Callable[[], bool]] = {
+    parts = {
         "flat": show_flat,
         "nothing": show_nothing,
         "found": lambda: show_found(options.runs),

@@ -3,12 +3,9 @@
 Only :mod:`ast` is used, nothing is imported: an older checkout is measured by the same ruler.
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +17,7 @@ _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 class Module:
     """One file: its text, its tree and what it is called."""
 
-    def __init__(self, path: Path, top: Path) -> None:
+    def __init__(self, path, top):
         parts = path.relative_to(top).with_suffix("").parts
         self.is_package = parts[-1] == "__init__"
         self.name = ".".join(parts[:-1] if self.is_package else parts)
@@ -29,24 +26,24 @@ class Module:
         self.tree = ast.parse(self.text)
 
     @property
-    def header(self) -> int:
+    def header(self):
         """Lines of docstring, imports and ``__all__`` ahead of and among the code."""
         heads = [n for n in self.tree.body if _is_header(n)]
         return sum((n.end_lineno or n.lineno) - n.lineno + 1 for n in heads)
 
     @property
-    def code(self) -> int:
+    def code(self):
         """Lines that are neither blank nor only a comment."""
         return sum(bool(s) and not s.startswith("#") for s in map(str.strip, self.lines))
 
     @property
-    def comments(self) -> int:
+    def comments(self):
         """Lines that are only a comment."""
         return sum(line.strip().startswith("#") for line in self.lines)
 
-    def imports(self, known: set[str]) -> set[str]:
+    def imports(self, known):
         """Modules of ours that this one imports anywhere, for type checkers only as well."""
-        found: set[str] = set()
+        found = set()
         for node in ast.walk(self.tree):
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
@@ -57,7 +54,7 @@ class Module:
         return (found & known) - {self.name}
 
 
-def _is_header(node: ast.stmt) -> bool:
+def _is_header(node):
     if isinstance(node, ast.Import | ast.ImportFrom):
         return True
     if isinstance(node, ast.Expr):
@@ -69,15 +66,15 @@ def _is_header(node: ast.stmt) -> bool:
     return False
 
 
-def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+def circles(graph):
     """Groups of modules each of which imports, over others, every module of its group."""
     reach = {name: _reachable(graph, name) for name in graph}
     groups = {frozenset(n for n in reach[name] if name in reach[n]) for name in graph}
     return sorted(sorted(group) for group in groups if len(group) > 1)
 
 
-def _reachable(graph: dict[str, set[str]], start: str) -> set[str]:
-    seen: set[str] = set()
+def _reachable(graph, start):
+    seen = set()
     waiting = [start]
     while waiting:
         fresh = graph[waiting.pop()] - seen
@@ -86,13 +83,13 @@ def _reachable(graph: dict[str, set[str]], start: str) -> set[str]:
     return seen
 
 
-def _long(module: Module) -> Iterator[tuple[str, int]]:
+def _long(module):
     for node in ast.walk(module.tree):
         if isinstance(node, _FUNCTIONS):
             yield f"{module.name}:{node.name}", (node.end_lineno or 0) - node.lineno + 1
 
 
-def _exported(package: Module) -> int:
+def _exported(package):
     for node in package.tree.body:
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.List | ast.Tuple):
             targets = [t.id for t in node.targets if isinstance(t, ast.Name)]
@@ -101,25 +98,25 @@ def _exported(package: Module) -> int:
     return 0
 
 
-def _spread(values: list[int]) -> str:
+def _spread(values):
     quantiles = np.percentile(values, (50, 90)).astype(int)
     return f"median {quantiles[0]}, 90 % {quantiles[1]}, largest {max(values)}"
 
 
-def read_modules(top: Path) -> list[Module]:
+def read_modules(top):
     """All modules of the product in a checkout, packages included."""
     return [Module(p, top) for floor in FLOORS for p in sorted((top / floor).rglob("*.py"))]
 
 
-def import_graph(modules: list[Module]) -> dict[str, set[str]]:
+def import_graph(modules):
     """Which module of ours imports which, wherever in it the import stands."""
     known = {module.name for module in modules}
     return {module.name: module.imports(known) for module in modules}
 
 
-def class_homes(modules: list[Module]) -> dict[str, list[str]]:
+def class_homes(modules):
     """The modules that define a class of each name."""
-    homes: dict[str, list[str]] = defaultdict(list)
+    homes = defaultdict(list)
     for module in modules:
         for node in ast.walk(module.tree):
             if isinstance(node, ast.ClassDef):
@@ -127,7 +124,7 @@ def class_homes(modules: list[Module]) -> dict[str, list[str]]:
     return dict(homes)
 
 
-def main(top: Path) -> None:
+def main(top):
     modules = read_modules(top)
     files = [module for module in modules if len(module.lines) > 1]
     graph = import_graph(modules)
@@ -162,16 +159,16 @@ def main(top: Path) -> None:
     _show("class names used twice", [f"{n}: {', '.join(w)}" for n, w in sorted(shared.items())])
 
 
-def _rooms(packages: dict[str, int], floor: str) -> int:
+def _rooms(packages, floor):
     return sum(name.startswith(f"{floor}.") for name in packages)
 
 
-def _total(lines: dict[str, int]) -> str:
+def _total(lines):
     parts = ", ".join(f"{floor} {count}" for floor, count in lines.items())
     return f"{sum(lines.values())} lines ({parts})"
 
 
-def _show(title: str, found: list[str]) -> None:
+def _show(title, found):
     print(f"{title}: {len(found)}")
     for line in found:
         print(f"    {line}")

@@ -1,17 +1,13 @@
 """What benchmarks say, and the table of goals; that all of them say it in the one way."""
 
-from __future__ import annotations
-
 import ast
 import io
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.benchmarks.__main__ import Made, benchmarks, main
 from tests.benchmarks.measurement import (
-    Goal,
     Measurement,
     Reference,
     at_least,
@@ -28,7 +24,7 @@ ALONE = Measurement("--help", 0.3, "CPU s")
 
 
 @pytest.mark.parametrize("name", benchmarks())
-def test_every_benchmark_yields_measurements(name: str) -> None:
+def test_every_benchmark_yields_measurements(name):
     tree = ast.parse((FOLDER / f"bench_{name}.py").read_text("utf-8"))
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     (measure,) = [one for one in functions if one.name == "measure"]
@@ -53,11 +49,11 @@ def test_every_benchmark_yields_measurements(name: str) -> None:
         (ALONE, at_most(0.5, of_ratio=True), False),
     ],
 )
-def test_a_goal_is_of_the_value_or_of_its_ratio(one: Measurement, goal: Goal, met: bool) -> None:
+def test_a_goal_is_of_the_value_or_of_its_ratio(one, goal, met):
     assert one.met(goal) is met
 
 
-def test_the_table_has_a_row_for_each_goal() -> None:
+def test_the_table_has_a_row_for_each_goal():
     fast = Measurement(
         "S1", 130.0, "x real time", SPEED.reference, (at_least(120.0), at_least(2, of_ratio=True))
     )
@@ -81,7 +77,7 @@ LONG = Measurement(
 
 
 @pytest.mark.parametrize("columns", [80, 120])
-def test_table_and_lines_fit(columns: int) -> None:
+def test_table_and_lines_fit(columns):
     table = list(goal_table([("scaling", LONG)], columns))
     lines = line(LONG, columns).splitlines()
     assert max(map(len, table + lines)) <= columns
@@ -93,18 +89,18 @@ def test_table_and_lines_fit(columns: int) -> None:
     assert set(f"{LONG.reference.name} {LONG.note}".split()) <= set(" ".join(lines).split())
 
 
-def test_parts_are_listed_by_the_time_they_took() -> None:
+def test_parts_are_listed_by_the_time_they_took():
     assert list(part_table([("run", 12.4), ("ros", 30.1)])) == ["42 s in all: ros 30, run 12"]
 
 
 class Screen(io.StringIO):
     """A stream that is a terminal."""
 
-    def isatty(self) -> bool:
+    def isatty(self):
         return True
 
 
-def test_progress_is_a_line_for_each_step_in_a_file() -> None:
+def test_progress_is_a_line_for_each_step_in_a_file():
     file = io.StringIO()
     progress = Progress(file)
     for done in range(5):
@@ -116,7 +112,7 @@ def test_progress_is_a_line_for_each_step_in_a_file() -> None:
     assert file.getvalue() == "".join(f"  {one}\n" for one in said)
 
 
-def test_progress_stands_in_one_place_on_a_terminal() -> None:
+def test_progress_stands_in_one_place_on_a_terminal():
     screen = Screen()
     progress = Progress(screen)
     for done in range(3):
@@ -127,10 +123,8 @@ def test_progress_stands_in_one_place_on_a_terminal() -> None:
     assert "\n" not in screen.getvalue()
 
 
-def test_one_that_fails_says_how_and_does_not_hide_the_others(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    def fails() -> Iterator[Measurement]:
+def test_one_that_fails_says_how_and_does_not_hide_the_others(capsys):
+    def fails():
         yield SPEED
         raise OSError("no room is left")
 
@@ -143,7 +137,7 @@ def test_one_that_fails_says_how_and_does_not_hide_the_others(
     assert "no room is left" in capsys.readouterr().err
 
 
-def test_what_has_no_reference_is_held_against_the_yardstick() -> None:
+def test_what_has_no_reference_is_held_against_the_yardstick():
     assert beside_yardstick(SPEED, 0.1) is SPEED
     assert beside_yardstick(ALONE, 0.1).ratio == pytest.approx(3.0)
     in_ms = Measurement("lease", 300.0, "ms")
@@ -155,23 +149,23 @@ def test_what_has_no_reference_is_held_against_the_yardstick() -> None:
     assert memory.value > 3.0
 
 
-def test_a_line_says_the_ratio_and_the_reference() -> None:
+def test_a_line_says_the_ratio_and_the_reference():
     assert line(SPEED).split() == ["S1", "130", "x", "real", "time", "1.30", "x", "then", "(100)"]
 
 
-def test_counts_are_whole() -> None:
+def test_counts_are_whole():
     lost = Measurement("lost", 0, "runs", Reference("all runs", 120), (at_most(0.0),))
     assert line(lost).split() == ["lost", "0", "runs", "0.00", "x", "all", "runs", "(120)"]
 
 
-def test_works_take_turns_every_other_round_backwards() -> None:
-    done: list[str] = []
-    works = {name: lambda name=name: done.append(name) for name in "ab"}  # type: ignore[misc]
+def test_works_take_turns_every_other_round_backwards():
+    done = []
+    works = {name: lambda name=name: done.append(name) for name in "ab"}
     took = in_turns(works, 3)
     assert "".join(done) == "abbaab"
     assert {name: len(times) for name, times in took.items()} == {"a": 3, "b": 3}
 
 
-def test_a_benchmark_that_is_not_there_is_said() -> None:
+def test_a_benchmark_that_is_not_there_is_said():
     with pytest.raises(SystemExit, match=r"no benchmark rum; there are: .*run.*against"):
         main(["rum"])

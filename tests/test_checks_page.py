@@ -1,7 +1,5 @@
 """The page of checks has every message of the pre-flight, and none besides."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -19,7 +17,7 @@ _ROW = re.compile(r"^\| `(.+?)` \|", re.MULTILINE)
 _PLACEHOLDER = re.compile(r"\b[A-Z]+\b|\bN\b")
 
 
-def test_the_page_of_checks_has_every_message() -> None:
+def test_the_page_of_checks_has_every_message():
     rows = _ROW.findall((ROOT / "docs" / "checks.md").read_text("utf-8"))
     told = {re.sub("…+", "…", _PLACEHOLDER.sub("…", row)) for row in rows}
     given = {template for file in SOURCES for template in message_templates(file)}

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import NamedTuple
 
 import pytest
 
@@ -14,15 +13,15 @@ from grammars.floorplan import load_floorplan
 from grammars.scenery import load_scenery
 from scenario_tui.cli.commands import COMMANDS, load_command
 
-ROOT: Final = Path(__file__).parents[1]
-PAGES: Final = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md")))
-_BLOCK: Final = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
-_INLINE: Final = re.compile(r"`([^`\n]+)`")
-_COMMAND: Final = re.compile(r"(?:^\s*|[$>] ?|&& |run: |- )scenario ([a-z]+\b.*)")
-_ROOMS: Final = ("campaigns", "daemon", "docs", "grammars", "scenario_tui", "templates", "tests")
-_NO_NAMES: Final = {("docs/languages/floorplan.md", "door-1")}
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md")))
+_BLOCK = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+_INLINE = re.compile(r"`([^`\n]+)`")
+_COMMAND = re.compile(r"(?:^\s*|[$>] ?|&& |run: |- )scenario ([a-z]+\b.*)")
+_ROOMS = ("campaigns", "daemon", "docs", "grammars", "scenario_tui", "templates", "tests")
+_NO_NAMES = {("docs/languages/floorplan.md", "door-1")}
 """What a page says is no name."""
-EARLIER: Final = "## Words of earlier versions"
+EARLIER = "## Words of earlier versions"
 """The part of a page that names what is no longer there, on purpose."""
 
 
@@ -33,7 +32,7 @@ class Line(NamedTuple):
     text: str
 
 
-def _code() -> Iterator[Line]:
+def _code():
     for page in PAGES:
         text = page.read_text("utf-8")
         before, found, after = text.partition(EARLIER)
@@ -46,10 +45,10 @@ def _code() -> Iterator[Line]:
             yield Line(name, inline)
 
 
-CODE: Final = tuple(_code())
+CODE = tuple(_code())
 
 
-def _typed() -> Iterator[tuple[Line, list[str]]]:
+def _typed():
     """Return the words behind ``scenario`` of every command in the pages."""
     for line in CODE:
         for found in _COMMAND.findall(line.text):
@@ -60,7 +59,7 @@ def _typed() -> Iterator[tuple[Line, list[str]]]:
                 yield line, words.split()
 
 
-def _command_of(words: list[str]) -> tuple[Any, list[str]]:
+def _command_of(words):
     command, rest = load_command(COMMANDS[words[0]]), words[1:]
     inner = getattr(command, "commands", None)
     if inner and rest and rest[0] in inner:
@@ -68,13 +67,13 @@ def _command_of(words: list[str]) -> tuple[Any, list[str]]:
     return command, rest
 
 
-def test_the_pages_name_commands_that_there_are() -> None:
+def test_the_pages_name_commands_that_there_are():
     typed = list(_typed())
     assert len(typed) > 150, "the pages are not read as they are written"
     assert not [(line.page, words[0]) for line, words in typed if words[0] not in COMMANDS]
 
 
-def test_the_options_of_commands_exist() -> None:
+def test_the_options_of_commands_exist():
     wrong = []
     for line, words in _typed():
         if words[0] not in COMMANDS:
@@ -92,7 +91,7 @@ def test_the_options_of_commands_exist() -> None:
     assert not wrong
 
 
-def test_options_of_the_help_stand_behind_the_command_they_are_of() -> None:
+def test_options_of_the_help_stand_behind_the_command_they_are_of():
     """Every option named alone is one of some command."""
     known = {"--help"}
     for entry in COMMANDS.values():
@@ -111,7 +110,7 @@ def test_options_of_the_help_stand_behind_the_command_they_are_of() -> None:
     assert named <= known
 
 
-def test_files_that_pages_name_ship() -> None:
+def test_files_that_pages_name_ship():
     missing = set()
     for line in CODE:
         for word in re.findall(r"[\w./-]+", line.text):
@@ -125,7 +124,7 @@ def test_files_that_pages_name_ship() -> None:
 
 
 @pytest.fixture(scope="module")
-def building() -> frozenset[str]:
+def building():
     """The ids of building C: its spaces, entryways and doors."""
     folder = ROOT / "campaigns" / "ortega2024"
     plan = load_floorplan(folder / "building_c.fpm")
@@ -137,7 +136,7 @@ def building() -> frozenset[str]:
     )
 
 
-def test_numbered_doors_are_those_of_the_building(building: frozenset[str]) -> None:
+def test_numbered_doors_are_those_of_the_building(building):
     named = {
         (str(page.relative_to(ROOT)), name)
         for page in (*PAGES, *ROOT.glob("scenario_tui/**/*.py"), *ROOT.glob("grammars/oracle/*.py"))

@@ -1,9 +1,6 @@
 """The tables of the page about the paper: as they are made, and where they go."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import pytest
 
@@ -12,7 +9,7 @@ from tests.ortega2024 import PAGE, count_text, mean_text, number, page_tables, p
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+def folders(tmp_path_factory):
     """Repeats of one cell in two folders, the first of them in both."""
     made = [tmp_path_factory.mktemp(name) for name in ("one", "two")]
     for folder, repeats in zip(made, ([0], range(REPEATS)), strict=True):
@@ -21,13 +18,13 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     return str(made[0]), str(made[1])
 
 
-def test_every_marker_of_the_page_has_a_table(folders: tuple[str, str]) -> None:
+def test_every_marker_of_the_page_has_a_table(folders):
     names = re.findall(r"<!-- table ([a-z-]+)", PAGE.read_text("utf-8"))
     assert set(names) <= set(page_tables(*read_cells(folders[:1], None)))
     assert len(names) == len(set(names)) == PAGE.read_text("utf-8").count("<!-- end of table -->")
 
 
-def test_folders_are_one_campaign_and_a_repeat_counts_once(folders: tuple[str, str]) -> None:
+def test_folders_are_one_campaign_and_a_repeat_counts_once(folders):
     _, _, row = page_tables(*read_cells(folders, None))["cells"].splitlines()
     columns = [column.strip() for column in row.split("|")[1:-1]]
     # The mission of the recordings is one waypoint that nobody reports; they end, and it is passed.
@@ -39,7 +36,7 @@ def test_folders_are_one_campaign_and_a_repeat_counts_once(folders: tuple[str, s
     assert columns[4:6] == ["0.120", "100.0"]
 
 
-def test_tables_go_between_their_markers_and_nothing_else_changes(tmp_path: Path) -> None:
+def test_tables_go_between_their_markers_and_nothing_else_changes(tmp_path):
     page = "a\n<!-- table cells: how -->\nold\n<!-- end of table -->\nb\n"
     assert page_with(page, {"cells": "new\n"}) == page.replace("old", "new")
 
@@ -55,5 +52,5 @@ def test_tables_go_between_their_markers_and_nothing_else_changes(tmp_path: Path
         (count_text(3, 5), "3 of 5 (15 to 95 %)"),
     ],
 )
-def test_numbers_say_how_sure_they_are(made: str, expected: str) -> None:
+def test_numbers_say_how_sure_they_are(made, expected):
     assert made == expected

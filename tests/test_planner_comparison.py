@@ -1,11 +1,7 @@
 """The tables of the page about the quicker planner: what they say of pairs of runs."""
 
-from __future__ import annotations
-
 import json
 import re
-from pathlib import Path
-from typing import Any
 
 from daemon.campaign import expand, load_campaign
 from tests.planner_comparison import (
@@ -21,7 +17,7 @@ from tests.planner_comparison import (
 )
 
 
-def row(cpu: float, duration: float | None, **verdicts: str) -> dict[str, Any]:
+def row(cpu, duration, **verdicts):
     measures = {"duration": duration, "distance": 2.0, "loc-mean": 0.1}
     return {"cpu": cpu, "simulated": 10.0, "verdicts": verdicts, "measures": measures}
 
@@ -34,13 +30,13 @@ PAIRS = [
 ]  # fmt: skip
 
 
-def test_every_cell_of_the_campaign_is_compared() -> None:
+def test_every_cell_of_the_campaign_is_compared():
     once = places(1)
     assert len(once) == len({(place.scenario, place.sut) for place in once}) == 24
     assert len({place.file for place in places(5)}) == 120
 
 
-def test_only_the_planner_differs_within_a_pair() -> None:
+def test_only_the_planner_differs_within_a_pair():
     spec = expand(load_campaign(CAMPAIGN)).runs[0]
     assert planned_by(spec, "exact") is spec
     quick = planned_by(spec, "incremental")
@@ -48,7 +44,7 @@ def test_only_the_planner_differs_within_a_pair() -> None:
     assert (quick.seed, quick.scene, quick.sut.name) == (spec.seed, spec.scene, spec.sut.name)
 
 
-def test_rows_say_where_verdicts_differ_and_how_much_quicker_it_was() -> None:
+def test_rows_say_where_verdicts_differ_and_how_much_quicker_it_was():
     _, _, line = table({("S1", "a2s"): PAIRS}).splitlines()
     columns = [column.strip() for column in line.split("|")[1:-1]]
     assert columns == [
@@ -58,19 +54,19 @@ def test_rows_say_where_verdicts_differ_and_how_much_quicker_it_was() -> None:
     assert number_text([None], 1) == "–"
 
 
-def test_the_summary_counts_runs_and_verdicts() -> None:
+def test_the_summary_counts_runs_and_verdicts():
     _, _, line = summary({("S1", "a2s"): PAIRS}).splitlines()
     columns = [column.strip() for column in line.split("|")[1:-1]]
     assert columns == ["1", "2", "1", "4", "3", "6 → 2", "3 → 10", "3.00"]
 
 
-def test_what_was_run_before_is_not_run_again(tmp_path: Path) -> None:
+def test_what_was_run_before_is_not_run_again(tmp_path):
     place = places(1)[0]
     (tmp_path / place.file).write_text(json.dumps(PAIRS[0]))
     assert read_pairs(tmp_path, 1) == {(place.scenario, place.sut): PAIRS[:1]}
 
 
-def test_the_page_has_a_place_for_every_table() -> None:
+def test_the_page_has_a_place_for_every_table():
     page = PAGE.read_text("utf-8")
     assert re.findall(r"<!-- table ([a-z]+)", page) == ["summary", "cells"]
     written = page_with(page, {"summary": "one\n", "cells": "two\n"})

@@ -1,15 +1,12 @@
 """The table of published models, made from what is in the repository."""
 
-from __future__ import annotations
-
 import json
 import shutil
-from pathlib import Path
 
 from tests.published_models import PAGE, Finding, findings, table
 
 
-def test_what_is_published_is_found_and_tried(tmp_path: Path, campaigns: Path) -> None:
+def test_what_is_published_is_found_and_tried(tmp_path, campaigns):
     demo = campaigns / "demo"
     for name in ("flat.fpm", "flat.variation"):
         shutil.copy(demo / name, tmp_path)
@@ -30,6 +27,6 @@ def test_what_is_published_is_found_and_tried(tmp_path: Path, campaigns: Path) -
     assert all(row.count(" | ") == 4 for row in rows[2:])
 
 
-def test_the_page_has_room_for_the_table() -> None:
+def test_the_page_has_room_for_the_table():
     text = PAGE.read_text(encoding="utf-8")
     assert text.index("<!-- table -->") < text.index("<!-- end of table -->")

@@ -1,18 +1,15 @@
 """The page about safe regions: its searches, its tables, its figure, and where they go."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 from pydantic import TypeAdapter
 
-from daemon.campaign import Campaign, load_campaign
+from daemon.campaign import load_campaign
 from daemon.model.proposals import Proposal, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import (
@@ -47,16 +44,16 @@ CAMPAIGNS = Path(__file__).parents[1] / "campaigns" / "ortega2024"
 
 
 @pytest.fixture(scope="module")
-def campaign() -> Campaign:
+def campaign():
     return load_campaign(CAMPAIGNS / "safe_region.yaml")
 
 
-def verdict(oracle: str, passes: bool) -> Verdict:
+def verdict(oracle, passes):
     outcome = Outcome.PASS if passes else Outcome.FAIL
     return Verdict(oracle, oracle, outcome, None, None, "", Evidence(None, None, None, "", ""))
 
 
-def run(number: int, values: tuple[float, ...], margin: float, done: bool = True) -> ProposalRow:
+def run(number, values, margin, done=True):
     """One run of a search that fills the space; the one of number 0 is the scenario as written."""
     proposal = Proposal(number, number, 0, "explore", "halton", False, values)
     return ProposalRow(
@@ -68,13 +65,13 @@ def run(number: int, values: tuple[float, ...], margin: float, done: bool = True
     )  # fmt: skip
 
 
-def recorded(campaign: Campaign, name: str, rows: tuple[ProposalRow, ...]) -> RecordedSearch:
+def recorded(campaign, name, rows):
     task = next(search for search in campaign.searches if search.name == name)
     return RecordedSearch(SearchRow(f"c-{name}", f"c-{name}", 0.0, task, "finished"), rows)
 
 
 @pytest.fixture(scope="module")
-def searches(campaign: Campaign) -> dict[str, RecordedSearch]:
+def searches(campaign):
     """Three drawn points: a2s touches at one, fro-omni at none and is stuck at two of them."""
     points = ((1.3, 0.5), (0.7, 0.1), (0.8, 2.0), (1.5, 1.0))
     margins = (0.06, -0.01, 0.02, 0.1)
@@ -86,11 +83,11 @@ def searches(campaign: Campaign) -> dict[str, RecordedSearch]:
     }
 
 
-def columns(line: str) -> list[str]:
+def columns(line):
     return [column.strip() for column in line.split("|")[1:-1]]
 
 
-def test_its_scenarios_are_those_of_the_published_experiment(campaign: Campaign) -> None:
+def test_its_scenarios_are_those_of_the_published_experiment(campaign):
     published = load_campaign(CAMPAIGNS / "campaign.yaml")
     for name in ("S2", "S3.2", "S3.3"):
         mine, theirs = (
@@ -103,7 +100,7 @@ def test_its_scenarios_are_those_of_the_published_experiment(campaign: Campaign)
         assert all(suts[sut.name] == sut for sut in mine.suts)
 
 
-def test_both_systems_run_the_same_points(campaign: Campaign) -> None:
+def test_both_systems_run_the_same_points(campaign):
     tasks = {task.name: task for task in campaign.searches}
     assert set(tasks) == {f"{space}-{sut}" for space in SPACES for sut in SYSTEMS} | {WORST}
     for space in SPACES:
@@ -116,7 +113,7 @@ def test_both_systems_run_the_same_points(campaign: Campaign) -> None:
         assert drawn[0] == drawn[1]
 
 
-def test_shares_are_of_drawn_runs_alone(searches: dict[str, RecordedSearch]) -> None:
+def test_shares_are_of_drawn_runs_alone(searches):
     guided = run(9, (0.9, 0.9), -0.5)
     guided = replace(guided, proposal=replace(guided.proposal, guided=True))
     search = searches["door-17-a2s"]
@@ -131,22 +128,20 @@ def test_shares_are_of_drawn_runs_alone(searches: dict[str, RecordedSearch]) -> 
     ]  # fmt: skip
 
 
-def test_points_of_both_systems_are_compared_one_by_one(
-    searches: dict[str, RecordedSearch],
-) -> None:
+def test_points_of_both_systems_are_compared_one_by_one(searches):
     _, _, safe, done = paired_table(searches)
     assert columns(safe)[2:] == ["3", "2", "0", "1", "0", "1"]
     assert columns(done)[2:] == ["3", "1", "1", "0", "1", "1"]
 
 
-def test_what_has_no_verdict_does_neither_well_nor_badly() -> None:
+def test_what_has_no_verdict_does_neither_well_nor_badly():
     row = run(1, (1.0, 1.0), 0.1)
     odd = replace(row.verdicts[2], outcome=Outcome.INCONCLUSIVE)
     with pytest.raises(ValueError, match=r"s\.1 has no verdict"):
         does_well(replace(row, verdicts=(*row.verdicts[:2], odd)), DONE)
 
 
-def test_the_nearest_failure_and_the_cost_are_told(searches: dict[str, RecordedSearch]) -> None:
+def test_the_nearest_failure_and_the_cost_are_told(searches):
     search = searches["door-17-a2s"]
     failure = PointResult(1, 1, (0.7, 0.1), Outcome.FAIL, None, None, "s.1", "", "")
     nearest = NearestFailure(failure, (), None, 30, False, "a", Confirmation(2, 5, 0.05, 0.85))
@@ -164,17 +159,15 @@ def test_the_nearest_failure_and_the_cost_are_told(searches: dict[str, RecordedS
     ]  # fmt: skip
 
 
-def test_the_figure_stands_alone(searches: dict[str, RecordedSearch]) -> None:
+def test_the_figure_stands_alone(searches):
     drawn = draw_regions(searches)
     ElementTree.fromstring(drawn)
     assert "var(" not in drawn
     assert all(f"{system}: door 17 (S3.2)" in drawn for system in SYSTEMS)
 
 
-def test_searches_are_read_as_the_command_writes_them(
-    searches: dict[str, RecordedSearch], tmp_path: Path
-) -> None:
-    def as_json(kind: Any, value: Any) -> Any:
+def test_searches_are_read_as_the_command_writes_them(searches, tmp_path):
+    def as_json(kind, value):
         return json.loads(TypeAdapter(kind).dump_json(value))
 
     for name, search in searches.items():
@@ -187,7 +180,7 @@ def test_searches_are_read_as_the_command_writes_them(
     assert found["door-17-fro-omni"] == searches["door-17-fro-omni"]
 
 
-def test_every_marker_of_the_page_has_a_table(searches: dict[str, RecordedSearch]) -> None:
+def test_every_marker_of_the_page_has_a_table(searches):
     page = PAGE.read_text("utf-8")
     names = re.findall(r"<!-- table ([a-z-]+)", page)
     assert set(names) <= set(page_tables(searches))

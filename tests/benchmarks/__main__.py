@@ -15,10 +15,8 @@ import platform
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, beside_yardstick, yardstick
@@ -36,7 +34,7 @@ class Made:
     parts: list[tuple[str, float]] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
 
-    def add(self, name: str, title: str, measure: Callable[[], Iterable[Measurement]]) -> None:
+    def add(self, name, title, measure):
         """Print what is measured as it comes, and keep it."""
         start = time.monotonic()
         print(f"\n== {title}", flush=True)
@@ -55,16 +53,16 @@ class Made:
         print(f"-- {self.parts[-1][1]:.0f} s", flush=True)
 
 
-def benchmarks() -> list[str]:
+def benchmarks():
     """The names of all benchmarks."""
     return sorted(p.stem.removeprefix("bench_") for p in Path(__file__).parent.glob("bench_*.py"))
 
 
-def load(name: str) -> ModuleType:
+def load(name):
     return importlib.import_module(f"tests.benchmarks.bench_{name}")
 
 
-def main(arguments: list[str]) -> None:
+def main(arguments):
     print(
         f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, "
         f"Python {platform.python_version()}"
@@ -84,7 +82,7 @@ def main(arguments: list[str]) -> None:
         sys.exit(f"failed, see above: {', '.join(made.failed)}")
 
 
-def chosen(names: list[str]) -> list[str]:
+def chosen(names):
     """The benchmarks of these names; without any, all that are not long."""
     known = benchmarks()
     unknown = [name for name in names if name not in known]

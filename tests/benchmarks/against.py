@@ -18,12 +18,10 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import platformdirs
 
@@ -58,7 +56,7 @@ class Sample:
 class Checkout:
     """One of the two trees, with its process for runs and, for questions, its daemon."""
 
-    def __init__(self, folder: Path, temporary: Path, stack: ExitStack) -> None:
+    def __init__(self, folder, temporary, stack):
         self._folder, self._temporary, self._stack = folder, temporary, stack
         # Bytecode is kept, as in an installation; the tree comes before what the environment has.
         kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
@@ -66,11 +64,11 @@ class Checkout:
         self._environment = kept | {"PYTHONPATH": str(folder), "SCENARIO_STATE": str(state)}
         temporary.mkdir()
 
-    def take(self, case: str) -> Sample:
+    def take(self, case):
         """Do a case once."""
         return self._run(case) if case in RUNS else self._command(*COMMANDS[case])
 
-    def prepare(self, case: str) -> None:
+    def prepare(self, case):
         """Do as much of a case that files have been read and kernels compiled."""
         if case in RUNS:
             self._run(f"{case} {BEGINNING}")
@@ -78,7 +76,7 @@ class Checkout:
             self.take(case)
 
     @cached_property
-    def _process(self) -> subprocess.Popen[str]:
+    def _process(self):
         script = Path(__file__).with_name("case_process.py")
         process = self._stack.enter_context(
             subprocess.Popen(
@@ -92,21 +90,21 @@ class Checkout:
             raise RuntimeError(f"a process in {self._folder} imports the packages of elsewhere")
         return process
 
-    def _run(self, line: str) -> Sample:
+    def _run(self, line):
         process = self._process
         assert process.stdin is not None
         process.stdin.write(f"{line}\n")
         process.stdin.flush()
         return Sample(*self._answer(process))
 
-    def _answer(self, process: subprocess.Popen[str]) -> Any:
+    def _answer(self, process):
         assert process.stdout is not None
         line = process.stdout.readline()
         if not line:
             raise RuntimeError(f"the process in {self._folder} has ended: its output says why")
         return json.loads(line)
 
-    def _command(self, *arguments: str) -> Sample:
+    def _command(self, *arguments):
         if arguments[0] == "status":
             self._daemon  # noqa: B018
         command = [sys.executable, "-P", "-c", _PROGRAM, *arguments]
@@ -123,7 +121,7 @@ class Checkout:
         return Sample(usage.ru_utime + usage.ru_stime)
 
     @cached_property
-    def _daemon(self) -> subprocess.Popen[bytes]:
+    def _daemon(self):
         state = Path(self._environment["SCENARIO_STATE"])
         log = self._stack.enter_context((self._temporary / "daemon.log").open("wb"))
         command = ["-m", "daemon", "serve", "--state", str(state), "--slots", "0"]
@@ -137,7 +135,7 @@ class Checkout:
         return process
 
 
-def archived(revision: str) -> Path:
+def archived(revision):
     """Return the folder with what lies in a commit, written there unless it is there already.
 
     Raises ``LookupError`` where this is no checkout, or one without the commit.
@@ -161,7 +159,7 @@ def archived(revision: str) -> Path:
     return folder
 
 
-def compare(revision: str, cases: Mapping[str, int]) -> Iterator[Measurement]:
+def compare(revision, cases):
     """Yield a measurement for each case, done so many times, the older commit being the reference.
 
     Raises ``LookupError`` as :func:`archived`.
@@ -180,8 +178,8 @@ def compare(revision: str, cases: Mapping[str, int]) -> Iterator[Measurement]:
             yield _compared(case, revision, old, new)
 
 
-def _in_turns(checkouts: Sequence[Checkout], case: str, times: int) -> list[list[Sample]]:
-    taken: list[list[Sample]] = [[], []]
+def _in_turns(checkouts, case, times):
+    taken = [[], []]
     for k in range(times):
         progress.say(f"{case}: {k + 1} of {times}", case)
         for which in (0, 1) if k % 2 == 0 else (1, 0):
@@ -189,7 +187,7 @@ def _in_turns(checkouts: Sequence[Checkout], case: str, times: int) -> list[list
     return taken
 
 
-def _compared(case: str, revision: str, old: list[Sample], new: list[Sample]) -> Measurement:
+def _compared(case, revision, old, new):
     ratios = [a.cpu / b.cpu for a, b in zip(old, new, strict=True)]
     before, now = (min(one.cpu for one in samples) for samples in (old, new))
     note = f"median of {len(new)} ratios {statistics.median(ratios):.2f}"
@@ -209,7 +207,7 @@ def _compared(case: str, revision: str, old: list[Sample], new: list[Sample]) ->
     )  # fmt: skip
 
 
-def main(arguments: list[str]) -> Iterator[Measurement]:
+def main(arguments):
     """Compare as the command line says."""
     parser = argparse.ArgumentParser("tests.benchmarks against", description=__doc__)
     parser.add_argument("revision", help="a commit, as git understands it")

@@ -5,17 +5,13 @@ cells is driven down with the published parameters: 2000 particles at most, 30 b
 every second update. Both filters take the same scans in turns in one process.
 """
 
-from __future__ import annotations
-
 import statistics
 import time
-from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
 
 from daemon.stacks import warm_up
-from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.amcl import Amcl
 from daemon.stacks.ros1.amcl.distance_field import distance_field
 from daemon.stacks.ros1.amcl.laser_model import map_range
@@ -31,7 +27,7 @@ BLOCK = 20
 STEP = 0.11
 
 
-def corridor() -> OccupancyGrid:
+def corridor():
     """Two thick walls with a niche's end every 2.25 m."""
     cells = np.full((1730, 1700), FREE, dtype=np.int8)
     cells[860:865], cells[905:910] = OCCUPIED, OCCUPIED
@@ -40,7 +36,7 @@ def corridor() -> OccupancyGrid:
     return OccupancyGrid(0.05, -42.5, -43.25, cells)
 
 
-def see(grid: OccupancyGrid, pose: Pose2) -> Singles:
+def see(grid, pose):
     """Return the scan at ``pose`` as the map shows it, float32."""
     sensor, blocked = pose @ LASER.mount, (grid.cells != FREE).view(np.uint8)
     angles = np.linspace(LASER.angle_min, LASER.angle_max, LASER.rays).tolist()
@@ -55,21 +51,21 @@ def see(grid: OccupancyGrid, pose: Pose2) -> Singles:
     return ranges.astype(np.float32)
 
 
-def _timed(work: Callable[[], object]) -> float:
+def _timed(work):
     """Return CPU seconds."""
     begin = time.thread_time()
     work()
     return time.thread_time() - begin
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield an update and the building of a filter."""
     warm_up()
     grid = corridor()
     poses = [Pose2(STEP * k, 0.9, 0.0) for k in range(UPDATES)]
     scans = [see(grid, pose) for pose in poses]
 
-    def build() -> Amcl:
+    def build():
         return Amcl(PUBLISHED, ORIGINAL, grid, (LASER,), poses[0], np.random.SeedSequence(1))
 
     first, again = _timed(build), _timed(build)
@@ -79,15 +75,15 @@ def measure() -> Iterator[Measurement]:
     away = field.distances(cap)
     reference = PlainAmcl(PUBLISHED, grid, LASER, poses[0], 1, away[field.squared[1:-1, 1:-1]])
 
-    def compiled(begin: int) -> None:
+    def compiled(begin):
         for k in range(begin, begin + BLOCK):
             amcl.scan(0.1 * k, scans[k], poses[k])
 
-    def plain(begin: int) -> None:
+    def plain(begin):
         for k in range(begin, begin + BLOCK):
             reference.update(scans[k], poses[k])
 
-    rows: dict[str, list[float]] = {"compiled": [], "plain": []}
+    rows = {"compiled": [], "plain": []}
     counts = []
     worst = 0.0
     for begin in range(0, UPDATES, BLOCK):

@@ -5,13 +5,10 @@ pays for the libraries it imports; the second number is a repeat in the same pro
 plan and composing the scene is a row of its own.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 from templates.artefacts import KINDS
@@ -22,7 +19,7 @@ PUBLISHED = 22.0
 """Seconds that mesh, grid, tasks, Gazebo and key frames once took by the published tools."""
 
 
-def tell(kinds: list[str]) -> None:
+def tell(kinds):
     """Print what loading took, first and second time for ``kinds``, files and bytes."""
     from daemon.analysis.campaign_worlds import worlds_of_campaign
     from scenario_tui.cli.export import world_of_plan
@@ -43,7 +40,7 @@ def tell(kinds: list[str]) -> None:
     print(f"{loading:.6f} {times[0]:.6f} {times[1]:.6f} {len(done.paths)} {size}")
 
 
-def _row(name: str, *kinds: str) -> tuple[Measurement, float]:
+def _row(name, *kinds):
     """What the kinds take, and what loading took [ms]."""
     program = f"import sys; from {__name__} import tell; tell(sys.argv[1:])"
     command = [sys.executable, "-c", program, *kinds]
@@ -54,7 +51,7 @@ def _row(name: str, *kinds: str) -> tuple[Measurement, float]:
     return Measurement(name, 1e3 * first, "ms", beside, (), note), 1e3 * loading
 
 
-def _command(source: str) -> float:
+def _command(source):
     """Return the seconds ``scenario export SOURCE all`` takes, from start to end."""
     code = "import sys; from scenario_tui.cli import main; main(sys.argv[1:])"
     with tempfile.TemporaryDirectory() as folder:
@@ -68,7 +65,7 @@ def _command(source: str) -> float:
         return time.perf_counter() - begin
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield each kind in a process of its own, and whole commands."""
     for kind in KINDS:
         yield _row(kind, kind)[0]

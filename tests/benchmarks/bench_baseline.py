@@ -4,14 +4,11 @@ As ``python -m tests.benchmarks against`` measures; takes some minutes more the 
 the older commit compiles its machine code.
 """
 
-from __future__ import annotations
-
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 
 from tests.benchmarks.against import compare
-from tests.benchmarks.measurement import Measurement, at_least
+from tests.benchmarks.measurement import at_least
 
 BASELINE = "a65fad96"
 TIMES = {"rest": 5, "moving": 5, "s1": 2, "s1-incremental": 2}
@@ -19,7 +16,7 @@ GOALS = {"rest": 1.35, "moving": 1.6, "s1": 1.35, "s1-incremental": 2.1}
 """Of simulated seconds per CPU second; the incremental planner against the exact one of then."""
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield the cases that have a goal; none in a folder without the history of the project."""
     try:
         for one in compare(BASELINE, TIMES):

@@ -4,17 +4,14 @@ Both execute two at a time on this machine, each run in a process of its own, th
 ledger and spool. What differs is the road: a pipe, or gateway, Dask scheduler and Dask worker.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 
 import psutil
 
-from daemon.batch.client import Client
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.batch.dask_harness import dask_in, gateway_for
 from tests.daemon.batch.harness import daemon_at, eventually, family
@@ -29,14 +26,14 @@ Processes = Callable[[], list[psutil.Process]]
 
 
 @contextmanager
-def _local(folder: Path) -> Iterator[tuple[Client, Processes]]:
+def _local(folder):
     with daemon_at(folder / "state", _SLOTS) as daemon, daemon.client() as client:
         eventually(lambda: client.overview().workers, 60.0)
         yield client, lambda: family(daemon.pid)
 
 
 @contextmanager
-def _cluster(folder: Path) -> Iterator[tuple[Client, Processes]]:
+def _cluster(folder):
     with (
         daemon_at(folder / "state") as daemon,
         daemon.client() as client,
@@ -48,19 +45,19 @@ def _cluster(folder: Path) -> Iterator[tuple[Client, Processes]]:
         yield client, lambda: [process for pid in pids for process in family(pid)]
 
 
-def _cpu(processes: list[psutil.Process]) -> float:
+def _cpu(processes):
     """Seconds of processor time, of ended children too."""
     return sum(sum(process.cpu_times()[:4]) for process in processes)
 
 
-def _measure(client: Client, processes: Processes, name: str) -> tuple[float, float]:
+def _measure(client, processes, name):
     before, start = _cpu(processes()), time.perf_counter()
     client.submit(make_submission(name, _RUNS))
     eventually(lambda: client.overview().queued + client.overview().running == 0, 600.0)
     return time.perf_counter() - start, _cpu(processes()) - before
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield time and processor time per run, round by round; the local worker is the reference."""
     with (
         tempfile.TemporaryDirectory() as name,

@@ -5,11 +5,8 @@ is off by up to 0.1 m along the way and jumps every 0.2 m, as AMCL's does. Micro
 update; beside it what it takes to do the same bounds over as costmap_2d does, compiled as well.
 """
 
-from __future__ import annotations
-
 import math
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +15,6 @@ import numpy as np
 from daemon.campaign import expand, load_campaign
 from daemon.simulator import World
 from daemon.stacks import warm_up
-from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.costmap import (
     Costmap,
     InflationLayer,
@@ -32,9 +28,6 @@ from daemon.stacks.ros1.costmap import (
 from daemon.stacks.ros1.costmap.master_grid import inflate_window, merge_window
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Pose2
-from grammars.model.grid import OccupancyGrid
-from grammars.model.robot import Robot
-from grammars.model.scene import Scene
 from templates.occupancy import occupancy_grid
 from tests.benchmarks.measurement import Measurement, Reference
 
@@ -54,7 +47,7 @@ VOXELS = replace(SEEN, voxels=VoxelColumn())
 TOPICS = {"/scan": ("",), "/rear": ("rear",)}
 
 
-def drive(world: World, robot: Robot) -> list[tuple[Pose2, SensedScan, SensedScan]]:
+def drive(world, robot):
     """Return estimates of the base with the scan as seen from there and from the true pose."""
     laser = robot.laser
     angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
@@ -80,7 +73,7 @@ def drive(world: World, robot: Robot) -> list[tuple[Pose2, SensedScan, SensedSca
     return steps
 
 
-def load() -> tuple[Scene, Robot, OccupancyGrid]:
+def load():
     paper = expand(load_campaign(CAMPAIGNS / "ortega2024" / "first.yaml"))
     run = next(r for r in paper.runs if r.scenario == "S2")
     scene = {s.digest: s for s in paper.scenes}[run.scene]
@@ -88,7 +81,7 @@ def load() -> tuple[Scene, Robot, OccupancyGrid]:
     return scene, robot, occupancy_grid(scene, laser_height=robot.laser.z)
 
 
-def over_again(costmap: Costmap, *, in_order: bool = False) -> tuple[float, bool]:
+def over_again(costmap, *, in_order=False):
     """Return the seconds the plain cycle takes in the last bounds, and whether it ends the same.
 
     ``in_order`` by the first obstacle to reach a cell (``inflation_queue_order``).
@@ -104,16 +97,14 @@ def over_again(costmap: Costmap, *, in_order: bool = False) -> tuple[float, bool
     return taken, bool(np.array_equal(copy, costmap._master))
 
 
-def report(name: str, grid: CostGrid, times: list[float], beside: Reference | None) -> Measurement:
+def report(name, grid, times, beside):
     """The mean time of an update."""
     rows, columns = grid.cells.shape
     worst = f"{np.percentile(times, 99) * 1e6:.1f} us 99 %, {columns} x {rows} cells"
     return Measurement(name, np.mean(times).item() * 1e6, "us", beside, (), worst)
 
 
-def compare_layers(
-    steps: list[tuple[Pose2, SensedScan, SensedScan]], world: OccupancyGrid
-) -> Iterator[Measurement]:
+def compare_layers(steps, world):
     """Yield what two lasers and a voxel layer cost beside one laser and an obstacle layer."""
     kinds = {"one laser": SEEN, "two lasers": BOTH, "voxel layer": VOXELS}
     for name, parameters in (("global", GLOBAL), ("local", LOCAL)):
@@ -141,7 +132,7 @@ def compare_layers(
                 yield Measurement(f"{name}, {kind}", 1e6 * taken / updates, "us", one)
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield building, updates of both costmaps, and what more layers cost."""
     warm_up()
     scene, robot, world_map = load()
@@ -154,10 +145,10 @@ def measure() -> Iterator[Measurement]:
         built.append(1e3 * (time.process_time() - begin))
     yield Measurement("global, built", built[0], "ms", Reference("built again", built[1]))
     local = Costmap(LOCAL, LOCAL.padded_footprint(), ORIGINAL)
-    times: list[float] = []
-    plain: list[float] = []
-    ordered: list[float] = []
-    locally: list[float] = []
+    times = []
+    plain = []
+    ordered = []
+    locally = []
     changed, differ = 0, 0
     for k, (base, scan, exact) in enumerate(steps):
         costmap.grid.take_changed()

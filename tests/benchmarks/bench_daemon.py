@@ -4,32 +4,26 @@ Real processes over loopback. CPU times are of the daemon process; what waits fo
 told as such. At the end real runs are executed with one slot and with two.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import statistics
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import psutil
 
 from daemon.batch import bus
-from daemon.batch.client import Client
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
-from daemon.model.status import Submission
-from tests.benchmarks.measurement import Goal, Measurement, Reference, at_least, at_most
+from tests.benchmarks.measurement import Measurement, Reference, at_least, at_most
 from tests.chaos.light import Crew, LightWorker
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, family, finished
+from tests.daemon.batch.harness import daemon_at, eventually, family, finished
 from tests.daemon.batch.samples import make_submission
 
 EMPTY = 3000
@@ -48,7 +42,7 @@ CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "first.yaml"
 
 
 @contextmanager
-def fresh(slots: int = 0, **settings: float | str) -> Iterator[DaemonPart]:
+def fresh(slots=0, **settings):
     """A daemon on an empty state directory."""
     with (
         tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder,
@@ -57,13 +51,13 @@ def fresh(slots: int = 0, **settings: float | str) -> Iterator[DaemonPart]:
         yield daemon
 
 
-def cpu(pid: int) -> float:
+def cpu(pid):
     """CPU seconds of a process so far."""
     used = psutil.Process(pid).cpu_times()
     return float(used.user + used.system)
 
 
-def empty_runs() -> Iterator[Measurement]:
+def empty_runs():
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", EMPTY))
         before, start = cpu(daemon.pid), time.monotonic()
@@ -76,7 +70,7 @@ def empty_runs() -> Iterator[Measurement]:
     yield Measurement("  CPU of the daemon for one", 1e3 * used / EMPTY, "CPU ms")
 
 
-def idle() -> Iterator[Measurement]:
+def idle():
     with fresh(2) as daemon, daemon.client() as client:
         client.submit(make_submission("idle", 20))
         eventually(lambda: finished(client, 20))
@@ -94,7 +88,7 @@ def idle() -> Iterator[Measurement]:
         )  # fmt: skip
 
 
-def large_campaign(runs: int) -> Submission:
+def large_campaign(runs):
     """The example of building C with as many repeats as it takes."""
     campaign = expand(load_campaign(CAMPAIGN))
     repeats = -(-runs // len(campaign.runs))
@@ -106,7 +100,7 @@ def large_campaign(runs: int) -> Submission:
     return replace(campaign, campaign=f"large-{runs}", runs=specs[:runs], reserve=(), fresh=True)
 
 
-def leasing(endpoint: str, stop: Any, answer: Any) -> None:
+def leasing(endpoint, stop, answer):
     """Lease and complete runs one by one until told to stop; answers with the seconds of leases."""
     took = []
     with bus.open_client(endpoint) as session:
@@ -121,13 +115,13 @@ def leasing(endpoint: str, stop: Any, answer: Any) -> None:
 
 
 @contextmanager
-def leases_beside(daemon: DaemonPart) -> Iterator[list[Measurement]]:
+def leases_beside(daemon):
     """Have another process lease runs during the block; afterwards the list says how long for."""
     context = multiprocessing.get_context("spawn")
     stop, answer = context.Event(), context.Queue()
     process = context.Process(target=leasing, args=(daemon.endpoint, stop, answer))
     process.start()
-    found: list[Measurement] = []
+    found = []
     try:
         yield found
     finally:
@@ -138,13 +132,13 @@ def leases_beside(daemon: DaemonPart) -> Iterator[list[Measurement]]:
         found.append(spread("  lease beside it", took))
 
 
-def peak(pid: int) -> float:
+def peak(pid):
     """The most memory a process has had so far [MiB]."""
     status = Path(f"/proc/{pid}/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0]) / 2**10
 
 
-def large(runs: int = LARGE) -> Iterator[Measurement]:
+def large(runs=LARGE):
     """What a campaign of a million runs costs, and others meanwhile."""
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", QUEUED))
@@ -183,7 +177,7 @@ def large(runs: int = LARGE) -> Iterator[Measurement]:
         yield Measurement("  ledger afterwards", client.disk().ledger / 2**20, "MiB")
 
 
-def many_campaigns() -> Iterator[Measurement]:
+def many_campaigns():
     """What one of thousands of campaigns costs, against all of them."""
     with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
         paths = StatePaths(Path(folder))
@@ -204,7 +198,7 @@ def many_campaigns() -> Iterator[Measurement]:
                 yield replace(asked(name, question, times), reference=beside)
 
 
-def room_for_leases() -> Iterator[Measurement]:
+def room_for_leases():
     """What it takes to see how many leases a worker may get, beside those that others have."""
     with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
         paths = StatePaths(Path(folder))
@@ -221,7 +215,7 @@ def room_for_leases() -> Iterator[Measurement]:
                     yield took
 
 
-def submit() -> Iterator[Measurement]:
+def submit():
     with fresh() as daemon, daemon.client() as client:
         for runs, goals in ((10_000, (at_most(2.0),)), (QUEUED, ())):
             submission = large_campaign(runs)
@@ -237,9 +231,7 @@ def submit() -> Iterator[Measurement]:
         yield Measurement("  ledger afterwards", client.disk().ledger / 2**20, "MiB")
 
 
-def asked(
-    name: str, question: Callable[[], object], times: int = QUESTIONS, goals: tuple[Goal, ...] = ()
-) -> Measurement:
+def asked(name, question, times=QUESTIONS, goals=()):
     """Ask a question many times."""
     took = []
     for _ in range(times):
@@ -250,18 +242,18 @@ def asked(
     return replace(spread(name, took), goals=goals)
 
 
-def spread(name: str, took: list[float]) -> Measurement:
+def spread(name, took):
     """The median of milliseconds, the 99th percentile noted."""
     last = sorted(took)[int(0.99 * (len(took) - 1))]
     return Measurement(name, statistics.median(took), "ms", None, (), f"99 %: {last:.2f} ms")
 
 
-def _burn(stop: float) -> None:
+def _burn(stop):
     while time.monotonic() < stop:
         sum(range(1000))
 
 
-def busy_questions() -> Iterator[Measurement]:
+def busy_questions():
     with fresh(2, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
         quiet = asked("status, quiet", client.overview)
         yield quiet
@@ -272,7 +264,7 @@ def busy_questions() -> Iterator[Measurement]:
         yield replace(busy, reference=Reference("quiet", quiet.value))
 
 
-def crowd(endpoint: str, number: int, workers: int, ready: object, stop: object) -> None:
+def crowd(endpoint, number, workers, ready, stop):
     """Sessions of workers that have nothing to do but say that they live, and lease one by one."""
     with ExitStack() as stack:
         crew = [
@@ -281,16 +273,16 @@ def crowd(endpoint: str, number: int, workers: int, ready: object, stop: object)
         ]
         for worker in crew:
             worker.renew()
-        ready.release()  # type: ignore[attr-defined]
-        while not stop.wait(0.0):  # type: ignore[attr-defined]
+        ready.release()
+        while not stop.wait(0.0):
             for worker in crew:
-                if stop.wait(10.0 / workers):  # type: ignore[attr-defined]
+                if stop.wait(10.0 / workers):
                     break
                 worker.renew()
 
 
 @contextmanager
-def crowded(endpoint: str) -> Iterator[None]:
+def crowded(endpoint):
     """``WORKERS`` sessions in a few processes, each renewing every 10 s."""
     context = multiprocessing.get_context("spawn")
     ready, stop = context.Semaphore(0), context.Event()
@@ -312,7 +304,7 @@ def crowded(endpoint: str) -> Iterator[None]:
             process.kill()
 
 
-def scale() -> Iterator[Measurement]:
+def scale():
     with fresh() as daemon, daemon.client() as client:
         for part in range(10):
             client.submit(replace(large_campaign(QUEUED // 10), campaign=f"part-{part}"))
@@ -337,12 +329,12 @@ def scale() -> Iterator[Measurement]:
             yield Measurement("submit of 1000 runs", time.monotonic() - start, "s")
 
 
-def ask_everything(client: Client) -> Iterator[Measurement]:
+def ask_everything(client):
     few = 40
     overview = asked("overview", client.overview)
     yield overview
     beside = Reference("overview", overview.value)
-    questions: dict[str, Callable[[], object]] = {
+    questions = {
         "campaigns": client.campaigns,
         "workers": client.workers,
         "first page of 200 runs": lambda: client.runs(),
@@ -357,7 +349,7 @@ def ask_everything(client: Client) -> Iterator[Measurement]:
         yield replace(asked(name, question, few), reference=beside)
 
 
-def overhead(pid: int) -> tuple[float, float]:
+def overhead(pid):
     """CPU seconds of the daemon, its worker and the fork server; and of the runs that ended."""
     own = runs = 0.0
     for process in family(pid):
@@ -368,13 +360,13 @@ def overhead(pid: int) -> tuple[float, float]:
     return own, runs
 
 
-def await_runs(client: Client, runs: int) -> None:
+def await_runs(client, runs):
     """Wait for the end of runs, asking seldom: to be asked costs, too."""
     while not finished(client, runs):
         time.sleep(0.25)
 
 
-def efficiency() -> Iterator[Measurement]:
+def efficiency():
     """Runs of building C with one slot and with two; two cores cannot give more than twice."""
     took = []
     for slots in (1, 2):
@@ -395,7 +387,7 @@ def efficiency() -> Iterator[Measurement]:
     )  # fmt: skip
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield what each part has to say."""
     for part in (
         empty_runs, idle, submit, large, many_campaigns, room_for_leases, busy_questions, scale,

@@ -5,11 +5,8 @@ run with map and signals, all of them one after the other. Memory is the residen
 dashboard's own process; the one that reads traces for it is its reference, and leaves by itself.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
@@ -18,7 +15,7 @@ from daemon.campaign import expand, load_campaign
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 from tests.daemon.batch.harness import daemon_at, eventually, finished
-from tests.scenario_tui.terminal.pseudo_terminal import Terminal, scenario, terminal
+from tests.scenario_tui.terminal.pseudo_terminal import scenario, terminal
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "first.yaml"
 SECONDS = 600.0
@@ -26,7 +23,7 @@ SECONDS = 600.0
 MEGABYTE = 2**20
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Run the campaign, then look at it."""
     with tempfile.TemporaryDirectory(prefix="bench-dashboard-") as folder:
         progress.say("ten runs of the published building")
@@ -43,7 +40,7 @@ def measure() -> Iterator[Measurement]:
                 yield from look(shown, count)
 
 
-def look(shown: Terminal, count: int) -> Iterator[Measurement]:
+def look(shown, count):
     """Open one run after the other, as somebody does who looks for the one that failed."""
     yield memory("the list of campaigns", shown)
     shown.type("\r")
@@ -63,7 +60,7 @@ def look(shown: Terminal, count: int) -> Iterator[Measurement]:
     yield Measurement("a run opened, the next ones", min(further), "s", beside, ())
 
 
-def opened(shown: Terminal) -> float:
+def opened(shown):
     """Open the run under the cursor and return after how long its signals are there [s]."""
     start = time.perf_counter()
     shown.type("\r")
@@ -73,7 +70,7 @@ def opened(shown: Terminal) -> float:
     return took
 
 
-def memory(name: str, shown: Terminal) -> Measurement:
+def memory(name, shown):
     process = psutil.Process(shown.pid)
     own = process.memory_info().rss / MEGABYTE
     children = [child.memory_info().rss / MEGABYTE for child in process.children()]

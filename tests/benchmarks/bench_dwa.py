@@ -5,22 +5,19 @@ second old at most, for the differential and the omnidirectional configuration o
 whole call of the controller from Python.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import Dwa, DwaParameters, longest_trajectory
+from daemon.stacks.ros1.dwa import Dwa, longest_trajectory
 from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid, choose_trajectory
 from daemon.stacks.ros1.quirks import ORIGINAL
-from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, LARGE, OMNI, SMALL, Problem, settings, singles
 
@@ -29,7 +26,7 @@ REPEATS = 5
 CONFIGURATIONS = (("a2s", A2S, SMALL), ("fro-diff", A2S, LARGE), ("fro-omni", OMNI, LARGE))
 
 
-def corridor(x: float, y: float) -> CostGrid:
+def corridor(x, y):
     """Return the costmap around (x, y) of a corridor along y = 40 that is 2.4 m wide."""
     local = CostGrid(0.05, x - 1.5, y - 1.5, np.zeros((60, 60), dtype=np.uint8))
     rows = local.y + 0.05 * (np.arange(60) + 0.5)
@@ -39,7 +36,7 @@ def corridor(x: float, y: float) -> CostGrid:
     return local
 
 
-def problems(parameters: DwaParameters, outline: Floats) -> list[Problem]:
+def problems(parameters, outline):
     """Return cycles along a path that weaves through the corridor."""
     built, out = settings(parameters), []
     for k, x in enumerate(np.linspace(20.0, 40.0, PROBLEMS).tolist()):
@@ -55,7 +52,7 @@ def problems(parameters: DwaParameters, outline: Floats) -> list[Problem]:
     return out
 
 
-def _timed(work: Callable[[], object], rounds: int) -> float:
+def _timed(work, rounds):
     """Return CPU microseconds per call."""
     begin = time.thread_time()
     for _ in range(rounds):
@@ -63,7 +60,7 @@ def _timed(work: Callable[[], object], rounds: int) -> float:
     return (time.thread_time() - begin) / rounds * 1e6
 
 
-def _fast(p: Problem) -> Callable[[], object]:
+def _fast(p):
     field = allocate_scoring_grid(p.local, p.outline, p.banned)
     room = allocate_buffers(
         p.local.cells.shape, p.settings, longest_trajectory(p.settings, 1.0, 1.0, 3.0)
@@ -73,7 +70,7 @@ def _fast(p: Problem) -> Callable[[], object]:
     return lambda: choose_trajectory(*args)
 
 
-def _whole(p: Problem, parameters: DwaParameters) -> Callable[[], object]:
+def _whole(p, parameters):
     dwa = Dwa(parameters, ORIGINAL, p.outline, 0.1)
     dwa.set_plan(np.column_stack([p.plan, np.zeros(len(p.plan))]))
     pose, twist = Pose2(*p.state[:3].tolist()), Twist2(*p.state[3:].tolist())
@@ -81,7 +78,7 @@ def _whole(p: Problem, parameters: DwaParameters) -> Callable[[], object]:
     return lambda: dwa.command(pose, twist, origin, p.local)
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield a cycle and a whole call for each configuration."""
     warm_up()
     for name, parameters, outline in (
@@ -97,7 +94,7 @@ def measure() -> Iterator[Measurement]:
         plainly = [p.plain()[:2] for p in cycles]
         plain = (time.thread_time() - begin) / len(cycles) * 1e6
         equal = sum(one == other for one, other in zip(decided, plainly, strict=True))
-        rows: dict[str, list[float]] = {"fast": [], "whole": []}
+        rows = {"fast": [], "whole": []}
         for _ in range(REPEATS):
             rows["fast"].append(statistics.mean(_timed(_fast(p), 50) for p in cycles))
             rows["whole"].append(statistics.mean(_timed(_whole(p, parameters), 50) for p in cycles))

@@ -5,15 +5,12 @@ A kernel's own time is without that of the kernels it calls. The reference is wh
 from the disk takes, in a second process.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 from numba.core import event
@@ -34,14 +31,14 @@ ROOT = Path(__file__).parents[2]
 class _Times(event.Listener):
     """CPU seconds of each function that is compiled, by name."""
 
-    def __init__(self) -> None:
-        self.own: dict[str, float] = {}
-        self._open: list[list[float]] = []
+    def __init__(self):
+        self.own = {}
+        self._open = []
 
-    def on_start(self, _: event.Event) -> None:
+    def on_start(self, _):
         self._open.append([time.process_time(), 0.0])
 
-    def on_end(self, happened: event.Event) -> None:
+    def on_end(self, happened):
         begun, inner = self._open.pop()
         took = time.process_time() - begun
         if self._open:
@@ -51,7 +48,7 @@ class _Times(event.Listener):
         self.own[name] = self.own.get(name, 0.0) + took - inner
 
 
-def tell(system: str) -> None:
+def tell(system):
     """Load what a run of ``system`` needs; print as JSON what that took, and each compilation."""
     times = _Times()
     begun = time.process_time()
@@ -60,7 +57,7 @@ def tell(system: str) -> None:
     print(json.dumps((time.process_time() - begun, times.own)))
 
 
-def told(system: str, folder: str) -> tuple[float, dict[str, float]]:
+def told(system, folder):
     """What :func:`tell` says of a process of its own, with machine code in ``folder``."""
     said = subprocess.run(
         [sys.executable, "-c", f"from {__name__} import tell; tell({system!r})"],
@@ -71,7 +68,7 @@ def told(system: str, folder: str) -> tuple[float, dict[str, float]]:
     return took, own
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """One cold and one warm process for each system."""
     for system in SYSTEMS:
         with tempfile.TemporaryDirectory(prefix="bench-first-run-") as folder:

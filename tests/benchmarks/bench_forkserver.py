@@ -3,13 +3,10 @@
 The fork server is warm for runs of the simulator, since what it has in memory is what a fork costs.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from multiprocessing.connection import wait
 from pathlib import Path
 
@@ -32,7 +29,7 @@ KINDS = ("guarded", "unguarded")
 guarded = unguarded = execute
 
 
-def warm_up() -> None:
+def warm_up():
     """Called by the fork server alone."""
     from daemon.run import warm_up as warm_up_runs
 
@@ -41,7 +38,7 @@ def warm_up() -> None:
         run_process.guard = lambda *_, **__: None
 
 
-def cpu_of(kind: str) -> float:
+def cpu_of(kind):
     """CPU of a run's processes and of the fork server, for one run [ms]."""
     prepare_environment(f"{__name__}:{kind}")
     with tempfile.TemporaryDirectory(prefix="bench-forkserver-") as folder:
@@ -65,7 +62,7 @@ def cpu_of(kind: str) -> float:
         return 1e3 * (sum(server.cpu_times()) - before) / RUNS
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Each in a process of its own: one has only one fork server."""
     program = f"import sys; from {__name__} import cpu_of; print(cpu_of(sys.argv[1]))"
     took = {}

@@ -5,10 +5,7 @@ that plan every time with a whole wave are timed for every fiftieth plan only. A
 from many positions, as in the original; from cell to cell it does.
 """
 
-from __future__ import annotations
-
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -22,7 +19,7 @@ from tests.benchmarks.bench_navfn import COMPARED, STEP, disturb
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.navfn import building
 
-KINDS: dict[str, tuple[GlobalPlannerParameters | None, bool]] = {
+KINDS = {
     "navfn": (None, True),
     "GlobalPlanner": (GlobalPlannerParameters(), True),
     "  old_navfn_behavior": (GlobalPlannerParameters(old_navfn_behavior=True), True),
@@ -32,7 +29,7 @@ KINDS: dict[str, tuple[GlobalPlannerParameters | None, bool]] = {
 """Parameters, none for navfn, and whether to time every plan."""
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield the mean time of a plan of each kind."""
     warm_up()
     warm_up_global_planner()
@@ -41,13 +38,13 @@ def measure() -> Iterator[Measurement]:
     trips = building.drive(STEP)
     cells = original.cells.copy()
     grids = {name: CostGrid(original.resolution, original.x, original.y, cells) for name in KINDS}
-    planners: dict[str, Navfn | GlobalPlanner] = {
+    planners = {
         name: Navfn(NavfnParameters(), FIXED)
         if parameters is None
         else GlobalPlanner(parameters, FIXED)
         for name, (parameters, _) in KINDS.items()
     }
-    taken: dict[str, list[float]] = {name: [] for name in KINDS}
+    taken = {name: [] for name in KINDS}
     found = dict.fromkeys(KINDS, 0)
     noise = CostGrid(original.resolution, original.x, original.y, cells)
     for k, (start, goal) in enumerate(trips):

@@ -6,25 +6,20 @@ many traces are one-minute runs of the same scenario, a few different ones under
 from the page cache.
 """
 
-from __future__ import annotations
-
 import os
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from daemon.analysis.rejudge import rejudge
 from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.judging import oracles
-from daemon.model.spec import OracleText, RunSpec
+from daemon.model.spec import OracleText
 from daemon.run import execute
 from daemon.trace import read_trace
-from grammars.model.scene import Scene
 from grammars.oracle import load_oracles
 from tests.benchmarks.measurement import Measurement, Reference
 
@@ -38,7 +33,7 @@ ROUNDS = 7
 LONG = "2000 traces, judged again"
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield one long run, oracle by oracle, and many short ones."""
     layer = load_oracles(PAPER / "navigation.oracles.yaml")
     written = tuple(OracleText(o.name, o.text) for o in layer.values())
@@ -52,16 +47,14 @@ def measure() -> Iterator[Measurement]:
         yield _many_short_runs(run, scenes[run.scene], written, folder / "short")
 
 
-def _longer(run: RunSpec) -> RunSpec:
+def _longer(run):
     """Return a run that drives its way again and again until the time is up."""
     there = run.mission.waypoints
     mission = replace(run.mission, waypoints=there * 8)
     return replace(run, mission=mission, limit=SECONDS)
 
 
-def _one_long_run(
-    run: RunSpec, scene: Scene, written: tuple[OracleText, ...], path: Path
-) -> Iterator[Measurement]:
+def _one_long_run(run, scene, written, path):
     simulated = execute(run, scene, trace_path=path).timing.simulated
     read = _cpu(lambda: read_trace(path))
     trace = read_trace(path)
@@ -78,9 +71,7 @@ def _one_long_run(
         yield Measurement(f"  {one.text}", 1e3 * cost, "ms", together)
 
 
-def _many_short_runs(
-    run: RunSpec, scene: Scene, written: tuple[OracleText, ...], folder: Path
-) -> Measurement:
+def _many_short_runs(run, scene, written, folder):
     folder.mkdir()
     for number in range(DIFFERENT):
         short = replace(run, limit=60.0, seed=number, repeat=number)
@@ -98,7 +89,7 @@ def _many_short_runs(
     return Measurement(f"{len(traces)} traces of 60 s", cpu, "CPU s", None, (), note)
 
 
-def _cpu(work: Callable[[], Any]) -> float:
+def _cpu(work):
     costs = []
     for _ in range(ROUNDS):
         start = time.process_time()

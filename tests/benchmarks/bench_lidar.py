@@ -5,19 +5,16 @@ shut: with everything in the caches, as in a loop of nothing but scans, and with
 something else, as in a run, where a costmap and a plan come between two scans.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator
 
 import numpy as np
 import pymunk
 
 from daemon.simulator import World, warm_up
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Pose2
 from tests.benchmarks.corridor import LENGTH, build_world, robot, robot_with_two_lasers, scene
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.simulator.reference import cast_by_broadcast, near_an_end, world_segments
@@ -28,20 +25,20 @@ OTHER = np.zeros(64 * 2**20 // 8)
 """More than any cache holds [64 MiB]."""
 
 
-def poses() -> list[Pose2]:
+def poses():
     """Return poses along a weaving drive between the tips of the leaves."""
     rows = np.linspace(0.0, LENGTH, POSES).tolist()
     return [Pose2(x, 0.1 * math.sin(x), 0.3 * math.cos(x)) for x in rows]
 
 
-def _query_space(segments: Floats) -> pymunk.Space:
+def _query_space(segments):
     space = pymunk.Space()
     for x1, y1, x2, y2 in segments.tolist():
         space.add(pymunk.Segment(space.static_body, (x1, y1), (x2, y2), 0.0))
     return space
 
 
-def _by_pymunk(space: pymunk.Space, origin: tuple[float, float], angles: Floats) -> Floats:
+def _by_pymunk(space, origin, angles):
     reach = robot().laser.range_max
     everything = pymunk.ShapeFilter()
     ranges = np.full(angles.size, np.inf)
@@ -53,7 +50,7 @@ def _by_pymunk(space: pymunk.Space, origin: tuple[float, float], angles: Floats)
     return ranges
 
 
-def _timed(work: Callable[[Pose2], object], where: list[Pose2]) -> float:
+def _timed(work, where):
     """Return CPU microseconds per scan."""
     begin = time.thread_time()
     for pose in where:
@@ -61,7 +58,7 @@ def _timed(work: Callable[[Pose2], object], where: list[Pose2]) -> float:
     return (time.thread_time() - begin) / len(where) * 1e6
 
 
-def _timed_cold(work: Callable[[Pose2], object], where: list[Pose2]) -> float:
+def _timed_cold(work, where):
     """Return CPU microseconds per scan when the caches have been filled with something else."""
     taken = 0.0
     for pose in where:
@@ -72,10 +69,10 @@ def _timed_cold(work: Callable[[Pose2], object], where: list[Pose2]) -> float:
     return taken / len(where) * 1e6
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield each way to scan, the kernel being the reference."""
     warm_up()
-    world: World = build_world()
+    world = build_world()
     laser, bodies = robot().laser, world._bodies.at(0)
     # Another one each time: a scanner keeps what it found when nothing has moved.
     version = itertools.count(1)
@@ -83,20 +80,20 @@ def measure() -> Iterator[Measurement]:
     space = _query_space(segments)
     offsets = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
 
-    def exact(pose: Pose2) -> Floats:
+    def exact(pose):
         return world._scanner(None).true_ranges(pose, bodies, next(version))[0]
 
-    def kernel(pose: Pose2) -> None:
+    def kernel(pose):
         world._scanner(None)._cast(pose, bodies, next(version))
 
-    def scan(pose: Pose2) -> None:
+    def scan(pose):
         world._scanner(None).scan(pose, bodies, next(version))
 
-    def query(pose: Pose2) -> Floats:
+    def query(pose):
         sensor = pose @ laser.mount
         return _by_pymunk(space, (sensor.x, sensor.y), sensor.yaw + offsets)
 
-    def broadcast(pose: Pose2) -> Floats:
+    def broadcast(pose):
         sensor = pose @ laser.mount
         return cast_by_broadcast(segments, (sensor.x, sensor.y), sensor.yaw + offsets)
 
@@ -115,17 +112,17 @@ def measure() -> Iterator[Measurement]:
             worst[name] = max(worst[name], difference)
     pair = World(scene(), robot_with_two_lasers(), Pose2(), (), np.random.SeedSequence(1))
 
-    def one_of(_: Pose2) -> None:
+    def one_of(_):
         # By the world, as a run asks: with the true pose and where all bodies are.
         world.tick += 1
         world.scan()
 
-    def both(_: Pose2) -> None:
+    def both(_):
         pair.tick += 1
         pair.scan("front")
         pair.scan("rear")
 
-    rows: dict[str, list[float]] = {}
+    rows = {}
     for _ in range(REPEATS):
         rows.setdefault("kernel", []).append(_timed(kernel, where * 50))
         rows.setdefault("scan", []).append(_timed(scan, where * 50))

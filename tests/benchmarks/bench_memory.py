@@ -13,10 +13,9 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_most
@@ -40,7 +39,7 @@ class Memory(NamedTuple):
     peak: float
 
 
-def own_memory() -> Memory:
+def own_memory():
     """The memory of this process."""
     pages = {
         line.split(":")[0]: float(line.split()[1]) / 1e3
@@ -50,26 +49,26 @@ def own_memory() -> Memory:
     return Memory(pages["Rss"], pages["Pss"], own, peak())
 
 
-def peak() -> float:
+def peak():
     """The most RSS this process has had [MB]."""
     status = Path("/proc/self/status").read_text()
     return float(status.split("VmHWM:")[1].split()[0]) / 1e3
 
 
-def warm_up() -> None:
+def warm_up():
     """Load what the run needs; called by the fork server alone."""
     from daemon.run import warm_up as warm_up_runs
 
     warm_up_runs(os.environ[ROOMS].split())
 
 
-def execute(spec: Any, scene: Any, *, trace_path: Path, on_progress: Any, interest: Any) -> Any:
+def execute(spec, scene, *, trace_path, on_progress, interest):
     """A run that leaves beside its trace what memory it has had."""
     from daemon.run import execute
 
     found = [own_memory()]
 
-    def look(snapshot: Any) -> None:
+    def look(snapshot):
         found.append(own_memory())
         on_progress(snapshot)
 
@@ -79,7 +78,7 @@ def execute(spec: Any, scene: Any, *, trace_path: Path, on_progress: Any, intere
     return result
 
 
-def tell_of_child(name: str) -> None:
+def tell_of_child(name):
     """Print as JSON what memory a child of a fork server has: before a run, meanwhile, after it."""
     from daemon.batch.worker._attempts import Attempt
     from daemon.batch.worker._forkserver import ForkServerPool, prepare_environment
@@ -107,7 +106,7 @@ def tell_of_child(name: str) -> None:
         print((attempt.folder / FOUND).read_text(), flush=True)
 
 
-def tell(name: str, times: int) -> None:
+def tell(name, times):
     """Print as JSON what memory a child of a warm process has: before runs, and after each."""
     from daemon.batch.freed_memory import return_freed_memory
     from daemon.run import execute, warm_up
@@ -130,7 +129,7 @@ def tell(name: str, times: int) -> None:
     os._exit(0)
 
 
-def told(call: str) -> list[Memory]:
+def told(call):
     """What a function of this module says that is called by a process of its own."""
     progress.say(call)
     program = f"import {__name__} as bench; bench.{call}"
@@ -140,7 +139,7 @@ def told(call: str) -> list[Memory]:
     return [Memory(*each) for each in json.loads(said.stdout)]
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """A child's one run, then many runs in one process: short ones, and those that need most."""
     for what, name, goals in (
         ("the demo", "rude-house", ()),
@@ -156,7 +155,7 @@ def measure() -> Iterator[Measurement]:
     yield growth("the demo", "rude-house", TIMES)
 
 
-def growth(what: str, name: str, times: int) -> Measurement:
+def growth(what, name, times):
     """What a process has in memory after ``times`` runs, beside what it has after two."""
     _, _, second, *_, last = told(f"tell({name!r}, {times})")
     return Measurement(

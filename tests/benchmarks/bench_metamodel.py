@@ -4,14 +4,10 @@ rdflib is given the same document with its contexts in line; it knows the terms 
 of a node only and loses the others.
 """
 
-from __future__ import annotations
-
 import json
 import statistics
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from rdflib import Graph
 
@@ -33,7 +29,7 @@ FOLDER = Path(__file__).parents[2] / "campaigns" / "ortega2024"
 REPEATS = 3
 
 
-def _timed(work: Callable[[], Any]) -> float:
+def _timed(work):
     """Return the median CPU seconds of some runs, one before them not counted."""
     work()
     taken = []
@@ -44,7 +40,7 @@ def _timed(work: Callable[[], Any]) -> float:
     return statistics.median(taken)
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield each step, rdflib reading the same document being the reference."""
     plan_file = FOLDER / "building_c.fpm"
     files = [FOLDER / f"{name}.scenery" for name in ("doors", "doors_random")]

@@ -5,10 +5,7 @@ waypoints as the robot passes them at 5 Hz, and costs that change in a window ar
 whole waves only every fiftieth is timed and compared.
 """
 
-from __future__ import annotations
-
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -24,8 +21,7 @@ HALF = 60
 COMPARED = 50
 
 
-def disturb(random: np.random.Generator, grid: CostGrid, original: CostGrid, at: tuple[int, int],
-             ) -> tuple[int, int, int, int]:  # fmt: skip
+def disturb(random, grid, original, at):  # fmt: skip
     """Make inflated costs around the robot noisy; return the window."""
     column, row = at
     window = (column - HALF, row - HALF, column + HALF, row + HALF)
@@ -37,7 +33,7 @@ def disturb(random: np.random.Generator, grid: CostGrid, original: CostGrid, at:
     return window
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield the mean time of a plan, whole waves being the reference."""
     warm_up()
     original = building.costmap()
@@ -52,9 +48,9 @@ def measure() -> Iterator[Measurement]:
             for (name, certified), grid in zip(kinds.items(), grids[1:], strict=True)
         }
         slow = PotentialField(grids[0], allow_unknown=True, margins=())
-        taken: dict[str, list[float]] = {name: [] for name in kinds}
+        taken = {name: [] for name in kinds}
         same = dict.fromkeys(kinds, 0)
-        whole: list[float] = []
+        whole = []
         for k, (start, goal) in enumerate(trips):
             here, there = original.cell(start.x, start.y), original.cell(goal.x, goal.y)
             assert here is not None

@@ -4,15 +4,12 @@ CPU of whole processes from start to end, bytecode on disk, each in turns with a
 imports numpy and leaves: as much work of the same sort, which no change of ours makes quicker.
 """
 
-from __future__ import annotations
-
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,13 +29,13 @@ TIMES = 7
 NUMPY = ("import numpy", [sys.executable, "-c", "import numpy"])
 
 
-def environment(**more: str) -> dict[str, str]:
+def environment(**more):
     """What a shell has, with bytecode kept."""
     kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     return kept | more
 
 
-def cpu_of(command: Sequence[str], environ: Mapping[str, str]) -> float:
+def cpu_of(command, environ):
     """CPU seconds of a process from start to end.
 
     Raises ``RuntimeError`` with what it said when it fails.
@@ -53,9 +50,7 @@ def cpu_of(command: Sequence[str], environ: Mapping[str, str]) -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def beside_numpy(
-    name: str, command: Sequence[str], goal: float, environ: Mapping[str, str]
-) -> Measurement:
+def beside_numpy(name, command, goal, environ):
     """A command in turns with an interpreter that imports numpy; the best of each."""
     progress.say(name)
     cpu_of(command, environ)  # writes its bytecode
@@ -64,7 +59,7 @@ def beside_numpy(
     return Measurement(name, ours, "CPU s", Reference(NUMPY[0], theirs), (at_most(goal),))
 
 
-def completion(state: Path) -> Measurement:
+def completion(state):
     """TAB behind ``scenario results`` with many campaigns in the ledger."""
     progress.say(f"a ledger of {CAMPAIGNS} campaigns")
     paths = StatePaths(state)
@@ -80,7 +75,7 @@ def completion(state: Path) -> Measurement:
     return beside_numpy(f"{CAMPAIGNS} ids completed", scenario(), 0.3, pressed)
 
 
-def first_screen(state: Path) -> Iterator[Measurement]:
+def first_screen(state):
     """The dashboard from its start to its first screen, seven times."""
     with daemon_at(state) as daemon, daemon.client() as client:
         client.submit(make_submission("small-1", 5))
@@ -111,7 +106,7 @@ def first_screen(state: Path) -> Iterator[Measurement]:
         )  # fmt: skip
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Commands, then what needs a ledger, then what needs a daemon."""
     demo = str(ROOT / "campaigns" / "demo" / "campaign.yaml")
     yield beside_numpy("scenario --help", scenario("--help"), 0.2, environment())

@@ -6,13 +6,10 @@ eight traces under many names (three systems, five repeats), read from the page 
 read, sampled and judged by itself, as in a folder `scenario run` leaves.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -37,7 +34,7 @@ SECONDS = 500.0
 SUTS, REPEATS = ("a2s", "fro-diff", "fro-omni"), 5
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield the page and the tables; executing what they are about is the reference."""
     paper = expand(load_campaign(PAPER))
     scenes = {scene.digest: scene for scene in paper.scenes}
@@ -57,7 +54,7 @@ def measure() -> Iterator[Measurement]:
         yield from _report(folder, each)
 
 
-def _report(folder: Path, executed: float) -> Iterator[Measurement]:
+def _report(folder, executed):
     chosen = folder_input(folder)
     records = tuple(
         replace(record, id=f"{record.id}-{sut}-{repeat}", sut=sut, repeat=repeat)
@@ -79,7 +76,7 @@ def _report(folder: Path, executed: float) -> Iterator[Measurement]:
         f"drawn in {drawn - read:.1f} s, {len(page.encode()) / 1e6:.2f} MB",
     )  # fmt: skip
     assessed = material.input.name, material.assessment, records
-    tables: dict[str, Callable[[Path], None]] = {
+    tables = {
         "csv": partial(write_csv, material),
         "parquet": partial(write_parquet, material),
         "xml": partial(write_junit, *assessed),
@@ -92,6 +89,6 @@ def _report(folder: Path, executed: float) -> Iterator[Measurement]:
         yield Measurement(f"  {name}", took, "CPU s", beside, (), size)
 
 
-def _cpu() -> float:
+def _cpu():
     used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in used)

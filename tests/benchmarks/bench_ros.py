@@ -6,25 +6,19 @@ updates; the rest of the run is the simulator, the trace, reading it back and ju
 ``python -m tests.benchmarks flame`` shows the same by function.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.spec import RunSpec
 from daemon.run import execute, warm_up
 from daemon.stacks.ros1.amcl import Amcl
 from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.navfn import Navfn
 from daemon.stacks.ros1.stack import RosStack
-from grammars.model.scene import Scene
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least
 from tests.planner_comparison import PLANNERS, planned_by
@@ -33,7 +27,7 @@ CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "campaign.ya
 SUT = "a2s"
 EXACT, INCREMENTAL = PLANNERS
 TIMES = 2
-METHODS: tuple[tuple[str, type[Any], tuple[str, ...]], ...] = (
+METHODS = (
     ("navfn", Navfn, ("plan",)),
     ("dwa", Dwa, ("set_plan", "goal_reached", "command")),
     ("costmaps", Costmap, ("update", "clear_square")),
@@ -42,7 +36,7 @@ METHODS: tuple[tuple[str, type[Any], tuple[str, ...]], ...] = (
 )
 
 
-def case(planner: str = EXACT) -> tuple[RunSpec, Scene]:
+def case(planner=EXACT):
     """S1 of the published experiment, with one of the two global planners."""
     submission = expand(load_campaign(CAMPAIGN))
     spec = next(run for run in submission.runs if run.scenario == "S1" and run.sut.name == SUT)
@@ -51,9 +45,9 @@ def case(planner: str = EXACT) -> tuple[RunSpec, Scene]:
 
 
 @contextmanager
-def stopwatches() -> Iterator[dict[str, list[float]]]:
+def stopwatches():
     """Collect [CPU seconds, calls] of each component while the block runs."""
-    spent: dict[str, list[float]] = {}
+    spent = {}
     patches = []
     for title, owner, names in METHODS:
         spent[title] = [0.0, 0]
@@ -69,8 +63,8 @@ def stopwatches() -> Iterator[dict[str, list[float]]]:
             patch.stop()
 
 
-def _timed(method: Callable[..., Any], total: list[float]) -> Callable[..., Any]:
-    def wrapper(*arguments: Any, **named: Any) -> Any:
+def _timed(method, total):
+    def wrapper(*arguments, **named):
         begun = time.process_time()
         try:
             return method(*arguments, **named)
@@ -81,11 +75,11 @@ def _timed(method: Callable[..., Any], total: list[float]) -> Callable[..., Any]
     return wrapper
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Whole runs with either planner in turns, then where the time of the exact one goes."""
     warm_up()
     cases = {planner: case(planner) for planner in (EXACT, INCREMENTAL)}
-    best: dict[str, tuple[float, float, str]] = {}
+    best = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
         for k in range(TIMES):
@@ -116,7 +110,7 @@ def measure() -> Iterator[Measurement]:
     yield from components(spent, whole)
 
 
-def components(spent: dict[str, list[float]], whole: float) -> Iterator[Measurement]:
+def components(spent, whole):
     """A line for each component, the whole run with its stopwatches being the reference."""
     everything = spent.pop("stack, all")
     rows = {title: (seconds, calls) for title, (seconds, calls) in spent.items()}

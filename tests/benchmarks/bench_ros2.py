@@ -6,21 +6,17 @@ as the trace has them, cycles that were late, simulated time per wall time with 
 and whether both runs were given the same commands. Beside it the pilot in the same run.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.spec import RunSpec, Snapshot, SutReference
-from daemon.model.status import Submission
+from daemon.model.spec import SutReference
 from daemon.run import execute, warm_up
-from daemon.trace import Trace, read_trace
+from daemon.trace import read_trace
 from grammars.model.mission import Waypoint
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.ros2.environment import DISTRIBUTIONS, environment_python
@@ -36,7 +32,7 @@ ERRAND = (
 LIMIT = 120.0
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield a line for every run; the pilot in the same run is the reference."""
     warm_up()
     demo = expand(load_campaign(CAMPAIGN))
@@ -63,12 +59,12 @@ def measure() -> Iterator[Measurement]:
         yield replace(second, reference=beside, note=f"{second.note}; {given}")
 
 
-def executed(name: str, spec: RunSpec, demo: Submission) -> tuple[Measurement, Trace]:
+def executed(name, spec, demo):
     """Run it once, return what it took and its trace."""
     began = time.perf_counter()
     up = began
 
-    def hear(snapshot: Snapshot) -> None:
+    def hear(snapshot):
         nonlocal up
         if snapshot.waiting:
             up = time.perf_counter()

@@ -5,11 +5,8 @@ the same with doors that open and close; and the corridor of building C (scenari
 with the pilot driving. Tracing, reading the trace back and judging are included.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 from daemon.campaign import expand, load_campaign
@@ -18,7 +15,6 @@ from daemon.run import execute, warm_up
 from grammars.model.behaviour import KeyFrame, KeyFrames, Servo
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.scene import Scene
 from tests.benchmarks import corridor, progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least
 
@@ -29,7 +25,7 @@ GOALS = {AT_REST: (at_least(1000.0),), MOVING: (at_least(750.0),)}
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 
 
-def idle(scene: Scene, *, doors_move: bool) -> RunSpec:
+def idle(scene, *, doors_move):
     """A run in which the robot stands still and every door may swing each 15 s."""
     behaviours = []
     if doors_move:
@@ -44,7 +40,7 @@ def idle(scene: Scene, *, doors_move: bool) -> RunSpec:
     )  # fmt: skip
 
 
-def cases() -> list[tuple[str, RunSpec, Scene]]:
+def cases():
     scene = corridor.scene()
     paper = expand(load_campaign(CAMPAIGNS / "ortega2024" / "first.yaml"))
     building = {s.digest: s for s in paper.scenes}
@@ -56,11 +52,11 @@ def cases() -> list[tuple[str, RunSpec, Scene]]:
     ]
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Each run several times, all of them in turns; the corridor at rest is the reference."""
     warm_up()
     found = cases()
-    best: dict[str, tuple[float, str]] = {}
+    best = {}
     with tempfile.TemporaryDirectory() as folder:
         for k in range(TIMES):
             progress.say(f"{k + 1} of {TIMES}")

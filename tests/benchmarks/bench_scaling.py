@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,12 +20,10 @@ from daemon.simulator import World
 from daemon.stacks.ros1.amcl import Amcl
 from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.quirks import ORIGINAL
-from grammars.model.behaviour import Behaviour, KeyFrame, KeyFrames, Servo, Walk
-from grammars.model.geometry import Pose2, Ring
-from grammars.model.grid import OccupancyGrid
+from grammars.model.behaviour import KeyFrame, KeyFrames, Servo, Walk
+from grammars.model.geometry import Pose2
 from grammars.model.movers import with_planar_chain
-from grammars.model.robot import Robot
-from grammars.model.scene import Link, Scene, SceneObject
+from grammars.model.scene import Link, SceneObject
 from tests.benchmarks import bench_amcl, bench_costmap, corridor
 from tests.benchmarks.bench_run import idle
 from tests.benchmarks.measurement import Measurement, Reference, at_most, in_turns
@@ -51,14 +49,14 @@ class Growth:
     base: Work | None = None
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield the exponent of every case."""
     warm_up()
     for growth in (*rays(), particles(), *doors(), *walls(), *people()):
         yield exponent(growth)
 
 
-def exponent(growth: Growth) -> Measurement:
+def exponent(growth):
     """Time the small and the large one, and nothing where that is taken off, in turns."""
     works = dict(zip(("small", "large"), growth.works, strict=True))
     if growth.base is not None:
@@ -77,18 +75,18 @@ def exponent(growth: Growth) -> Measurement:
     )  # fmt: skip
 
 
-def with_rays(robot: Robot, count: int) -> Robot:
+def with_rays(robot, count):
     return replace(robot, laser=replace(robot.laser, rays=count))
 
 
-def world(scene: Scene, robot: Robot, behaviours: tuple[Behaviour, ...] = ()) -> World:
+def world(scene, robot, behaviours=()):
     return World(scene, robot, Pose2(), behaviours, np.random.SeedSequence(1))
 
 
-def scanning(here: World, times: int = 100) -> Work:
+def scanning(here, times=100):
     """Scans at one place with fresh noise, every body read and every ray cast again each time."""
 
-    def work() -> None:
+    def work():
         for _ in range(times):
             here.tick += 1
             here.scan()
@@ -96,10 +94,10 @@ def scanning(here: World, times: int = 100) -> Work:
     return work
 
 
-def stepping(make: Callable[[], World]) -> Work:
+def stepping(make):
     """A world from its beginning, scanned ten times a second."""
 
-    def work() -> None:
+    def work():
         here = make()
         for _ in range(10 * SECONDS):
             here.scan()
@@ -108,20 +106,20 @@ def stepping(make: Callable[[], World]) -> Work:
     return work
 
 
-def running(scene: Scene, robot: Robot, behaviours: tuple[Behaviour, ...] = ()) -> Work:
+def running(scene, robot, behaviours=()):
     """A whole run with an idle system under test: simulator, trace, and that read back."""
     spec = replace(
         idle(scene, doors_move=False), robot=robot, behaviours=behaviours, limit=float(SECONDS)
     )
 
-    def work() -> None:
+    def work():
         with tempfile.TemporaryDirectory() as folder:
             execute(spec, scene, trace_path=Path(folder) / "run.mcap")
 
     return work
 
 
-def rays() -> Iterator[Growth]:
+def rays():
     sizes = (150, 1080)
     scene = corridor.scene()
     robots = [with_rays(corridor.robot(), count) for count in sizes]
@@ -134,33 +132,33 @@ def rays() -> Iterator[Growth]:
     )  # fmt: skip
 
 
-def _updates(scene: Scene, robot: Robot, grid: OccupancyGrid) -> Work:
+def _updates(scene, robot, grid):
     start = Pose2(*bench_costmap.BEGIN, 0.0)
     steps = bench_costmap.drive(world_at(scene, robot, start), robot)[:300]
     parameters = bench_costmap.GLOBAL
     costmap = Costmap(parameters, parameters.padded_footprint(), ORIGINAL, grid)
 
-    def work() -> None:
+    def work():
         for base, scan, _ in steps:
             costmap.update(base, (scan,))
 
     return work
 
 
-def world_at(scene: Scene, robot: Robot, start: Pose2) -> World:
+def world_at(scene, robot, start):
     return World(scene, robot, start, (), np.random.SeedSequence(1))
 
 
-def particles() -> Growth:
+def particles():
     sizes = (500, 5000)
     grid = bench_amcl.corridor()
     poses = [Pose2(bench_amcl.STEP * k, 0.9, 0.0) for k in range(100)]
     scans = [bench_amcl.see(grid, pose) for pose in poses]
 
-    def localising(count: int) -> Work:
+    def localising(count):
         parameters = replace(PUBLISHED, min_particles=count, max_particles=count)
 
-        def work() -> None:
+        def work():
             amcl = Amcl(parameters, ORIGINAL, grid, (LASER,), poses[0], np.random.SeedSequence(1))
             for k, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
                 amcl.scan(0.1 * k, scan, pose)
@@ -170,7 +168,7 @@ def particles() -> Growth:
     return Growth("particles: updates of AMCL", sizes, _two(map(localising, sizes)))
 
 
-def doors() -> Iterator[Growth]:
+def doors():
     sizes = (20, 100)
     scenes = [corridor.scene(METRES, doors=count) for count in sizes]
     swinging = [
@@ -180,12 +178,12 @@ def doors() -> Iterator[Growth]:
     yield Growth("doors at rest: a run", sizes, _two(running(scene, robot) for scene in scenes))
     yield Growth(
         "doors that move: a world", sizes,
-        _two(stepping(lambda s=s, b=b: world(s, robot, b)) for s, b in pairs),  # type: ignore[misc]
+        _two(stepping(lambda s=s, b=b: world(s, robot, b)) for s, b in pairs),
     )  # fmt: skip
     yield Growth("doors that move: a run", sizes, _two(running(s, robot, b) for s, b in pairs))
 
 
-def swings(joint: str, number: int) -> Behaviour:
+def swings(joint, number):
     """A door that opens and closes every few seconds."""
     frames = tuple(
         KeyFrame(float(t), 1.5 * (k % 2))
@@ -194,7 +192,7 @@ def swings(joint: str, number: int) -> Behaviour:
     return KeyFrames(joint, frames, Servo(1.0, 40.0))
 
 
-def walls() -> Iterator[Growth]:
+def walls():
     sizes = (1, 10)
     robot = corridor.robot()
     for what, scenes in (
@@ -207,21 +205,21 @@ def walls() -> Iterator[Growth]:
         yield Growth(f"walls, {what}: a run", sizes, _two(running(one, robot) for one in scenes))
 
 
-def people() -> Iterator[Growth]:
+def people():
     sizes = (2, 10)
     robot = corridor.robot()
     crowds = [crowd(count) for count in (0, *sizes)]
     nobody, *some = [
-        stepping(lambda s=s, b=b: world(s, robot, b)) for s, b in crowds  # type: ignore[misc]
+        stepping(lambda s=s, b=b: world(s, robot, b)) for s, b in crowds
     ]  # fmt: skip
     yield Growth("people who walk: a world", sizes, _two(some), nobody)
     nobody, *some = [running(s, robot, b) for s, b in crowds]
     yield Growth("people who walk: a run", sizes, _two(some), nobody)
 
 
-def crowd(count: int) -> tuple[Scene, tuple[Behaviour, ...]]:
+def crowd(count):
     """The corridor with people who walk up and down in it, and what they do."""
-    ring: Ring = tuple((0.2 * math.cos(a), 0.2 * math.sin(a)) for a in np.linspace(0, 6, 12))
+    ring = tuple((0.2 * math.cos(a), 0.2 * math.sin(a)) for a in np.linspace(0, 6, 12))
     scene = corridor.scene()
     people, walks = [], []
     for k in range(count):
@@ -232,6 +230,6 @@ def crowd(count: int) -> tuple[Scene, tuple[Behaviour, ...]]:
     return replace(scene, objects=(*scene.objects, *people)), tuple(walks)
 
 
-def _two(works: Iterator[Work] | list[Work]) -> tuple[Work, Work]:
+def _two(works):
     small, large = works
     return small, large

@@ -1,9 +1,6 @@
 """From text to a checked Scene: building C with its seventeen doors, warm."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,11 +15,11 @@ T = TypeVar("T")
 FOLDER = Path(__file__).parents[2] / "campaigns" / "ortega2024"
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield each step, all of them together being the reference."""
-    best: dict[str, float] = {}
+    best = {}
 
-    def timed(step: str, make: Callable[[], T]) -> T:
+    def timed(step, make):
         start = time.thread_time()
         made = make()
         best[step] = min(best.get(step, 1e9), time.thread_time() - start)

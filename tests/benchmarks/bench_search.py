@@ -4,14 +4,11 @@ A function stands for the runs, of twelve parameters, with a plateau and a narro
 The reference is a point of the even sequence, which looks at no result, in the same process.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 import time
-from collections.abc import Iterator
 
-from daemon.model.search import ANY, Point, SearchParameter, SearchTask
+from daemon.model.search import ANY, SearchParameter, SearchTask
 from daemon.search.methods import make_method
 from daemon.search.space import SearchSpace
 from tests.benchmarks.measurement import Measurement, Reference, at_most
@@ -22,7 +19,7 @@ LAST = 20
 GOAL = 50.0
 
 
-def task(method: str, runs: int) -> SearchTask:
+def task(method, runs):
     """Return a search of twelve times of doors, or of two for the boundary."""
     parameters = tuple(
         SearchParameter(f"p{k}", "behaviours", 0, f"p{k}", "s", 5.0, 7.0, 0.01, written=6.0)
@@ -31,18 +28,18 @@ def task(method: str, runs: int) -> SearchTask:
     return SearchTask("s", "scenario", "", ANY, (), parameters, runs=runs, method=method)
 
 
-def margin(point: Point) -> float:
+def margin(point):
     """Fail near one place of the space, and be the same far away from it."""
     place = [float(value) for value in point[:4]]
     return min(0.105, 0.12 * math.dist(place, (6.5,) * len(place)) - 0.045)
 
 
-def milliseconds(method: str, runs: int) -> tuple[float, float]:
+def milliseconds(method, runs):
     """Return the time of one of the last proposals [ms], and of all together [s]."""
     asked = task(method, runs)
     made = make_method(asked, SearchSpace(asked))
-    points: list[Point] = []
-    took: list[float] = []
+    points = []
+    took = []
     for n in range(runs):
         if n >= asked.window:
             learnt = n - asked.window
@@ -55,7 +52,7 @@ def milliseconds(method: str, runs: int) -> tuple[float, float]:
     return 1e3 * statistics.median(took[-LAST:]), sum(took)
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield the CPU time of a proposal after 60, 500 and 2 000 runs."""
     milliseconds("tpe", 20)  # optuna is imported once a process
     for runs in SIZES:

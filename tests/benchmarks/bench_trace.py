@@ -7,29 +7,23 @@ seconds. The rival takes the same messages and writes them with rosbags' seriali
 writer. CPU time of this process, median of several rounds.
 """
 
-from __future__ import annotations
-
 import io
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from daemon.model import ros_messages as ros
-from daemon.model.spec import RunSpec, TraceInfo
 from daemon.model.sut import Cloud, Estimate, Odometry, Progress
 from daemon.trace import TraceWriter, layouts, messages, read_trace
-from daemon.trace.layouts import HEADER, MessageLayout
+from daemon.trace.layouts import HEADER
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
-from grammars.model.scene import Scene
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.trace.recordings import ROBOT, door, scene, specification
 
@@ -41,12 +35,12 @@ ROUNDS = 7
 class Minute:
     """The signals of one simulated minute, computed beforehand."""
 
-    def __init__(self, *, restless: bool, navigated: bool) -> None:
+    def __init__(self, *, restless, navigated):
         random = np.random.default_rng(1)
         self.navigated = navigated
-        self.scene: Scene = replace(scene(0), objects=tuple(door(i + 10) for i in range(DOORS)))
+        self.scene = replace(scene(0), objects=tuple(door(i + 10) for i in range(DOORS)))
         laser = replace(ROBOT.laser, rays=RAYS)
-        self.spec: RunSpec = specification(self.scene, robot=replace(ROBOT, laser=laser))
+        self.spec = specification(self.scene, robot=replace(ROBOT, laser=laser))
         self.grid = OccupancyGrid(0.05, 0.0, 0.0, np.zeros((300, 1200), np.int8))
         clean = 3.0 + np.sin(np.linspace(0.0, 9.0, RAYS))
         noise = random.normal(0.0, 0.01, (600, RAYS))
@@ -62,7 +56,7 @@ class Minute:
         self.velocities = np.gradient(self.positions, axis=0)
         self.covariance = np.diag([0.01, 0.02, 0.03])
 
-    def record(self, path: Path) -> TraceInfo:
+    def record(self, path):
         """Write the minute the way the run engine does."""
         with TraceWriter(path, self.spec, self.scene) as trace:
             trace.static(self.grid)
@@ -84,7 +78,7 @@ class Minute:
             return trace.close("finished")
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield minutes written and read, the same by the rival, and messages encoded."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "minute.mcap"
@@ -97,7 +91,7 @@ def measure() -> Iterator[Measurement]:
     yield from _compare()
 
 
-def _report(name: str, minute: Minute, path: Path) -> Iterator[Measurement]:
+def _report(name, minute, path):
     minute.record(path)
     info = minute.record(path)
     write = _cpu(lambda: minute.record(path))
@@ -111,13 +105,13 @@ def _report(name: str, minute: Minute, path: Path) -> Iterator[Measurement]:
     yield Measurement("  read with scans", read_all * 1e3, "ms", written)
 
 
-def _rival(path: Path, ours: float) -> Measurement:
+def _rival(path, ours):
     """Write the messages of a trace again, with rosbags and mcap alone; ``ours`` is in ms."""
     with path.open("rb") as stream:
         raw = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
     objects = [(topic, at, ros.deserialize(data, messages.KINDS[topic])) for topic, at, data in raw]
 
-    def write() -> int:
+    def write():
         out = io.BytesIO()
         writer = Writer(out)
         writer.start("ros2")
@@ -137,7 +131,7 @@ def _rival(path: Path, ours: float) -> Measurement:
     return Measurement("  written by rosbags and mcap", cost * 1e3, "ms", beside, (), note)
 
 
-def _compare() -> Iterator[Measurement]:
+def _compare():
     """Encode the same messages with layouts and with rosbags, in us per message."""
     random = np.random.default_rng(2)
     names = tuple(f"door-{i}.hinge" for i in range(DOORS))
@@ -156,11 +150,11 @@ def _compare() -> Iterator[Measurement]:
         )
 
 
-def _layout_cost(layout: MessageLayout, random: np.random.Generator) -> tuple[float, float]:
+def _layout_cost(layout, random):
     count = 200
     times = np.arange(count, dtype=np.int64) * 50_000_000
     empty = np.zeros(count, layout.record)
-    columns: dict[str, Any] = {n: random.random(empty[n].shape) for n in layout.names}
+    columns = {n: random.random(empty[n].shape) for n in layout.names}
     rows = layout.encode(1, times, columns)
     kind = messages.KINDS[layout.topic]
     message = ros.deserialize(rows[5].tobytes()[HEADER.size :], kind)
@@ -169,7 +163,7 @@ def _layout_cost(layout: MessageLayout, random: np.random.Generator) -> tuple[fl
     return fast, slow
 
 
-def _cpu(work: Callable[[], Any]) -> float:
+def _cpu(work):
     times = []
     for _ in range(ROUNDS):
         start = time.process_time()

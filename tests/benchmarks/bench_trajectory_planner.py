@@ -4,11 +4,8 @@ The same cycles of five published robots in a bend beside two boxes, command by 
 version tries every trajectory in turn, in Python with compiled footprints and distances.
 """
 
-from __future__ import annotations
-
 import statistics
 import time
-from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -18,7 +15,7 @@ from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._settings import settings_of
 from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, Robot, costs_around
+from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, costs_around
 from tests.daemon.stacks.ros1.trajectory_planner.plain import PlainPlanner
 
 CYCLES = 6
@@ -26,7 +23,7 @@ REPEATS = 5
 BOXES = ((1.0, -1.6, 1.4, -0.9), (0.6, 1.0, 1.2, 1.5))
 
 
-def _timed(work: Callable[[], object], rounds: int) -> float:
+def _timed(work, rounds):
     """Return CPU microseconds per call."""
     begin = time.thread_time()
     for _ in range(rounds):
@@ -34,7 +31,7 @@ def _timed(work: Callable[[], object], rounds: int) -> float:
     return (time.thread_time() - begin) / rounds * 1e6
 
 
-def _cycle(robot: Robot, k: int) -> tuple[Callable[[], object], float, bool]:
+def _cycle(robot, k):
     """Return a cycle, CPU microseconds of the plain version, and whether they command the same."""
     pose, twist = Pose2(0.01 * k, 0.02, 0.1 * k), Twist2(0.2, 0.0, 0.05 * k)
     local = costs_around(pose, robot.cells, robot.resolution, *BOXES)
@@ -55,7 +52,7 @@ def _cycle(robot: Robot, k: int) -> tuple[Callable[[], object], float, bool]:
     return lambda: fast.command(pose, twist, Pose2(), local), took, same
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield a command of each robot."""
     warm_up()
     for name, robot in ROBOTS.items():

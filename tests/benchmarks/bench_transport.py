@@ -4,27 +4,22 @@ A real daemon over loopback; the sender is this process. CPU times are of the da
 end short runs over a link of 200 ms: a worker elsewhere, behind a line that delays every byte.
 """
 
-from __future__ import annotations
-
 import hashlib
 import random
 import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
-from daemon.batch.client import Client
 from daemon.batch.stores import TraceReference, copy_trace, encode_chunk
 from daemon.model import verbs
 from daemon.model.messages import (
     LARGEST_CHUNK,
     Completion,
-    Lease,
     LeaseRequest,
     TraceUploadChunk,
     WorkerInfo,
@@ -33,7 +28,7 @@ from daemon.model.spec import TraceInfo
 from tests.benchmarks.bench_daemon import cpu, fresh, spread
 from tests.benchmarks.measurement import Measurement, Reference, at_least
 from tests.chaos.lines import slow_line
-from tests.daemon.batch.harness import DaemonPart, eventually, finished, worker_for
+from tests.daemon.batch.harness import eventually, finished, worker_for
 from tests.daemon.batch.samples import make_result, make_submission
 
 LONG = "short runs over a link of 200 ms"
@@ -44,7 +39,7 @@ DISTANT_TRACE = 2**20
 ME = WorkerInfo("bench-1", "bench", 1, version("scenario-tui"), 1, 0)
 
 
-def upload(client: Client, grant: Lease, data: bytes, size: int) -> None:
+def upload(client, grant, data, size):
     sha256 = hashlib.sha256(data).hexdigest()
     for offset in range(0, len(data), size):
         text, digest = encode_chunk(data[offset : offset + size])
@@ -58,7 +53,7 @@ def upload(client: Client, grant: Lease, data: bytes, size: int) -> None:
     client.ask(verbs.COMPLETE, done)
 
 
-def rates(daemon: DaemonPart, client: Client, folder: Path) -> Iterator[Measurement]:
+def rates(daemon, client, folder):
     client.submit(make_submission("c", 3))
     reply = client.ask(verbs.LEASE, LeaseRequest(ME, 3))
     data = random.Random(1).randbytes(SIZE)
@@ -86,14 +81,12 @@ def rates(daemon: DaemonPart, client: Client, folder: Path) -> Iterator[Measurem
     yield from meanwhile(daemon, client, reply.grants[2], data)
 
 
-def rate(took: float, spent: float) -> str:
+def rate(took, spent):
     mega = SIZE / 1e6
     return f"{mega / took:.0f} MB/s, daemon {1000 * spent / mega:.1f} ms CPU per MB"
 
 
-def meanwhile(
-    daemon: DaemonPart, client: Client, grant: Lease, data: bytes
-) -> Iterator[Measurement]:
+def meanwhile(daemon, client, grant, data):
     """Status of somebody else while a trace arrives as fast as it can."""
     with daemon.client() as other:
         alone = spread("status, alone", questions(other, 200))
@@ -108,7 +101,7 @@ def meanwhile(
     yield replace(busy, reference=Reference("alone", alone.value))
 
 
-def questions(client: Client, count: int) -> list[float]:
+def questions(client, count):
     times = []
     for _ in range(count):
         begun = time.perf_counter()
@@ -117,7 +110,7 @@ def questions(client: Client, count: int) -> list[float]:
     return times
 
 
-def distance() -> Iterator[Measurement]:
+def distance():
     """Runs of half a second on eight slots, with nothing between worker and daemon but distance."""
     for size in (0, DISTANT_TRACE):
         near = None
@@ -139,7 +132,7 @@ def distance() -> Iterator[Measurement]:
             near = Reference("without a distance", DISTANT / took)
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield rates of traces, then runs over a distance."""
     with (
         tempfile.TemporaryDirectory(prefix="bench-transport-") as folder,

@@ -5,25 +5,22 @@ events passes under a simulated clock. Times of the wall suffer from whatever el
 of the dashboard's process stands beside them.
 """
 
-from __future__ import annotations
-
 import asyncio
 import multiprocessing
 import sqlite3
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import psutil
 
-from tests.benchmarks.measurement import Goal, Measurement, Reference, at_most
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, finished
+from tests.benchmarks.measurement import Measurement, Reference, at_most
+from tests.daemon.batch.harness import daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
-from tests.scenario_tui.terminal.pseudo_terminal import Terminal, scenario, terminal
+from tests.scenario_tui.terminal.pseudo_terminal import scenario, terminal
 
 LONG = "100 000 runs, minutes of watching a terminal"
 MANY = 100_000
@@ -42,7 +39,7 @@ UPDATE run SET state = 'done', outcome = CASE WHEN position % 50 = 0 THEN 'fail'
 """
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield what each part has to say."""
     for part in (first_paint, many_runs, busy_cores, line, live_map):
         yield from part()
@@ -50,7 +47,7 @@ def measure() -> Iterator[Measurement]:
 
 
 @contextmanager
-def fresh(slots: int = 1) -> Iterator[DaemonPart]:
+def fresh(slots=1):
     """A daemon on an empty state directory."""
     with (
         tempfile.TemporaryDirectory(prefix="bench-tui-") as folder,
@@ -60,27 +57,27 @@ def fresh(slots: int = 1) -> Iterator[DaemonPart]:
 
 
 @contextmanager
-def opened(daemon: DaemonPart) -> Iterator[Terminal]:
+def opened(daemon):
     """The dashboard of a daemon, as soon as it can be typed at."""
     with terminal(scenario("tui", "--connect", daemon.endpoint)) as shown:
         shown.until("Quit", 60.0)
         yield shown
 
 
-def cpu(pid: int) -> float:
+def cpu(pid):
     """CPU seconds of a process so far."""
     used = psutil.Process(pid).cpu_times()
     return float(used.user + used.system)
 
 
-def spread(name: str, values: list[float], *goals: Goal) -> Measurement:
+def spread(name, values, *goals):
     """The median of milliseconds, the 95th percentile noted."""
     ranked = sorted(values)
     note = f"95 %: {ranked[int(0.95 * (len(ranked) - 1))]:.0f} ms"
     return Measurement(name, statistics.median(ranked), "ms", None, goals, note)
 
 
-def took(shown: Terminal, keys: str, seen: Callable[[], bool]) -> float:
+def took(shown, keys, seen):
     """Press keys and return how long it takes until something is on the screen [ms]."""
     start = time.perf_counter()
     shown.type(keys)
@@ -91,11 +88,11 @@ def took(shown: Terminal, keys: str, seen: Callable[[], bool]) -> float:
     return 1e3 * (time.perf_counter() - start)
 
 
-def first_paint() -> Iterator[Measurement]:
+def first_paint():
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("small-1", 5))
         eventually(lambda: finished(client, 5))
-        stages: dict[str, list[tuple[float, float]]] = {"connecting": [], "Quit": [], "small-1": []}
+        stages = {"connecting": [], "Quit": [], "small-1": []}
         for _ in range(STARTS):
             start = time.perf_counter()
             with terminal(scenario("tui", "--connect", daemon.endpoint)) as shown:
@@ -108,7 +105,7 @@ def first_paint() -> Iterator[Measurement]:
             yield Measurement(f"exec to {name}", wall, "s", Reference("its CPU s", used))
 
 
-def large(daemon: DaemonPart) -> None:
+def large(daemon):
     """Put a campaign of many runs into the ledger, most of them done."""
     with daemon.client() as client:
         client.submit(make_submission("large-1", MANY))
@@ -119,7 +116,7 @@ def large(daemon: DaemonPart) -> None:
     daemon.client().close()
 
 
-def many_runs() -> Iterator[Measurement]:
+def many_runs():
     with fresh(slots=0) as daemon:
         large(daemon)
         with opened(daemon) as shown:
@@ -133,7 +130,7 @@ def many_runs() -> Iterator[Measurement]:
             yield Measurement("  its RSS then", used, "MB", None, (at_most(150.0),))
 
 
-def turn_pages(shown: Terminal) -> Iterator[Measurement]:
+def turn_pages(shown):
     pages = [f"{100 * page + 1}-{100 * page + 100} of" for page in range(1, TURNS + 1)]
     before = cpu(shown.pid)
     times = [took(shown, "]", lambda page=page: page in shown.text) for page in pages]
@@ -150,7 +147,7 @@ def turn_pages(shown: Terminal) -> Iterator[Measurement]:
     yield spread("  page down and up inside a page", times, at_most(50.0))
 
 
-def filters(shown: Terminal, daemon: int) -> Iterator[Measurement]:
+def filters(shown, daemon):
     """Type a filter, all at once, and take it away again."""
     times, used = [], []
     for number in range(TURNS // 2):
@@ -165,11 +162,11 @@ def filters(shown: Terminal, daemon: int) -> Iterator[Measurement]:
     yield Measurement("  CPU of dashboard and daemon for one", statistics.median(used), "CPU ms")
 
 
-def _filtered(shown: Terminal, text: str) -> Callable[[], bool]:
+def _filtered(shown, text):
     return lambda: f"/{text}" in shown.lines[1] and " of 14" in shown.lines[1]
 
 
-def sorts(shown: Terminal) -> Iterator[Measurement]:
+def sorts(shown):
     times = []
     for name in ("outcome", "margin", "oracle"):
         times.append(took(shown, ">", lambda name=name: _sorted(shown.lines[1], name)))
@@ -177,16 +174,16 @@ def sorts(shown: Terminal) -> Iterator[Measurement]:
     yield Measurement("  sorted by another column, slowest", max(times), "ms")
 
 
-def _sorted(trail: str, name: str) -> bool:
+def _sorted(trail, name):
     return f"by {name}" in trail and "1-100 of" in trail
 
 
-def _burn(stop: float) -> None:
+def _burn(stop):
     while time.monotonic() < stop:
         sum(range(1000))
 
 
-def busy_cores() -> Iterator[Measurement]:
+def busy_cores():
     with fresh(slots=0) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("rows-1", 200))
@@ -209,7 +206,7 @@ def busy_cores() -> Iterator[Measurement]:
                 burner.join()
 
 
-def strokes(shown: Terminal) -> list[float]:
+def strokes(shown):
     """Move the cursor up and down [ms each]."""
     times = []
     for number in range(2 * TURNS):
@@ -219,7 +216,7 @@ def strokes(shown: Terminal) -> list[float]:
     return times
 
 
-def line() -> Iterator[Measurement]:
+def line():
     with fresh(slots=2) as daemon, daemon.client() as client:
         client.submit(make_submission("small-1", 5))
         eventually(lambda: finished(client, 5))
@@ -237,7 +234,7 @@ def line() -> Iterator[Measurement]:
             yield per_second("  its runs", shown)
 
 
-def live_map() -> Iterator[Measurement]:
+def live_map():
     """The map of a run as it is played, ten frames a second."""
     from tests.scenario_tui.recorded import record_run
 
@@ -254,7 +251,7 @@ def live_map() -> Iterator[Measurement]:
             )
 
 
-def per_second(name: str, shown: Terminal, *goals: Goal) -> Measurement:
+def per_second(name, shown, *goals):
     before, start = shown.sent, time.monotonic()
     while time.monotonic() < start + QUIET:
         shown.read(0.5)
@@ -262,7 +259,7 @@ def per_second(name: str, shown: Terminal, *goals: Goal) -> Measurement:
     return Measurement(name, sent / 1e3, "kB/s", DRAWN, goals)
 
 
-async def an_hour() -> Measurement:
+async def an_hour():
     """Telemetry ten times a second, taken in every second and drawn every ten."""
     from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
     from tests.scenario_tui.fake import FakeDaemon, make_live

@@ -4,8 +4,6 @@ A robot drives at 10 Hz along the demo's flat, or in building C of Ortega et al.
 returns; the dashboard's widget shows it in a pseudo-terminal.
 """
 
-from __future__ import annotations
-
 import fcntl
 import math
 import os
@@ -17,11 +15,8 @@ import sys
 import tempfile
 import termios
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-
-from textual.app import ComposeResult
 
 from daemon.campaign import expand, load_campaign
 from grammars.model.geometry import Pose2
@@ -37,7 +32,7 @@ FRAME = at_most(5.0)
 SECONDS, RATE, RETURNS = 10.0, 10.0, 360
 
 
-def views(building: str, count: int) -> list[View]:
+def views(building, count):
     """Return what is to be seen of a robot that drives in circles, with a plan and a trail."""
     campaign = expand(load_campaign(CAMPAIGNS / BUILDINGS[building]))
     spec = campaign.runs[0]
@@ -77,29 +72,29 @@ class Map(LimitedTerminalApp):
 
     CSS = "TopView { height: 1fr; }"
 
-    def __init__(self, building: str, zoom: int, report: Path) -> None:
+    def __init__(self, building, zoom, report):
         super().__init__()
         self._zooms, self._report = zoom, report
         self._views = views(building, int(SECONDS * RATE))
         self._spent = 0.0
 
-    def compose(self) -> ComposeResult:
+    def compose(self):
         """Nothing but the map."""
         yield TopView()
 
-    def on_mount(self) -> None:
+    def on_mount(self):
         """Begin once the first picture is there."""
         for _ in range(self._zooms):
             self.query_one(TopView).zoom()
         self.set_timer(0.5, self._begin)
 
-    def _begin(self) -> None:
+    def _begin(self):
         self._begun = time.process_time()
         self._shown = 0
         self._report.write_text("begun")
         self.set_interval(1.0 / RATE, self._step)
 
-    def _step(self) -> None:
+    def _step(self):
         if self._shown == len(self._views):
             frame = (time.process_time() - self._begun) / self._shown
             self._report.write_text(f"{self._spent / self._shown} {frame}")
@@ -111,7 +106,7 @@ class Map(LimitedTerminalApp):
         self._shown += 1
 
 
-def shown(building: str, zoom: int, columns: int, rows: int) -> Iterator[Measurement]:
+def shown(building, zoom, columns, rows):
     """Run the map in a terminal of its own and yield what it costs."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report"
@@ -127,7 +122,7 @@ def shown(building: str, zoom: int, columns: int, rows: int) -> Iterator[Measure
     )
 
 
-def bytes_of(command: list[str], report: Path, columns: int, rows: int) -> int:
+def bytes_of(command, report, columns, rows):
     """Return how many bytes a program sends to its terminal once its report says it has begun."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
@@ -151,7 +146,7 @@ def bytes_of(command: list[str], report: Path, columns: int, rows: int) -> int:
     return sent
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Measure a flat and a large building, in small terminals and large ones, near and far."""
     sizes = ((0, 80, 24), (1, 80, 24), (0, 120, 40), (0, 200, 50))
     for building in BUILDINGS:

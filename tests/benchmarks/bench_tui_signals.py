@@ -5,14 +5,9 @@ sends them once a second, on the whole of a terminal of 200 x 50. While nothing 
 cursor moves.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator
-
-from textual.app import ComposeResult
 
 from daemon.model.live_judgement import DoorMotion, LiveJudgement, LiveSignal
 from scenario_tui.dashboard.live_timeline import live_timeline
@@ -25,7 +20,7 @@ SIZES = ((80, 24), (200, 50))
 FRAMES, PARTS, SIGNALS, DOORS = 40, 200, 8, 8
 
 
-def judgement(now: float) -> LiveJudgement:
+def judgement(now):
     """Return what a run is judged by at ``now`` [s]."""
     along = [now * part / PARTS for part in range(PARTS)]
     signals = []
@@ -47,12 +42,12 @@ class Signals(LimitedTerminalApp):
 
     CSS = "TimelineView { height: 1fr; }"
 
-    def compose(self) -> ComposeResult:
+    def compose(self):
         """Lay them out."""
         yield TimelineView(id="signals")
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield what a new judgement and a cursor that moves cost at each size."""
     import asyncio
 
@@ -63,7 +58,7 @@ def measure() -> Iterator[Measurement]:
         yield Measurement(f"signals that grow, {name}", grown, "CPU ms", beside, (at_most(5.0),))
 
 
-async def costs(size: tuple[int, int]) -> tuple[float, float]:
+async def costs(size):
     """Return milliseconds of CPU of a frame: with a new judgement, and with the cursor moved."""
     spec, grown, moved = make_spec(make_row(7), ""), [], []
     async with Signals().run_test(size=size) as pilot:
@@ -71,10 +66,10 @@ async def costs(size: tuple[int, int]) -> tuple[float, float]:
         for frame in range(FRAMES):
             judged = judgement(300.0 + frame)
 
-            def grow(judged: LiveJudgement = judged) -> None:
+            def grow(judged=judged):
                 view.show((live_timeline(judged, spec, ()),), judged.time)
 
-            def move(judged: LiveJudgement = judged) -> None:
+            def move(judged=judged):
                 view.move(judged.time - 20.0)
 
             grown.append(spent(view, grow))
@@ -82,7 +77,7 @@ async def costs(size: tuple[int, int]) -> tuple[float, float]:
     return statistics.median(grown), statistics.median(moved)
 
 
-def spent(view: TimelineView, change: Callable[[], None]) -> float:
+def spent(view, change):
     """Return what a change and the lines of the view after it cost [ms of CPU]."""
     start = time.process_time()
     change()

@@ -5,22 +5,19 @@ for soundness and written; the reference data's kitchen is used when ``SCENARIO_
 set, the demo's flat otherwise (and besides).
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
-from grammars.variation import Method, load_variation, sample, write_variants
+from grammars.variation import load_variation, sample, write_variants
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 
 COUNT = 100
 RADIUS = 0.3
 
 
-def files() -> list[Path]:
+def files():
     """Return the variations there are to measure."""
     found = [Path(__file__).parents[2] / "campaigns" / "demo" / "flat.variation"]
     data = os.environ.get("SCENARIO_REFERENCE_DATA")
@@ -29,7 +26,7 @@ def files() -> list[Path]:
     return found
 
 
-def sampled(path: Path, method: Method, check: float | None) -> tuple[float, int, int]:
+def sampled(path, method, check):
     """Return seconds from file to files, plans written and plans tried."""
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
@@ -39,12 +36,12 @@ def sampled(path: Path, method: Method, check: float | None) -> tuple[float, int
     return took, len(written), sum(variant.tries for variant in variants)
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield the seconds for a hundred plans; sampled without a check they are the reference."""
     for path in files():
         # Grammars are compiled and geometry libraries loaded once per process.
         sample(load_variation(path), 1, seed=0, check=RADIUS)
-        ways: tuple[tuple[Method, float | None], ...] = (
+        ways = (
             ("random", None), ("random", RADIUS), ("lhs", None)
         )  # fmt: skip
         beside = None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from pathlib import Path
@@ -36,13 +35,13 @@ WAYS = {
 """What is wanted of a run."""
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Execute the same run several ways in turn; the least of each."""
     warm_up()
     campaign = expand(load_campaign(CAMPAIGN))
     spec = next(run for run in campaign.runs if run.label == LABEL)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
-    found: dict[str, list[_Watching]] = {way: [] for way in WAYS}
+    found = {way: [] for way in WAYS}
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(TIMES):
             for way in WAYS:
@@ -66,7 +65,7 @@ class _Watching:
     rate: float
 
 
-def _once(spec, scene, folder: Path, way: str) -> _Watching:  # type: ignore[no-untyped-def]
+def _once(spec, scene, folder, way):
     ours, theirs = Pipe(duplex=False)
     (folder / WATCHED).write_text(" ".join(WAYS[way]))
     reporter = SnapshotSender("run", theirs, folder)
@@ -75,7 +74,7 @@ def _once(spec, scene, folder: Path, way: str) -> _Watching:  # type: ignore[no-
         if way == NOBODY
         else {"on_progress": reporter, "interest": reporter.interest, "judgements": reporter}
     )
-    sizes: dict[bytes, list[int]] = {LIVE: [], JUDGEMENT: []}
+    sizes = {LIVE: [], JUDGEMENT: []}
     drain = threading.Thread(target=_drain, args=(ours, folder / JUDGED_FILE, sizes))
     drain.start()
     before, began = time.thread_time(), time.monotonic()
@@ -87,7 +86,7 @@ def _once(spec, scene, folder: Path, way: str) -> _Watching:  # type: ignore[no-
     return _Watching(cpu, len(sizes[LIVE]), len(sizes[JUDGEMENT]), told / wall)
 
 
-def _drain(wire, judged: Path, sizes: dict[bytes, list[int]]) -> None:  # type: ignore[no-untyped-def]
+def _drain(wire, judged, sizes):
     while True:
         try:
             message = wire.recv_bytes()

@@ -4,15 +4,12 @@ Configurations take turns in one process, and a fixed piece of work (500 Gaussia
 along, which is what the noise of a scan takes at least.
 """
 
-from __future__ import annotations
-
 import statistics
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
-from daemon.simulator import World, warm_up
+from daemon.simulator import warm_up
 from tests.benchmarks.corridor import build_world, steer
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.simulator.reference import world_segments
@@ -21,7 +18,7 @@ SECONDS = 60
 REPEATS = 7
 
 
-def drive(world: World, *, scans: bool, reads: bool) -> float:
+def drive(world, *, scans, reads):
     """Drive one minute with 20 Hz control, 10 Hz scans and 20 Hz reads; return CPU ms per s."""
     begin = time.thread_time()
     for step in range(SECONDS * 20):
@@ -38,7 +35,7 @@ def drive(world: World, *, scans: bool, reads: bool) -> float:
     return (time.thread_time() - begin) / SECONDS * 1e3
 
 
-def idle() -> float:
+def idle():
     """Return CPU ms per simulated second of a world in which nothing moves."""
     world = build_world()
     begin = time.thread_time()
@@ -46,14 +43,14 @@ def idle() -> float:
     return (time.thread_time() - begin) / SECONDS * 1e3
 
 
-def build() -> float:
+def build():
     """Return CPU ms for building the world."""
     begin = time.thread_time()
     build_world()
     return (time.thread_time() - begin) * 1e3
 
 
-def gaussians() -> float:
+def gaussians():
     """Return CPU microseconds for 500 Gaussian numbers."""
     generator, numbers = np.random.default_rng(0), np.empty(500)
     begin = time.thread_time()
@@ -62,10 +59,10 @@ def gaussians() -> float:
     return (time.thread_time() - begin) / 2000 * 1e6
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield each configuration, the world in which nothing moves being the reference."""
     warm_up()
-    rows: dict[str, list[float]] = {}
+    rows = {}
     for _ in range(REPEATS):
         for name, value in (
             ("gaussians", gaussians()),

@@ -3,10 +3,7 @@
 One long file and every file of the campaigns.
 """
 
-from __future__ import annotations
-
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -18,17 +15,17 @@ KEYS = 10_000
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 
 
-def ours(text: str) -> None:
+def ours(text):
     parse_yaml(text, "bench.yaml")
 
 
-def round_trip(text: str) -> None:
+def round_trip(text):
     yaml = YAML(typ="rt")
     yaml.version = (1, 2)
     yaml.load(text)
 
 
-def measure() -> Iterator[Measurement]:
+def measure():
     """Yield the time for one long file and for the files that ship."""
     shipped = [path.read_text("utf-8") for path in sorted(CAMPAIGNS.rglob("*.yaml"))]
     texts = {

@@ -7,8 +7,6 @@ executed alone: its CPU seconds are the reference, since they tell how quick the
 At the end it says how many runs ended how, and how many were lost.
 """
 
-from __future__ import annotations
-
 import argparse
 import fnmatch
 import json
@@ -17,22 +15,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import psutil
 
-from daemon.batch.client import Client
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
-from daemon.model.spec import RunSpec
-from daemon.model.status import CampaignRow, RunRow, Submission
 from tests.benchmarks import progress
 from tests.benchmarks.bench_ros import CAMPAIGN, EXACT, INCREMENTAL
 from tests.benchmarks.case_process import REFERENCE
 from tests.benchmarks.measurement import Measurement, Reference, at_most
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, family
+from tests.daemon.batch.harness import daemon_at, eventually, family
 from tests.planner_comparison import planned_by
 from tests.scenario_tui.terminal.pseudo_terminal import scenario
 
@@ -45,7 +39,7 @@ LINES = 12
 """In which the progress is told where it is kept."""
 
 
-def reference() -> tuple[float, float]:
+def reference():
     """CPU and simulated seconds of the run that everything is held against, in a process of its
     own.
     """
@@ -56,9 +50,7 @@ def reference() -> tuple[float, float]:
     return used, simulated
 
 
-def chosen(
-    file: Path, repeats: int | None, only: list[str], suts: list[str], planner: str
-) -> Submission:
+def chosen(file, repeats, only, suts, planner):
     """The campaign with the runs that are asked for.
 
     Raises ``LookupError`` when none is left.
@@ -78,11 +70,11 @@ def chosen(
     return replace(submission, runs=runs, scenes=scenes, reserve=(), fresh=True)
 
 
-def _with_planner(run: RunSpec, planner: str) -> RunSpec:
+def _with_planner(run, planner):
     return planned_by(run, planner) if run.sut.kind == "ros" else run
 
 
-def cpu(daemon: DaemonPart) -> tuple[float, float]:
+def cpu(daemon):
     """CPU seconds so far of the daemon and its worker, and of the processes of runs."""
     own = runs = 0.0
     for process in family(daemon.pid):
@@ -99,7 +91,7 @@ def cpu(daemon: DaemonPart) -> tuple[float, float]:
     return own, runs
 
 
-def finish(client: Client, slots: int, start: float) -> tuple[CampaignRow, float]:
+def finish(client, slots, start):
     """Wait for the end; return the campaign, and the seconds in which a slot had nothing to do."""
     idle, last = 0.0, time.monotonic()
     while True:
@@ -118,7 +110,7 @@ def finish(client: Client, slots: int, start: float) -> tuple[CampaignRow, float
         )
 
 
-def measured(submission: Submission, slots: int, goal: float | None) -> Iterator[Measurement]:
+def measured(submission, slots, goal):
     """Execute it and yield what it took."""
     before = reference()
     with (
@@ -177,7 +169,7 @@ def measured(submission: Submission, slots: int, goal: float | None) -> Iterator
     yield from outcomes(row)
 
 
-def outcomes(row: CampaignRow) -> Iterator[Measurement]:
+def outcomes(row):
     """How many runs ended how; of these only the lost are always said."""
     every = Reference("all runs", row.total)
     for name, runs in (
@@ -192,7 +184,7 @@ def outcomes(row: CampaignRow) -> Iterator[Measurement]:
     yield Measurement("  lost", row.lost, "runs", every, (at_most(0.0),))
 
 
-def all_runs(client: Client, row: CampaignRow) -> Iterator[RunRow]:
+def all_runs(client, row):
     """Every run of the campaign, page by page."""
     seen = 0
     while seen < row.total:
@@ -201,7 +193,7 @@ def all_runs(client: Client, row: CampaignRow) -> Iterator[RunRow]:
         seen += len(page.rows)
 
 
-def main(arguments: list[str]) -> Iterator[Measurement]:
+def main(arguments):
     """Measure what the command line asks for."""
     parser = argparse.ArgumentParser("tests.benchmarks campaign", description=__doc__)
     parser.add_argument("file", nargs="?", type=Path, default=CAMPAIGN)

@@ -6,8 +6,6 @@ its input, one a line, each perhaps with another limit of simulated seconds, and
 of JSON: CPU seconds, simulated seconds, the digest of the trace, and the planner that was chosen.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys
@@ -15,7 +13,6 @@ import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 CAMPAIGNS = {
     "s1": ("ortega2024", "S1", "a2s"),
@@ -30,7 +27,7 @@ CORRIDORS = ("rest", "moving", "s2")
 """The cases of ``bench_run``, in its order."""
 
 
-def load(name: str) -> tuple[Any, Any]:
+def load(name):
     """Return the specification and the scene of a case."""
     if name in CORRIDORS:
         from tests.benchmarks.bench_run import cases
@@ -49,7 +46,7 @@ def load(name: str) -> tuple[Any, Any]:
     return spec, next(scene for scene in submission.scenes if scene.digest == spec.scene)
 
 
-def incremental(spec: Any) -> Any:
+def incremental(spec):
     """The run with the planner that keeps its wave; as it was in a checkout that has no such."""
     from daemon.stacks.ros1 import configuration
 
@@ -59,7 +56,7 @@ def incremental(spec: Any) -> Any:
     return replace(spec, sut=replace(spec.sut, parameters=parameters))
 
 
-def tell_cpu(name: str) -> None:
+def tell_cpu(name):
     """Print CPU and simulated seconds of a case in a process that has everything loaded."""
     from daemon.run import execute, warm_up
 
@@ -71,7 +68,7 @@ def tell_cpu(name: str) -> None:
         print(json.dumps([time.process_time() - start, result.timing.simulated]))
 
 
-def main(folder: Path) -> None:
+def main(folder):
     import daemon
     from daemon.run import execute, warm_up
 

@@ -1,15 +1,12 @@
 """The corridor scene of the benchmarks: 60 m long, 20 hinged doors that the robot brushes open."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 
 from daemon.simulator import World
-from grammars.model.behaviour import Behaviour
-from grammars.model.geometry import Pose2, Ring, Twist2
+from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
@@ -19,20 +16,20 @@ DOORS = 20
 SPEED = 0.8
 
 
-def _box(x1: float, y1: float, x2: float, y2: float) -> Ring:
+def _box(x1, y1, x2, y2):
     return ((x1, y1), (x2, y1), (x2, y2), (x1, y2))
 
 
-def _side(sign: float, prefix: str, length: float, pieces: int) -> list[Solid]:
+def _side(sign, prefix, length, pieces):
     """One wall with recesses every 4 m, on the left with columns, as separate convex pieces.
 
     Each of these along the wall is cut into so many ``pieces`` again.
     """
     inner, outer = sign * HALF_WIDTH, sign * (HALF_WIDTH + 0.3)
     niche = sign * (HALF_WIDTH + 0.15)
-    parts: list[Solid] = []
+    parts = []
 
-    def add(kind: str, x1: float, x2: float, y1: float, y2: float) -> None:
+    def add(kind, x1, x2, y1, y2):
         low, high = min(y1, y2), max(y1, y2)
         for k in range(pieces):
             left, right = x1 + k * (x2 - x1) / pieces, x1 + (k + 1) * (x2 - x1) / pieces
@@ -49,7 +46,7 @@ def _side(sign: float, prefix: str, length: float, pieces: int) -> list[Solid]:
     return parts
 
 
-def scene(length: float = LENGTH, doors: int = DOORS, pieces: int = 1) -> Scene:
+def scene(length=LENGTH, doors=DOORS, pieces=1):
     """Return a corridor with walls, niches, columns, ends and doors that stand into it."""
     solids = _side(1.0, "left", length, pieces) + _side(-1.0, "right", length, pieces)
     solids.append(Solid("end", "wall", _box(length + 1.0, -1.5, length + 1.3, 1.5), 0.0, 2.5))
@@ -66,7 +63,7 @@ def scene(length: float = LENGTH, doors: int = DOORS, pieces: int = 1) -> Scene:
     return Scene("corridor", (), (), tuple(solids), tuple(objects))
 
 
-def robot(noise: float = 0.01) -> Robot:
+def robot(noise=0.01):
     """Return a robot of the size of the paper's, with a 500-ray laser over 270 degrees."""
     return Robot(
         "bench", _box(-0.35, -0.233, 0.35, 0.233), 0.29, 150.0,
@@ -79,19 +76,19 @@ def robot(noise: float = 0.01) -> Robot:
     )  # fmt: skip
 
 
-def robot_with_two_lasers() -> Robot:
+def robot_with_two_lasers():
     """Return the robot with a second laser of the same kind at its rear, looking back."""
     one = robot()
     rear = replace(one.laser, name="rear", mount=Pose2(-0.3, 0.0, math.pi))
     return replace(one, laser=replace(one.laser, name="front"), other_lasers=(rear,))
 
 
-def build_world(behaviours: tuple[Behaviour, ...] = (), noise: float = 0.01) -> World:
+def build_world(behaviours=(), noise=0.01):
     """Return a fresh world with the robot at the west end."""
     return World(scene(), robot(noise), Pose2(), behaviours, np.random.SeedSequence(1))
 
 
-def steer(world: World) -> Twist2:
+def steer(world):
     """Return a weaving drive along the corridor, turning back at the ends (20 Hz)."""
     pose = world.pose()
     east = (world.time * SPEED) % (2.0 * (LENGTH - 2.0)) < LENGTH - 2.0

@@ -6,14 +6,11 @@ process a hundred times a second from outside: the run is not slowed down, and c
 shown by the function that calls them.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 
 from tests.benchmarks import progress
@@ -26,13 +23,13 @@ MOST = 25
 _PROGRAM = "from tests.benchmarks.case_process import tell_cpu; tell_cpu({case!r})"
 
 
-def find_py_spy() -> str | None:
+def find_py_spy():
     """Return where py-spy is: beside the interpreter, or on the path."""
     beside = shutil.which("py-spy", path=str(Path(sys.executable).parent))
     return beside or shutil.which("py-spy")
 
 
-def record(py_spy: str, case: str, output: Path, kind: str) -> None:
+def record(py_spy, case, output, kind):
     """Have a process execute the case and write what py-spy has seen of it."""
     program = _PROGRAM.format(case=case)
     command = [py_spy, "record", "--rate", str(RATE), "--format", kind, "--output", str(output)]
@@ -45,9 +42,9 @@ def record(py_spy: str, case: str, output: Path, kind: str) -> None:
         raise RuntimeError(f"py-spy: {said.stdout}")
 
 
-def own_time(stacks: str) -> tuple[Counter[str], int]:
+def own_time(stacks):
     """Count the samples of each function, below ``execute``, and all of them."""
-    counted: Counter[str] = Counter()
+    counted = Counter()
     for line in stacks.splitlines():
         stack, _, samples = line.rpartition(" ")
         if "execute (daemon/run.py" in stack:
@@ -55,7 +52,7 @@ def own_time(stacks: str) -> tuple[Counter[str], int]:
     return counted, counted.total()
 
 
-def main(arguments: list[str]) -> Iterator[Measurement]:
+def main(arguments):
     """Draw the graph, and yield the functions that take most of the time by themselves."""
     parser = argparse.ArgumentParser("tests.benchmarks flame", description=__doc__)
     parser.add_argument("case", nargs="?", choices=RUNS, default=REFERENCE)

@@ -9,7 +9,6 @@ disturbs the other, so their ratio is what to compare between machines and days.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,12 +30,12 @@ class Goal:
     of_ratio: bool = False
 
 
-def at_least(bound: float, *, of_ratio: bool = False) -> Goal:
+def at_least(bound, *, of_ratio=False):
     """A goal for which more is better."""
     return Goal(bound, True, of_ratio)
 
 
-def at_most(bound: float, *, of_ratio: bool = False) -> Goal:
+def at_most(bound, *, of_ratio=False):
     """A goal for which less is better."""
     return Goal(bound, False, of_ratio)
 
@@ -70,17 +69,17 @@ class Measurement:
     note: str = ""
 
     @property
-    def ratio(self) -> float | None:
+    def ratio(self):
         """The value divided by the reference's."""
         if self.reference is None or not self.reference.value:
             return None
         return self.value / self.reference.value
 
-    def judged(self, goal: Goal) -> float | None:
+    def judged(self, goal):
         """The number that ``goal`` is about: the value, or the ratio where there is one."""
         return self.ratio if goal.of_ratio else self.value
 
-    def met(self, goal: Goal) -> bool:
+    def met(self, goal):
         """Whether ``goal`` is reached; one of a ratio is not where the reference is missing."""
         judged = self.judged(goal)
         if judged is None:
@@ -93,12 +92,12 @@ _SPEEDS = ("x real time", "/s")
 _MEMORY = {"MB": 1e6, "MiB": 2.0**20}
 
 
-def yardstick() -> float:
+def yardstick():
     """CPU seconds of a fixed piece of Python and numpy, the best of some: how quick it is now."""
     return min(in_turns({"": _fixed_work}, 3)[""])
 
 
-def _fixed_work() -> None:
+def _fixed_work():
     random, counted = np.random.default_rng(1), {}
     for k in range(40):
         numbers = np.sort(random.standard_normal(500)).cumsum()
@@ -106,7 +105,7 @@ def _fixed_work() -> None:
             counted[int(value) % 97] = k
 
 
-def beside_yardstick(one: Measurement, seconds: float) -> Measurement:
+def beside_yardstick(one, seconds):
     """Give a time or a speed without a reference the yardstick as one, memory this process."""
     if one.reference is not None or not seconds:
         return one
@@ -120,13 +119,9 @@ def beside_yardstick(one: Measurement, seconds: float) -> Measurement:
     return one
 
 
-def in_turns(
-    works: Mapping[str, Callable[[], object]],
-    repeats: int,
-    clock: Callable[[], float] = time.process_time,
-) -> dict[str, list[float]]:
+def in_turns(works, repeats, clock=time.process_time):
     """Do each piece of work ``repeats`` times, every other round backwards; seconds of each."""
-    took: dict[str, list[float]] = {name: [] for name in works}
+    took = {name: [] for name in works}
     for k in range(repeats):
         names = list(works)
         for name in names if k % 2 == 0 else reversed(names):

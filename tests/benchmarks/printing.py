@@ -3,13 +3,8 @@
 As wide as the terminal, and 120 columns in a file; what does not fit goes on below.
 """
 
-from __future__ import annotations
-
 import shutil
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
-
-from tests.benchmarks.measurement import Goal, Measurement
 
 IN_A_FILE = 120
 """Columns."""
@@ -22,12 +17,12 @@ _GAP = "  "
 _NARROWEST = 12
 
 
-def width() -> int:
+def width():
     """Columns there are."""
     return max(LEAST, min(shutil.get_terminal_size((IN_A_FILE, 24)).columns, MOST))
 
 
-def number(value: float) -> str:
+def number(value):
     """Three digits that count, no exponent where people would not write one; counts are whole."""
     if isinstance(value, int):
         return str(value)
@@ -38,13 +33,13 @@ def number(value: float) -> str:
     return f"{value:#.3g}".rstrip(".") if abs(value) >= 1e-3 or not value else f"{value:.1e}"
 
 
-def bound(goal: Goal, unit: str) -> str:
+def bound(goal, unit):
     """A goal in words: ``>= 1000 x real time``, ``<= 1.35 x reference``."""
     sign = ">=" if goal.at_least else "<="
     return f"{sign} {goal.bound:g} {'x reference' if goal.of_ratio else unit}".rstrip()
 
 
-def line(one: Measurement, columns: int = IN_A_FILE) -> str:
+def line(one, columns=IN_A_FILE):
     """A measurement as it is printed when it has been made: value and ratio, what else below."""
     called = 46 if columns >= WIDE else 38
     ratio, beside = "", ""
@@ -67,7 +62,7 @@ def line(one: Measurement, columns: int = IN_A_FILE) -> str:
     return "\n".join(each.rstrip() for each in said)
 
 
-def goal_table(made: Iterable[tuple[str, Measurement]], columns: int = IN_A_FILE) -> Iterator[str]:
+def goal_table(made, columns=IN_A_FILE):
     """Lines of the table goal / measured / met: a row for each goal of what was measured.
 
     Where it is narrow the references have no names: the lines above have them.
@@ -88,13 +83,13 @@ def goal_table(made: Iterable[tuple[str, Measurement]], columns: int = IN_A_FILE
         yield from aligned([heads, *rows], columns)
 
 
-def _ratio(one: Measurement, *, named: bool) -> str:
+def _ratio(one, *, named):
     if one.reference is None or one.ratio is None:
         return "-"
     return f"{number(one.ratio)} x {one.reference.name if named else ''}".rstrip()
 
 
-def part_table(parts: Iterable[tuple[str, float]], columns: int = IN_A_FILE) -> Iterator[str]:
+def part_table(parts, columns=IN_A_FILE):
     """How long each part took [s], the longest first, and all of them."""
     longest_first = sorted(parts, key=lambda part: -part[1])
     together = sum(seconds for _, seconds in longest_first)
@@ -105,7 +100,7 @@ def part_table(parts: Iterable[tuple[str, float]], columns: int = IN_A_FILE) -> 
     )  # fmt: skip
 
 
-def aligned(rows: Sequence[tuple[str, ...]], columns: int) -> Iterator[str]:
+def aligned(rows, columns):
     """Rows of cells as lines, each column as wide as its widest cell; broken where that is more
     than ``columns``, the widest columns first.
     """

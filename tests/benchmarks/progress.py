@@ -3,11 +3,8 @@
 On a terminal in place, so that it leaves nothing behind; in a file a line for each step.
 """
 
-from __future__ import annotations
-
 import shutil
 import sys
-from typing import TextIO
 
 ERASE = "\r\x1b[K"
 """To the first column, and nothing left in the line."""
@@ -16,12 +13,12 @@ ERASE = "\r\x1b[K"
 class Progress:
     """Says on a stream how far something is; ``None`` is standard error as it is then."""
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    def __init__(self, stream=None):
         self._stream = stream
-        self._step: object = None
+        self._step = None
         self._in_place = False
 
-    def say(self, text: str, step: object = None) -> None:
+    def say(self, text, step=None):
         """Say how far it is. In a file that is a line, unless ``step`` is that of the last line."""
         stream = self._stream or sys.stderr
         if stream.isatty():
@@ -32,7 +29,7 @@ class Progress:
             print(f"  {text}", file=stream, flush=True)
         self._step = step
 
-    def clear(self) -> None:
+    def clear(self):
         """Take away what stands on a terminal, since a line of something else comes now."""
         if self._in_place:
             print(ERASE, end="", file=self._stream or sys.stderr, flush=True)

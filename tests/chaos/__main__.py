@@ -4,15 +4,12 @@ Each scenario prints what it did and saw, in the end a table says what all of th
 code is 1 when something that must hold did not.
 """
 
-from __future__ import annotations
-
 import argparse
 import signal
 import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 
 from daemon.batch.errors import DaemonError
@@ -26,7 +23,7 @@ from tests.chaos.long_writes import long_writes
 from tests.chaos.network import network
 from tests.chaos.output import output
 from tests.chaos.quota import full_start, quota
-from tests.chaos.report import Report, Row, table
+from tests.chaos.report import Report, table
 from tests.chaos.stacks import stacks
 from tests.chaos.storm import storm
 from tests.chaos.torn import torn
@@ -34,7 +31,7 @@ from tests.chaos.trees import trees
 from tests.chaos.violence import violence
 
 
-def _scenarios(runs: int, seed: int) -> dict[str, Callable[[Path], Report]]:
+def _scenarios(runs, seed):
     return {
         "violence": lambda folder: violence(folder, runs=runs, seed=seed),
         "disk": full_disk,
@@ -57,7 +54,7 @@ def _scenarios(runs: int, seed: int) -> dict[str, Callable[[Path], Report]]:
     }
 
 
-def _perform(name: str, act: Callable[[Path], Report], folder: Path) -> Report:
+def _perform(name, act, folder):
     """A scenario that waits for something in vain has found a violation, too."""
     start = time.monotonic()
     try:
@@ -68,7 +65,7 @@ def _perform(name: str, act: Callable[[Path], Report], folder: Path) -> Report:
         return report
 
 
-def main() -> int:
+def main():
     """Run the chosen scenarios, or all; returns the exit code."""
     known = _scenarios(0, 0)
     parser = argparse.ArgumentParser(prog="python -m tests.chaos", description=__doc__)
@@ -82,7 +79,7 @@ def main() -> int:
     # Told to stop, it still ends what it has started.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     violated = False
-    rows: list[Row] = []
+    rows = []
     for name, act in _scenarios(options.runs, options.seed).items():
         if options.scenario and name not in options.scenario:
             continue

@@ -1,10 +1,7 @@
 """Bits flip in a write-ahead log at rest: nothing that was acknowledged a while ago is lost."""
 
-from __future__ import annotations
-
 import random
 import time
-from pathlib import Path
 
 from tests.chaos.report import Report
 from tests.chaos.verify import check_book
@@ -15,9 +12,7 @@ IDLE = 3.0
 """Seconds without a request, after which nothing acknowledged may lie in the log alone."""
 
 
-def bits(
-    folder: Path, *, campaigns: int = 20, times: int = 5, idle: float = IDLE, seed: int = 1
-) -> Report:
+def bits(folder, *, campaigns=20, times=5, idle=IDLE, seed=1):
     """Kill an idle daemon, flip a bit of its log, start it again: every campaign is there."""
     report = Report("bits: one flips in the write-ahead log of a daemon at rest")
     rng = random.Random(seed)
@@ -42,7 +37,7 @@ def bits(
     return report
 
 
-def _flip(log: Path, rng: random.Random) -> bool:
+def _flip(log, rng):
     """Flip a bit of the first half; returns whether there was one."""
     data = bytearray(log.read_bytes()) if log.exists() else bytearray()
     if not data:

@@ -1,12 +1,8 @@
 """The machine's clock is set back and forth under a working daemon."""
 
-from __future__ import annotations
-
 import random
 import time
-from pathlib import Path
 
-from daemon.batch.client import Client
 from grammars.text.files import write_atomically
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
@@ -19,20 +15,12 @@ LEASE = 10.0
 HOUR = 3600.0
 
 
-def clock(
-    folder: Path,
-    *,
-    runs: int = 40,
-    steps: int = 12,
-    every: float = 1.0,
-    seed: int = 1,
-    frozen: bool = True,
-) -> Report:
+def clock(folder, *, runs=40, steps=12, every=1.0, seed=1, frozen=True):
     """Set the clock ``every`` so many seconds: no lease ends before its time, or never."""
     report = Report("clock: set back and forth by hours")
     rng = random.Random(seed)
     off = folder / "offset"
-    settings: dict[str, float | str] = {"lease": LEASE, "executor": EXECUTOR}
+    settings = {"lease": LEASE, "executor": EXECUTOR}
     with daemon_at(folder / "state", 2, module=STEPPED, **settings) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("clock", runs, sleep=0.5))
@@ -53,9 +41,9 @@ def clock(
     return report
 
 
-def _frozen_worker(report: Report, folder: Path) -> None:
+def _frozen_worker(report, folder):
     """A worker freezes, the clock goes back a day: its lease ends in its own time."""
-    settings: dict[str, float | str] = {"lease": LEASE}
+    settings = {"lease": LEASE}
     with (
         daemon_at(folder / "state", 0, module=STEPPED, **settings) as daemon,
         daemon.client() as client,
@@ -73,7 +61,7 @@ def _frozen_worker(report: Report, folder: Path) -> None:
         report.expect(ended, "a clock set back keeps a dead worker's lease alive")
 
 
-def _wait_for_end(client: Client, seconds: float) -> bool:
+def _wait_for_end(client, seconds):
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         if client.overview().running == 0:

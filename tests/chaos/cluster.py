@@ -1,20 +1,17 @@
 """A Dask cluster under load: its workers, its scheduler and the gateway are killed at random."""
 
-from __future__ import annotations
-
 import random
 import time
 from collections import Counter
 from contextlib import suppress
-from pathlib import Path
 
 import psutil
 
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.chaos.violence import EXECUTOR, attempts_below, progress
-from tests.daemon.batch.dask_harness import Dask, dask_in, gateway_for
-from tests.daemon.batch.harness import Part, alive, daemon_at
+from tests.daemon.batch.dask_harness import dask_in, gateway_for
+from tests.daemon.batch.harness import alive, daemon_at
 from tests.daemon.batch.samples import make_spec, submission_of
 
 THREADS = 2
@@ -26,21 +23,21 @@ PATIENCE = 300.0
 class Cluster:
     """What can be killed, and how often it was."""
 
-    def __init__(self, dask: Dask, gateway: Part, rng: random.Random) -> None:
-        self.done: Counter[str] = Counter()
+    def __init__(self, dask, gateway, rng):
+        self.done = Counter()
         self._dask = dask
         self._gateway = gateway
         self._rng = rng
-        self._workers: list[psutil.Process] = []
+        self._workers = []
         self.refill()
 
-    def refill(self) -> None:
+    def refill(self):
         """Start as many workers as there should be."""
         self._workers = alive(self._workers)
         for _ in range(WORKERS - len(self._workers)):
             self._workers += self._dask.start_workers(THREADS)
 
-    def strike(self) -> None:
+    def strike(self):
         """Kill something; the gateway and the scheduler start again at once."""
         (deed,) = self._rng.choices(["Dask worker", "Dask scheduler", "gateway"], [3, 2, 2])
         self.done[f"{deed} killed"] += 1
@@ -55,16 +52,14 @@ class Cluster:
             self._gateway.restart()
         self.revive()
 
-    def revive(self) -> None:
+    def revive(self):
         """Start again what has given up or was killed."""
         self.refill()
         if self._gateway.process.poll() is not None:
             self._gateway.restart()
 
 
-def cluster(
-    folder: Path, *, runs: int = 200, seed: int = 1, every: float = 5.0, seconds: float = 90.0
-) -> Report:
+def cluster(folder, *, runs=200, seed=1, every=5.0, seconds=90.0):
     """Strike every ``every`` seconds for a while, let it finish; then look at what is left."""
     report = Report("cluster: Dask workers, scheduler and gateway killed under load")
     rng = random.Random(seed)

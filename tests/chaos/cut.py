@@ -1,18 +1,13 @@
 """A worker is cut off for longer than its lease, finishes its run meanwhile, and comes back."""
 
-from __future__ import annotations
-
 import sqlite3
 import time
 from contextlib import ExitStack, closing
-from pathlib import Path
 
-from daemon.batch.client import Client
 from tests.chaos.links import links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.daemon.batch.harness import (
-    DaemonPart,
     daemon_at,
     eventually,
     finished,
@@ -24,14 +19,7 @@ from tests.daemon.batch.samples import make_submission
 EXECUTOR = "tests.chaos.executor:execute"
 
 
-def cut_off(
-    folder: Path,
-    *,
-    seconds: float = 60.0,
-    lease: float = 10.0,
-    work: float = 3.0,
-    isolated: bool | None = None,
-) -> Report:
+def cut_off(folder, *, seconds=60.0, lease=10.0, work=3.0, isolated=None):
     """Cut two workers off, each from a daemon of its own; one of these finds a substitute.
 
     Where nobody else ran it, the late result is the result; where a substitute did, it is known.
@@ -74,13 +62,13 @@ def cut_off(
 class _Side:
     """A daemon, and a worker at the end of a cable that executes its only run."""
 
-    def __init__(self, stack: ExitStack, folder: Path, lease: float, *, isolated: bool) -> None:
+    def __init__(self, stack, folder, lease, *, isolated):
         self._folder = folder
         endpoint, (self.cable,) = stack.enter_context(links(free_endpoint(), 1, isolated=isolated))
-        self.daemon: DaemonPart = stack.enter_context(
+        self.daemon = stack.enter_context(
             daemon_at(folder / "state", listen=endpoint, lease=lease, attempts=100)
         )
-        self.client: Client = stack.enter_context(self.daemon.client())
+        self.client = stack.enter_context(self.daemon.client())
         worker = worker_for(
             self.daemon,
             1,
@@ -92,18 +80,18 @@ class _Side:
         stack.enter_context(worker)
         stack.callback(self.cable.mend)
 
-    def begun(self) -> bool:
+    def begun(self):
         """Whether the run's process is there, and nothing is needed from the daemon any more."""
         return bool(list(self._folder.glob("away/work/*/spool/*/*/attempt-1.*/output.txt")))
 
-    def lapsed(self) -> bool:
+    def lapsed(self):
         return self.client.overview().running == 0
 
-    def counted(self) -> int:
+    def counted(self):
         """The attempt whose result is the one."""
         with closing(sqlite3.connect(self.daemon.state / "ledger.db")) as db:
             return int(db.execute("SELECT attempt FROM result").fetchone()[0])
 
-    def delivered(self) -> bool:
+    def delivered(self):
         left = self._folder.glob("away/work/*/spool/*/*/attempt-*")
         return finished(self.client, 1) and not list(left)

@@ -1,16 +1,12 @@
 """The disk is full again and again while runs, traces and the ledger want to grow."""
 
-from __future__ import annotations
-
 import os
 import sqlite3
 import subprocess
 import time
-from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
-from daemon.batch.client import Client
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.daemon.batch.harness import daemon_at, eventually, finished
@@ -22,13 +18,13 @@ BALLAST = 100_000
 SLOTS = 2
 
 
-def may_mount() -> bool:
+def may_mount():
     """Whether this machine lets us mount a file system."""
     return os.geteuid() == 0 and Path("/proc/filesystems").read_text().find("tmpfs") >= 0
 
 
 @contextmanager
-def small_disk(folder: Path) -> Iterator[Path]:
+def small_disk(folder):
     """A file system of ``SIZE`` MiB for the block."""
     folder.mkdir()
     options = f"size={SIZE}m"
@@ -39,7 +35,7 @@ def small_disk(folder: Path) -> Iterator[Path]:
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-def fill(path: Path) -> None:
+def fill(path):
     """Write until nothing more goes in."""
     with suppress(OSError), path.open("wb", buffering=0) as file:
         while True:
@@ -49,7 +45,7 @@ def fill(path: Path) -> None:
             file.write(bytes(512))
 
 
-def full_disk(folder: Path, *, runs: int = 60, times: int = 4, hold: float = 3.0) -> Report:
+def full_disk(folder, *, runs=60, times=4, hold=3.0):
     """Fill the disk while runs execute, empty it again; at the end every run has its result."""
     report = Report("full disk: runs wait, nothing is lost, nobody is blamed")
     if not may_mount():
@@ -79,7 +75,7 @@ def full_disk(folder: Path, *, runs: int = 60, times: int = 4, hold: float = 3.0
     return report
 
 
-def _stuff(client: Client, ballast: Path, gate: Path, hold: float) -> None:
+def _stuff(client, ballast, gate, hold):
     """Fill the disk for a while; the runs under way have something to write when it is full."""
     fill(ballast)
     eventually(lambda: "is full" in client.overview().trouble)

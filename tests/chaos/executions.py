@@ -1,15 +1,10 @@
 """What executions say about themselves, beside anything that daemon and workers believe."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
-from pathlib import Path
-
-from daemon.model.spec import RunSpec
 
 
-def note(log: str, what: str, spec: RunSpec) -> None:
+def note(log, what, spec):
     """Append a line to the file ``log``, if there is one; whole also when many write."""
     if not log:
         return
@@ -24,31 +19,31 @@ def note(log: str, what: str, spec: RunSpec) -> None:
 class Executions:
     """The file in which executions note that they begin and end."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         self.path = path
 
     @property
-    def begun(self) -> Counter[str]:
+    def begun(self):
         """How often each run was begun, by the digest of its specification."""
         return self._counted("begin")
 
     @property
-    def ended(self) -> Counter[str]:
+    def ended(self):
         """How often each run was executed to its end."""
         return self._counted("end")
 
     @property
-    def said(self) -> Counter[str]:
+    def said(self):
         """How often each run has printed all that it prints."""
         return self._counted("said")
 
     @property
-    def started_over(self) -> int:
+    def started_over(self):
         """Executions beyond the first one of each run."""
         begun = self.begun
         return begun.total() - len(begun)
 
-    def _counted(self, what: str) -> Counter[str]:
+    def _counted(self, what):
         if not self.path.exists():
             return Counter()
         words = (line.split() for line in self.path.read_text().splitlines())

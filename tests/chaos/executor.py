@@ -8,8 +8,6 @@ there is a file ``quota`` it finds none left. With ``tree`` it leaves a tree of 
 numbers are in that file, and then ends as ``ending`` says. Same specification, same bytes.
 """
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import json
@@ -19,14 +17,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
-from daemon.model.spec import RunResult, RunSpec, Snapshot, TraceInfo
-from grammars.model.scene import Scene
+from daemon.model.spec import TraceInfo
 from tests.chaos.executions import note
 from tests.daemon.batch.samples import make_result
 
@@ -35,14 +31,7 @@ TREE = 4
 """Processes of a tree."""
 
 
-def execute(
-    spec: RunSpec,
-    scene: Scene,
-    *,
-    trace_path: Path,
-    on_progress: Callable[[Snapshot], None] | None = None,
-    interest: Callable[[], str] | None = None,
-) -> RunResult:
+def execute(spec, scene, *, trace_path, on_progress=None, interest=None):
     asked = spec.sut.parameters
     log = asked.get("log", "")
     note(log, "begin", spec)
@@ -68,7 +57,7 @@ def execute(
     return result
 
 
-def _chatter(size: int) -> None:
+def _chatter(size):
     """Print that many bytes, as a program under test does that reports every step."""
     line = "step after step, and a word about each of them\n"
     for _ in range(size // len(line)):
@@ -76,7 +65,7 @@ def _chatter(size: int) -> None:
     sys.stdout.flush()
 
 
-def _leave_tree(pids: Path) -> None:
+def _leave_tree(pids):
     """Start what starts more, as a system under test that daemonises; wait until all are there."""
     program = Path(__file__).parent / "programs" / "tree.py"
     subprocess.Popen([sys.executable, "-I", "-S", str(program), str(pids)])
@@ -84,14 +73,14 @@ def _leave_tree(pids: Path) -> None:
         time.sleep(0.02)
 
 
-def _end_badly(ending: str) -> None:
+def _end_badly(ending):
     if ending == "crash":
         os.kill(os.getpid(), signal.SIGKILL)
     if ending == "raise":
         raise RuntimeError("as told")
 
 
-def _record(path: Path, digest: str, ballast: int) -> None:
+def _record(path, digest, ballast):
     noise = random.Random(digest)
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE)
@@ -102,4 +91,4 @@ def _record(path: Path, digest: str, ballast: int) -> None:
             text = {"run": digest, "step": step, "noise": noise.randbytes(ballast // 40).hex()}
             at = step * 50_000_000
             writer.add_message(channel, at, json.dumps(text).encode(), at)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()

@@ -1,7 +1,5 @@
 """A key that asks without end, connections that say nothing, and a key that is taken back."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import socket
@@ -10,7 +8,6 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,7 +22,6 @@ from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.daemon.batch.harness import (
     ROOT,
-    DaemonPart,
     daemon_at,
     eventually,
     finished,
@@ -40,7 +36,7 @@ CHANCE = 15.0
 
 
 @contextmanager
-def guarded(folder: Path, *workers: str) -> Iterator[tuple[DaemonPart, Path]]:
+def guarded(folder, *workers):
     """A daemon that asks for keys, and the folder of keys; ``workers`` have one each."""
     keys = folder / "keys"
     folder.mkdir(parents=True, exist_ok=True)
@@ -49,7 +45,7 @@ def guarded(folder: Path, *workers: str) -> Iterator[tuple[DaemonPart, Path]]:
     for name in workers:
         issue_key(keys, Role.WORKER, name, (), now)
     listen = free_endpoint().replace("tcp/", "tls/")
-    settings: dict[str, float | str] = {"listen": listen, "keys": str(keys)}
+    settings = {"listen": listen, "keys": str(keys)}
     with daemon_at(folder / "state", **settings) as daemon:
         eventually(lambda: StatePaths(daemon.state).read_contact())
         with owner(daemon) as client:
@@ -57,12 +53,12 @@ def guarded(folder: Path, *workers: str) -> Iterator[tuple[DaemonPart, Path]]:
         yield daemon, keys
 
 
-def owner(daemon: DaemonPart) -> Client:
+def owner(daemon):
     """A client at the daemon's own socket, whom no flood at the port concerns."""
     return Client.open(StatePaths(daemon.state).endpoint, timeout=30.0)
 
 
-def flood(folder: Path, *, runs: int = 20, askers: int = 8) -> Report:
+def flood(folder, *, runs=20, askers=8):
     """One key asks as fast as it can, while a worker with another one executes runs."""
     report = Report("flood: a key that asks without end")
     log = Executions(folder / "executions")
@@ -98,7 +94,7 @@ def flood(folder: Path, *, runs: int = 20, askers: int = 8) -> Report:
     return report
 
 
-def _ask(daemon: DaemonPart, key: Path, stop: threading.Event, asked: Counter[str]) -> None:
+def _ask(daemon, key, stop, asked):
     while not stop.is_set():
         try:
             with Client.open(daemon.endpoint, keys=key, timeout=5.0) as client:
@@ -109,15 +105,15 @@ def _ask(daemon: DaemonPart, key: Path, stop: threading.Event, asked: Counter[st
             asked["refused"] += 1  # a limit on the rate: it asks on
 
 
-def idle(folder: Path, *, rate: float = 20.0, seconds: float = 20.0, chances: int = 5) -> Report:
+def idle(folder, *, rate=20.0, seconds=20.0, chances=5):
     """Connections that never say a word come in; people with keys still do, too."""
     report = Report("idle: connections to the port that say nothing")
     stop = threading.Event()
-    held: list[socket.socket] = []
+    held = []
     with guarded(folder) as (daemon, keys):
         host, _, port = daemon.endpoint.removeprefix("tls/").rpartition(":")
 
-        def knock() -> None:
+        def knock():
             while not stop.wait(1.0 / rate):
                 with suppress(OSError):
                     held.append(socket.create_connection((host, int(port)), 5.0))
@@ -139,7 +135,7 @@ def idle(folder: Path, *, rate: float = 20.0, seconds: float = 20.0, chances: in
     return report
 
 
-def _enters(daemon: DaemonPart, keys: Path) -> int:
+def _enters(daemon, keys):
     """Whether somebody new gets an answer in time; a process of its own, as people are."""
     program = (
         "import sys; from pathlib import Path; from daemon.batch.client import Client\n"
@@ -156,7 +152,7 @@ def _enters(daemon: DaemonPart, keys: Path) -> int:
     return 0
 
 
-def voided(folder: Path, *, runs: int = 12) -> Report:
+def voided(folder, *, runs=12):
     """What a key delivered that is revoked with --void does not count: it is executed again."""
     report = Report("void: a key is taken back with what it delivered")
     log = Executions(folder / "executions")
@@ -190,7 +186,7 @@ def voided(folder: Path, *, runs: int = 12) -> Report:
     return report
 
 
-def _command(daemon: DaemonPart, keys: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def _command(daemon, keys, *words):
     """The command line as people use it, on the daemon's machine."""
     scenario = shutil.which("scenario", path=str(Path(sys.executable).parent))
     base = [scenario] if scenario else [sys.executable, "-m", "scenario_tui"]

@@ -1,14 +1,8 @@
 """Workers that execute nothing: they lease and complete through real sessions, many a second."""
 
-from __future__ import annotations
-
 import threading
 import time
-from collections.abc import Callable
 from importlib.metadata import version
-from pathlib import Path
-
-import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import Refused, Unreachable
@@ -18,7 +12,6 @@ from daemon.model.messages import (
     ALIVE,
     OWNER,
     Completion,
-    Lease,
     LeaseRef,
     LeaseRequest,
     LedgerAnswer,
@@ -31,14 +24,7 @@ from tests.daemon.batch.samples import make_result
 class LightWorker:
     """A worker by what it says on the bus; with ``places`` it leaves an empty trace there."""
 
-    def __init__(
-        self,
-        session: zenoh.Session,
-        endpoint: str,
-        name: str,
-        slots: int = 8,
-        places: StatePaths | None = None,
-    ) -> None:
+    def __init__(self, session, endpoint, name, slots=8, places=None):
         self.name = name
         self._session = session
         self._endpoint = endpoint
@@ -47,19 +33,19 @@ class LightWorker:
         self._places = places
         self._token = session.liveliness().declare_token(f"{ALIVE}/{OWNER}/{name}")
 
-    def lease(self, count: int | None = None) -> tuple[Lease, ...]:
+    def lease(self, count=None):
         """Take runs; raises like :func:`daemon.batch.bus.ask`."""
         request = LeaseRequest(self._info, self._slots if count is None else count)
         return bus.ask(self._session, self._endpoint, verbs.LEASE, request, 5.0).grants
 
-    def renew(self, grants: tuple[Lease, ...] = ()) -> int:
+    def renew(self, grants=()):
         """Say which runs it has; returns how many are not its own any more."""
         holds = tuple(LeaseRef(grant.run, grant.token) for grant in grants)
         request = RenewRequest(self._info, holds)
         answer = bus.ask(self._session, self._endpoint, verbs.RENEW, request, 5.0)
         return len(answer.gone)
 
-    def complete(self, grant: Lease) -> LedgerAnswer:
+    def complete(self, grant):
         """Deliver a result that depends on the specification only."""
         if self._places is not None:
             trace = self._places.trace(grant.trace)
@@ -70,7 +56,7 @@ class LightWorker:
         return bus.ask(self._session, self._endpoint, verbs.COMPLETE, done, 5.0).answer
 
 
-def insist(ask: Callable[[], object], until: Callable[[], bool]) -> object:
+def insist(ask, until):
     """Ask again while nobody answers; ``None`` when ``until`` says that it is enough."""
     while not until():
         try:
@@ -83,9 +69,9 @@ def insist(ask: Callable[[], object], until: Callable[[], bool]) -> object:
 class Crew:
     """Light workers in threads that complete runs until stopped, and remember what was answered."""
 
-    def __init__(self, endpoint: str, state: Path, workers: int, slots: int = 8) -> None:
-        self.acknowledged: dict[str, str] = {}
-        self.refused: list[str] = []
+    def __init__(self, endpoint, state, workers, slots=8):
+        self.acknowledged = {}
+        self.refused = []
         self._endpoint = endpoint
         self._places = StatePaths(state)
         self._slots = slots
@@ -97,13 +83,13 @@ class Crew:
         for thread in self._threads:
             thread.start()
 
-    def stop(self) -> None:
+    def stop(self):
         """Finish what is under way."""
         self._stop.set()
         for thread in self._threads:
             thread.join()
 
-    def _work(self, name: str) -> None:
+    def _work(self, name):
         with bus.open_client(self._endpoint) as session:
             worker = LightWorker(session, self._endpoint, name, self._slots, self._places)
             while not self._stop.is_set():
@@ -114,7 +100,7 @@ class Crew:
                 for grant in grants:
                     self._finish(worker, grant)
 
-    def _finish(self, worker: LightWorker, grant: Lease) -> None:
+    def _finish(self, worker, grant):
         try:
             answer = insist(lambda: worker.complete(grant), self._stop.is_set)
         except Refused as error:

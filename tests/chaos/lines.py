@@ -5,18 +5,15 @@ passes on what comes, each byte ``delay`` seconds later and at most ``rate`` byt
 direction. A process of its own, so that nothing else in the test delays it.
 """
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tests.chaos.links import Link, Namespace, Relay
+from tests.chaos.links import Relay
 from tests.daemon.batch.harness import eventually, free_endpoint
 
 ROOT = Path(__file__).parents[2]
@@ -31,26 +28,20 @@ UNLIMITED = 1e9
 class _Direction:
     """Bytes that go one way."""
 
-    def __init__(
-        self,
-        reader: asyncio.StreamReader,
-        writer: asyncio.StreamWriter,
-        delay: float,
-        rate: float,
-    ) -> None:
+    def __init__(self, reader, writer, delay, rate):
         self._reader, self._writer = reader, writer
         self._delay, self._rate = delay, rate
         self._chunk = min(max(CHUNKS[0], int(rate / 10.0)), CHUNKS[1])
         room = int(BUFFER + rate * delay) // self._chunk
-        self._under_way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(room)
+        self._under_way = asyncio.Queue(room)
 
-    async def run(self) -> None:
+    async def run(self):
         """Pass on until one of both ends is closed."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._take())
             group.create_task(self._give())
 
-    async def _take(self) -> None:
+    async def _take(self):
         clock = asyncio.get_running_loop()
         free = clock.time()
         data = b"-"
@@ -61,7 +52,7 @@ class _Direction:
             free = max(free, clock.time()) + len(data) / self._rate
             await self._under_way.put((free + self._delay, data))
 
-    async def _give(self) -> None:
+    async def _give(self):
         clock = asyncio.get_running_loop()
         data = b"-"
         while data:
@@ -75,8 +66,8 @@ class _Direction:
         self._writer.close()
 
 
-async def _serve(port: int, target: tuple[str, int], delay: float, rate: float) -> None:
-    async def connect(here: asyncio.StreamReader, back: asyncio.StreamWriter) -> None:
+async def _serve(port, target, delay, rate):
+    async def connect(here, back):
         try:
             there, forth = await asyncio.open_connection(*target)
         except OSError:
@@ -94,20 +85,20 @@ async def _serve(port: int, target: tuple[str, int], delay: float, rate: float) 
 class SlowLine:
     """A line to the daemon through a process that delays; cut, it is frozen."""
 
-    def __init__(self, endpoint: str, process: subprocess.Popen[bytes]) -> None:
+    def __init__(self, endpoint, process):
         self.endpoint = endpoint
-        self.through: tuple[str, ...] = ()
+        self.through = ()
         self._process = process
 
-    def cut(self) -> None:
+    def cut(self):
         self._process.send_signal(signal.SIGSTOP)
 
-    def mend(self) -> None:
+    def mend(self):
         self._process.send_signal(signal.SIGCONT)
 
 
 @contextmanager
-def slow_line(endpoint: str, *, delay: float = 0.0, rate: float = UNLIMITED) -> Iterator[Link]:
+def slow_line(endpoint, *, delay=0.0, rate=UNLIMITED):
     """A line to ``endpoint`` with ``delay`` [s] each way and ``rate`` [bytes/s] each way."""
     mine = free_endpoint()
     command = [sys.executable, "-m", "tests.chaos.lines", mine.rpartition(":")[2]]
@@ -125,12 +116,12 @@ def slow_line(endpoint: str, *, delay: float = 0.0, rate: float = UNLIMITED) -> 
 class BreakingLine(Relay):
     """A relay that ends its connections when it is cut: both ends know at once."""
 
-    def cut(self) -> None:
+    def cut(self):
         self.sever()
 
 
 @contextmanager
-def breaking_line(endpoint: str) -> Iterator[Link]:
+def breaking_line(endpoint):
     """A line that breaks when it is cut, for the block."""
     made = BreakingLine(endpoint)
     try:
@@ -139,7 +130,7 @@ def breaking_line(endpoint: str) -> Iterator[Link]:
         made.close()
 
 
-def drop_packets(cable: Namespace, share: float) -> None:
+def drop_packets(cable, share):
     """Lose that ``share`` of the packets in each direction, at random."""
     for chain in ("INPUT", "OUTPUT"):
         command = ("iptables", "-A", chain, "-m", "statistic", "--mode", "random")
@@ -147,7 +138,7 @@ def drop_packets(cable: Namespace, share: float) -> None:
         subprocess.run(words, check=True, capture_output=True)
 
 
-def main() -> None:
+def main():
     parser = argparse.ArgumentParser(prog="python -m tests.chaos.lines", description=__doc__)
     parser.add_argument("port", type=int)
     parser.add_argument("target")

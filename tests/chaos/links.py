@@ -13,7 +13,6 @@ import shutil
 import socket
 import subprocess
 import threading
-from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Protocol
@@ -30,55 +29,55 @@ class Link(Protocol):
     """A way to the daemon: ``endpoint`` to connect to, ``through`` to start the worker with."""
 
     @property
-    def endpoint(self) -> str: ...
+    def endpoint(self): ...
 
     @property
-    def through(self) -> tuple[str, ...]: ...
+    def through(self): ...
 
-    def cut(self) -> None:
+    def cut(self):
         """Pull the cable."""
 
-    def mend(self) -> None:
+    def mend(self):
         """Plug it in again."""
 
 
 class Relay:
     """Passes bytes between a free loopback port and the daemon's, until it is cut."""
 
-    def __init__(self, endpoint: str) -> None:
+    def __init__(self, endpoint):
         host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
         self._target = (host, int(port))
         self._whole = threading.Event()
         self._whole.set()
-        self._until_cut: int | None = None
-        self._sockets: list[socket.socket] = []
+        self._until_cut = None
+        self._sockets = []
         self._door = socket.create_server(("127.0.0.1", 0))
         self.endpoint = f"tcp/127.0.0.1:{self._door.getsockname()[1]}"
-        self.through: tuple[str, ...] = ()
+        self.through = ()
         threading.Thread(target=self._accept, daemon=True).start()
 
-    def cut(self) -> None:
+    def cut(self):
         self._whole.clear()
 
-    def cut_after(self, size: int) -> None:
+    def cut_after(self, size):
         """Cut it as soon as so many bytes more have passed, one way and the other."""
         self._until_cut = size
 
     @property
-    def is_cut(self) -> bool:
+    def is_cut(self):
         return not self._whole.is_set()
 
-    def mend(self) -> None:
+    def mend(self):
         self._whole.set()
 
-    def sever(self) -> None:
+    def sever(self):
         """Cut it so that both ends notice at once: new connections wait until it is mended."""
         self._whole.clear()
         for one in self._sockets:
             with suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
 
-    def close(self) -> None:
+    def close(self):
         """End all connections."""
         self.mend()
         for one in (self._door, *self._sockets):
@@ -86,13 +85,13 @@ class Relay:
                 one.shutdown(socket.SHUT_RDWR)
             one.close()
 
-    def _accept(self) -> None:
+    def _accept(self):
         with suppress(OSError):
             while True:
                 here, _ = self._door.accept()
                 threading.Thread(target=self._connect, args=(here,), daemon=True).start()
 
-    def _connect(self, here: socket.socket) -> None:
+    def _connect(self, here):
         self._whole.wait()
         try:
             there = socket.create_connection(self._target)
@@ -103,7 +102,7 @@ class Relay:
         for source, sink in ((here, there), (there, here)):
             threading.Thread(target=self._pump, args=(source, sink), daemon=True).start()
 
-    def _pump(self, source: socket.socket, sink: socket.socket) -> None:
+    def _pump(self, source, sink):
         with suppress(OSError):
             while data := source.recv(_CHUNK):
                 self._whole.wait()
@@ -128,18 +127,18 @@ class Namespace:
     endpoint: str
 
     @property
-    def through(self) -> tuple[str, ...]:
+    def through(self):
         return ("ip", "netns", "exec", self.name)
 
-    def cut(self) -> None:
+    def cut(self):
         _ip("link", "set", self.device, "down")
 
-    def mend(self) -> None:
+    def mend(self):
         _ip("link", "set", self.device, "up")
 
 
 @contextmanager
-def relay(endpoint: str) -> Iterator[Relay]:
+def relay(endpoint):
     """A cable that is a relay, for the block."""
     made = Relay(endpoint)
     try:
@@ -148,7 +147,7 @@ def relay(endpoint: str) -> Iterator[Relay]:
         made.close()
 
 
-def may_make_namespaces() -> bool:
+def may_make_namespaces():
     """Whether this machine lets us: root, ``ip``, and a kernel that agrees."""
     if os.geteuid() != 0 or shutil.which("ip") is None:
         return False
@@ -159,7 +158,7 @@ def may_make_namespaces() -> bool:
 
 
 @contextmanager
-def namespaces(count: int, port: int) -> Iterator[tuple[str, list[Namespace]]]:
+def namespaces(count, port):
     """An endpoint in a subnet of its own, and ``count`` namespaces that reach it by a cable each.
 
     The address lies in 198.18.0.0/15, which is set aside for tests of networks (RFC 2544).
@@ -177,7 +176,7 @@ def namespaces(count: int, port: int) -> Iterator[tuple[str, list[Namespace]]]:
 
 
 @contextmanager
-def _namespace(us: int, index: int, address: str, endpoint: str) -> Iterator[Namespace]:
+def _namespace(us, index, address, endpoint):
     name, device, inside = f"chaos{us}-{index}", f"ch{us}o{index}", f"ch{us}i{index}"
     subnet = f"198.19.{us % 250}.{4 * index}"
     ours, theirs = (subnet.rpartition(".")[0] + f".{4 * index + k}" for k in (1, 2))
@@ -196,12 +195,12 @@ def _namespace(us: int, index: int, address: str, endpoint: str) -> Iterator[Nam
         _ip("netns", "del", name)  # and with it the pair
 
 
-def _ip(*words: str) -> None:
+def _ip(*words):
     subprocess.run(["ip", *words], check=True, capture_output=True)
 
 
 @contextmanager
-def links(endpoint: str, count: int, *, isolated: bool) -> Iterator[tuple[str, list[Link]]]:
+def links(endpoint, count, *, isolated):
     """The endpoint to listen at, and ``count`` cables to it, the best this machine has."""
     if isolated:
         port = int(endpoint.rpartition(":")[2])

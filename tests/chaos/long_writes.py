@@ -1,20 +1,16 @@
 """Submissions and cancellations of very many runs beside work: no lease lapses meanwhile."""
 
-from __future__ import annotations
-
 import sqlite3
 import threading
 import time
 from contextlib import closing, suppress
-from pathlib import Path
 
 from daemon.batch import bus
-from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from tests.chaos.executions import Executions
 from tests.chaos.light import LightWorker
 from tests.chaos.report import Report
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, worker_for
+from tests.daemon.batch.harness import daemon_at, eventually, worker_for
 from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
@@ -24,19 +20,19 @@ PATIENCE = 600.0
 class Pulse:
     """Asks what a worker asks, ten times a second, and remembers the slowest answer."""
 
-    def __init__(self, daemon: DaemonPart) -> None:
+    def __init__(self, daemon):
         self.slowest = 0.0
         self._daemon = daemon
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._ask, daemon=True)
         self._thread.start()
 
-    def stop(self) -> None:
+    def stop(self):
         """Ask no more."""
         self._stop.set()
         self._thread.join()
 
-    def _ask(self) -> None:
+    def _ask(self):
         endpoint = self._daemon.endpoint
         with bus.open_client(endpoint) as session:
             worker = LightWorker(session, endpoint, "pulse", 0)
@@ -47,9 +43,7 @@ class Pulse:
                 self.slowest = max(self.slowest, time.monotonic() - start)
 
 
-def long_writes(
-    folder: Path, *, runs: int = 250_000, working: int = 4, lease: float = 5.0
-) -> Report:
+def long_writes(folder, *, runs=250_000, working=4, lease=5.0):
     """Submit and cancel ``runs`` runs while some are executed: each of these is begun once."""
     report = Report("long writes: very many runs come and go beside work")
     log, gate = Executions(folder / "executions"), folder / "gate"
@@ -86,5 +80,5 @@ def long_writes(
     return report
 
 
-def _done(client: Client, campaign: str) -> int:
+def _done(client, campaign):
     return next(row.done for row in client.campaigns() if row.id == campaign)

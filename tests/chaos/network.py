@@ -7,20 +7,16 @@ cases go on at the same time. What is begun is counted by the runs themselves.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 
-from daemon.batch.client import Client
 from tests.chaos.executions import Executions
 from tests.chaos.lines import UNLIMITED, breaking_line, drop_packets, slow_line
-from tests.chaos.links import Link, Namespace, links, may_make_namespaces
+from tests.chaos.links import Namespace, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.daemon.batch.harness import (
-    DaemonPart,
     daemon_at,
     eventually,
     finished,
@@ -59,7 +55,7 @@ class Case:
     breaks: bool = False
 
     @property
-    def shaped(self) -> bool:
+    def shaped(self):
         """Whether its line is a process that delays."""
         return bool(self.delay or self.rate)
 
@@ -82,13 +78,7 @@ CASES = (
 )
 
 
-def network(
-    folder: Path,
-    *,
-    cases: Sequence[Case] = CASES,
-    lease: float = LEASE,
-    isolated: bool | None = None,
-) -> Report:
+def network(folder, *, cases=CASES, lease=LEASE, isolated=None):
     """Perform all cases at once.
 
     Every run is done exactly once. None is started over, but where the line was cut for longer
@@ -113,22 +103,14 @@ def network(
 class _Scene:
     """The daemon, the line and the workers of a case."""
 
-    def __init__(
-        self,
-        stack: ExitStack,
-        folder: Path,
-        case: Case,
-        lease: float,
-        *,
-        isolated: bool,
-    ) -> None:
+    def __init__(self, stack, folder, case, lease, *, isolated):
         self._case, self._lease = case, lease
         self._folder = folder
         self._log = Executions(folder / "executions")
-        settings: dict[str, float | str] = {"lease": lease, "attempts": 3}
+        settings = {"lease": lease, "attempts": 3}
         if case.shaped:
             endpoint = free_endpoint()
-            line: Link = stack.enter_context(
+            line = stack.enter_context(
                 slow_line(endpoint, delay=case.delay, rate=case.rate or UNLIMITED)
             )
         elif case.breaks:
@@ -137,9 +119,7 @@ class _Scene:
         else:
             endpoint, (line,) = stack.enter_context(links(free_endpoint(), 1, isolated=isolated))
         self._line = line
-        self._daemon: DaemonPart = stack.enter_context(
-            daemon_at(folder / "state", listen=endpoint, **settings)
-        )
+        self._daemon = stack.enter_context(daemon_at(folder / "state", listen=endpoint, **settings))
         self._daemon.client().close()
         stack.enter_context(
             worker_for(
@@ -157,7 +137,7 @@ class _Scene:
             drop_packets(line, case.loss)
         self._stack = stack
 
-    def perform(self) -> Report:
+    def perform(self):
         """The case from its submission to its end."""
         case = self._case
         report = Report(case.name)
@@ -175,7 +155,7 @@ class _Scene:
         )
         return report
 
-    def _act(self) -> None:
+    def _act(self):
         case = self._case
         specs = [
             make_spec(i, sleep=work, ballast=case.ballast, log=str(self._log.path))
@@ -201,6 +181,6 @@ class _Scene:
         with self._daemon.client() as client:
             eventually(lambda: self._at_rest(client), PATIENCE)
 
-    def _at_rest(self, client: Client) -> bool:
+    def _at_rest(self, client):
         left = self._folder.glob("away/work/*/spool/*/*/attempt-*")
         return finished(client, len(self._case.work)) and not list(left)

@@ -1,9 +1,5 @@
 """Runs that print without end and results of megabytes: both stay bounded, nobody else suffers."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import psutil
 
 from tests.chaos.executions import Executions
@@ -21,15 +17,7 @@ MOST_MEMORY = 500 * MIB
 """Bytes of the daemon."""
 
 
-def output(
-    folder: Path,
-    *,
-    chatty: int = 4,
-    chatter: int = 32 * MIB,
-    huge: int = 60,
-    evidence: int = 4 * 1000 * 1000,
-    others: int = 10,
-) -> Report:
+def output(folder, *, chatty=4, chatter=32 * MIB, huge=60, evidence=4 * 1000 * 1000, others=10):
     """Print and deliver far too much beside runs as usual: these are done, memory stays small."""
     report = Report("output: runs that print without end, results of megabytes")
     log, gate = Executions(folder / "executions"), folder / "gate"
@@ -70,9 +58,9 @@ def output(
     return report
 
 
-def _outputs(state: Path) -> list[Path]:
+def _outputs(state):
     return list(state.glob("spool/*/*/attempt-*/output.txt*"))
 
 
-def _size(path: Path) -> int:
+def _size(path):
     return path.stat().st_size if path.exists() else 0

@@ -1,9 +1,6 @@
 """Nobody may write any more (EDQUOT), and a disk that is full when the daemon starts."""
 
-from __future__ import annotations
-
 import time
-from pathlib import Path
 
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.chaos.executions import Executions
@@ -16,7 +13,7 @@ EXECUTOR = "tests.chaos.executor:execute"
 PER_MINUTE = 60
 
 
-def quota(folder: Path, *, runs: int = 10, seconds: float = 60.0) -> Report:
+def quota(folder, *, runs=10, seconds=60.0):
     """Runs find no quota left for a while: they are tried ever more rarely, and it is said."""
     report = Report("quota: executions that fail for want of space")
     log, mark = Executions(folder / "executions"), folder / "quota"
@@ -38,7 +35,7 @@ def quota(folder: Path, *, runs: int = 10, seconds: float = 60.0) -> Report:
     return report
 
 
-def full_start(folder: Path) -> Report:
+def full_start(folder):
     """The disk is full when the daemon starts: it says so, and works once there is room."""
     report = Report("full start: a daemon on a full disk")
     if not may_mount():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 _SHOWN = 12
@@ -24,14 +23,14 @@ class Row:
     violations: int = 0
 
     @property
-    def cells(self) -> tuple[str, ...]:
+    def cells(self):
         """The row as text."""
         counts = (self.runs, self.executions, self.started_over, self.lost)
         shown = ("-" if count is None else str(count) for count in counts)
         return (self.name, *shown, str(self.violations), f"{self.seconds:.0f}")
 
 
-def table(rows: Iterable[Row]) -> str:
+def table(rows):
     """Rows below each other, numbers to the right."""
     lines = [_HEADS, *(row.cells for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(_HEADS))]
@@ -44,39 +43,39 @@ def table(rows: Iterable[Row]) -> str:
 class Report:
     """Facts in order of their appearance, rows of parts, and violations."""
 
-    def __init__(self, name: str, start: float | None = None) -> None:
+    def __init__(self, name, start=None):
         self.name = name
-        self.violations: list[str] = []
-        self.parts: list[Row] = []
-        self.runs: int | None = None
-        self.executions: int | None = None
-        self.started_over: int | None = None
-        self.lost: int | None = None
-        self._facts: dict[str, str] = {}
+        self.violations = []
+        self.parts = []
+        self.runs = None
+        self.executions = None
+        self.started_over = None
+        self.lost = None
+        self._facts = {}
         self._start = time.monotonic() if start is None else start
         self._end = 0.0
 
-    def end(self) -> None:
+    def end(self):
         """Its time is over."""
         self._end = time.monotonic()
 
     @property
-    def seconds(self) -> float:
+    def seconds(self):
         """How long it took, or takes so far."""
         return (self._end or time.monotonic()) - self._start
 
-    def fact(self, what: str, value: object) -> None:
+    def fact(self, what, value):
         """Something done or seen."""
         self._facts[what] = str(value)
 
-    def expect(self, holds: bool, otherwise: str) -> bool:
+    def expect(self, holds, otherwise):
         """Something that must be true; returns whether it is."""
         if not holds:
             self.violations.append(otherwise)
         return holds
 
     @property
-    def row(self) -> Row:
+    def row(self):
         """All of it in one line."""
         return Row(
             self.name.partition(":")[0],
@@ -88,17 +87,17 @@ class Report:
             len(self.violations),
         )
 
-    def include(self, part: Report) -> None:
+    def include(self, part):
         """Take in what a part came to; its violations are ours."""
         self.parts.append(part.row)
         self.violations += [f"{part.name}: {found}" for found in part.violations]
 
     @property
-    def rows(self) -> list[Row]:
+    def rows(self):
         """The parts, or all of it where there are none."""
         return self.parts or [self.row]
 
-    def text(self) -> str:
+    def text(self):
         """The facts, the parts and what must not be."""
         load = os.getloadavg()[0]
         took = f"{self.seconds:.1f} s, load {load:.1f}"

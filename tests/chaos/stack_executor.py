@@ -4,19 +4,14 @@ The stack is a program that listens, ignores SIGINT now and then, and leaves a p
 another session. Same specification, same bytes, whatever becomes of the stack.
 """
 
-from __future__ import annotations
-
 import socket
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
-from daemon.model.spec import RunResult, RunSpec, Snapshot
 from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Ros2Settings
-from grammars.model.scene import Scene
 from tests.chaos import executor
 
 PROGRAMS = Path(__file__).parent / "programs"
@@ -24,14 +19,7 @@ GRACE = 0.5
 IDLE = 3.0
 
 
-def execute(
-    spec: RunSpec,
-    scene: Scene,
-    *,
-    trace_path: Path,
-    on_progress: Callable[[Snapshot], None] | None = None,
-    interest: Callable[[], str] | None = None,
-) -> RunResult:
+def execute(spec, scene, *, trace_path, on_progress=None, interest=None):
     reuse = bool(spec.sut.parameters.get("reuse"))
     settings = Ros2Settings(
         launch=f"{sys.executable} {PROGRAMS / 'stack.py'} {spec.seed}",

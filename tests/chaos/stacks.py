@@ -1,24 +1,20 @@
 """Workers, processes of runs, their stacks, relays and supervisors are killed at random."""
 
-from __future__ import annotations
-
 import os
 import random
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import psutil
 
-from daemon.model.spec import RunSpec
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Ros2Settings
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import DaemonPart, Part, daemon_at, eventually, finished, worker_for
+from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_spec, submission_of
 
 EXECUTOR = "tests.chaos.stack_executor:execute"
@@ -29,7 +25,7 @@ TARGETS = {"worker": 1, "process of a run": 3, "stack": 3, "relay": 3, "supervis
 
 
 @contextmanager
-def folder_of_stacks() -> Iterator[Path]:
+def folder_of_stacks():
     """Temporary files of everything that is started meanwhile, so that others' stay out of it."""
     kept, chosen = os.environ.get("TMPDIR"), tempfile.tempdir
     with tempfile.TemporaryDirectory(dir="/tmp") as folder:
@@ -46,12 +42,12 @@ def folder_of_stacks() -> Iterator[Path]:
 class Stacks:
     """What runs in a folder of stacks, and what was done to it."""
 
-    def __init__(self, folder: Path, workers: list[Part], rng: random.Random) -> None:
-        self.done: Counter[str] = Counter()
+    def __init__(self, folder, workers, rng):
+        self.done = Counter()
         self._folder, self._workers, self._rng = folder, workers, rng
-        self._started: Counter[str] = Counter()
+        self._started = Counter()
 
-    def strike(self) -> None:
+    def strike(self):
         """Kill something, with SIGKILL."""
         target = self._rng.choices(list(TARGETS), list(TARGETS.values()))[0]
         if target == "worker":
@@ -66,13 +62,13 @@ class Stacks:
                 self._rng.choice(found).kill()
                 self.done[f"{target} killed"] += 1
 
-    def revive(self) -> None:
+    def revive(self):
         """Start workers again that have given up."""
         for worker in self._workers:
             if worker.process.poll() is not None:
                 worker.restart()
 
-    def _find(self, target: str) -> Iterator[psutil.Process]:
+    def _find(self, target):
         for process in psutil.process_iter():
             with suppress(psutil.Error):
                 words = " ".join(process.cmdline())
@@ -87,13 +83,13 @@ class Stacks:
                     if target == role:
                         yield process
 
-    def _belongs_to_a_stack(self, process: psutil.Process) -> bool:
+    def _belongs_to_a_stack(self, process):
         return MARKER in process.environ() and self._is_ours(process)
 
-    def _is_ours(self, process: psutil.Process) -> bool:
+    def _is_ours(self, process):
         return bool(process.environ().get("TMPDIR") == str(self._folder))
 
-    def left(self) -> list[str]:
+    def left(self):
         """What runs or listens, or lies in the folder."""
         found = []
         for process in psutil.process_iter():
@@ -108,15 +104,7 @@ class Stacks:
         return found
 
 
-def stacks(
-    folder: Path,
-    *,
-    runs: int = 50,
-    seed: int = 1,
-    every: float = 0.5,
-    limit: float = 120.0,
-    executor: str = EXECUTOR,
-) -> Report:
+def stacks(folder, *, runs=50, seed=1, every=0.5, limit=120.0, executor=EXECUTOR):
     """Strike every ``every`` seconds until nothing is under way; then look for what is left.
 
     After ``limit`` seconds what is still under way is left to end undisturbed.
@@ -146,9 +134,7 @@ def stacks(
 
 
 @contextmanager
-def batch(
-    folder: Path, place: Path, rng: random.Random, executor: str
-) -> Iterator[tuple[DaemonPart, Stacks]]:
+def batch(folder, place, rng, executor):
     """A daemon and two workers with two slots each, whose stacks lie in ``place``."""
     with ExitStack() as parts:
         daemon = parts.enter_context(daemon_at(folder / "state", 0, lease=3.0, attempts=200))
@@ -160,14 +146,7 @@ def batch(
         yield daemon, Stacks(place, workers, rng)
 
 
-def _strike(
-    report: Report,
-    daemon: DaemonPart,
-    scene: Stacks,
-    specs: list[RunSpec],
-    every: float,
-    limit: float,
-) -> None:
+def _strike(report, daemon, scene, specs, every, limit):
     with daemon.client() as client:
         client.submit(submission_of("chaos", *specs))
         deadline = time.monotonic() + limit

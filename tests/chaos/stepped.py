@@ -4,8 +4,6 @@ The file ``offset`` beside the state directory holds the seconds by which the cl
 read whenever the time is asked for.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path
@@ -13,10 +11,10 @@ from pathlib import Path
 from daemon.__main__ import main
 
 
-def _set_clock(file: Path) -> None:
+def _set_clock(file):
     true = time.time
 
-    def wall() -> float:
+    def wall():
         return true() + (float(file.read_text()) if file.exists() else 0.0)
 
     time.time = wall

@@ -1,15 +1,12 @@
 """All at once: bad lines, cuts, chatty runs, trees, large traces, and a daemon that is killed."""
 
-from __future__ import annotations
-
 import random
 import time
 from contextlib import ExitStack
-from pathlib import Path
 
 from tests.chaos.executions import Executions
 from tests.chaos.lines import drop_packets, slow_line
-from tests.chaos.links import Link, Namespace, links, may_make_namespaces
+from tests.chaos.links import Namespace, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.chaos.violence import progress
@@ -21,15 +18,7 @@ CUTS = (1.0, 3.0, 6.0)
 """Seconds, all shorter than the lease."""
 
 
-def storm(
-    folder: Path,
-    *,
-    runs: int = 200,
-    seed: int = 1,
-    lease: float = 30.0,
-    every: float = 8.0,
-    seconds: float = 120.0,
-) -> Report:
+def storm(folder, *, runs=200, seed=1, lease=30.0, every=8.0, seconds=120.0):
     """Kill the daemon and cut lines, none for as long as a lease: no run is started over.
 
     No worker and no run is killed here, so that whatever is begun twice was healthy.
@@ -59,7 +48,7 @@ def storm(
             drop_packets(cables[1], 0.1)
         far = stack.enter_context(slow_line(endpoint, delay=0.1))
         slow = stack.enter_context(slow_line(endpoint, rate=200_000))
-        lines: list[Link] = [*cables, far, slow]
+        lines = [*cables, far, slow]
         for number, line in enumerate(lines):
             worker = worker_for(
                 daemon,

@@ -1,14 +1,11 @@
 """The daemon is killed while it commits; its write-ahead log loses its end."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import sqlite3
 import struct
 import time
 from contextlib import closing
-from pathlib import Path
 
 from daemon.batch.ledger import connect
 from tests.chaos.light import Crew
@@ -20,9 +17,7 @@ from tests.daemon.batch.samples import make_submission
 CREW = 4
 
 
-def torn(
-    folder: Path, *, runs: int = 6_000, kills: int = 15, tears: int = 60, seed: int = 1
-) -> Report:
+def torn(folder, *, runs=6_000, kills=15, tears=60, seed=1):
     """Kill the daemon in the middle of many commits; what it acknowledged must be there.
 
     Then tear pages off the end of copies of its write-ahead log: each copy must open to some
@@ -53,13 +48,13 @@ def torn(
     return report
 
 
-def _await_work(crew: Crew, runs: int) -> None:
+def _await_work(crew, runs):
     """Wait until results come in again, if any are left."""
     wanted = min(len(crew.acknowledged) + 20, runs)
     eventually(lambda: len(crew.acknowledged) >= wanted)
 
 
-def _check_acknowledged(report: Report, state: Path, acknowledged: dict[str, str]) -> None:
+def _check_acknowledged(report, state, acknowledged):
     """The daemon is dead: what it acknowledged must be on the disk."""
     with closing(sqlite3.connect(f"file:{state / 'ledger.db'}?mode=ro", uri=True)) as db:
         kept = dict(db.execute("SELECT run, digest FROM result"))
@@ -67,7 +62,7 @@ def _check_acknowledged(report: Report, state: Path, acknowledged: dict[str, str
     report.expect(not missing, f"acknowledged but not there: {missing[:3]} of {len(missing)}")
 
 
-def _copy(state: Path, target: Path) -> Path:
+def _copy(state, target):
     target.mkdir()
     for name in ("ledger.db", "ledger.db-wal"):
         if (state / name).exists():
@@ -75,7 +70,7 @@ def _copy(state: Path, target: Path) -> Path:
     return target
 
 
-def _tear(report: Report, rng: random.Random, copies: list[Path], tears: int, at: Path) -> None:
+def _tear(report, rng, copies, tears, at):
     """Open copies whose write-ahead log ends too early or in rubbish, where a power cut can do it.
 
     That is behind the last commit but one: it was synchronised before the last one began.
@@ -97,7 +92,7 @@ def _tear(report: Report, rng: random.Random, copies: list[Path], tears: int, at
     report.fact("torn write-ahead logs opened", f"{tears}, {lost / 2**20:.1f} MiB torn off")
 
 
-def _synchronised(data: bytes) -> int:
+def _synchronised(data):
     """Where the last commit but one ends in a write-ahead log (sqlite.org/fileformat2, 4.1).
 
     A header of 32 bytes, the page size at 8, the salt at 16; frames of 24 bytes and a page, where

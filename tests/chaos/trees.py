@@ -1,19 +1,15 @@
 """A system under test that leaves a tree of processes: nothing of it outlives its run."""
 
-from __future__ import annotations
-
 import signal
 import time
-from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 
 import psutil
 
 from daemon.model.run_state import RunState
 from tests.chaos.executor import TREE
 from tests.chaos.report import Report
-from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually
+from tests.daemon.batch.harness import alive, daemon_at, eventually
 from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
@@ -33,7 +29,7 @@ ENDINGS = (
 )
 
 
-def trees(folder: Path, *, endings: tuple[str, ...] = ENDINGS) -> Report:
+def trees(folder, *, endings=ENDINGS):
     """End a run in every way there is; the processes it started end with it."""
     report = Report("trees: processes that a system under test leaves")
     for number, ending in enumerate(endings):
@@ -47,12 +43,12 @@ def trees(folder: Path, *, endings: tuple[str, ...] = ENDINGS) -> Report:
     return report
 
 
-def _end(part: Report, folder: Path, ending: str) -> None:
+def _end(part, folder, ending):
     folder.mkdir()
     pids, gate = folder / "pids", folder / "gate"
     wall = 3.0 if ending == "wall limit" else 300.0
     quick = ending in ("done", "raise", "crash")
-    asked: dict[str, float | str] = {"tree": str(pids), "ending": ending}
+    asked = {"tree": str(pids), "ending": ending}
     asked |= {"sleep": 0.1} if quick else {"until": str(gate)}
     with (
         daemon_at(folder / "state", 1, executor=EXECUTOR, wall=wall, attempts=1) as daemon,
@@ -79,12 +75,12 @@ def _end(part: Report, folder: Path, ending: str) -> None:
                 process.kill()
 
 
-def _acts(daemon: DaemonPart, processes: list[psutil.Process]) -> dict[str, Callable[[], None]]:
+def _acts(daemon, processes):
     """What is done to end the run, by the name of the ending."""
     children = psutil.Process(daemon.pid).children()
     local = [child for child in children if "worker" in child.cmdline()]
 
-    def kill_run() -> None:
+    def kill_run():
         """The process that started the first of the tree."""
         ours = {process.pid for process in processes}
         parents = [process.parent() for process in processes]
@@ -100,7 +96,7 @@ def _acts(daemon: DaemonPart, processes: list[psutil.Process]) -> dict[str, Call
     }
 
 
-def _tree(pids: Path) -> list[psutil.Process]:
+def _tree(pids):
     numbers = pids.read_text().split() if pids.exists() else []
     if len(numbers) < TREE:
         return []

@@ -1,12 +1,9 @@
 """What must be true of a ledger and its traces, whatever was done to those who wrote them."""
 
-from __future__ import annotations
-
 import hashlib
 import sqlite3
 from collections import Counter
 from contextlib import closing
-from pathlib import Path
 
 from mcap.reader import make_reader
 
@@ -14,10 +11,9 @@ from daemon.batch.paths import StatePaths
 from daemon.model.spec import RunResult
 from grammars.text import codec
 from tests.chaos.executor import MESSAGES
-from tests.chaos.report import Report
 
 
-def verify(report: Report, state: Path, runs: int, *, traces: bool = True) -> None:
+def verify(report, state, runs, *, traces=True):
     """Check that each of ``runs`` runs has one result, and a trace that opens and is the one."""
     with closing(sqlite3.connect(state / "ledger.db")) as db:
         _check_ledger(report, db)
@@ -33,13 +29,13 @@ def verify(report: Report, state: Path, runs: int, *, traces: bool = True) -> No
             _check_traces(report, db, StatePaths(state), runs)
 
 
-def check_book(report: Report, ledger: Path) -> None:
+def check_book(report, ledger):
     """Check the ledger's own consistency only."""
     with closing(sqlite3.connect(ledger)) as db:
         _check_ledger(report, db)
 
 
-def _check_ledger(report: Report, db: sqlite3.Connection) -> None:
+def _check_ledger(report, db):
     whole = db.execute("PRAGMA integrity_check").fetchall()
     report.expect(whole == [("ok",)], f"integrity_check: {whole[:3]}")
     foreign = db.execute("PRAGMA foreign_key_check").fetchall()
@@ -59,7 +55,7 @@ def _check_ledger(report: Report, db: sqlite3.Connection) -> None:
     report.expect(odd == 0, f"{odd} runs disagree with their results")
 
 
-def _check_traces(report: Report, db: sqlite3.Connection, places: StatePaths, runs: int) -> None:
+def _check_traces(report, db, places, runs):
     opened = 0
     rows = db.execute("SELECT trace_name, body FROM run JOIN result ON result.run = run.id")
     for name, body in rows.fetchall():
@@ -70,7 +66,7 @@ def _check_traces(report: Report, db: sqlite3.Connection, places: StatePaths, ru
     report.expect(opened == runs, f"{opened} of {runs} traces open")
 
 
-def _opens(report: Report, path: Path, result: RunResult) -> bool:
+def _opens(report, path, result):
     data = path.read_bytes()
     same = hashlib.sha256(data).hexdigest() == result.trace.sha256
     with path.open("rb") as file:

@@ -6,10 +6,8 @@ import random
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import psutil
 
@@ -37,9 +35,9 @@ class Yard:
     done: Counter[str] = field(default_factory=Counter)
     _thaws: list[threading.Timer] = field(default_factory=list)
 
-    def strike(self) -> None:
+    def strike(self):
         """Do one of the things that happen to processes and cables."""
-        deeds: list[tuple[Callable[[], None], float]] = [
+        deeds = [
             (self._kill_daemon, 3.0),
             (self._kill_local, 2.0),
             (self._kill_worker, 3.0),
@@ -49,38 +47,38 @@ class Yard:
         act = self.rng.choices([deed for deed, _ in deeds], [weight for _, weight in deeds])[0]
         act()
 
-    def _kill_daemon(self) -> None:
+    def _kill_daemon(self):
         self.daemon.kill()
         self.daemon.restart()
         self.done["daemon killed"] += 1
 
-    def _kill_local(self) -> None:
+    def _kill_local(self):
         with suppress(psutil.NoSuchProcess):
             for child in psutil.Process(self.daemon.pid).children():
                 child.kill()
                 self.done["local worker killed"] += 1
 
-    def _kill_worker(self) -> None:
+    def _kill_worker(self):
         worker = self.rng.choice(self.workers)
         worker.kill()
         worker.restart()
         self.done["worker killed"] += 1
 
-    def _freeze(self) -> None:
+    def _freeze(self):
         part = self.rng.choice([self.daemon, *self.workers])
         process = psutil.Process(part.pid)
         process.suspend()
         self._later(process.resume)
         self.done["daemon frozen" if part is self.daemon else "worker frozen"] += 1
 
-    def _cut(self) -> None:
+    def _cut(self):
         cable = self.rng.choice(self.cables)
         cable.cut()
         self._later(cable.mend)
         self.done["cable cut"] += 1
 
-    def _later(self, act: Callable[[], None]) -> None:
-        def undo() -> None:
+    def _later(self, act):
+        def undo():
             with suppress(psutil.NoSuchProcess):
                 act()
 
@@ -88,13 +86,13 @@ class Yard:
         self._thaws.append(timer)
         timer.start()
 
-    def settle(self) -> None:
+    def settle(self):
         """Wait until nothing is frozen or cut any more, and start again what has given up."""
         for timer in self._thaws:
             timer.join()
         self.revive()
 
-    def revive(self) -> None:
+    def revive(self):
         """Start workers again that left because no daemon was there when they came."""
         for worker in self.workers:
             if worker.process.poll() is not None:
@@ -102,9 +100,9 @@ class Yard:
 
 
 @contextmanager
-def yard(folder: Path, seed: int, *, isolated: bool) -> Iterator[Yard]:
+def yard(folder, seed, *, isolated):
     """The daemon and its workers for the block; nothing is left afterwards."""
-    settings: dict[str, float | str] = {"lease": 3.0, "attempts": 200}
+    settings = {"lease": 3.0, "attempts": 200}
     with ExitStack() as stack:
         endpoint, cables = stack.enter_context(links(free_endpoint(), REMOTE, isolated=isolated))
         daemon = stack.enter_context(
@@ -131,7 +129,7 @@ def yard(folder: Path, seed: int, *, isolated: bool) -> Iterator[Yard]:
             made.settle()
 
 
-def progress(endpoint: str) -> tuple[int, int] | None:
+def progress(endpoint):
     """Runs at rest and runs under way; ``None`` when nobody answers."""
     try:
         with Client.open(endpoint, timeout=1.0) as client:
@@ -141,15 +139,13 @@ def progress(endpoint: str) -> tuple[int, int] | None:
     return now.done + now.lost + now.cancelled, now.queued + now.running
 
 
-def attempts_below(folder: Path) -> list[Path]:
+def attempts_below(folder):
     """What is left in the spools of the daemon's machine and of the workers' own ones."""
     spools = (folder / "state" / "spool", *folder.glob("worker-*/work/*/spool"))
     return [path for spool in spools for path in spool.glob("*/*/attempt-*")]
 
 
-def violence(
-    folder: Path, *, runs: int = 2000, seed: int = 1, every: float = 2.0, limit: float = 285.0
-) -> Report:
+def violence(folder, *, runs=2000, seed=1, every=2.0, limit=285.0):
     """Strike every ``every`` seconds until nothing is under way; then look at what is left."""
     report = Report("violence: kills, freezes and cut cables under load")
     isolated = may_make_namespaces()
@@ -178,7 +174,7 @@ def violence(
     return report
 
 
-def _await_end(scene: Yard, folder: Path, runs: int, patience: float = 60.0) -> None:
+def _await_end(scene, folder, runs, patience=60.0):
     """Let the last runs and deliveries happen undisturbed, for as long as any do."""
     deadline = time.monotonic() + patience
     before = None

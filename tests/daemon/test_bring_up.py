@@ -1,23 +1,16 @@
 """What is told of an external system while it is brought up, and of how it failed."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Literal
 
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.live_judgement import LiveJudgement
-from daemon.model.spec import RunResult, RunSpec, Snapshot, SutReference
-from daemon.model.sut import Briefing, Decision, Observation, Progress, SutFailure
+from daemon.model.spec import RunResult, SutReference
+from daemon.model.sut import Decision, Progress, SutFailure
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from daemon.stacks import registry
 from daemon.trace import read_outputs, read_trace
-from grammars.model.scene import Scene
 from grammars.text import codec
 
 
@@ -27,49 +20,45 @@ class Outside:
     period = 0.1
     needs_ground_truth = False
 
-    def __init__(self, waiting: tuple[str, ...], failure: str = "") -> None:
+    def __init__(self, waiting, failure=""):
         self._waiting, self._failure = waiting, failure
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing):
         """Nothing to prepare."""
 
-    def bring_up(self, first: Observation) -> Iterator[str]:
+    def bring_up(self, first):
         yield from self._waiting
         if self._failure:
             raise SutFailure(self._failure)
 
-    def update(self, observation: Observation) -> Decision:
+    def update(self, observation):
         return Decision(None, Progress(0, 0, "active"), latency=0.012)
 
-    def finish(self) -> None:
+    def finish(self):
         """Fine."""
 
-    def close(self) -> None:
+    def close(self):
         """Nothing to end."""
 
-    def outputs(self) -> Mapping[str, bytes]:
+    def outputs(self):
         return {"stack.txt": b"up\xff\n"}
 
 
 @pytest.fixture(scope="module")
-def demo(campaigns: Path) -> tuple[RunSpec, Scene]:
+def demo(campaigns):
     campaign = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     outside = SutReference("outside", "outside", {"repeatable": False})
     spec = replace(campaign.runs[0], sut=outside, limit=1.0)
     return spec, next(s for s in campaign.scenes if s.digest == spec.scene)
 
 
-def executed(
-    demo: tuple[RunSpec, Scene], system: Outside, path: Path, monkeypatch: pytest.MonkeyPatch
-) -> tuple[RunResult, list[Snapshot]]:
+def executed(demo, system, path, monkeypatch):
     monkeypatch.setitem(registry._BUILT_IN, "outside", lambda _: system)
-    seen: list[Snapshot] = []
+    seen = []
     return execute(*demo, trace_path=path, on_progress=seen.append), seen
 
 
-def test_what_is_waited_for_is_one_line_that_can_be_sent(
-    demo: tuple[RunSpec, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_waited_for_is_one_line_that_can_be_sent(demo, tmp_path, monkeypatch):
     said = (
         "starting my-nav2:\n 3 of 8 nodes active",
         # What a program printed may be no text: bytes that are no UTF-8, sequences for terminals.
@@ -92,9 +81,7 @@ def test_what_is_waited_for_is_one_line_that_can_be_sent(
     assert read_outputs(tmp_path / "run.mcap") == {"stack.txt": "up\N{REPLACEMENT CHARACTER}\n"}
 
 
-def test_last_lines_that_are_no_text_still_make_a_result(
-    demo: tuple[RunSpec, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_last_lines_that_are_no_text_still_make_a_result(demo, tmp_path, monkeypatch):
     system = Outside(("starting",), "it ended with exit code 3\n  Segmentation \udcfffault")
     result, _ = executed(demo, system, tmp_path / "run.mcap", monkeypatch)
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
@@ -105,20 +92,18 @@ def test_last_lines_that_are_no_text_still_make_a_result(
 class _Watching:
     """Wants to know all the time what a run is judged by."""
 
-    def __init__(self) -> None:
-        self.told: list[LiveJudgement] = []
+    def __init__(self):
+        self.told = []
 
-    def wanted(self) -> Literal["everything"]:
+    def wanted(self):
         return "everything"
 
-    def tell(self, judgement: LiveJudgement) -> None:
+    def tell(self, judgement):
         self.told.append(judgement)
 
 
 @pytest.mark.parametrize("failure", ["", "it ended with exit code 3"])
-def test_it_is_judged_from_its_bring_up_to_however_it_ends(
-    demo: tuple[RunSpec, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: str
-) -> None:
+def test_it_is_judged_from_its_bring_up_to_however_it_ends(demo, tmp_path, monkeypatch, failure):
     system = Outside(("starting", "3 of 8"), failure)
     monkeypatch.setitem(registry._BUILT_IN, "outside", lambda _: system)
     watching = _Watching()

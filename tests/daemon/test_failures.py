@@ -3,40 +3,34 @@
 What remains an error is a stack that crashed, left or hung.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from daemon.campaign import expand, load_campaign
 from daemon.judging import oracles
 from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit, was_stopped
-from daemon.model.spec import RunResult, RunSpec, SutReference
+from daemon.model.spec import SutReference
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from daemon.trace import read_trace
 from grammars.model.mission import Waypoint
-from grammars.model.scene import Scene
 from tests.plugins import MODULE, install_plugins, place_of
 
 OUTSIDE = (Waypoint("outside", 100.0, 100.0),)
 
 
 @pytest.fixture(scope="module")
-def demo(campaigns: Path) -> tuple[RunSpec, Scene]:
+def demo(campaigns):
     found = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     spec = next(spec for spec in found.runs if spec.scenario == "open-house")
     return spec, found.scenes[0]
 
 
 @pytest.fixture
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def plugged(tmp_path, monkeypatch):
     folder = tmp_path / "packages"
     folder.mkdir()
     install_plugins(folder, monkeypatch)
@@ -44,22 +38,14 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     sys.modules.pop(MODULE, None)
 
 
-def executed(
-    demo: tuple[RunSpec, Scene],
-    path: Path,
-    kind: str,
-    parameters: dict[str, Any] | None = None,
-    *,
-    goals: tuple[Waypoint, ...] = (),
-    limit: float = 30.0,
-) -> RunResult:
+def executed(demo, path, kind, parameters=None, *, goals=(), limit=30.0):
     spec, scene = demo
     mission = replace(spec.mission, waypoints=goals or spec.mission.waypoints)
     sut = SutReference(kind, kind, parameters or {})
     return execute(replace(spec, sut=sut, limit=limit, mission=mission), scene, trace_path=path)
 
 
-def assert_failed(result: RunResult, path: Path, why: str) -> None:
+def assert_failed(result, path, why):
     """The mission has failed and the rest is judged, now and when it is judged again."""
     verdicts = {verdict.oracle: verdict for verdict in result.verdicts}
     assert result.outcome is Outcome.FAIL
@@ -93,32 +79,21 @@ def assert_failed(result: RunResult, path: Path, why: str) -> None:
     ids=["idle", "never commands", "gives up at once", "claims success", "pilot", "ros"],
 )  # fmt: skip
 def test_a_robot_that_never_moved_has_failed(
-    demo: tuple[RunSpec, Scene],
-    tmp_path: Path,
-    plugged: None,
-    kind: str,
-    parameters: dict[str, Any],
-    goals: tuple[Waypoint, ...],
-    ended: str,
-    why: str,
-) -> None:
+    demo, tmp_path, plugged, kind, parameters, goals, ended, why
+):
     path = tmp_path / "run.mcap"
     result = executed(demo, path, kind, parameters, goals=goals)
     assert result.ended == ended
     assert_failed(result, path, why)
 
 
-def test_leaving_the_interpreter_is_a_crash(
-    demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None
-) -> None:
+def test_leaving_the_interpreter_is_a_crash(demo, tmp_path, plugged):
     result = executed(demo, tmp_path / "run.mcap", "leaves")
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
     assert f"the system under test crashed: SystemExit: 3 ({MODULE}.py:" in result.note
 
 
-def test_an_endless_update_is_ended_by_the_wall_clock(
-    demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None
-) -> None:
+def test_an_endless_update_is_ended_by_the_wall_clock(demo, tmp_path, plugged):
     path = tmp_path / "run.mcap"
     with wall_clock_limit(3.0):
         result = executed(demo, path, "hangs")
@@ -132,9 +107,7 @@ def test_an_endless_update_is_ended_by_the_wall_clock(
     assert trace.ground_truth.x[-1] > 0.0
 
 
-def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(
-    demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None
-) -> None:
+def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(demo, tmp_path, plugged):
     path = tmp_path / "run.mcap"
     with wall_clock_limit(0.5):
         result = executed(demo, path, "factory-hangs-in-a-run", {"hang": True})
@@ -143,9 +116,7 @@ def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(
     assert read_trace(path).note == result.note
 
 
-def test_a_run_that_is_merely_slow_is_ended_between_two_steps(
-    demo: tuple[RunSpec, Scene], tmp_path: Path
-) -> None:
+def test_a_run_that_is_merely_slow_is_ended_between_two_steps(demo, tmp_path):
     with wall_clock_limit(0.2):
         result = executed(demo, tmp_path / "run.mcap", "idle", limit=1e6)
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
@@ -153,13 +124,13 @@ def test_a_run_that_is_merely_slow_is_ended_between_two_steps(
     assert read_trace(tmp_path / "run.mcap").complete
 
 
-def loop_for(seconds: float) -> None:
+def loop_for(seconds):
     with wall_clock_limit(seconds), interruptible("a loop"):
         while True:
             pass
 
 
-def test_the_nearest_limit_holds_and_nothing_is_left_of_it() -> None:
+def test_the_nearest_limit_holds_and_nothing_is_left_of_it():
     with wall_clock_limit(60.0):
         with pytest.raises(OutOfTime, match=r"stopped after 0.05 s .* in one call of a loop"):
             loop_for(0.05)
@@ -169,7 +140,7 @@ def test_the_nearest_limit_holds_and_nothing_is_left_of_it() -> None:
         pass
 
 
-def test_the_timer_of_others_goes_on() -> None:
+def test_the_timer_of_others_goes_on():
     before = signal.signal(signal.SIGALRM, signal.SIG_IGN)
     signal.setitimer(signal.ITIMER_REAL, 1000.0)
     try:
@@ -183,7 +154,7 @@ def test_the_timer_of_others_goes_on() -> None:
         signal.signal(signal.SIGALRM, before)
 
 
-def test_where_it_hung_is_said(demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None) -> None:
+def test_where_it_hung_is_said(demo, tmp_path, plugged):
     with wall_clock_limit(2.0):
         result = executed(demo, tmp_path / "run.mcap", "hangs")
     hanging = place_of("here it hangs")

@@ -1,7 +1,5 @@
 """What watchers see of a run, and that the run does not notice."""
 
-from __future__ import annotations
-
 import json
 import random
 from dataclasses import replace
@@ -12,7 +10,6 @@ import pytest
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.live_checks import read_snapshot
-from daemon.model.live_judgement import LiveJudgement
 from daemon.model.live_view import (
     MOST_PLAN_POINTS,
     MOST_RETURNS,
@@ -24,7 +21,6 @@ from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from daemon.model.sut import Estimate
 from daemon.run import execute
-from daemon.run_judge import JudgingWanted
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Laser
 from grammars.text import codec
@@ -34,13 +30,13 @@ LASER = Laser(Pose2(0.5), 0.3, -np.pi / 2, np.pi / 2, 181, 0.05, 10.0, 10.0, 0.0
 BARE = Snapshot(1.0, 10.0, Pose2(1.0, 2.0), None, 0, 1, ())
 
 
-def test_points_keep_to_the_centimetre() -> None:
+def test_points_keep_to_the_centimetre():
     points = np.array([(1.234, -5.678), (0.0, 12.0), (np.nan, 1.0)])
     assert from_centimetres(to_centimetres(points)) == ((1.23, -5.68), (0.0, 12.0))
     assert from_centimetres((100, 200, 300)) == ((1.0, 2.0),)
 
 
-def test_returns_lie_where_the_laser_saw_something() -> None:
+def test_returns_lie_where_the_laser_saw_something():
     view = LiveView((LASER,))
     ranges = np.full(181, np.inf)
     ranges[90] = 2.0  # straight ahead
@@ -49,7 +45,7 @@ def test_returns_lie_where_the_laser_saw_something() -> None:
     assert seen == ((1.0, 4.5),)
 
 
-def test_everything_is_thinned_and_contacts_are_told_once() -> None:
+def test_everything_is_thinned_and_contacts_are_told_once():
     view = LiveView((LASER,))
     view.add_scan(Pose2(), np.full(181, 3.0))
     view.contacts.append((1.0, 2.0))
@@ -66,7 +62,7 @@ def test_everything_is_thinned_and_contacts_are_told_once() -> None:
 
 
 @pytest.mark.parametrize("variance", [1e200, np.inf, np.nan])
-def test_a_belief_that_cannot_be_told_leaves_the_rest_to_be_seen(variance: float) -> None:
+def test_a_belief_that_cannot_be_told_leaves_the_rest_to_be_seen(variance):
     belief = Estimate(1.0, Pose2(), np.diag([variance, 0.01, 0.1]))
     picture = LiveView((LASER,)).extend(BARE, belief, np.array([(1.0, 2.0)]))
     live = LiveSnapshot("c.0", picture)
@@ -74,7 +70,7 @@ def test_a_belief_that_cannot_be_told_leaves_the_rest_to_be_seen(variance: float
     assert (picture.spread, picture.plan) == (None, (100, 200))
 
 
-def test_snapshots_of_before_are_still_read() -> None:
+def test_snapshots_of_before_are_still_read():
     data = json.loads(codec.to_json(LiveSnapshot("run", BARE)))
     for name in ("spread", "returns", "plan", "contacts"):
         del data["snapshot"][name]
@@ -82,15 +78,15 @@ def test_snapshots_of_before_are_still_read() -> None:
 
 
 @pytest.mark.parametrize("interest", ["nothing", "progress", "everything"])
-def test_who_watches_changes_nothing(tmp_path: Path, interest: str) -> None:
+def test_who_watches_changes_nothing(tmp_path, interest):
     campaign = expand(load_campaign(CAMPAIGN))
     spec = replace(campaign.runs[0], limit=3.0)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     alone = execute(spec, scene, trace_path=tmp_path / "alone.mcap")
-    seen: list[Snapshot] = []
+    seen = []
     watched = execute(
         spec, scene, trace_path=tmp_path / "watched.mcap", on_progress=seen.append,
-        interest=lambda: interest,  # type: ignore[arg-type, return-value]
+        interest=lambda: interest,
     )  # fmt: skip
     assert watched.digest == alone.digest
     assert (tmp_path / "watched.mcap").read_bytes() == (tmp_path / "alone.mcap").read_bytes()
@@ -98,7 +94,7 @@ def test_who_watches_changes_nothing(tmp_path: Path, interest: str) -> None:
     assert any(s.returns and s.spread and s.plan for s in seen) == (interest == "everything")
 
 
-def test_returns_of_all_lasers_share_what_a_snapshot_takes() -> None:
+def test_returns_of_all_lasers_share_what_a_snapshot_takes():
     front, rear = (
         replace(LASER, name="front"),
         replace(LASER, name="rear", mount=Pose2(0, 0, np.pi)),
@@ -116,21 +112,19 @@ def test_returns_of_all_lasers_share_what_a_snapshot_takes() -> None:
 class Judged:
     """Wants everything, always, and keeps it."""
 
-    def __init__(self, wanted: JudgingWanted = "everything") -> None:
-        self.found: list[LiveJudgement] = []
-        self._wanted: JudgingWanted = wanted
+    def __init__(self, wanted="everything"):
+        self.found = []
+        self._wanted = wanted
 
-    def wanted(self) -> JudgingWanted:
+    def wanted(self):
         return self._wanted
 
-    def tell(self, judgement: LiveJudgement) -> None:
+    def tell(self, judgement):
         self.found.append(judgement)
 
 
 @pytest.mark.parametrize("limit", [12.0, 3.0])
-def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: float
-) -> None:
+def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(tmp_path, monkeypatch, limit):
     # Judged with every snapshot, where it otherwise takes a tenth of the time.
     monkeypatch.setattr("daemon.run_judge._PERIODS", {"everything": 0.0, "margin": 0.0})
     monkeypatch.setattr("daemon.run_judge._SHARES", {"everything": 1e9, "margin": 1e9})
@@ -138,7 +132,7 @@ def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(
     spec = replace(campaign.runs[0], limit=limit)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     alone = execute(spec, scene, trace_path=tmp_path / "alone.mcap")
-    seen: list[Snapshot] = []
+    seen = []
     judged = Judged()
     watched = execute(
         spec, scene, trace_path=tmp_path / "watched.mcap", on_progress=seen.append,
@@ -160,11 +154,11 @@ def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(
     assert seen[-1].oracle in outcomes
 
 
-def test_margins_of_all_runs_are_found_without_a_judgement(tmp_path: Path) -> None:
+def test_margins_of_all_runs_are_found_without_a_judgement(tmp_path):
     campaign = expand(load_campaign(CAMPAIGN))
     spec = replace(campaign.runs[0], limit=3.0)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
-    seen: list[Snapshot] = []
+    seen = []
     judged = Judged("margin")
     execute(
         spec, scene, trace_path=tmp_path / "run.mcap", on_progress=seen.append,
@@ -176,9 +170,7 @@ def test_margins_of_all_runs_are_found_without_a_judgement(tmp_path: Path) -> No
     assert seen[1].margin is not None
 
 
-def test_a_judge_that_fails_fails_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_judge_that_fails_fails_alone(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr("daemon.judging.running.sample_run_signals", lambda sampler: 1 / 0)
     campaign = expand(load_campaign(CAMPAIGN))
     spec = replace(campaign.runs[0], limit=3.0)
@@ -195,10 +187,8 @@ def test_a_judge_that_fails_fails_alone(
     assert capfd.readouterr().err.count("ZeroDivisionError") == 1
 
 
-def test_judges_that_draw_leave_the_same_chance_to_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def draw(sampler: object) -> tuple[()]:
+def test_judges_that_draw_leave_the_same_chance_to_the_run(tmp_path, monkeypatch):
+    def draw(sampler):
         random.random()
         np.random.rand()
         return ()

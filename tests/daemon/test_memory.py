@@ -1,13 +1,8 @@
 """What a run leaves in the memory of a process that goes on: nothing of its world and its maps."""
 
-from __future__ import annotations
-
 import gc
 import weakref
-from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pymunk
 import pytest
@@ -15,8 +10,7 @@ import pytest
 from daemon import run
 from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import SutMissing
-from daemon.model.spec import RunSpec, SutReference
-from daemon.model.verdicts import Verdict
+from daemon.model.spec import SutReference
 from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.simulator import World
@@ -24,33 +18,32 @@ from daemon.stacks.calls import make_in_time
 from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.navfn import Navfn
 from daemon.trace import TraceWriter
-from grammars.model.scene import Scene
 
 KINDS = ("ros", "pilot", "no such system")
 """The last one ends a run before it begins, with an exception."""
 
 
 @pytest.fixture(scope="module")
-def demo(campaigns: Path) -> tuple[RunSpec, Scene]:
+def demo(campaigns):
     found = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     spec = next(spec for spec in found.runs if spec.scenario == "rude-house")
     return spec, found.scenes[0]
 
 
 @pytest.fixture
-def made(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[weakref.ref[Any]]]:
+def made(monkeypatch):
     """All that is made of the types that hold much memory, while nothing collects garbage."""
-    found: list[weakref.ref[Any]] = []
+    found = []
 
-    def noting(init: Callable[..., None]) -> Callable[..., None]:
-        def note(self: Any, *args: Any, **kwargs: Any) -> None:
+    def noting(init):
+        def note(self, *args, **kwargs):
             init(self, *args, **kwargs)
             found.append(weakref.ref(self))
 
         return note
 
     stacks = [type(make_in_time(kind, {})) for kind in KINDS[:2]]
-    types: list[Any] = [RunLoop, World, pymunk.Space, TraceWriter, Costmap, Navfn, *stacks]
+    types = [RunLoop, World, pymunk.Space, TraceWriter, Costmap, Navfn, *stacks]
     for kind in types:
         monkeypatch.setattr(kind, "__init__", noting(kind.__init__))
     gc.collect()
@@ -60,9 +53,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[weakref.ref[Any]]]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_nothing_large_outlives_its_run(
-    kind: str, demo: tuple[RunSpec, Scene], tmp_path: Path, made: list[weakref.ref[Any]]
-) -> None:
+def test_nothing_large_outlives_its_run(kind, demo, tmp_path, made):
     spec, scene = demo
     spec = replace(spec, sut=SutReference(kind, kind, {}), limit=2.0)
     for _ in range(2):
@@ -76,16 +67,10 @@ def test_nothing_large_outlives_its_run(
 
 
 @pytest.mark.parametrize("kind", KINDS[:2])
-def test_what_drove_is_gone_before_its_trace_is_judged(
-    kind: str,
-    demo: tuple[RunSpec, Scene],
-    tmp_path: Path,
-    made: list[weakref.ref[Any]],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    kept: list[Any] = []
+def test_what_drove_is_gone_before_its_trace_is_judged(kind, demo, tmp_path, made, monkeypatch):
+    kept = []
 
-    def judge(*_: object) -> tuple[Verdict, ...]:
+    def judge(*_):
         kept.extend(type(left) for each in made if (left := each()) is not None)
         return ()
 

@@ -1,7 +1,5 @@
 """One run, end to end, with real parts: scene, simulator, system under test, trace, oracles."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import json
@@ -10,7 +8,6 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,31 +16,29 @@ import pytest
 from mcap.reader import make_reader
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.spec import RunSpec, Snapshot, SutReference
-from daemon.model.status import Submission
-from daemon.model.sut import Briefing, CostmapPicture, Decision, Estimate, Observation, Progress
+from daemon.model.spec import SutReference
+from daemon.model.sut import CostmapPicture, Decision, Estimate, Progress
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError, execute
 from daemon.stacks import registry
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot_files import load_robot
-from grammars.model.scene import Scene
 from grammars.text import codec
 from tests.daemon.trace.mcap_checks import complaints
 
 
 @pytest.fixture(scope="module")
-def demo(campaigns: Path) -> Submission:
+def demo(campaigns):
     return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
 
 
 @pytest.fixture(scope="module")
-def scene(demo: Submission) -> Scene:
+def scene(demo):
     return demo.scenes[0]
 
 
-def idle(demo: Submission, *, seconds: float, scenario: str = "busy-house") -> RunSpec:
+def idle(demo, *, seconds, scenario="busy-house"):
     spec = next(s for s in demo.runs if s.scenario == scenario)
     return replace(spec, sut=SutReference("idle", "idle", {}), limit=seconds)
 
@@ -55,27 +50,21 @@ class Scripted:
     needs_ground_truth = False
 
     def __init__(
-        self,
-        fail_at: float = 1e9,
-        finish_at: float = 1e9,
-        nonsense_at: float = 1e9,
-        lost_at: float = 1e9,
-        silent_at: float = 1e9,
-        show_at: float = 1e9,
-    ) -> None:
+        self, fail_at=1e9, finish_at=1e9, nonsense_at=1e9, lost_at=1e9, silent_at=1e9, show_at=1e9
+    ):
         self._fail_at, self._finish_at, self._nonsense_at = fail_at, finish_at, nonsense_at
         self._lost_at, self._silent_at, self._show_at = lost_at, silent_at, show_at
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing):
         self.briefing = briefing
 
-    def update(self, observation: Observation) -> Decision:
+    def update(self, observation):
         if observation.time >= self._fail_at:
             raise RuntimeError("no map")
         state = "succeeded" if observation.time >= self._finish_at else "active"
         speed = math.nan if observation.time >= self._nonsense_at else 0.2
         if observation.time >= self._silent_at:
-            return None  # type: ignore[return-value]
+            return None
         x = math.nan if observation.time >= self._lost_at else 0.0
         estimate = Estimate(observation.time, Pose2(x, 0.0, 0.0), np.eye(3))
         decision = Decision(Twist2(speed, 0.0, 0.0), Progress(0, 0, state), estimate)
@@ -87,8 +76,8 @@ class Scripted:
 
 
 @pytest.fixture
-def scripted(monkeypatch: pytest.MonkeyPatch) -> None:
-    def make(parameters: Mapping[str, object]) -> Scripted:
+def scripted(monkeypatch):
+    def make(parameters):
         return Scripted(**{key: float(str(value)) for key, value in parameters.items()})
 
     monkeypatch.setitem(registry._BUILT_IN, "scripted", make)
@@ -107,9 +96,7 @@ print(execute(spec, scene, trace_path=Path(sys.argv[3])).digest)
 """
 
 
-def run_in_a_process(
-    spec: RunSpec, scene: Scene, folder: Path, hash_seed: str
-) -> tuple[str, bytes]:
+def run_in_a_process(spec, scene, folder, hash_seed):
     (folder / "spec.json").write_bytes(codec.to_json(spec))
     (folder / "scene.json").write_bytes(codec.to_json(scene))
     trace = folder / "run.mcap"
@@ -125,9 +112,7 @@ def run_in_a_process(
     return done.stdout.strip(), trace.read_bytes()
 
 
-def test_the_same_specification_gives_the_same_bytes_in_another_process(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_the_same_specification_gives_the_same_bytes_in_another_process(demo, scene, tmp_path):
     spec = replace(demo.runs[5], limit=20.0)
     here = execute(spec, scene, trace_path=tmp_path / "here.mcap").digest
     # Hashes have another seed there.
@@ -136,9 +121,7 @@ def test_the_same_specification_gives_the_same_bytes_in_another_process(
     assert there == (here, (tmp_path / "here.mcap").read_bytes())
 
 
-def test_what_a_system_under_test_shows_is_recorded(
-    demo: Submission, scene: Scene, tmp_path: Path, scripted: None
-) -> None:
+def test_what_a_system_under_test_shows_is_recorded(demo, scene, tmp_path, scripted):
     spec = replace(idle(demo, seconds=3.0), sut=SutReference("shows", "scripted", {"show_at": 0.0}))
     path = tmp_path / "run.mcap"
     execute(spec, scene, trace_path=path)
@@ -151,9 +134,7 @@ def test_what_a_system_under_test_shows_is_recorded(
         assert [time for name, time in messages if name == topic] == [0.0, 1.0, 2.0, 3.0]
 
 
-def test_odometry_of_an_exact_period_keeps_its_stamps(
-    demo: Submission, scene: Scene, tmp_path: Path, campaigns: Path, scripted: None
-) -> None:
+def test_odometry_of_an_exact_period_keeps_its_stamps(demo, scene, tmp_path, campaigns, scripted):
     robot = load_robot(campaigns / "robots" / "robile-planar-move.yaml")
     spec = replace(idle(demo, seconds=5.0), robot=robot, sut=SutReference("drives", "scripted", {}))
     execute(spec, scene, trace_path=tmp_path / "run.mcap")
@@ -166,8 +147,8 @@ def test_odometry_of_an_exact_period_keeps_its_stamps(
 
 
 def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+    demo, scene, tmp_path
+):
     spec = replace(demo.runs[5], limit=20.0)
     plain = execute(spec, scene, trace_path=tmp_path / "plain.mcap")
     led = execute(spec, scene, trace_path=tmp_path / "led.mcap", leads=True)
@@ -181,9 +162,7 @@ def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(
         assert fails == (lead.margin is not None and lead.margin < 0.0)
 
 
-def test_a_trace_has_the_verdicts_of_its_run_inside(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_a_trace_has_the_verdicts_of_its_run_inside(demo, scene, tmp_path):
     path = tmp_path / "run.mcap"
     result = execute(replace(demo.runs[5], limit=20.0), scene, trace_path=path)
     with path.open("rb") as stream:
@@ -195,10 +174,8 @@ def test_a_trace_has_the_verdicts_of_its_run_inside(
     assert complaints(path) == []
 
 
-def test_a_judge_that_fails_leaves_the_recording(
-    demo: Submission, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
+def test_a_judge_that_fails_leaves_the_recording(demo, scene, tmp_path, monkeypatch):
+    def fail(*_):
         raise RuntimeError("no judgement")
 
     monkeypatch.setattr("daemon.run.judge", fail)
@@ -208,9 +185,9 @@ def test_a_judge_that_fails_leaves_the_recording(
 
 
 def test_a_trace_whose_verdicts_could_not_be_written_has_no_name(
-    demo: Submission, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(self: TraceWriter, data: bytes) -> None:
+    demo, scene, tmp_path, monkeypatch
+):
+    def fail(self, data):
         self._container.reopen()
         raise OSError(errno.ENOSPC, "no space left")
 
@@ -220,14 +197,14 @@ def test_a_trace_whose_verdicts_could_not_be_written_has_no_name(
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap.partial"]
 
 
-def test_another_seed_gives_another_trace(demo: Submission, scene: Scene, tmp_path: Path) -> None:
+def test_another_seed_gives_another_trace(demo, scene, tmp_path):
     spec = idle(demo, seconds=2.0)
     one = execute(spec, scene, trace_path=tmp_path / "one.mcap")
     other = execute(replace(spec, seed=spec.seed + 1), scene, trace_path=tmp_path / "other.mcap")
     assert one.trace.sha256 != other.trace.sha256
 
 
-def test_repeats_are_paired_across_scenarios(demo: Submission) -> None:
+def test_repeats_are_paired_across_scenarios(demo):
     seeds = {
         scenario: [s.seed for s in demo.runs if s.scenario == scenario]
         for scenario in ("open-house", "busy-house", "rude-house")
@@ -236,9 +213,7 @@ def test_repeats_are_paired_across_scenarios(demo: Submission) -> None:
     assert len(set(seeds["open-house"])) == 5
 
 
-def test_a_run_that_reaches_its_limit_ends_complete(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_a_run_that_reaches_its_limit_ends_complete(demo, scene, tmp_path):
     result = execute(idle(demo, seconds=3.0), scene, trace_path=tmp_path / "run.mcap")
     trace = read_trace(tmp_path / "run.mcap")
     assert result.ended == "limit"
@@ -249,9 +224,7 @@ def test_a_run_that_reaches_its_limit_ends_complete(
 
 
 @pytest.mark.usefixtures("scripted")
-def test_a_run_ends_when_the_mission_is_over(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_a_run_ends_when_the_mission_is_over(demo, scene, tmp_path):
     sut = SutReference("scripted", "scripted", {"finish_at": 1.5})
     spec = replace(idle(demo, seconds=60.0), sut=sut)
     result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
@@ -268,9 +241,7 @@ def test_a_run_ends_when_the_mission_is_over(
         ("silent_at", r"update\(\) must return a Decision, not NoneType"),
     ],
 )
-def test_nonsense_is_an_error_of_the_system_under_test(
-    demo: Submission, scene: Scene, tmp_path: Path, fault: str, words: str
-) -> None:
+def test_nonsense_is_an_error_of_the_system_under_test(demo, scene, tmp_path, fault, words):
     sut = SutReference("scripted", "scripted", {fault: 1.0})
     spec = replace(idle(demo, seconds=60.0), sut=sut)
     result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
@@ -279,9 +250,7 @@ def test_nonsense_is_an_error_of_the_system_under_test(
 
 
 @pytest.mark.usefixtures("scripted")
-def test_a_crash_of_the_system_under_test_is_an_error_never_a_failure(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_a_crash_of_the_system_under_test_is_an_error_never_a_failure(demo, scene, tmp_path):
     sut = SutReference("scripted", "scripted", {"fail_at": 1.0})
     spec = replace(idle(demo, seconds=60.0), sut=sut)
     result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
@@ -292,17 +261,15 @@ def test_a_crash_of_the_system_under_test_is_an_error_never_a_failure(
     assert any("no map" in text for text in events)
 
 
-def test_a_scene_that_is_not_the_specified_one_is_refused(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_a_scene_that_is_not_the_specified_one_is_refused(demo, scene, tmp_path):
     spec = replace(idle(demo, seconds=1.0), scene="0" * 64)
     with pytest.raises(SceneMismatchError):
         execute(spec, scene, trace_path=tmp_path / "run.mcap")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_progress_is_told_while_it_runs(demo: Submission, scene: Scene, tmp_path: Path) -> None:
-    seen: list[Snapshot] = []
+def test_progress_is_told_while_it_runs(demo, scene, tmp_path):
+    seen = []
     execute(
         idle(demo, seconds=4.0), scene, trace_path=tmp_path / "run.mcap", on_progress=seen.append
     )
@@ -310,9 +277,7 @@ def test_progress_is_told_while_it_runs(demo: Submission, scene: Scene, tmp_path
     assert len(seen[0].joints) == len(scene.joint_names)
 
 
-def test_the_pilot_visits_every_room_when_the_doors_are_open(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_the_pilot_visits_every_room_when_the_doors_are_open(demo, scene, tmp_path):
     spec = next(s for s in demo.runs if s.scenario == "open-house")
     result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
     assert result.ended == "finished"
@@ -337,9 +302,7 @@ print(*sorted(name for name in set(sys.modules) - before))
 """
 
 
-def test_a_warmed_process_loads_nothing_more_in_a_run(
-    demo: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_a_warmed_process_loads_nothing_more_in_a_run(demo, scene, tmp_path):
     spec = replace(demo.runs[0], limit=1.0)
     (tmp_path / "spec.json").write_bytes(codec.to_json(spec))
     (tmp_path / "scene.json").write_bytes(codec.to_json(scene))

@@ -1,35 +1,30 @@
 """A run of a robot with several lasers, each at its own rate and told apart all the way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.spec import RunSpec, SutReference
-from daemon.model.status import Submission
-from daemon.model.sut import Briefing, Decision, LaserScan, Observation, Progress
+from daemon.model.spec import SutReference
+from daemon.model.sut import Decision, Progress
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from daemon.run_loop import RunLoop
-from daemon.trace import Trace, TraceWriter, read_trace
-from grammars.model.scene import Scene
+from daemon.trace import TraceWriter, read_trace
 
 
 @pytest.fixture(scope="module")
-def submission(campaigns: Path) -> Submission:
+def submission(campaigns):
     return expand(load_campaign(campaigns / "two_lasers" / "campaign.yaml"))
 
 
 @pytest.fixture(scope="module")
-def scene(submission: Submission) -> Scene:
+def scene(submission):
     return submission.scenes[0]
 
 
-def spec_of(submission: Submission, scenario: str, sut: str) -> RunSpec:
+def spec_of(submission, scenario, sut):
     return next(s for s in submission.runs if (s.scenario, s.sut.name) == (scenario, sut))
 
 
@@ -39,19 +34,19 @@ class Listener:
     period = 0.05
     needs_ground_truth = False
 
-    def __init__(self) -> None:
-        self.scans: list[LaserScan] = []
+    def __init__(self):
+        self.scans = []
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing):
         """Nothing to prepare."""
 
-    def update(self, observation: Observation) -> Decision:
+    def update(self, observation):
         """Take what is new."""
         self.scans += observation.scans
         return Decision(None, Progress(0, 0, "active"))
 
 
-def listen(path: Path, spec: RunSpec, scene: Scene) -> tuple[list[LaserScan], Trace]:
+def listen(path, spec, scene):
     """Stand still for two seconds; return the scans as they came and as they were recorded."""
     spec = replace(spec, sut=SutReference("idle", "idle", {}), limit=2.0)
     listener = Listener()
@@ -61,9 +56,7 @@ def listen(path: Path, spec: RunSpec, scene: Scene) -> tuple[list[LaserScan], Tr
     return listener.scans, read_trace(path, scans=True)
 
 
-def test_each_laser_has_its_own_rate_and_they_come_in_order(
-    submission: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_each_laser_has_its_own_rate_and_they_come_in_order(submission, scene, tmp_path):
     spec = spec_of(submission, "busy-house", "pilot")
     heard, trace = listen(tmp_path / "run.mcap", spec, scene)
     assert trace.scans is not None
@@ -78,9 +71,7 @@ def test_each_laser_has_its_own_rate_and_they_come_in_order(
         np.testing.assert_array_equal(track.ranges, came)
 
 
-def test_one_laser_more_changes_nothing_for_the_first(
-    submission: Submission, scene: Scene, tmp_path: Path
-) -> None:
+def test_one_laser_more_changes_nothing_for_the_first(submission, scene, tmp_path):
     spec = spec_of(submission, "busy-house", "pilot")
     alone = replace(spec, robot=replace(spec.robot, other_lasers=()))
     _, both = listen(tmp_path / "both.mcap", spec, scene)
@@ -93,9 +84,7 @@ def test_one_laser_more_changes_nothing_for_the_first(
 
 
 @pytest.mark.parametrize("sut", ["pilot", "shuttle-nav"])
-def test_stacks_drive_a_robot_with_two_lasers(
-    submission: Submission, scene: Scene, tmp_path: Path, sut: str
-) -> None:
+def test_stacks_drive_a_robot_with_two_lasers(submission, scene, tmp_path, sut):
     spec = spec_of(submission, "open-house", sut)
     result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
     assert result.outcome is Outcome.PASS

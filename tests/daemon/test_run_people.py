@@ -1,22 +1,16 @@
 """The demo flat with people in it: the same road as every run, nothing special on the way."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from daemon.campaign import check, expand, load_campaign
-from daemon.model.spec import RunSpec
-from daemon.model.status import Submission
 from daemon.run import execute
-from daemon.trace import Trace, read_trace
+from daemon.trace import read_trace
 from grammars.model.kinematics import link_poses
-from grammars.model.scene import Scene
 from grammars.text.diagnostics import Severity
 from templates.occupancy import occupancy_grid
 
@@ -32,7 +26,7 @@ bedroom_door goes from open to closed when waypoint living-room is reached, afte
 
 
 @pytest.fixture(scope="module")
-def submission(campaigns: Path, tmp_path_factory: pytest.TempPathFactory) -> Submission:
+def submission(campaigns, tmp_path_factory):
     folder = tmp_path_factory.mktemp("crowd") / "campaigns"
     shutil.copytree(campaigns, folder)
     file = folder / "demo" / "campaign.yaml"
@@ -46,23 +40,23 @@ def submission(campaigns: Path, tmp_path_factory: pytest.TempPathFactory) -> Sub
 
 
 @pytest.fixture(scope="module")
-def spec(submission: Submission) -> RunSpec:
+def spec(submission):
     return next(s for s in submission.runs if s.scenario == "crowded-house")
 
 
 @pytest.fixture(scope="module")
-def scene(submission: Submission, spec: RunSpec) -> Scene:
+def scene(submission, spec):
     return next(s for s in submission.scenes if s.digest == spec.scene)
 
 
 @pytest.fixture(scope="module")
-def trace(spec: RunSpec, scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Trace:
+def trace(spec, scene, tmp_path_factory):
     path = tmp_path_factory.mktemp("trace") / "run.mcap"
     execute(spec, scene, trace_path=path)
     return read_trace(path)
 
 
-def test_the_visitor_walks_in_the_trace(trace: Trace, scene: Scene) -> None:
+def test_the_visitor_walks_in_the_trace(trace, scene):
     visitor = next(o for o in scene.objects if o.name == "visitor")
     first = scene.joint_names.index("visitor.x")
     states = trace.joints.position[:, first : first + 3]
@@ -74,13 +68,13 @@ def test_the_visitor_walks_in_the_trace(trace: Trace, scene: Scene) -> None:
     assert 0.69 < np.abs(steps).max() < 0.7 + 1e-6
 
 
-def test_the_visitor_makes_way_for_the_robot(trace: Trace) -> None:
+def test_the_visitor_makes_way_for_the_robot(trace):
     texts = [event.text for event in trace.events if event.source == "visitor"]
     assert texts[0] == "sets out"
     assert "yields to the robot" in texts
 
 
-def test_a_door_reacts_to_the_mission(trace: Trace) -> None:
+def test_a_door_reacts_to_the_mission(trace):
     reached = [e.time for e in trace.events if e.text == "waypoint 2 reached"]
     reacted = [e.time for e in trace.events if e.source == "bedroom_door.hinge"]
     assert len(reached) == len(reacted) == 1
@@ -88,7 +82,7 @@ def test_a_door_reacts_to_the_mission(trace: Trace) -> None:
     assert not math.isnan(reacted[0])
 
 
-def test_the_map_of_a_crowded_house_shows_no_people(scene: Scene) -> None:
+def test_the_map_of_a_crowded_house_shows_no_people(scene):
     person = next(o for o in scene.objects if o.name == "visitor")
     alone = replace(scene, objects=tuple(o for o in scene.objects if o is not person))
     crowded = occupancy_grid(scene, laser_height=0.3, joints={})

@@ -3,8 +3,6 @@
 Each input is bounded in CPU time and the whole process in memory. Exit code 1 when anything failed.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import random
@@ -16,28 +14,26 @@ import time
 import traceback
 from collections import Counter
 from pathlib import Path
-from types import FrameType
-from typing import Final
 
 from tests.fuzz.mutation import mutated
-from tests.fuzz.targets import CORPUS, TARGETS, Target, answer, prepare
+from tests.fuzz.targets import CORPUS, TARGETS, answer, prepare
 
-_LIMIT: Final = 20.0
+_LIMIT = 20.0
 """Seconds of CPU an input may take: a slow machine needs a tenth for the slowest that is sound."""
-_MEMORY: Final = 4 << 30
+_MEMORY = 4 << 30
 
 
 class _TooSlow(BaseException):
     """Not an ``Exception``: nothing that is tested may take it for one of its own."""
 
 
-def _stop(_: int, frame: FrameType | None) -> None:
+def _stop(_, frame):
     raise _TooSlow("".join(traceback.format_stack(frame, 12)))
 
 
-def fuzz(target: Target, number: int, seed: int) -> Counter[str]:
+def fuzz(target, number, seed):
     """Read ``number`` mutated files of a language; return how many failed in which way."""
-    failures: Counter[str] = Counter()
+    failures = Counter()
     taken, slowest = 0, 0.0
     begin = time.process_time()
     with tempfile.TemporaryDirectory() as name:
@@ -68,7 +64,7 @@ def fuzz(target: Target, number: int, seed: int) -> Counter[str]:
     return failures
 
 
-def _keep(target: Target, data: bytes, error: BaseException, folder: Path) -> str:
+def _keep(target, data, error, folder):
     """Print a failure the first time it is seen, and keep its input."""
     frames = traceback.extract_tb(error.__traceback__)
     place = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames[-1:-4:-1])
@@ -84,10 +80,10 @@ def _keep(target: Target, data: bytes, error: BaseException, folder: Path) -> st
     return key
 
 
-_SEEN: Final[set[str]] = set()
+_SEEN = set()
 
 
-def main() -> None:
+def main():
     names = [target.name for target in TARGETS]
     reader = argparse.ArgumentParser(prog="python -m tests.fuzz")
     reader.add_argument("-n", type=int, default=10_000, help="inputs of every language")

@@ -1,14 +1,11 @@
 """Mutations of a text: words, lines and bytes that are dropped, doubled, swapped or replaced."""
 
-from __future__ import annotations
-
 import random
 import re
-from collections.abc import Callable, Sequence
-from typing import Final
+from collections.abc import Callable
 
-_WORDS: Final = re.compile(rb"\w+(?:[.-]\w+)*|\s+|[^\w\s]")
-_STRAYS: Final = tuple(
+_WORDS = re.compile(rb"\w+(?:[.-]\w+)*|\s+|[^\w\s]")
+_STRAYS = tuple(
     sign.encode("utf-8", "surrogatepass")
     for sign in (
         *"()[]{}<>:,.;=+-*/&|!?%@#\"'`~^$\\\n\t\r\0\x1b\x07\x85\ufeff\u2028\u202e\ud800ü²°３",
@@ -60,7 +57,7 @@ _STRAYS: Final = tuple(
 """What stands where nobody expects it."""
 
 
-def mutated(rng: random.Random, seeds: Sequence[bytes], damages: int) -> bytes:
+def mutated(rng, seeds, damages):
     """Return one of ``seeds`` after some changes; others lend their words."""
     data = rng.choice(seeds)
     for _ in range(damages):
@@ -68,10 +65,10 @@ def mutated(rng: random.Random, seeds: Sequence[bytes], damages: int) -> bytes:
     return data[:_LONGEST]
 
 
-_LONGEST: Final = 200_000
+_LONGEST = 200_000
 
 
-def _words(rng: random.Random, data: bytes, other: bytes) -> bytes:
+def _words(rng, data, other):
     """Replace a word by one of its sort, from this text or another."""
     words = _WORDS.findall(data) or [b""]
     at = rng.randrange(len(words))
@@ -80,14 +77,14 @@ def _words(rng: random.Random, data: bytes, other: bytes) -> bytes:
     return b"".join(words)
 
 
-def _sort(word: bytes) -> str:
+def _sort(word):
     first = word[:1]
     if first.isspace():
         return "blank"
     return "number" if first.isdigit() else "name" if first.isalpha() else "sign"
 
 
-def _any_words(rng: random.Random, data: bytes, other: bytes) -> bytes:
+def _any_words(rng, data, other):
     """Drop, double or swap words."""
     words = _WORDS.findall(data) or [b""]
     at, to = rng.randrange(len(words)), rng.randrange(len(words))
@@ -101,7 +98,7 @@ def _any_words(rng: random.Random, data: bytes, other: bytes) -> bytes:
     return b"".join(words)
 
 
-def _stray(rng: random.Random, data: bytes, other: bytes) -> bytes:
+def _stray(rng, data, other):
     """Insert a stray, or put it in place of a word."""
     words = _WORDS.findall(data) or [b""]
     at = rng.randrange(len(words))
@@ -109,7 +106,7 @@ def _stray(rng: random.Random, data: bytes, other: bytes) -> bytes:
     return b"".join(words)
 
 
-def _lines(rng: random.Random, data: bytes, other: bytes) -> bytes:
+def _lines(rng, data, other):
     """Drop, double, move or indent lines, or take one from another text."""
     lines = data.splitlines(keepends=True) or [b""]
     at, to = rng.randrange(len(lines)), rng.randrange(len(lines))
@@ -127,7 +124,7 @@ def _lines(rng: random.Random, data: bytes, other: bytes) -> bytes:
     return b"".join(lines)
 
 
-def _bytes(rng: random.Random, data: bytes, other: bytes) -> bytes:
+def _bytes(rng, data, other):
     """Cut the text off, or change a byte."""
     if rng.randrange(4) == 0 or not data:
         return data[: rng.randrange(len(data) + 1)]
@@ -135,7 +132,7 @@ def _bytes(rng: random.Random, data: bytes, other: bytes) -> bytes:
     return data[:at] + bytes([rng.randrange(256)]) + data[at + rng.randrange(2) :]
 
 
-def _many(rng: random.Random, data: bytes, other: bytes) -> bytes:
+def _many(rng, data, other):
     """Repeat a part of a line many times, or nest deeply."""
     words = _WORDS.findall(data) or [b""]
     at = rng.randrange(len(words))
@@ -148,9 +145,9 @@ def _many(rng: random.Random, data: bytes, other: bytes) -> bytes:
     return b"".join(words)
 
 
-_NESTING: Final = (b"(", b"[", b"{", b"-", b"not ", b"a: ", b"- ", b'{"a": ', b"<a>", b"a.", b"a+")
+_NESTING = (b"(", b"[", b"{", b"-", b"not ", b"a: ", b"- ", b'{"a": ', b"<a>", b"a.", b"a+")
 _Change = Callable[[random.Random, bytes, bytes], bytes]
-_CHANGES: Final[tuple[_Change, ...]] = (
+_CHANGES = (
     *(_words, _words, _words, _words),
     *(_any_words, _any_words, _stray, _stray, _lines, _lines, _bytes, _many),
 )

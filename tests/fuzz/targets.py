@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from daemon.campaign import examine, expand
 from daemon.search.preparation.checks import check_search
@@ -22,18 +21,16 @@ from grammars.jsonld import (
 from grammars.model.map_files import pack_map, read_map
 from grammars.scenery import load_scenery
 from grammars.text import codec
-from grammars.text.diagnostics import Diagnostic, InputError, Severity
+from grammars.text.diagnostics import InputError, Severity
 from grammars.text.ros_yaml import load_ros_yaml
 from scenario_tui.file_check import check_file
 from scenario_tui.text.diagnostics import render_diagnostic
 
-SEEDS: Final = Path(__file__).with_name("seeds")
-CORPUS: Final = Path(__file__).with_name("corpus")
-_UNREADABLE: Final = re.compile(r"is not UTF-8 text|is larger than|and \d+ more")
+SEEDS = Path(__file__).with_name("seeds")
+CORPUS = Path(__file__).with_name("corpus")
+_UNREADABLE = re.compile(r"is not UTF-8 text|is larger than|and \d+ more")
 """Messages about a file as a whole."""
-_STEERING: Final = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
-)
+_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class Target:
     read: Callable[[Path], None]
 
 
-def prepare(folder: Path) -> Path:
+def prepare(folder):
     """Lay out the campaign whose files are mutated one at a time."""
     shutil.copytree(SEEDS, folder, dirs_exist_ok=True)
     plan = load_floorplan(folder / "plan.fpm")
@@ -55,13 +52,13 @@ def prepare(folder: Path) -> Path:
     return folder
 
 
-def _json(document: object) -> bytes:
+def _json(document):
     import json
 
     return json.dumps(document, indent=1).encode()
 
 
-def answer(target: Target, folder: Path, data: bytes) -> bool:
+def answer(target, folder, data):
     """Write a mutated file and read it; returns whether it was taken.
 
     Raises ``AssertionError`` for a refusal that does not help, and whatever is no refusal.
@@ -81,7 +78,7 @@ def answer(target: Target, folder: Path, data: bytes) -> bool:
     return True
 
 
-def _check_diagnostic(told: Diagnostic) -> None:
+def _check_diagnostic(told):
     assert told.message
     for shown in (str(told), render_diagnostic(told).plain):
         assert not _STEERING.search(shown), ascii(shown)
@@ -95,7 +92,7 @@ def _check_diagnostic(told: Diagnostic) -> None:
     assert 0 <= told.where.column <= len(lines[told.where.line - 1]) + 1, f"no such column: {told}"
 
 
-def _told(found: tuple[Diagnostic, ...]) -> None:
+def _told(found):
     """Check every finding; errors refuse the file."""
     for diagnostic in found:
         _check_diagnostic(diagnostic)
@@ -104,10 +101,10 @@ def _told(found: tuple[Diagnostic, ...]) -> None:
         raise InputError(errors)
 
 
-def _checked(*names: str) -> Callable[[Path], None]:
+def _checked(*names):
     """Return what checks files one after the other, and expands those that are campaigns."""
 
-    def read(folder: Path) -> None:
+    def read(folder):
         for name in names:
             if name in _CAMPAIGNS:
                 campaign, found = examine(folder / name)
@@ -121,29 +118,29 @@ def _checked(*names: str) -> Callable[[Path], None]:
     return read
 
 
-_CAMPAIGNS: Final = ("campaign.yaml", "varied.yaml")
+_CAMPAIGNS = ("campaign.yaml", "varied.yaml")
 
 
-def _plan_graph(folder: Path) -> None:
+def _plan_graph(folder):
     _told(check_file(folder / "plan.jsonld")[1])
     load_floorplan_jsonld(folder / "plan.jsonld")
 
 
-def _object_graph(folder: Path) -> None:
+def _object_graph(folder):
     _told(check_file(folder / "objects.jsonld")[1])
     load_scenery_jsonld(folder / "objects.jsonld", [])
 
 
-def _map(folder: Path) -> None:
+def _map(folder):
     pack_map(read_map(folder / "room.yaml"))
 
 
-def _parameters(folder: Path) -> None:
+def _parameters(folder):
     _told(load_ros_yaml(folder / "params.yaml")[1])
     _told(check_file(folder / "stack.yaml")[1])
 
 
-TARGETS: Final = (
+TARGETS = (
     Target("floorplan", "plan.fpm", _checked("plan.fpm", "campaign.yaml")),
     Target("walls", "home.walls.yaml", _checked("home.walls.yaml")),
     Target("variation", "plan.variation", _checked("plan.variation", "varied.yaml")),

@@ -1,14 +1,11 @@
 """A short round of the fuzz, the same each time, and all that longer rounds have found."""
 
-from __future__ import annotations
-
 import random
-from pathlib import Path
 
 import pytest
 
 from tests.fuzz.mutation import mutated
-from tests.fuzz.targets import CORPUS, TARGETS, Target, answer, prepare
+from tests.fuzz.targets import CORPUS, TARGETS, answer, prepare
 
 NUMBER = 15
 """Inputs of each language: a campaign takes some hundredths of a second."""
@@ -16,12 +13,12 @@ CHEAP = {"sut": 60, "launch": 60, "parameters": 60, "map": 100, "image": 100}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     return prepare(tmp_path_factory.mktemp("fuzz"))
 
 
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
-def test_mutated_files_are_taken_or_refused_with_a_place(folder: Path, target: Target) -> None:
+def test_mutated_files_are_taken_or_refused_with_a_place(folder, target):
     sound = (folder / target.file).read_bytes()
     assert answer(target, folder, sound)
     for index in range(CHEAP.get(target.name, NUMBER)):

@@ -1,14 +1,10 @@
 """Small floor plans and layers for tests of composition and pre-flight."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from grammars.floorplan import FloorPlan, parse_floorplan
-from grammars.model.behaviour import Behaviour
-from grammars.model.scene import Scene
-from grammars.scenery import SceneryLayer, parse_scenery
-from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
+from grammars.floorplan import parse_floorplan
+from grammars.scenery import parse_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
 from tests.grammars.scenery.samples import DOOR, LIFT, SLIDER
 
 MODELS = DOOR + SLIDER + LIFT
@@ -41,7 +37,7 @@ Window hall_window:
 """
 
 
-def two_rooms(*changes: tuple[str, str]) -> FloorPlan:
+def two_rooms(*changes):
     """Return the plan, with some of its words replaced by others."""
     text = TWO_ROOMS
     for old, new in changes:
@@ -50,24 +46,22 @@ def two_rooms(*changes: tuple[str, str]) -> FloorPlan:
     return parse_floorplan(text, "two_rooms.fpm")
 
 
-def layer(text: str, name: str = "objects", models: bool = True) -> SceneryLayer:
+def layer(text, name="objects", models=True):
     """Return a layer of ``text``, with the models of the samples in front."""
     return parse_scenery((MODELS if models else "") + text, f"{name}.scenery")
 
 
-def scene_with(text: str) -> Scene:
+def scene_with(text):
     """Return the two rooms with objects."""
     return compile_scene(two_rooms(), [layer(text)])
 
 
-def resolved(
-    scene: Scene, layers: list[SceneryLayer], seed: int = 1, limit: float = 1200.0
-) -> ResolvedBehaviours:
+def resolved(scene, layers, seed=1, limit=1200.0):
     """Resolve with a plain seed."""
     return resolve_behaviours(scene, layers, seed=np.random.SeedSequence(seed), limit=limit)
 
 
-def behaviours_of(objects: str, *sentences: str, **options: float) -> tuple[Behaviour, ...]:
+def behaviours_of(objects, *sentences, **options):
     """Return the behaviours of one object layer and further layers."""
     layers = [layer(objects)]
     layers.extend(layer(s, f"layer_{i}", models=False) for i, s in enumerate(sentences))

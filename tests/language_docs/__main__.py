@@ -5,8 +5,6 @@ read in place of them (:mod:`grammars.text.grammar_trees`); with ``--messages`` 
 of each example that is wrong. Look at the difference: it is what people will read.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from pathlib import Path
@@ -17,13 +15,13 @@ from tests.language_docs import examples, regions
 from tests.language_docs.markdown import LANGUAGES
 
 
-def _write(page: Path, text: str) -> None:
+def _write(page, text):
     if not page.exists() or page.read_text("utf-8") != text:
         page.write_text(text, "utf-8")
         print(page)
 
 
-def _with_messages(page: Path) -> str:
+def _with_messages(page):
     lines = page.read_text("utf-8").splitlines()
     with tempfile.TemporaryDirectory() as parent:
         folder = examples.make_folder(Path(parent))

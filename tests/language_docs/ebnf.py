@@ -5,13 +5,8 @@ What a textX grammar says beyond what may be written (names of attributes, class
 of times, ``+`` at least once, ``|`` either or.
 """
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from grammars.text.parsing import load_metamodel
 from tests.language_docs.markdown import ROOT
@@ -36,7 +31,7 @@ _NOTED = "\0"
 
 
 @cache
-def rules(language: str) -> Mapping[str, str]:
+def rules(language):
     """Return the rules of a language by name, each as EBNF."""
     from arpeggio import ParserPython
     from textx import lang
@@ -54,26 +49,26 @@ def rules(language: str) -> Mapping[str, str]:
     return MappingProxyType(found)
 
 
-def _child(node: Any, name: str) -> Any:
+def _child(node, name):
     return next(child for child in node if child.rule_name == name)
 
 
-def _choice(node: Any) -> list[str]:
+def _choice(node):
     return [_sequence(child) for child in node if child.rule_name == "sequence"]
 
 
-def _sequence(node: Any) -> str:
+def _sequence(node):
     return " ".join(filter(None, map(_repeatable, node)))
 
 
-def _repeatable(node: Any) -> str:
+def _repeatable(node):
     inner = node[0][0]
     text = _assignment(inner) if inner.rule_name == "assignment" else _plain(node[0])
     operators = [child for child in node[1:] if child.rule_name == "repeat_operator"]
     return text + operators[0][0].flat_str() if operators and text else text
 
 
-def _plain(node: Any) -> str:
+def _plain(node):
     """Return an expression that assigns nothing; what only looks ahead is no part of a text."""
     if any(child.rule_name == "syntactic_predicate" for child in node):
         return ""
@@ -85,14 +80,14 @@ def _plain(node: Any) -> str:
     return _match(inner)
 
 
-def _match(node: Any) -> str:
+def _match(node):
     while node.rule_name in ("simple_match", "reference", "str_match", "string_value"):
         node = node[0]
-    text: str = node.flat_str()
+    text = node.flat_str()
     return f"'{text[1:-1]}'" if text[0] in "'\"" else text
 
 
-def _assignment(node: Any) -> str:
+def _assignment(node):
     operator, right = node[1].flat_str(), node[2]
     what = _match(right[0])
     separators = [child for child in right if child.rule_name == "repeat_modifiers"]
@@ -102,7 +97,7 @@ def _assignment(node: Any) -> str:
     return what + {"=": "", "?=": _NOTED, "*=": "*", "+=": "+"}[operator]
 
 
-def _wrapped(name: str, choices: list[str]) -> str:
+def _wrapped(name, choices):
     choices = [choice.replace(_NOTED, "?") for choice in choices]
     one = f"{name} = {' | '.join(choices)}"
     if len(one) <= _WIDTH:
@@ -121,7 +116,7 @@ def _wrapped(name: str, choices: list[str]) -> str:
     return _folded(one)
 
 
-def _folded(text: str) -> str:
+def _folded(text):
     """Break a long rule between its parts, never inside a quoted word or an expression."""
     lines, line = [], ""
     for word in text.split(" "):
@@ -134,21 +129,21 @@ def _folded(text: str) -> str:
 
 
 @cache
-def _parser(language: str) -> Any:
-    path: Path = GRAMMARS[language]
+def _parser(language):
+    path = GRAMMARS[language]
     return load_metamodel(path, autokwd=language in _WHOLE_WORDS)._parser_blueprint
 
 
-def used(language: str, text: str) -> frozenset[str]:
+def used(language, text):
     """Return the rules and quoted words of a grammar that a text makes use of.
 
     Words are in quotes and preceded by the rule they stand in. Raises textX's error when the text
     does not follow the grammar.
     """
     parser = _parser(language).clone()
-    found: set[str] = set()
+    found = set()
     parser.parse(text)
-    pending: list[Any] = [parser.parse_tree]
+    pending = [parser.parse_tree]
     while pending:
         node = pending.pop()
         found.add(node.rule_name)
@@ -159,7 +154,7 @@ def used(language: str, text: str) -> frozenset[str]:
     return frozenset(found)
 
 
-def words(language: str) -> frozenset[str]:
+def words(language):
     """Return every quoted word of a grammar that consists of letters."""
     from grammars.editor import literals
 

@@ -19,12 +19,10 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from grammars.text.diagnostics import Diagnostic, Severity
+from grammars.text.diagnostics import Severity
 from scenario_tui.file_check import check_file
 from tests.language_docs import ebnf, tables
 from tests.language_docs.markdown import ROOT, Block, blocks
@@ -72,12 +70,12 @@ class Page:
     layers: list[str] = field(default_factory=list)
 
 
-def examples(page: Path) -> Sequence[Example]:
+def examples(page):
     """Return the blocks of a page that are tried; raises ``ValueError`` for one without sense."""
     return tuple(_examples(blocks(page)))
 
 
-def _examples(found: Sequence[Block]) -> Iterator[Example]:
+def _examples(found):
     for place, block in enumerate(found):
         words = list(block.words)
         if words[:1] == ["yaml"] and len(words) > 1:
@@ -95,7 +93,7 @@ def _examples(found: Sequence[Block]) -> Iterator[Example]:
         yield Example(block, kind, name, wrong, expected, after)
 
 
-def make_folder(parent: Path) -> Page:
+def make_folder(parent):
     """Return the empty folder of a page, beside the robots and systems that ship."""
     for shared in ("robots", "suts"):
         shutil.copytree(ROOT / "campaigns" / shared, parent / shared, dirs_exist_ok=True)
@@ -104,7 +102,7 @@ def make_folder(parent: Path) -> Page:
     return Page(folder)
 
 
-def try_example(page: Page, example: Example) -> str:
+def try_example(page, example):
     """Write an example to the folder of its page; return what is not as the page says."""
     said = said_of(page, example)
     if said == example.expected:
@@ -113,7 +111,7 @@ def try_example(page: Page, example: Example) -> str:
     return f"{example.block}: should say\n{wanted}\nbut says\n{got}"
 
 
-def said_of(page: Page, example: Example) -> str:
+def said_of(page, example):
     """Write an example to the folder of its page; return all that is said of it."""
     text = _whole(page, example)
     name = example.name or f"{_UNNAMED}{_ENDINGS[example.kind]}"
@@ -129,7 +127,7 @@ def said_of(page: Page, example: Example) -> str:
     return "\n".join(dict.fromkeys(_said(one, page.folder, example) for one in found))
 
 
-def _whole(page: Page, example: Example) -> str:
+def _whole(page, example):
     """Return the text of a file that an example is, or is a part of."""
     text = example.block.text
     earlier = page.latest.get(example.kind, "")
@@ -143,7 +141,7 @@ def _whole(page: Page, example: Example) -> str:
     return with_keys(before, text)
 
 
-def with_keys(before: str, text: str) -> str:
+def with_keys(before, text):
     """Return a YAML document with other top-level keys; indented ones join the last of them."""
     if text.startswith(" "):
         return before + text
@@ -154,7 +152,7 @@ def with_keys(before: str, text: str) -> str:
     return before + text
 
 
-def _findings(page: Page, kind: str, path: Path) -> Sequence[Diagnostic]:
+def _findings(page, kind, path):
     if kind == "scenery":
         return _composed(page, path)
     return check_file(path)[1]
@@ -173,7 +171,7 @@ scenarios:
 """
 
 
-def _composed(page: Page, path: Path) -> Sequence[Diagnostic]:
+def _composed(page, path):
     """Check a layer on top of the layers of its page: in a campaign."""
     own = check_file(path)[1]
     if own or "fpm" not in page.latest:
@@ -206,7 +204,7 @@ _PLACE = re.compile(r"\b(?:object|mover|starts?(?! to move)|frozen)\b|\bis an? "
 """What is said of the scene, in layers that a campaign names among its objects."""
 
 
-def _said(found: Diagnostic, folder: Path, example: Example) -> str:
+def _said(found, folder, example):
     hint = f"\n    {found.hint}" if found.hint else ""
     where = str(found.where).removeprefix(f"{folder}/")
     if example.expected.startswith(("error:", "warning:")):
@@ -214,20 +212,20 @@ def _said(found: Diagnostic, folder: Path, example: Example) -> str:
     return f"{where}: {found.severity}: {found.message}{hint}".replace(f"{folder}/", "")
 
 
-def exercised(found: Sequence[Example]) -> frozenset[str]:
+def exercised(found):
     """Return rules and words of grammars, and keys of schemas, that examples make use of.
 
     Each is preceded by its language: ``scenery WalksNode``, ``robot drive.law``. Of texts with an
     error in their grammar there is nothing to say.
     """
-    used: set[str] = set()
+    used = set()
     for example in found:
         if example.wrong != "error" or example.kind not in (*_LANGUAGES, "oracles"):
             used |= _exercised(example)
     return frozenset(used)
 
 
-def _exercised(example: Example) -> Iterator[str]:
+def _exercised(example):
     kind, text = example.kind, example.block.text
     if kind in _LANGUAGES:
         language = _LANGUAGES[kind]
@@ -242,7 +240,7 @@ def _exercised(example: Example) -> Iterator[str]:
     return {f"{kind} {one}" for one in tables.used_keys(kind, data)}
 
 
-def _yaml(text: str) -> Any:
+def _yaml(text):
     from ruamel.yaml import YAML
 
     return YAML(typ="safe").load(text)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +27,7 @@ class Block:
     words: tuple[str, ...]
     text: str
 
-    def __str__(self) -> str:
+    def __str__(self):
         return f"{self.page.relative_to(ROOT)}:{self.line}"
 
 
@@ -40,21 +39,21 @@ class Link:
     line: int
     target: str
 
-    def __str__(self) -> str:
+    def __str__(self):
         return f"{self.page.relative_to(ROOT)}:{self.line}: {self.target}"
 
 
-def pages() -> Sequence[Path]:
+def pages():
     """Return every Markdown file people read, those of the root first."""
     return (*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md")))
 
 
-def blocks(page: Path) -> Sequence[Block]:
+def blocks(page):
     """Return the blocks of code of a page, in order."""
     return tuple(_blocks(page, page.read_text("utf-8").splitlines()))
 
 
-def _blocks(page: Path, lines: Sequence[str]) -> Iterator[Block]:
+def _blocks(page, lines):
     start, fence, indent, words = 0, "", "", ()
     for number, line in enumerate(lines, start=1):
         found = _FENCE.match(line)
@@ -68,7 +67,7 @@ def _blocks(page: Path, lines: Sequence[str]) -> Iterator[Block]:
             fence = ""
 
 
-def _prose(page: Path) -> Iterator[tuple[int, str]]:
+def _prose(page):
     """Yield the numbered lines of a page that are no code."""
     inside = ""
     for number, line in enumerate(page.read_text("utf-8").splitlines(), start=1):
@@ -81,9 +80,9 @@ def _prose(page: Path) -> Iterator[tuple[int, str]]:
             yield number, line
 
 
-def anchors(page: Path) -> frozenset[str]:
+def anchors(page):
     """Return what a link to a place in a page may name: its headings as GitHub spells them."""
-    seen: dict[str, int] = {}
+    seen = {}
     found = set()
     for _, line in _prose(page):
         found |= {match["id"] for match in _ID.finditer(line)}
@@ -99,14 +98,14 @@ def anchors(page: Path) -> frozenset[str]:
     return frozenset(found)
 
 
-def links(page: Path) -> Iterator[Link]:
+def links(page):
     """Yield the links and pictures of a page."""
     for number, line in _prose(page):
         for match in _LINK.finditer(_CODE.sub("``", line)):
             yield Link(page, number, match["target"])
 
 
-def broken(link: Link) -> str:
+def broken(link):
     """Return what is wrong with a link within the project, nothing if it is in order."""
     target, _, anchor = link.target.partition("#")
     if re.match(r"[a-z]+:", link.target):

@@ -11,11 +11,7 @@ Each stands between two comments, of which the first says what it is::
 ``python -m tests.language_docs`` writes them anew; a test holds the pages to it.
 """
 
-from __future__ import annotations
-
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
 from tests.language_docs import ebnf, tables
 from tests.language_docs.markdown import DOCS
@@ -28,7 +24,7 @@ _REGION = re.compile(
 )
 
 
-def made_pages() -> Iterator[tuple[Path, str]]:
+def made_pages():
     """Yield every page with parts that are made, and its text as it should be."""
     for page in sorted(DOCS.rglob("*.md")):
         text = page.read_text("utf-8")
@@ -37,7 +33,7 @@ def made_pages() -> Iterator[tuple[Path, str]]:
             yield page, made
 
 
-def shown(what: str) -> frozenset[str]:
+def shown(what):
     """Return what regions of a kind name, in all pages: ``scenery Link``, ``robot drive``."""
     found = set()
     for page in DOCS.rglob("*.md"):
@@ -48,7 +44,7 @@ def shown(what: str) -> frozenset[str]:
     return frozenset(found)
 
 
-def _made(found: re.Match[str]) -> str:
+def _made(found):
     words = (found["words"] or "").split()
     if found["what"] == "signals":
         return signal_table()

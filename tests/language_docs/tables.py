@@ -3,11 +3,9 @@
 A key's row says what may be written, what holds when nothing is, and what it means.
 """
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -29,22 +27,18 @@ _LIMITS = {
 
 
 @cache
-def schema(name: str) -> Schema:
+def schema(name):
     """Return a published schema: campaign, mission, oracles, robot, sut or walls."""
-    found: Schema = json.loads((SCHEMAS / f"{name}.schema.json").read_text("utf-8"))
-    return found
+    return json.loads((SCHEMAS / f"{name}.schema.json").read_text("utf-8"))
 
 
-def definition(name: str, part: str) -> Schema:
+def definition(name, part):
     """Return a part of a schema by its name, the schema itself by that of the file."""
     whole = schema(name)
-    found: Schema = (
-        whole if part == name and part not in whole.get("$defs", {}) else whole["$defs"][part]
-    )
-    return found
+    return whole if part == name and part not in whole.get("$defs", {}) else whole["$defs"][part]
 
 
-def key_table(name: str, part: str, *only: str) -> str:
+def key_table(name, part, *only):
     """Return a Markdown table of the keys of a part of a schema, all or ``only`` some."""
     body = definition(name, part)
     needed = set(body.get("required", ()))
@@ -58,7 +52,7 @@ def key_table(name: str, part: str, *only: str) -> str:
     )
 
 
-def _row(name: str, key: str, value: Schema, needed: bool) -> str:
+def _row(name, key, value, needed):
     default = value.get("default")
     if needed:
         left_out = "required"
@@ -71,12 +65,12 @@ def _row(name: str, key: str, value: Schema, needed: bool) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def _referenced(name: str, value: Schema) -> Schema:
+def _referenced(name, value):
     found = value.get("$ref", "")
     return definition(name, found.rpartition("/")[2]) if found else {}
 
 
-def _written(value: Any) -> str:
+def _written(value):
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list):
@@ -84,7 +78,7 @@ def _written(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _values(value: Schema) -> str:
+def _values(value):
     """Return what may be written, in a few words."""
     if "enum" in value or "const" in value:
         choices = value.get("enum", [value.get("const")])
@@ -104,7 +98,7 @@ def _values(value: Schema) -> str:
     return _plain(value)
 
 
-def _plain(value: Schema) -> str:
+def _plain(value):
     kind = value.get("type", "")
     kinds = [kind] if isinstance(kind, str) else [one for one in kind if one != "null"]
     if "array" in kinds:
@@ -124,16 +118,16 @@ def _plain(value: Schema) -> str:
     return " or ".join(words[one] for one in kinds if one in words) + _bounds(value)
 
 
-def _bounds(value: Schema) -> str:
+def _bounds(value):
     said = [f"{word} {value[key]:g}" for key, word in _LIMITS.items() if key in value]
     return f", {', '.join(said)}" if said else ""
 
 
-def _part(reference: str) -> str:
+def _part(reference):
     return f"`{reference.rpartition('/')[2]}`"
 
 
-def _meaning(value: Schema) -> str:
+def _meaning(value):
     """Return the description without the sentence about how the quantity is written."""
     said = value.get("description", "")
     if "errorMessage" in value:
@@ -141,7 +135,7 @@ def _meaning(value: Schema) -> str:
     return said.strip()
 
 
-def keys_of(name: str) -> frozenset[str]:
+def keys_of(name):
     """Return every key of a schema as PART.KEY."""
     parts = {name: schema(name), **schema(name).get("$defs", {})}
     return frozenset(
@@ -149,12 +143,12 @@ def keys_of(name: str) -> frozenset[str]:
     )
 
 
-def used_keys(name: str, data: Any) -> frozenset[str]:
+def used_keys(name, data):
     """Return the keys of a schema that a document makes use of, as PART.KEY."""
     return frozenset(_used(name, name, schema(name), data))
 
 
-def _used(name: str, part: str, body: Schema, data: Any) -> Iterator[str]:
+def _used(name, part, body, data):
     if "$ref" in body:
         part = body["$ref"].rpartition("/")[2]
         body = definition(name, part)
@@ -176,7 +170,7 @@ def _used(name: str, part: str, body: Schema, data: Any) -> Iterator[str]:
             yield from _used(name, part, body["items"], value)
 
 
-def _choices(body: Schema) -> Sequence[Schema]:
+def _choices(body):
     found = [*body.get("anyOf", ()), *body.get("oneOf", ())]
     found += [rule["then"] for rule in body.get("allOf", ()) if "then" in rule]
     return [choice for choice in found if choice.keys() - {"required"}]

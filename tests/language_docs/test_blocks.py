@@ -1,32 +1,27 @@
 """Blocks of code of every page are what they say they are: YAML, TOML, JSON, Python."""
 
-from __future__ import annotations
-
 import json
 import textwrap
 import tomllib
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 from ruamel.yaml import YAML
 
-from tests.language_docs.markdown import ROOT, Block, blocks, pages
+from tests.language_docs.markdown import ROOT, blocks, pages
 
 _YAML = YAML(typ="safe")
 _YAML.allow_duplicate_keys = True  # two ways of saying something stand in one block
 
 
-def _yaml(text: str) -> Any:
+def _yaml(text):
     return list(_YAML.load_all(text))
 
 
-def _python(text: str) -> Any:
+def _python(text):
     return compile(text, "a page", "exec")
 
 
-_READERS: dict[str, Callable[[str], Any]] = {
+_READERS = {
     "yaml": _yaml,
     "toml": tomllib.loads,
     "json": json.loads,
@@ -35,11 +30,11 @@ _READERS: dict[str, Callable[[str], Any]] = {
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: str(page.relative_to(ROOT)))
-def test_blocks_can_be_read(page: Path) -> None:
+def test_blocks_can_be_read(page):
     assert [said for block in blocks(page) if (said := _unread(block))] == []
 
 
-def _unread(block: Block) -> str:
+def _unread(block):
     reader = _READERS.get(block.words[0]) if block.words else None
     if reader is None:
         return ""

@@ -1,9 +1,6 @@
 """The reference of the languages: examples are tried, tables are made, nothing is left out."""
 
-from __future__ import annotations
-
 import functools
-from pathlib import Path
 
 import pytest
 
@@ -16,25 +13,25 @@ _WITHOUT_EXAMPLE = {"scenery Reserved", "oracle Custom"}
 
 
 @functools.cache
-def _exercised() -> frozenset[str]:
+def _exercised():
     return frozenset().union(*(examples.exercised(examples.examples(page)) for page in PAGES))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_examples_are_right_and_errors_say_what_is_shown(page: Path, tmp_path: Path) -> None:
+def test_examples_are_right_and_errors_say_what_is_shown(page, tmp_path):
     folder = examples.make_folder(tmp_path)
     problems = [examples.try_example(folder, example) for example in examples.examples(page)]
     wrong = [problem for problem in problems if problem]
     assert wrong == [], "new words of a message: python -m tests.language_docs --messages"
 
 
-def test_made_parts_are_current() -> None:
+def test_made_parts_are_current():
     old = [page.name for page, text in regions.made_pages() if page.read_text("utf-8") != text]
     assert old == [], "write them anew: python -m tests.language_docs"
 
 
 @pytest.mark.parametrize("language", sorted(ebnf.GRAMMARS))
-def test_every_rule_of_a_grammar_is_shown_and_used_by_an_example(language: str) -> None:
+def test_every_rule_of_a_grammar_is_shown_and_used_by_an_example(language):
     rules = {f"{language} {name}" for name in ebnf.rules(language)}
     assert rules - regions.shown("grammar") == set()
     words = {f"{language} {word}" for word in ebnf.words(language)}
@@ -42,7 +39,7 @@ def test_every_rule_of_a_grammar_is_shown_and_used_by_an_example(language: str) 
 
 
 @pytest.mark.parametrize("name", ["campaign", "mission", "robot", "sut", "walls"])
-def test_every_key_of_a_schema_is_in_a_table(name: str) -> None:
+def test_every_key_of_a_schema_is_in_a_table(name):
     parts = {key.partition(".")[0] for key in tables.keys_of(name)}
     parts -= {part for part in parts if part.startswith("ros2")}  # docs/campaigns.md has these
     parts -= {"defaults"}  # keys of a scenario
@@ -50,7 +47,7 @@ def test_every_key_of_a_schema_is_in_a_table(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["campaign", "mission", "robot", "sut", "walls"])
-def test_every_key_of_a_schema_is_in_an_example(name: str) -> None:
+def test_every_key_of_a_schema_is_in_an_example(name):
     keys = tables.keys_of(name)
     if name == "sut":  # The parameters of ROS 1 are a table alone, there are hundreds.
         keys = frozenset(key for key in keys if key.startswith("sut."))

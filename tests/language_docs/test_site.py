@@ -1,12 +1,9 @@
 """The documentation as a site, where its generator is installed (``make docs`` installs it)."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -19,7 +16,7 @@ _FETCHED = re.compile(r"""(?:src=|<link[^>]*href=|@import\s+|url\()["']?https?:"
 
 
 @pytest.mark.skipif(bool(_MISSING), reason="the site's generator is not installed")
-def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path) -> None:
+def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path):
     options = ["--fail-on-warning", "--keep-going", "--nitpicky", "--quiet"]
     command = [sys.executable, "-m", "sphinx", *options, str(DOCS), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=240)

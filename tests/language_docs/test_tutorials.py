@@ -1,11 +1,8 @@
 """Each tutorial is followed word by word, in a folder of its own."""
 
-from __future__ import annotations
-
 import os
 import runpy
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -15,12 +12,7 @@ from tests.language_docs.markdown import TUTORIALS
 
 
 @pytest.mark.parametrize("page", sorted(TUTORIALS.glob("*.md")), ids=lambda page: page.stem)
-def test_a_tutorial_does_what_it_says(
-    page: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_a_tutorial_does_what_it_says(page, tmp_path, monkeypatch, capfd):
     folder = examples.make_folder(tmp_path).folder
     monkeypatch.chdir(folder)
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
@@ -31,7 +23,7 @@ def test_a_tutorial_does_what_it_says(
     monkeypatch.setenv("COLUMNS", "160")
     monkeypatch.delitem(sys.modules, "my_stack", raising=False)
 
-    def run(command: str) -> str:
+    def run(command):
         program, *arguments = tutorials.words_of(command)
         if program == "pip":
             tutorials.install(folder)

@@ -12,12 +12,10 @@ import re
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 from tests.language_docs.examples import KINDS, with_keys
-from tests.language_docs.markdown import Block, blocks
+from tests.language_docs.markdown import blocks
 
 _CONTINUES = re.compile(r"<!-- continues (?P<page>\S+) -->")
 
@@ -31,7 +29,7 @@ class Typed:
     shown: tuple[str, ...]
 
 
-def follow(page: Path, folder: Path, run: Callable[[str], str]) -> Iterator[str]:
+def follow(page, folder, run):
     """Do what a tutorial says in ``folder`` and yield what is not as it says.
 
     ``run`` types a command there and returns its output.
@@ -40,7 +38,7 @@ def follow(page: Path, folder: Path, run: Callable[[str], str]) -> Iterator[str]
     if earlier is not None:
         for _ in follow(page.parent / earlier["page"], folder, lambda _: ""):
             pass
-    latest: dict[str, str] = {}
+    latest = {}
     for block in blocks(page):
         if block.words[:1] == ("console",):
             for typed in _typed(block):
@@ -52,7 +50,7 @@ def follow(page: Path, folder: Path, run: Callable[[str], str]) -> Iterator[str]
             _write(block, folder, latest)
 
 
-def _write(block: Block, folder: Path, latest: dict[str, str]) -> None:
+def _write(block, folder, latest):
     words = list(block.words)
     kind = next((word for word in words if word in KINDS), "")
     name = words[-1] if words and "." in words[-1] else latest.get(kind, "")
@@ -67,17 +65,17 @@ def _write(block: Block, folder: Path, latest: dict[str, str]) -> None:
     path.write_text(text, "utf-8")
 
 
-def _is_whole(kind: str, text: str) -> bool:
+def _is_whole(kind, text):
     return re.search(rf"^{kind}:", text, re.MULTILINE) is not None
 
 
-def _typed(block: Block) -> Iterator[Typed]:
+def _typed(block):
     for number, part in enumerate(re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]):
         command, *shown = part.splitlines()
         yield Typed(f"{block}+{number}", command, tuple(line for line in shown if line.strip()))
 
 
-def _agrees(output: str, shown: tuple[str, ...]) -> bool:
+def _agrees(output, shown):
     """Whether the lines are there, in that order."""
     lines = iter([line.rstrip() for line in output.splitlines()])
     for one in shown:
@@ -87,7 +85,7 @@ def _agrees(output: str, shown: tuple[str, ...]) -> bool:
     return True
 
 
-def install(folder: Path) -> None:
+def install(folder):
     """Make the package of ``folder`` known to this process as ``pip install --editable`` does."""
     project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
     info = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
@@ -102,6 +100,6 @@ def install(folder: Path) -> None:
     sys.path.insert(0, str(folder))
 
 
-def words_of(command: str) -> list[str]:
+def words_of(command):
     """Return a command's words as a shell splits them."""
     return shlex.split(command)

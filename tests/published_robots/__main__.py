@@ -13,7 +13,6 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from tests.published_robots.folder import SUTS, robot_of, write_campaign
 
@@ -29,7 +28,7 @@ class Outcome:
     said: str
 
 
-def scenario(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+def scenario(*arguments, cwd):
     """Run the command line of this environment."""
     command = [str(Path(sys.executable).with_name("scenario")), *arguments]
     environment = {**os.environ, "COLUMNS": "400", "NO_COLOR": "1"}
@@ -38,7 +37,7 @@ def scenario(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def outcome_of(name: str, packages: Path, folder: Path) -> Outcome:
+def outcome_of(name, packages, folder):
     """Load and run one robot."""
     campaign = write_campaign(folder, name, packages)
     checked = scenario("check", campaign.name, cwd=folder)
@@ -57,12 +56,12 @@ def outcome_of(name: str, packages: Path, folder: Path) -> Outcome:
     return Outcome(name, True, _told(ends["flat"]), _told(ends["corridor"]), said)
 
 
-def _told(cell: dict[str, Any]) -> str:
+def _told(cell):
     red = [o["oracle"] for o in cell["oracles"] if o["failed"] or o["errors"] or o["missing"]]
     return ": ".join(part for part in (cell["verdict"], ", ".join(red)) if part)
 
 
-def main(names: list[str]) -> None:
+def main(names):
     packages = Path(os.environ["SCENARIO_REFERENCE_DATA"]) / "robots"
     known = sorted(path.stem for path in SUTS.glob("*.yaml"))
     folder = Path(tempfile.mkdtemp(prefix="published-robots-"))

@@ -1,15 +1,12 @@
 """A campaign folder for one published robot."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
-from typing import Final
 
-HERE: Final = Path(__file__).parent
-SUTS: Final = HERE / "suts"
-DEMO: Final = HERE.parents[1] / "campaigns" / "demo"
-_ROBOTS: Final = {
+HERE = Path(__file__).parent
+SUTS = HERE / "suts"
+DEMO = HERE.parents[1] / "campaigns" / "demo"
+_ROBOTS = {
     "husky-trajectory": "husky",
     "ridgeback-dwa": "ridgeback",
     "robile-a2s": "robile-amr",
@@ -23,12 +20,12 @@ _ROBOTS: Final = {
 """The description of the robot where it is not called as the system under test."""
 
 
-def robot_of(name: str) -> str:
+def robot_of(name):
     """Return the name of the robot's description."""
     return _ROBOTS.get(name, name)
 
 
-def write_campaign(folder: Path, name: str, packages: Path) -> Path:
+def write_campaign(folder, name, packages):
     """Write a campaign of one robot into ``folder``, its packages below ``packages``; return it.
 
     Two scenarios: the flat of the demonstration with its doors open, and a corridor.
@@ -51,7 +48,7 @@ def write_campaign(folder: Path, name: str, packages: Path) -> Path:
     return campaign
 
 
-_CAMPAIGN: Final = """\
+_CAMPAIGN = """\
 campaign: {name}
 about: A published robot in the flat of the demonstration and in a corridor of its size.
 seed: 1

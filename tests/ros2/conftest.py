@@ -6,7 +6,6 @@ Without the environments (`make test-ros2` makes them) such tests are skipped an
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,19 +23,19 @@ class Ros2Environment:
     python: Path
 
     @property
-    def prefix(self) -> Path:
+    def prefix(self):
         """Where it is installed: `share/<package>` and the like."""
         return self.python.parents[1]
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure(config):
     config.addinivalue_line(
         "markers", "one_distribution: one ROS 2 is enough, what is tested does not differ"
     )
     config.addinivalue_line("markers", "short: part of make test-ros2-short")
 
 
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+def pytest_generate_tests(metafunc):
     if "distribution" in metafunc.fixturenames:
         one = metafunc.definition.get_closest_marker("one_distribution")
         chosen = DISTRIBUTIONS[-1:] if one else DISTRIBUTIONS
@@ -44,7 +43,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture(scope="session")
-def ros2_environment(distribution: str) -> Ros2Environment:
+def ros2_environment(distribution):
     python = environment_python(distribution)
     if python is None:
         pytest.skip(
@@ -55,12 +54,12 @@ def ros2_environment(distribution: str) -> Ros2Environment:
 
 
 @pytest.fixture(scope="session")
-def ros2_python(ros2_environment: Ros2Environment) -> Path:
+def ros2_python(ros2_environment):
     return ros2_environment.python
 
 
 @pytest.fixture
-def ros2_variables(tmp_path: Path) -> Iterator[dict[str, str]]:
+def ros2_variables(tmp_path):
     """Environment of processes that hear each other and nobody else: a domain of their own."""
     # As runs get theirs, which may go on beside this test.
     domain, held = lock_domain(None)

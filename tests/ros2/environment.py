@@ -8,8 +8,6 @@ headers of Python from the system.
     python -m tests.ros2.environment kilted      # make it, unless it is there and up to date
 """
 
-from __future__ import annotations
-
 import fcntl
 import hashlib
 import os
@@ -21,7 +19,6 @@ import sysconfig
 import tempfile
 import time
 import venv
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -64,7 +61,7 @@ class EnvironmentBuildError(Exception):
     """The environment cannot be made here; the text says what is missing or what failed."""
 
 
-def environment_folder(distribution: str) -> Path:
+def environment_folder(distribution):
     """Where the environment of a distribution lives, whether it is there or not.
 
     Beside the project's own `.venv`, or `<distribution>` below the folder that
@@ -75,7 +72,7 @@ def environment_folder(distribution: str) -> Path:
     return _HERE.parents[1] / f".venv-ros2-{distribution}"
 
 
-def environment_python(distribution: str) -> Path | None:
+def environment_python(distribution):
     """The interpreter of an environment that is there and up to date, otherwise None."""
     folder = environment_folder(distribution)
     stamp = folder / _STAMP
@@ -84,7 +81,7 @@ def environment_python(distribution: str) -> Path | None:
     return folder / "bin" / "python"
 
 
-def make_environment(distribution: str) -> Path:
+def make_environment(distribution):
     """Make the environment of a distribution, unless it is up to date; return its interpreter.
 
     Raises:
@@ -112,18 +109,18 @@ def make_environment(distribution: str) -> Path:
         return python
 
 
-def _requirements(distribution: str) -> Path:
+def _requirements(distribution):
     return _HERE / f"requirements-{distribution}.txt"
 
 
-def _definitions(distribution: str) -> Iterator[tuple[str, Path]]:
+def _definitions(distribution):
     """Path below the package's parent and file: those of all distributions, then its own."""
     for home in (_INTERFACES / "common", _INTERFACES / distribution):
         for file in sorted(home.rglob("*.*")):
             yield file.relative_to(home).as_posix(), file
 
 
-def _digest(distribution: str) -> str:
+def _digest(distribution):
     """Of everything that the environment is made from."""
     made_for = [sys.version, sysconfig.get_platform(), *_TYPE_SUPPORTS]
     digest = hashlib.sha256(" ".join(made_for).encode())
@@ -134,7 +131,7 @@ def _digest(distribution: str) -> str:
     return digest.hexdigest()
 
 
-def _require_tools() -> None:
+def _require_tools():
     missing = [package for tool, package in _TOOLS.items() if shutil.which(tool) is None]
     if not (Path(sysconfig.get_path("include")) / "Python.h").is_file():
         missing.append("python3-dev")
@@ -145,7 +142,7 @@ def _require_tools() -> None:
         )
 
 
-def _repair_paths(folder: Path) -> None:
+def _repair_paths(folder):
     """Let exported CMake targets point to the Python that is here."""
     headers = sysconfig.get_path("include")
     numpy = next(folder.glob("lib/python3*/site-packages/numpy/_core/include"))
@@ -156,9 +153,7 @@ def _repair_paths(folder: Path) -> None:
             file.write_text(repaired, "utf-8")
 
 
-def _build(
-    source: Path, package: str, dependencies: list[str], distribution: str, prefix: Path
-) -> None:
+def _build(source, package, dependencies, distribution, prefix):
     """Generate, compile and install one interface package into the environment."""
     for name, file in _definitions(distribution):
         home, _, below = name.partition("/")
@@ -182,7 +177,7 @@ def _build(
     _run(["cmake", "--install", source / "build"])
 
 
-def _run(command: list[str | Path], environment: dict[str, str] | None = None) -> None:
+def _run(command, environment=None):
     """Run a step. The guard of the wheels' start-up must not come from another environment."""
     inherited = {
         name: value
@@ -203,14 +198,14 @@ def _run(command: list[str | Path], environment: dict[str, str] | None = None) -
 
 
 @contextmanager
-def _alone(lock: Path) -> Iterator[None]:
+def _alone(lock):
     """One process at a time: two that build into one folder would spoil it."""
     with lock.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 
-def main(arguments: list[str]) -> int:
+def main(arguments):
     """Make the environments that are named; say where they are and what it took."""
     if not arguments:
         print(f"name a distribution: {', '.join(DISTRIBUTIONS)}", file=sys.stderr)

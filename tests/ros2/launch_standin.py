@@ -6,8 +6,6 @@ With `one_process:=true` all nodes share a process, as in a composed bring-up. L
 goes on when a node dies, unless `shutdown_on_exit:=true`, and starts it again with `respawn:=true`.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -16,7 +14,7 @@ import threading
 import time
 from pathlib import Path
 
-from standin_nodes.options import MANAGER, NODES, Options, read_options
+from standin_nodes.options import MANAGER, NODES, read_options
 
 _STANDIN = Path(__file__).with_name("standin.py")
 _ENDING = 5.0
@@ -26,15 +24,15 @@ _ENDING = 5.0
 class Launcher:
     """The processes of a launch and what is printed about them."""
 
-    def __init__(self, options: Options, arguments: list[str]) -> None:
+    def __init__(self, options, arguments):
         self._options = options
         self._arguments = arguments
-        self._processes: dict[str, subprocess.Popen[str]] = {}
+        self._processes = {}
         self._lock = threading.Lock()
         self.ending = False
         self.failed = False
 
-    def run(self) -> int:
+    def run(self):
         """Start everything and wait until all processes have ended."""
         groups = [[name] for name in (*NODES, MANAGER)]
         if self._options.one_process:
@@ -53,13 +51,13 @@ class Launcher:
                     self.end()
         return int(self.failed and self._options.shutdown_on_exit)
 
-    def end(self) -> None:
+    def end(self):
         """End the processes in steps, as launch does; the waiting is done on a thread."""
         if not self.ending:
             self.ending = True
             threading.Thread(target=self._end_in_steps, daemon=True).start()
 
-    def _end_in_steps(self) -> None:
+    def _end_in_steps(self):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             with self._lock:
                 left = [each for each in self._processes.values() if each.poll() is None]
@@ -69,7 +67,7 @@ class Launcher:
             while time.monotonic() < limit and any(each.poll() is None for each in left):
                 time.sleep(0.05)
 
-    def _keep(self, label: str, nodes: list[str]) -> None:
+    def _keep(self, label, nodes):
         """Run one process, again if it is to be respawned, and pass its lines on."""
         command = [sys.executable, str(_STANDIN), f"nodes:={','.join(nodes)}", *self._arguments]
         while not self.ending:
@@ -101,16 +99,16 @@ class Launcher:
             if not self._options.respawn:
                 return
 
-    def _say(self, level: str, label: str, text: str) -> None:
+    def _say(self, level, label, text):
         print(f"[{level}] [{label}]: {text}", flush=True)
 
 
-def main(arguments: list[str]) -> int:
+def main(arguments):
     """Launch the stand-in; ends with the last of its processes, or when told to."""
     options = read_options(arguments)
     launcher = Launcher(options, arguments)
 
-    def interrupted(number: int, _: object) -> None:
+    def interrupted(number, _):
         if options.has("orphans"):
             os._exit(0)
         name = signal.Signals(number).name

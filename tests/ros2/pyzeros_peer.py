@@ -6,8 +6,6 @@ Types, hashes and tokens are its own. It first says, as one line of JSON, the ha
 is asked for, and key, token and gid of its publisher. Ends with its standard input.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import sys
@@ -36,15 +34,15 @@ class GetState:
     Response = GetState_Response
 
     @staticmethod
-    def get_type_name() -> str:
+    def get_type_name():
         return "lifecycle_msgs/srv/GetState"
 
     @staticmethod
-    def hash_rihs01() -> str:
+    def hash_rihs01():
         return core.hash_rihs01(lifecycle.GetState)
 
 
-def known_hashes() -> dict[str, str]:
+def known_hashes():
     hashes = {}
     for module in (all_msgs, all_srvs):
         for schema in vars(module).values():
@@ -53,7 +51,7 @@ def known_hashes() -> dict[str, str]:
     return {kind: hashes[kind] for kind in ASKED["hashes"] if kind in hashes}
 
 
-def session() -> zenoh.Session:
+def session():
     config = zenoh.Config()
     config.insert_json5("mode", '"peer"')
     config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{ASKED['port']}"]))
@@ -63,25 +61,25 @@ def session() -> zenoh.Session:
     return zenoh.open(config)
 
 
-async def follow_clock(clock: pyzeros.Sub, command: pyzeros.Pub) -> None:
+async def follow_clock(clock, command):
     async for message in clock.listen_reliable(queue_size=1000):
         header = Header(stamp=message.clock, frame_id=b"base_link")
         command.publish(TwistStamped(header=header, twist=Twist(linear=Vector3(x=0.5))))
 
 
-async def hear_scans(scans: pyzeros.Sub, seen: pyzeros.Pub) -> None:
+async def hear_scans(scans, seen):
     async for message in scans.listen_reliable(queue_size=1000):
         assert len(message.ranges) == 400
         seen.publish(message)
 
 
-async def tell_state(server: pyzeros.Server) -> None:
+async def tell_state(server):
     async for asked in server.listen_reliable(queue_size=1000):
         asked.response.current_state = State(id=3, label=b"active")
         asked.send()
 
 
-async def main() -> None:
+async def main():
     command = pyzeros.Pub(TwistStamped, "cmd_vel")
     seen = pyzeros.Pub(LaserScan, "scan_seen", QosProfile.sensor_data())
     print(

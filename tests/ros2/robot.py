@@ -8,14 +8,11 @@ The request: `poses` (x, y, yaw), `start`, `action` (navigate_to_pose, navigate_
 follow_waypoints), `frame` of the goal, `first_clock` [s], `limit` [cycles], `patience` [s].
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import rclpy
@@ -35,11 +32,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
-from standin_nodes.grid import Grid, read_map
+from standin_nodes.grid import read_map
 from standin_nodes.localization import LATCHED, TF_QOS
 from standin_nodes.options import NODES
 from standin_nodes.poses import (
-    Pose,
     compose,
     fill_pose,
     fill_stamp,
@@ -59,20 +55,20 @@ _IDLE = 0.02
 class Robot(Node):
     """The robot, its laser, and the client of the navigation stack."""
 
-    def __init__(self, grid: Grid, request: dict[str, Any]) -> None:
+    def __init__(self, grid, request):
         super().__init__("robot")
         self._solid = grid.cells == 100
         self._grid = grid
         self.request = request
-        self.start: Pose = tuple(request.get("start", (0.0, 0.0, 0.0)))
-        self.pose: Pose = self.start
+        self.start = tuple(request.get("start", (0.0, 0.0, 0.0)))
+        self.pose = self.start
         self.time = round(request.get("first_clock", 1.0) * 1e9) - _PERIOD
         self.velocity = (0.0, 0.0)
-        self.commands: list[tuple[int, float, float]] = []
+        self.commands = []
         self.answered = -1
         self.located = False
-        self.feedback: list[dict[str, Any]] = []
-        self.outcome: dict[str, Any] = {}
+        self.feedback = []
+        self.outcome = {}
         self._clock_publisher = self.create_publisher(Clock, "/clock", 10)
         self._transforms = self.create_publisher(TFMessage, "/tf", TF_QOS)
         self._fixed = self.create_publisher(TFMessage, "/tf_static", LATCHED)
@@ -91,13 +87,13 @@ class Robot(Node):
         fill_transform(laser.transform, (0.0, 0.0, 0.0))
         self._fixed.publish(TFMessage(transforms=[laser]))
 
-    def _on_transforms(self, message: TFMessage) -> None:
+    def _on_transforms(self, message):
         for each in message.transforms:
             if each.child_frame_id == "odom" and each.header.frame_id == "map":
                 self.located = True
                 self.estimate = compose(from_transform(each.transform), self.odometry())
 
-    def _on_command(self, message: Any) -> None:
+    def _on_command(self, message):
         stamp = self.time
         if hasattr(message, "header"):
             stamp, message = nanoseconds(message.header.stamp), message.twist
@@ -105,11 +101,11 @@ class Robot(Node):
         self.velocity = (message.linear.x, message.angular.z)
         self.commands.append((stamp, *self.velocity))
 
-    def odometry(self) -> Pose:
+    def odometry(self):
         """Pose of the robot in odom, which is where it began."""
         return compose(inverse(self.start), self.pose)
 
-    def advance(self) -> None:
+    def advance(self):
         """Move for one period and publish what is new, the clock last."""
         middle = self.pose[2] + self.velocity[1] * 0.025
         step = self.velocity[0] * 0.05
@@ -133,7 +129,7 @@ class Robot(Node):
         fill_stamp(clock.clock, self.time)
         self._clock_publisher.publish(clock)
 
-    def _scan(self) -> LaserScan:
+    def _scan(self):
         """What a laser at the robot's centre sees of the map's occupied cells."""
         scan = LaserScan(angle_min=-math.pi, angle_increment=math.tau / (_RAYS - 1))
         scan.header.frame_id = "laser"
@@ -150,7 +146,7 @@ class Robot(Node):
         scan.ranges = ranges.astype(np.float32).tolist()
         return scan
 
-    def tell_start(self) -> None:
+    def tell_start(self):
         """Publish the initial pose."""
         message = PoseWithCovarianceStamped()
         message.header.frame_id = "map"
@@ -158,7 +154,7 @@ class Robot(Node):
         fill_pose(message.pose.pose, self.start)
         self._initial.publish(message)
 
-    def send_goal(self) -> None:
+    def send_goal(self):
         """Send the goal of the request; what comes of it goes into `outcome`."""
         goal = self._kind.Goal()
         poses = []
@@ -177,19 +173,19 @@ class Robot(Node):
         future = self.client.send_goal_async(goal, feedback_callback=self._on_feedback)
         future.add_done_callback(self._on_answer)
 
-    def _on_feedback(self, message: Any) -> None:
+    def _on_feedback(self, message):
         names = ("distance_remaining", "number_of_poses_remaining", "current_waypoint")
         given = {n: getattr(message.feedback, n) for n in names if hasattr(message.feedback, n)}
         self.feedback.append(given)
 
-    def _on_answer(self, future: Any) -> None:
+    def _on_answer(self, future):
         handle = future.result()
         if not handle.accepted:
             self.outcome = {"status": "rejected"}
             return
         handle.get_result_async().add_done_callback(self._on_result)
 
-    def _on_result(self, future: Any) -> None:
+    def _on_result(self, future):
         answer = future.result()
         self.outcome = {
             "status": answer.status,
@@ -198,7 +194,7 @@ class Robot(Node):
         }
 
 
-def main(arguments: list[str]) -> int:
+def main(arguments):
     """Bring the stack up, drive one goal in lock step, print what happened."""
     request = json.loads(arguments[1])
     rclpy.init()
@@ -243,11 +239,11 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _bring_up(robot: Robot, executor: Any) -> bool:
+def _bring_up(robot, executor):
     """Let the clock run until all nodes are active and the robot is located."""
     end = time.monotonic() + robot.request.get("start_up", 60.0)
-    asked: dict[str, Any] = {}
-    active: set[str] = set()
+    asked = {}
+    active = set()
     while time.monotonic() < end:
         robot.advance()
         pause = time.monotonic() + 0.05

@@ -10,8 +10,6 @@ words                one for each of these topics that has come: /tf_static, and
                      log for /flood
 """
 
-from __future__ import annotations
-
 import math
 import sys
 import threading
@@ -34,11 +32,11 @@ from tf2_msgs.msg import TFMessage
 class Controller(Node):
     """Answers every clock with a command that depends on how many there were since 100 s."""
 
-    def __init__(self, words: list[str]) -> None:
+    def __init__(self, words):
         super().__init__(f"controller_{'un' if 'unstamped' in words else ''}stamped")
         self._stamped = "unstamped" not in words
         self._stale = "stale" in words
-        self._held: TwistStamped | None = None
+        self._held = None
         self._count = 0
         policy = ReliabilityPolicy
         reliability = policy.BEST_EFFORT if "best-effort" in words else policy.RELIABLE
@@ -47,7 +45,7 @@ class Controller(Node):
         self._publisher = self.create_publisher(kind, "/cmd_vel", profile)
         self.create_subscription(Clock, "/clock", self._hear, 10)
 
-    def _hear(self, clock: Clock) -> None:
+    def _hear(self, clock):
         # The count begins anew where a test begins, whenever the stack came up.
         self._count = 1 if clock.clock.sec % 100 == clock.clock.nanosec == 0 else self._count + 1
         command = TwistStamped()
@@ -66,7 +64,7 @@ class Controller(Node):
 class Talker(Node):
     """Says on /words what it has heard, and transforms and lines for the log when told."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__("talker")
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._words = self.create_publisher(String, "/words", latched)
@@ -75,10 +73,10 @@ class Talker(Node):
         self.create_subscription(TFMessage, "/tf_static", self._hear_static, latched)
         self.create_subscription(String, "/flood", self._flood, 10)
 
-    def _hear_static(self, message: TFMessage) -> None:
+    def _hear_static(self, message):
         self._words.publish(String(data=message.transforms[0].child_frame_id))
 
-    def _flood(self, message: String) -> None:
+    def _flood(self, message):
         for number in range(500):
             self.get_logger().info(f"{message.data} {number}")
         self._transforms.publish(TFMessage())
@@ -88,7 +86,7 @@ class Talker(Node):
 class Navigator(LifecycleNode):
     """Takes goals: rejected beyond 100 m, aborted beyond 50 m, pursued until cancelled below 0."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__("navigator")
         self.declare_parameter("max_speed", 0.5)
         self.declare_parameter("plugins", ["a", "b"])
@@ -108,10 +106,10 @@ class Navigator(LifecycleNode):
                 callback_group=ReentrantCallbackGroup(),
             )
 
-    def _judge(self, goal: object) -> GoalResponse:
+    def _judge(self, goal):
         return GoalResponse.REJECT if _poses(goal)[0].pose.position.x > 100 else GoalResponse.ACCEPT
 
-    def _pursue(self, kind: type, goal: object) -> object:
+    def _pursue(self, kind, goal):
         poses = _poses(goal.request)
         where = poses[0].pose.position.x
         feedback = kind.Feedback()
@@ -140,13 +138,13 @@ class Navigator(LifecycleNode):
         return result
 
 
-def _poses(goal: object) -> list:
+def _poses(goal):
     if hasattr(goal, "pose"):
         return [goal.pose]
     return goal.poses.goals if hasattr(goal.poses, "goals") else goal.poses
 
 
-def _missed(index: int) -> object:
+def _missed(index):
     import nav2_msgs.msg
 
     if hasattr(nav2_msgs.msg, "WaypointStatus"):
@@ -155,10 +153,10 @@ def _missed(index: int) -> object:
     return nav2_msgs.msg.MissedWaypoint(index=index)
 
 
-def main(words: list[str]) -> None:
+def main(words):
     """Run until killed."""
     rclpy.init(args=[])
-    nodes: list[Node] = []
+    nodes = []
     if "stamped" in words or "unstamped" in words:
         nodes.append(Controller(words))
     if "words" in words:

@@ -9,8 +9,6 @@ simple and repeats: a command depends on contents and stamps of messages alone. 
 the faults that can be asked for stand in `standin_nodes/options.py`.
 """
 
-from __future__ import annotations
-
 import sys
 
 import rclpy
@@ -26,7 +24,7 @@ _CLASSES = dict(
 )
 
 
-def main(arguments: list[str]) -> int:
+def main(arguments):
     """Run the nodes that are named, all of them by default, until told to end."""
     chosen = [word for word in arguments if word.startswith("nodes:=")]
     names = chosen[-1].partition(":=")[2].split(",") if chosen else [*NODES, MANAGER]

@@ -1,7 +1,5 @@
 """The ROS 2 of the tests is genuine, and the stand-in does on its wire what Nav2 does."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -17,7 +15,6 @@ import pytest
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from grammars.model.map_files import write_map
 from tests.ros2 import environment
-from tests.ros2.conftest import Ros2Environment
 
 HERE = Path(__file__).parent
 SUCCEEDED, ABORTED = 4, 6
@@ -29,7 +26,7 @@ Drive = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def room(tmp_path_factory):
     """A map of 5 m by 4 m, walls around and one that juts out between start and far end."""
     cells = np.full((80, 100), FREE, dtype=np.int8)
     cells[:2] = cells[-2:] = OCCUPIED
@@ -40,12 +37,10 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def drive(
-    ros2_environment: Ros2Environment, ros2_variables: dict[str, str], room: Path, tmp_path: Path
-) -> Drive:
+def drive(ros2_environment, ros2_variables, room, tmp_path):
     """Launch the stand-in, let the robot of the tests give it a goal, end it; what happened."""
 
-    def run(*options: str, **request: Any) -> dict[str, Any]:
+    def run(*options, **request):
         log = tmp_path / "stack.txt"
         python = str(ros2_environment.python)
         launch = [python, str(HERE / "launch_standin.py"), f"map:={room}", *options]
@@ -78,18 +73,18 @@ def drive(
     return run
 
 
-def hashes(ros2: Ros2Environment, action: str) -> dict[str, str]:
+def hashes(ros2, action):
     file = ros2.prefix / "share" / "nav2_msgs" / "action" / f"{action}.json"
     entries = json.loads(file.read_text("utf-8"))["type_hashes"]
     return {entry["type_name"].split("/")[-1]: entry["hash_string"] for entry in entries}
 
 
 @pytest.mark.one_distribution
-def test_own_definitions_have_the_hash_of_nav2(ros2_environment: Ros2Environment) -> None:
+def test_own_definitions_have_the_hash_of_nav2(ros2_environment):
     assert hashes(ros2_environment, "NavigateToPose")["NavigateToPose_SendGoal"] == SEND_GOAL
 
 
-def test_interfaces_are_those_of_the_distribution(ros2_environment: Ros2Environment) -> None:
+def test_interfaces_are_those_of_the_distribution(ros2_environment):
     code = (
         "import tf2_msgs.msg, nav2_msgs.msg as m, nav2_msgs.action as a;"
         "print(hasattr(m, 'WaypointStatus'),"
@@ -115,9 +110,7 @@ def test_interfaces_are_those_of_the_distribution(ros2_environment: Ros2Environm
         ("follow_waypoints", [[0.5, 1.0, 0.0], [0.5, 0.0, 1.5]]),
     ],
 )
-def test_the_stand_in_comes_up_and_drives(
-    drive: Drive, action: str, poses: list[list[float]]
-) -> None:
+def test_the_stand_in_comes_up_and_drives(drive, action, poses):
     done = drive("one_process:=true", action=action, poses=poses)
     assert done["status"] == SUCCEEDED, done["log"]
     assert np.hypot(done["pose"][0] - poses[-1][0], done["pose"][1] - poses[-1][1]) < 0.3
@@ -141,15 +134,13 @@ def test_the_stand_in_comes_up_and_drives(
         ),
     ],
 )
-def test_goals_are_refused_and_given_up(
-    drive: Drive, options: list[str], frame: str, outcome: dict[str, Any]
-) -> None:
+def test_goals_are_refused_and_given_up(drive, options, frame, outcome):
     done = drive("one_process:=true", *options, frame=frame, poses=[[3.2, -0.5, 0.0]])
     assert {name: done[name] for name in outcome} == outcome
 
 
 @pytest.mark.one_distribution
-def test_a_crash_is_told_and_the_launcher_goes_on(drive: Drive) -> None:
+def test_a_crash_is_told_and_the_launcher_goes_on(drive):
     done = drive("fault:=crash", "after:=20", limit=120, patience=0.2, poses=[[3.2, -0.5, 0.0]])
     assert done["status"] == "unfinished"
     assert "process has died" in done["log"]
@@ -158,18 +149,18 @@ def test_a_crash_is_told_and_the_launcher_goes_on(drive: Drive) -> None:
 
 
 @pytest.mark.one_distribution
-def test_bring_up_fails_when_the_clock_begins_late(drive: Drive) -> None:
+def test_bring_up_fails_when_the_clock_begins_late(drive):
     done = drive("one_process:=true", "fault:=clock-start", first_clock=150.0, start_up=10.0)
     assert done["status"] == "never ready"
     assert "bring-up is aborted" in done["log"]
 
 
-def test_an_unknown_distribution_is_refused() -> None:
+def test_an_unknown_distribution_is_refused():
     with pytest.raises(environment.EnvironmentBuildError, match="not one of jazzy, kilted"):
         environment.make_environment("boxturtle")
 
 
-def test_missing_tools_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_tools_are_named(monkeypatch, tmp_path):
     monkeypatch.setenv("SCENARIO_ROS2_ENVIRONMENTS", str(tmp_path))
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(environment.EnvironmentBuildError, match=r"lacks cmake, g\+\+, make"):

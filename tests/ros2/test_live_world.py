@@ -1,18 +1,15 @@
 """A live world and a genuine ROS 2 stack that somebody started by hand, over the relay."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import threading
-from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from daemon.live.ros_bridge import RosBridge
-from daemon.live.simulation import LiveSimulation, LiveStatus
+from daemon.live.simulation import LiveSimulation
 from daemon.stacks.ros2.relay_link import RelayLink, relay_path
 from tests.daemon.live.worlds import DEADLINE, Kept, demo_spec, demo_submission
 
@@ -22,22 +19,20 @@ STACK = Path(__file__).with_name("small_stack.py")
 class Watched(Kept):
     """An outlet that knows how far the robot has come, and can be waited for."""
 
-    def __init__(self, simulation: LiveSimulation) -> None:
+    def __init__(self, simulation):
         super().__init__()
         self._simulation = simulation
         self.moved = False
-        self.drivers: set[str] = set()
+        self.drivers = set()
 
-    def status(self, status: LiveStatus) -> None:
+    def status(self, status):
         self.drivers.add(status.driver)
         view, start = self._simulation.view, self._simulation.spec.mission.start
         self.moved |= view is not None and abs(view.pose.x - start.x) > 0.02
 
 
 @contextmanager
-def started(python: Path, program: Path, variables: Mapping[str, str], *words: str) -> Iterator[
-    subprocess.Popen[bytes]
-]:  # fmt: skip
+def started(python, program, variables, *words):  # fmt: skip
     log = Path(variables["HOME"]) / f"{program.stem}.txt"
     with log.open("wb") as said:
         child = subprocess.Popen(
@@ -51,7 +46,7 @@ def started(python: Path, program: Path, variables: Mapping[str, str], *words: s
             child.communicate()
 
 
-def until(condition: Callable[[], object], simulation: LiveSimulation) -> None:
+def until(condition, simulation):
     """Let the world go on until ``condition`` holds; its own time is the deadline."""
     pause = threading.Event()
     last = simulation.status.time + DEADLINE
@@ -61,9 +56,7 @@ def until(condition: Callable[[], object], simulation: LiveSimulation) -> None:
 
 
 @pytest.mark.one_distribution
-def test_a_stack_started_by_hand_drives(
-    ros2_python: Path, ros2_variables: dict[str, str], tmp_path: Path, campaigns: Path
-) -> None:
+def test_a_stack_started_by_hand_drives(ros2_python, ros2_variables, tmp_path, campaigns):
     simulation = LiveSimulation(*demo_spec(demo_submission(campaigns)))
     simulation.watched = True
     watched = Watched(simulation)

@@ -1,7 +1,5 @@
 """The relay in a genuine ROS 2: lock step, goals, lifecycle, graph, and how it ends."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket
@@ -9,10 +7,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +18,6 @@ from daemon.stacks.ros2 import relay
 from daemon.stacks.ros2.link import (
     COMMAND_KINDS,
     Cycle,
-    CycleAnswer,
     GoalUpdate,
     LinkLost,
     LinkSetup,
@@ -47,21 +42,21 @@ HEARD = (
 )
 
 
-def string(text: str) -> bytes:
+def string(text):
     """Return a std_msgs/String."""
     return ros_messages.serialize(
         ros_messages.make("std_msgs/msg/String", data=text), "std_msgs/msg/String"
     )
 
 
-def transforms(child: str, time: int) -> bytes:
+def transforms(child, time):
     """Return a tf2_msgs/TFMessage with one transform from odom."""
     one = ros_messages.transform(ros_messages.time(time), "odom", child, x=time / 1e9, y=0.0)
     message = ros_messages.make("tf2_msgs/msg/TFMessage", transforms=[one])
     return ros_messages.serialize(message, "tf2_msgs/msg/TFMessage")
 
 
-def scan(time: int) -> bytes:
+def scan(time):
     """Return a sensor_msgs/LaserScan of 400 rays."""
     message = ros_messages.make(
         "sensor_msgs/msg/LaserScan",
@@ -82,10 +77,10 @@ def scan(time: int) -> bytes:
 class Bench:
     """A domain of its own, a relay in it, and as many small stacks as a test wants."""
 
-    def __init__(self, python: Path, folder: Path, domain: int) -> None:
+    def __init__(self, python, folder, domain):
         self.python = python
         self.now = 1_000_000_000
-        self.children: list[subprocess.Popen[bytes]] = []
+        self.children = []
         self._folder = folder
         self._link = RelayLink.listen(folder / "socket", "nonce")
         self.environment = {
@@ -100,7 +95,7 @@ class Bench:
             "SCENARIO_NONCE": "nonce",
         }
 
-    def start(self, program: Path, *words: str, **variables: str) -> subprocess.Popen[bytes]:
+    def start(self, program, *words, **variables):
         """Start a program of the ROS 2 that the bench is of."""
         with (self._folder / f"{program.stem}-{len(self.children)}.txt").open("wb") as log:
             child = subprocess.Popen(
@@ -113,35 +108,35 @@ class Bench:
         self.children.append(child)
         return child
 
-    def stack(self, *words: str) -> subprocess.Popen[bytes]:
+    def stack(self, *words):
         return self.start(STACK, *words)
 
-    def connect(self, **variables: str) -> RelayLink:
+    def connect(self, **variables):
         """Start a relay; return the link to it."""
         self.start(relay_path(), **variables)
         return self.accept()
 
-    def accept(self) -> RelayLink:
+    def accept(self):
         """Return the link as soon as a relay has come."""
         assert self._link.accept(DEADLINE), self.logs()
         return self._link
 
-    def again(self) -> RelayLink:
+    def again(self):
         """Let go and wait for the relay to come back."""
         self.listen()
         return self.accept()
 
-    def listen(self) -> None:
+    def listen(self):
         """Let go and listen anew."""
         self._link.close()
         self._link = RelayLink.listen(self._folder / "socket", "nonce")
 
-    def cycle(self, until: Any = "nothing", wait: float = 0.02, **more: Any) -> CycleAnswer:
+    def cycle(self, until="nothing", wait=0.02, **more):
         answer = self._link.cycle(Cycle(self.now, until=until, wait=wait, **more))
         self.now += PERIOD
         return answer
 
-    def cycle_until(self, found: Callable[[CycleAnswer], Any], **more: Any) -> Any:
+    def cycle_until(self, found, **more):
         """Let the clock run until something is found in an answer; return what."""
         end = time.monotonic() + DEADLINE
         while time.monotonic() < end:
@@ -149,24 +144,24 @@ class Bench:
                 return result
         raise AssertionError(self.logs())
 
-    def goal_updates(self, goal: int, last: set[str]) -> list[GoalUpdate]:
+    def goal_updates(self, goal, last):
         """Let the clock run until a goal has come to one of these ends; return its updates."""
-        updates: list[GoalUpdate] = []
+        updates = []
 
-        def follow(answer: CycleAnswer) -> bool:
+        def follow(answer):
             updates.extend(one for one in answer.goals if one.goal == goal)
             return bool(updates) and updates[-1].state in last
 
         self.cycle_until(follow)
         return updates
 
-    def logs(self) -> str:
+    def logs(self):
         return "\n".join(
             f"{file.name}:\n{file.read_text('utf-8', 'replace')[-3000:]}"
             for file in sorted(self._folder.glob("*.txt"))
         )
 
-    def close(self) -> None:
+    def close(self):
         self._link.close()
         for child in self.children:
             child.kill()
@@ -174,7 +169,7 @@ class Bench:
 
 
 @pytest.fixture(params=["jazzy", "kilted"])
-def python(request: pytest.FixtureRequest) -> Path:
+def python(request):
     found = environment.environment_python(request.param)
     if found is None:
         pytest.skip(f"no ROS 2 {request.param}: python -m tests.ros2.environment {request.param}")
@@ -183,7 +178,7 @@ def python(request: pytest.FixtureRequest) -> Path:
 
 
 @contextmanager
-def own_domain() -> Iterator[int]:
+def own_domain():
     """A domain that nobody else on this machine uses as long as the test runs."""
     for number in range(10, 100):
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as holder:
@@ -197,7 +192,7 @@ def own_domain() -> Iterator[int]:
 
 
 @contextmanager
-def make_bench(python: Path) -> Iterator[Bench]:
+def make_bench(python):
     # A socket's path is short: pytest's own folders may be too long.
     with tempfile.TemporaryDirectory(prefix="relay-") as folder, own_domain() as domain:
         made = Bench(python, Path(folder), domain)
@@ -208,19 +203,19 @@ def make_bench(python: Path) -> Iterator[Bench]:
 
 
 @pytest.fixture
-def bench(python: Path) -> Iterator[Bench]:
+def bench(python):
     with make_bench(python) as made:
         yield made
 
 
 @pytest.fixture
-def other_bench(python: Path) -> Iterator[Bench]:
+def other_bench(python):
     with make_bench(python) as made:
         yield made
 
 
-def setup(**changes: Any) -> LinkSetup:
-    wanted: Mapping[str, Any] = {
+def setup(**changes):
+    wanted = {
         "publish": (SCAN, TRANSFORMS),
         "subscribe": (),
         "command": "/cmd_vel",
@@ -231,7 +226,7 @@ def setup(**changes: Any) -> LinkSetup:
     return LinkSetup(**{**wanted, **changes})
 
 
-def drive(bench: Bench, kind: str, cycles: int) -> list[bytes]:
+def drive(bench, kind, cycles):
     """Run a stack in lock step with sensor data; return its commands, one for each cycle."""
     link = bench.connect()
     link.set_up(setup())
@@ -240,7 +235,7 @@ def drive(bench: Bench, kind: str, cycles: int) -> list[bytes]:
     assert link.readiness().command == kind
     bench.cycle(wait=0.2)
     bench.now = 100 * 1_000_000_000
-    commands: list[bytes] = []
+    commands = []
     for _ in range(cycles):
         messages = (("/tf", transforms("base", bench.now)), ("/scan", scan(bench.now)))
         answer = bench.cycle("command", DEADLINE, messages=messages)
@@ -253,9 +248,7 @@ def drive(bench: Bench, kind: str, cycles: int) -> list[bytes]:
 
 @pytest.mark.short
 @pytest.mark.parametrize("kind", COMMAND_KINDS)
-def test_each_of_1200_cycles_is_answered_and_again_with_the_same_bytes(
-    bench: Bench, other_bench: Bench, kind: str
-) -> None:
+def test_each_of_1200_cycles_is_answered_and_again_with_the_same_bytes(bench, other_bench, kind):
     commands = drive(bench, kind, 1200)
     assert len(set(commands)) == 1200
     if kind == STAMPED:
@@ -264,7 +257,7 @@ def test_each_of_1200_cycles_is_answered_and_again_with_the_same_bytes(
     assert drive(other_bench, kind, 300) == commands[:300]
 
 
-def test_an_answer_to_an_earlier_cycle_is_none_to_this_one(bench: Bench) -> None:
+def test_an_answer_to_an_earlier_cycle_is_none_to_this_one(bench):
     link = bench.connect()
     link.set_up(setup())
     bench.stack("stamped", "stale")
@@ -291,7 +284,7 @@ def test_an_answer_to_an_earlier_cycle_is_none_to_this_one(bench: Bench) -> None
     assert relay.read_stamp(answer.messages[-1].data) == time - PERIOD
 
 
-def test_both_kinds_of_command_are_heard_whenever_they_come(bench: Bench) -> None:
+def test_both_kinds_of_command_are_heard_whenever_they_come(bench):
     link = bench.connect()
     link.set_up(setup())
     assert link.readiness().command == ""
@@ -310,7 +303,7 @@ def test_both_kinds_of_command_are_heard_whenever_they_come(bench: Bench) -> Non
         )
 
 
-def test_a_reliable_publisher_may_be_joined_by_one_that_is_not(bench: Bench) -> None:
+def test_a_reliable_publisher_may_be_joined_by_one_that_is_not(bench):
     link = bench.connect()
     link.set_up(setup())
     first = bench.stack("unstamped")
@@ -322,7 +315,7 @@ def test_a_reliable_publisher_may_be_joined_by_one_that_is_not(bench: Bench) -> 
     second.kill()
 
 
-GOALS: dict[str, dict[str, Any]] = {
+GOALS = {
     "navigate_to_pose": {"distance_remaining": 2.0, "number_of_recoveries": 3},
     "navigate_through_poses": {
         "distance_remaining": 2.0,
@@ -334,14 +327,14 @@ GOALS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("action", GOALS)
-def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench: Bench, action: str) -> None:
+def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench, action):
     link = bench.connect()
     link.set_up(setup(action=f"/{action}", action_kind=action))
     bench.stack("actions")
     bench.cycle_until(lambda answer: answer.server)
     missed = [1, 3] if action == "follow_waypoints" else []
 
-    def send(goal: int, x: float) -> None:
+    def send(goal, x):
         poses = ((x, 1.0, 0.0), (x, 2.0, 0.5))[1 if action == "navigate_to_pose" else 0 :]
         link.send_goal(goal, poses, "map", 3_500_000_000)
 
@@ -368,7 +361,7 @@ def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench: Bench, action
     assert answer.latency is None
 
 
-def test_a_goal_that_nobody_answers_is_said_to_be_unanswered(bench: Bench) -> None:
+def test_a_goal_that_nobody_answers_is_said_to_be_unanswered(bench):
     link = bench.connect()
     link.set_up(setup())
     stack = bench.stack("actions")
@@ -385,7 +378,7 @@ def test_a_goal_that_nobody_answers_is_said_to_be_unanswered(bench: Bench) -> No
     assert [(one.goal, one.state) for one in answer.goals] == [(2, "canceled")]
 
 
-def test_lifecycle_parameters_and_graph(bench: Bench) -> None:
+def test_lifecycle_parameters_and_graph(bench):
     link = bench.connect()
     subscribe = (*HEARD, TopicSetup("/scan", "sensor_msgs/msg/LaserScan"))
     link.set_up(setup(subscribe=subscribe, nodes=("/navigator", "/nobody")))
@@ -425,7 +418,7 @@ def test_lifecycle_parameters_and_graph(bench: Bench) -> None:
     assert {one.node for one in graph.endpoints} == set(graph.nodes)
 
 
-def test_latched_topics_reach_late_listeners_and_floods_are_bounded(bench: Bench) -> None:
+def test_latched_topics_reach_late_listeners_and_floods_are_bounded(bench):
     link = bench.connect()
     link.set_up(setup(publish=(STATIC, TRANSFORMS, FLOOD), subscribe=HEARD))
     bench.cycle(messages=(("/tf_static", transforms("laser", 0)),))
@@ -444,7 +437,7 @@ def test_latched_topics_reach_late_listeners_and_floods_are_bounded(bench: Bench
     assert [one.topic for answer in answers for one in answer.messages].count("/tf") == 1
 
 
-def word(answer: CycleAnswer) -> str:
+def word(answer):
     """Return what the stack has said on /words."""
     said = [one for one in answer.messages if one.topic == "/words"]
     return ros_messages.deserialize(said[-1].data, said[-1].kind).data if said else ""
@@ -460,15 +453,13 @@ def word(answer: CycleAnswer) -> str:
         ({"publish": (TopicSetup("/a b", "std_msgs/msg/String"),)}, "gone"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_made_is_said_in_a_sentence(
-    bench: Bench, change: dict[str, Any], text: str
-) -> None:
+def test_what_cannot_be_made_is_said_in_a_sentence(bench, change, text):
     link = bench.connect()
     with pytest.raises(LinkLost, match=text):
         link.set_up(setup(**change))
 
 
-def test_a_relay_that_is_killed_is_noticed_at_once(bench: Bench) -> None:
+def test_a_relay_that_is_killed_is_noticed_at_once(bench):
     link = bench.connect()
     link.set_up(setup())
     bench.children[0].kill()
@@ -476,7 +467,7 @@ def test_a_relay_that_is_killed_is_noticed_at_once(bench: Bench) -> None:
         bench.cycle("command", 250.0)
 
 
-def test_a_relay_ends_with_the_connection_and_with_its_starter(bench: Bench) -> None:
+def test_a_relay_ends_with_the_connection_and_with_its_starter(bench):
     bench.connect().close()
     assert bench.children[0].wait(DEADLINE) == 0
     bench.listen()
@@ -488,7 +479,7 @@ def test_a_relay_ends_with_the_connection_and_with_its_starter(bench: Bench) -> 
     assert bench.children[1].wait(DEADLINE) == 0
 
 
-def test_a_relay_whose_parent_is_killed_ends(bench: Bench) -> None:
+def test_a_relay_whose_parent_is_killed_ends(bench):
     """Also where its stdin says nothing."""
     program = (
         "import subprocess\n"
@@ -503,7 +494,7 @@ def test_a_relay_whose_parent_is_killed_ends(bench: Bench) -> None:
             bench.cycle_until(lambda _: None)
 
 
-def test_a_relay_that_is_kept_serves_the_next_run(bench: Bench) -> None:
+def test_a_relay_that_is_kept_serves_the_next_run(bench):
     link = bench.connect(SCENARIO_KEEP="1")
     link.set_up(setup(publish=(STATIC,), subscribe=HEARD))
     bench.stack("stamped", "actions", "words")
@@ -535,7 +526,7 @@ def test_a_relay_that_is_kept_serves_the_next_run(bench: Bench) -> None:
     assert "canceled -1" in bench.logs()
 
 
-def test_garbage_from_our_side_ends_the_relay(bench: Bench) -> None:
+def test_garbage_from_our_side_ends_the_relay(bench):
     link = bench.connect(SCENARIO_KEEP="1")
     link.set_up(setup())
     with pytest.raises(LinkLost, match="gone"):
@@ -544,7 +535,7 @@ def test_garbage_from_our_side_ends_the_relay(bench: Bench) -> None:
     assert "waits 0.02 s for 'nonsense'" in bench.logs()
 
 
-def test_the_executor_of_rclpy_does_it_as_well(bench: Bench) -> None:
+def test_the_executor_of_rclpy_does_it_as_well(bench):
     link = bench.connect(SCENARIO_RELAY_EXECUTOR="1")
     link.set_up(setup(subscribe=HEARD))
     bench.stack("stamped", "actions")

@@ -7,15 +7,13 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import psutil
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.spec import RunResult, RunSpec, Snapshot, SutReference
-from daemon.model.status import Submission
+from daemon.model.spec import RunResult, SutReference
 from daemon.run import execute
 from daemon.trace import Trace, read_outputs, read_trace
 from grammars.model.mission import Mission, Waypoint
@@ -28,7 +26,7 @@ NODES = ["map_server", "amcl", "controller_server", "planner_server", "bt_naviga
 
 
 @pytest.fixture(scope="module")
-def demo(campaigns: Path) -> Submission:
+def demo(campaigns):
     return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
 
 
@@ -42,7 +40,7 @@ class Recorded:
     waited_for: tuple[str, ...]
 
     @property
-    def said(self) -> str:
+    def said(self):
         return "\n".join(event.text for event in self.trace.events)
 
 
@@ -50,22 +48,15 @@ Drive = Callable[..., Recorded]
 
 
 @pytest.fixture
-def drive(demo: Submission, tmp_path: Path, ros2_python: Path) -> Drive:
+def drive(demo, tmp_path, ros2_python):
     """Run a mission of the demo's open house with the stand-in; ``options`` are its own."""
 
-    def run(
-        options: str = "",
-        *,
-        waypoints: tuple[Waypoint, ...] = NEAR,
-        name: str = "run",
-        limit: float = 20.0,
-        **parameters: Any,
-    ) -> Recorded:
+    def run(options="", *, waypoints=NEAR, name="run", limit=20.0, **parameters):
         spec = specified(demo, ros2_python, options, waypoints, limit, parameters)
         path = tmp_path / f"{name}.mcap"
-        waited: list[str] = []
+        waited = []
 
-        def hear(snapshot: Snapshot) -> None:
+        def hear(snapshot):
             if snapshot.waiting:
                 waited.append(snapshot.waiting)
 
@@ -76,14 +67,7 @@ def drive(demo: Submission, tmp_path: Path, ros2_python: Path) -> Drive:
     return run
 
 
-def specified(
-    demo: Submission,
-    python: Path,
-    options: str,
-    waypoints: tuple[Waypoint, ...],
-    limit: float,
-    parameters: dict[str, Any],
-) -> RunSpec:
+def specified(demo, python, options, waypoints, limit, parameters):
     spec = next(s for s in demo.runs if s.scenario == "open-house")
     settings = {
         "launch": f"{python} {STANDIN} map:={{map}} {options}",
@@ -102,7 +86,7 @@ def specified(
 
 
 @pytest.mark.short
-def test_a_stack_drives_the_robot_and_the_trace_tells_everything(drive: Drive) -> None:
+def test_a_stack_drives_the_robot_and_the_trace_tells_everything(drive):
     run = drive(waypoints=ROUND, limit=60.0)
     assert run.result.ended == "finished", run.result.note
     assert [p.reached for p in run.trace.progress] == [0, 1, 2, 3]
@@ -121,7 +105,7 @@ def test_a_stack_drives_the_robot_and_the_trace_tells_everything(drive: Drive) -
 
 
 @pytest.mark.parametrize("mission", ["follow", "through"])
-def test_all_waypoints_may_be_one_goal(drive: Drive, mission: str) -> None:
+def test_all_waypoints_may_be_one_goal(drive, mission):
     run = drive(waypoints=ROUND, limit=60.0, mission=mission, patience="2 s")
     assert run.result.ended == "finished", run.result.note
     assert [p.reached for p in run.trace.progress] == [0, 1, 2, 3]
@@ -130,7 +114,7 @@ def test_all_waypoints_may_be_one_goal(drive: Drive, mission: str) -> None:
 
 @pytest.mark.short
 @pytest.mark.one_distribution
-def test_the_same_run_gets_the_same_commands(drive: Drive) -> None:
+def test_the_same_run_gets_the_same_commands(drive):
     runs = [drive(name=str(i)) for i in range(2)]
     first, second = (run.trace.command for run in runs)
     assert len(first.time) > 20
@@ -151,9 +135,7 @@ def test_the_same_run_gets_the_same_commands(drive: Drive) -> None:
         ("fault:=never-ready node:=bt_navigator", "4 of 5 nodes active, bt_navigator is inactive"),
     ],
 )
-def test_what_is_not_the_robots_doing_is_an_error_with_the_stacks_words(
-    drive: Drive, options: str, words: str
-) -> None:
+def test_what_is_not_the_robots_doing_is_an_error_with_the_stacks_words(drive, options, words):
     waits = "not ready" in words or "nodes active" in words
     # What crashes shows when the wait for its command is over.
     run = drive(options, **({"start_up": "12 s"} if waits else {"patience": "2 s"}))
@@ -166,7 +148,7 @@ def test_what_is_not_the_robots_doing_is_an_error_with_the_stacks_words(
 
 @pytest.mark.short
 @pytest.mark.one_distribution
-def test_an_abort_is_a_failure_of_the_robot(drive: Drive) -> None:
+def test_an_abort_is_a_failure_of_the_robot(drive):
     run = drive("fault:=goal-aborted after:=5 error_code:=105 error_msg:=stuck")
     assert run.result.ended == "finished"
     assert run.result.outcome == "fail"
@@ -175,7 +157,7 @@ def test_an_abort_is_a_failure_of_the_robot(drive: Drive) -> None:
 
 
 @pytest.mark.one_distribution
-def test_a_stack_that_hangs_is_given_up(drive: Drive) -> None:
+def test_a_stack_that_hangs_is_given_up(drive):
     run = drive("fault:=hang after:=10", patience="1 s", limit=120.0)
     assert run.result.outcome == "error"
     assert run.trace.valid_until > 0.4
@@ -183,14 +165,14 @@ def test_a_stack_that_hangs_is_given_up(drive: Drive) -> None:
 
 
 @pytest.mark.one_distribution
-def test_a_stack_that_cannot_keep_up_is_an_error(drive: Drive) -> None:
+def test_a_stack_that_cannot_keep_up_is_an_error(drive):
     run = drive("fault:=late every:=3 seconds:=0.4", waypoints=ROUND, patience="0.1 s", limit=60.0)
     assert run.result.outcome == "error"
     assert "could not keep up" in run.result.note
 
 
 @pytest.mark.one_distribution
-def test_an_action_server_that_vanishes_is_an_error(drive: Drive) -> None:
+def test_an_action_server_that_vanishes_is_an_error(drive):
     run = drive("fault:=no-server after:=10", limit=60.0, patience="2 s")
     assert run.result.outcome == "error"
     assert "is gone" in run.result.note
@@ -198,7 +180,7 @@ def test_an_action_server_that_vanishes_is_an_error(drive: Drive) -> None:
 
 @pytest.mark.short
 @pytest.mark.one_distribution
-def test_two_runs_at_once_do_not_hear_each_other(drive: Drive) -> None:
+def test_two_runs_at_once_do_not_hear_each_other(drive):
     alone = drive(name="alone")
     with ThreadPoolExecutor(2) as both:
         asked = [both.submit(drive, name=name) for name in ("one", "other")]
@@ -212,7 +194,7 @@ def test_two_runs_at_once_do_not_hear_each_other(drive: Drive) -> None:
 
 @pytest.mark.short
 @pytest.mark.one_distribution
-def test_a_stack_may_serve_several_runs_when_its_reset_is_seen_to_work(drive: Drive) -> None:
+def test_a_stack_may_serve_several_runs_when_its_reset_is_seen_to_work(drive):
     first = drive(name="first", reuse="yes")
     second = drive(name="second", reuse="yes")
     assert first.result.ended == second.result.ended == "finished", second.result.note
@@ -221,7 +203,7 @@ def test_a_stack_may_serve_several_runs_when_its_reset_is_seen_to_work(drive: Dr
 
 
 @pytest.mark.short
-def test_nothing_is_left_running(drive: Drive) -> None:
+def test_nothing_is_left_running(drive):
     mark = uuid.uuid4().hex
     run = drive(f"error_msg:={mark}")
     assert run.result.ended == "finished", run.result.note

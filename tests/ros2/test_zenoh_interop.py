@@ -4,22 +4,18 @@ Neither is rmw_zenoh_cpp: what both and ours agree on is what is tested. They ru
 of their own (`python -m tests.ros2.zenoh_environment`); without it these tests are skipped.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import struct
 import subprocess
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from daemon.stacks.ros2.link import Cycle, CycleAnswer, GoalUpdate, LinkSetup, TopicSetup
+from daemon.stacks.ros2.link import Cycle, LinkSetup, TopicSetup
 from daemon.stacks.ros2.rmw_zenoh.interfaces import Interfaces
 from daemon.stacks.ros2.rmw_zenoh.link import ZenohLink
 from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
@@ -89,7 +85,7 @@ SETUP = LinkSetup(
 
 
 @pytest.fixture
-def python() -> Path:
+def python():
     """The interpreter that has both."""
     found = environment_python()
     if found is None:
@@ -98,12 +94,12 @@ def python() -> Path:
 
 
 @pytest.fixture
-def router() -> ZenohRouter:
+def router():
     return ZenohRouter.open(distribution="jazzy")
 
 
 @pytest.fixture
-def link(router: ZenohRouter) -> Iterator[ZenohLink]:
+def link(router):
     made = ZenohLink(router)
     made.join(DOMAIN)
     try:
@@ -113,9 +109,7 @@ def link(router: ZenohRouter) -> Iterator[ZenohLink]:
 
 
 @contextmanager
-def running(
-    python: Path, script: str, asked: dict[str, Any], folder: Path
-) -> Iterator[subprocess.Popen[str]]:
+def running(python, script, asked, folder):
     # zenoh-ros2-sdk would look on GitHub for definitions that it has been given otherwise.
     offline = {"GIT_ALLOW_PROTOCOL": "none", "ZENOH_ROS2_SDK_CACHE": str(folder / "cache")}
     process = subprocess.Popen(
@@ -135,26 +129,26 @@ def running(
 class Driver:
     """Moves the clock on; keeps updates of goals and what was last heard of each topic."""
 
-    def __init__(self, link: ZenohLink) -> None:
+    def __init__(self, link):
         self.link = link
         self.time = 1_000_000_000
-        self.goals: list[GoalUpdate] = []
-        self.last: dict[str, bytes] = {}
+        self.goals = []
+        self.last = {}
 
-    def step(self, until: Any = "nothing", wait: float = 0.02) -> CycleAnswer:
+    def step(self, until="nothing", wait=0.02):
         answer = self.link.cycle(Cycle(self.time, (("/scan", SCAN),), until, wait))
         self.time += 50_000_000
         self.goals += answer.goals
         self.last |= {one.topic: one.data for one in answer.messages}
         return answer
 
-    def step_until(self, done: Callable[[], object]) -> None:
+    def step_until(self, done):
         end = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < end, self.link.graph()
             self.step()
 
-    def cycles(self, count: int) -> list[float]:
+    def cycles(self, count):
         """Step so often in lock step; return the latencies [s]."""
         latencies = []
         for _ in range(count):
@@ -166,12 +160,12 @@ class Driver:
             assert seconds * 1_000_000_000 + rest == now
         return latencies
 
-    def states(self) -> list[str]:
+    def states(self):
         return [update.state for update in self.goals if update.state != "feedback"]
 
 
 @pytest.fixture
-def sdk(python: Path, router: ZenohRouter, link: ZenohLink, tmp_path: Path) -> Iterator[Driver]:
+def sdk(python, router, link, tmp_path):
     """A stack of zenoh-ros2-sdk that came after the map was published."""
     for name, text in DEFINITIONS.items():
         package, room, kind = name.split("/")
@@ -193,7 +187,7 @@ def sdk(python: Path, router: ZenohRouter, link: ZenohLink, tmp_path: Path) -> I
         yield driver
 
 
-def test_lock_step_with_the_sdk(sdk: Driver) -> None:
+def test_lock_step_with_the_sdk(sdk):
     latencies = sorted(sdk.cycles(300))
     print(f"latency with zenoh-ros2-sdk: median {latencies[150] * 1e3:.2f} ms, "
           f"least {latencies[0] * 1e3:.2f} ms")  # fmt: skip
@@ -202,11 +196,11 @@ def test_lock_step_with_the_sdk(sdk: Driver) -> None:
     assert sdk.link.problems == ()
 
 
-def test_the_map_reaches_the_sdk_late(sdk: Driver) -> None:
+def test_the_map_reaches_the_sdk_late(sdk):
     sdk.step_until(lambda: struct.unpack_from("<I", sdk.last["/map_seen"], 4) == (1,))
 
 
-def test_services_of_the_sdk(sdk: Driver) -> None:
+def test_services_of_the_sdk(sdk):
     answer = sdk.link.parameters("/sdk", ("one", "two"))
     assert answer == {"one": "one of the sdk", "two": "two of the sdk"}
     # Its server checks what is asked for.
@@ -214,7 +208,7 @@ def test_services_of_the_sdk(sdk: Driver) -> None:
     sdk.cycles(3)
 
 
-def test_an_action_of_the_sdk(sdk: Driver) -> None:
+def test_an_action_of_the_sdk(sdk):
     sdk.link.send_goal(1, ((1.0, 2.0, 0.5),), "map", sdk.time)
     sdk.step_until(lambda: len(sdk.states()) == 2)
     assert sdk.states() == ["accepted", "succeeded"]
@@ -228,7 +222,7 @@ def test_an_action_of_the_sdk(sdk: Driver) -> None:
     assert sdk.states() == ["rejected"]
 
 
-def test_an_action_of_the_sdk_is_cancelled(sdk: Driver) -> None:
+def test_an_action_of_the_sdk_is_cancelled(sdk):
     sdk.link.send_goal(1, ((1.0, 2.0, 0.5),), "map", sdk.time)
     sdk.link.cancel_goals()
     sdk.step_until(lambda: len(sdk.states()) == 2)
@@ -236,9 +230,7 @@ def test_an_action_of_the_sdk_is_cancelled(sdk: Driver) -> None:
 
 
 @pytest.fixture
-def pyzeros(
-    python: Path, router: ZenohRouter, link: ZenohLink, tmp_path: Path
-) -> Iterator[tuple[Driver, dict[str, Any]]]:
+def pyzeros(python, router, link, tmp_path):
     """A stack of pyzeros in the namespace /robot1, and what it says of itself."""
     setup = replace(
         SETUP,
@@ -257,7 +249,7 @@ def pyzeros(
         yield driver, said
 
 
-def test_lock_step_with_pyzeros(pyzeros: tuple[Driver, dict[str, Any]]) -> None:
+def test_lock_step_with_pyzeros(pyzeros):
     driver, _ = pyzeros
     latencies = sorted(driver.cycles(300))
     print(f"latency with pyzeros: median {latencies[150] * 1e3:.2f} ms, "
@@ -272,7 +264,7 @@ def test_lock_step_with_pyzeros(pyzeros: tuple[Driver, dict[str, Any]]) -> None:
     assert (seen.header, list(seen.ranges)) == (sent.header, list(sent.ranges))
 
 
-def test_lifecycle_of_pyzeros(pyzeros: tuple[Driver, dict[str, Any]]) -> None:
+def test_lifecycle_of_pyzeros(pyzeros):
     driver, _ = pyzeros
     node = "/bt_navigator"
     driver.step_until(lambda: driver.link.readiness().nodes == {node: "active"})
@@ -280,9 +272,7 @@ def test_lifecycle_of_pyzeros(pyzeros: tuple[Driver, dict[str, Any]]) -> None:
     assert driver.link.readiness().command == "geometry_msgs/msg/TwistStamped"
 
 
-def test_keys_tokens_and_gids_are_those_of_pyzeros(
-    pyzeros: tuple[Driver, dict[str, Any]],
-) -> None:
+def test_keys_tokens_and_gids_are_those_of_pyzeros(pyzeros):
     _, said = pyzeros
     kind = "geometry_msgs/msg/TwistStamped"
     assert said["key"] == topic_key(DOMAIN, "/cmd_vel", kind, ROSIDL["jazzy"][kind])
@@ -298,7 +288,7 @@ def test_keys_tokens_and_gids_are_those_of_pyzeros(
     assert token_key(far) == said["far"]
 
 
-def test_hashes_are_those_of_pyzeros(pyzeros: tuple[Driver, dict[str, Any]]) -> None:
+def test_hashes_are_those_of_pyzeros(pyzeros):
     _, said = pyzeros
     interfaces = Interfaces("jazzy")
     for kind in WHOLE:

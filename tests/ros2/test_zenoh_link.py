@@ -1,13 +1,9 @@
 """A link over rmw_zenoh against a pretended stack in another process."""
 
-from __future__ import annotations
-
 import struct
 import time
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,12 +12,8 @@ from daemon.model import ros_messages
 from daemon.stacks.ros2.link import (
     ACTION_KINDS,
     Cycle,
-    CycleAnswer,
-    GoalUpdate,
     LinkLost,
     LinkSetup,
-    Readiness,
-    StackLink,
     TopicSetup,
 )
 from daemon.stacks.ros2.rmw_zenoh import action as zenoh_action
@@ -52,7 +44,7 @@ SETUP = LinkSetup(
 )
 
 
-def scan_message() -> bytes:
+def scan_message():
     kind = "sensor_msgs/msg/LaserScan"
     scan = ros_messages.make(
         kind,
@@ -70,7 +62,7 @@ def scan_message() -> bytes:
     return ros_messages.serialize(scan, kind)
 
 
-def map_message() -> bytes:
+def map_message():
     kind = "nav_msgs/msg/OccupancyGrid"
     info = ros_messages.make(
         "nav_msgs/msg/MapMetaData",
@@ -91,31 +83,31 @@ SCAN = scan_message()
 class Driver:
     """Moves a link's clock on and keeps what came."""
 
-    def __init__(self, link: ZenohLink) -> None:
+    def __init__(self, link):
         self.link = link
         self.time = 1_000_000_000
-        self.goals: list[GoalUpdate] = []
-        self.answers: list[CycleAnswer] = []
+        self.goals = []
+        self.answers = []
 
-    def step(self, *, wait: float = 0.02, command: bool = False) -> CycleAnswer:
+    def step(self, *, wait=0.02, command=False):
         until = "command" if command else "nothing"
-        cycle = Cycle(self.time, (("/scan", SCAN),), until, wait)  # type: ignore[arg-type]
+        cycle = Cycle(self.time, (("/scan", SCAN),), until, wait)
         answer = self.link.cycle(cycle)
         self.time += PERIOD
         self.goals += answer.goals
         self.answers.append(answer)
         return answer
 
-    def step_until(self, done: Callable[[], object]) -> None:
+    def step_until(self, done):
         end = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < end, self.answers[-1:]
             self.step()
 
-    def bring_up(self) -> Readiness:
-        found: list[Readiness] = []
+    def bring_up(self):
+        found = []
 
-        def ready() -> bool:
+        def ready():
             found.append(self.link.readiness())
             one = found[-1]
             if one.nodes[LIFECYCLE_NODE] == "unconfigured":
@@ -126,14 +118,12 @@ class Driver:
         self.step_until(ready)
         return found[-1]
 
-    def states(self) -> list[str]:
+    def states(self):
         return [update.state for update in self.goals if update.state != "feedback"]
 
 
 @contextmanager
-def linked(
-    distribution: str = "jazzy", *, domain: int = 0, definitions: Sequence[Path] = (), port: int = 0
-) -> Iterator[ZenohLink]:
+def linked(distribution="jazzy", *, domain=0, definitions=(), port=0):
     router = ZenohRouter.open(port, distribution=distribution, definitions=definitions)
     link = ZenohLink(router)
     link.join(domain)
@@ -143,24 +133,24 @@ def linked(
         link.close()
 
 
-def environment(link: ZenohLink, domain: int = 0) -> dict[str, str]:
+def environment(link, domain=0):
     """What a stack is started with: the domain is given by whoever starts it."""
     return {**link.router.environment, "ROS_DOMAIN_ID": str(domain)}
 
 
 @pytest.fixture
-def link() -> Iterator[ZenohLink]:
+def link():
     with linked() as made:
         yield made
 
 
-def test_it_is_a_link(link: ZenohLink) -> None:
-    face: StackLink = link
+def test_it_is_a_link(link):
+    face = link
     assert face.identity.rmw == "rmw_zenoh_cpp"
     assert face.identity.distribution == "jazzy"
 
 
-def test_a_stack_comes_up_and_is_seen(link: ZenohLink) -> None:
+def test_a_stack_comes_up_and_is_seen(link):
     link.set_up(SETUP)
     with running(environment(link)):
         ready = Driver(link).bring_up()
@@ -183,7 +173,7 @@ def test_a_stack_comes_up_and_is_seen(link: ZenohLink) -> None:
 
 
 @pytest.mark.short
-def test_every_cycle_is_answered_with_its_stamp(link: ZenohLink) -> None:
+def test_every_cycle_is_answered_with_its_stamp(link):
     link.set_up(SETUP)
     with running(environment(link)):
         driver = Driver(link)
@@ -207,7 +197,7 @@ def test_every_cycle_is_answered_with_its_stamp(link: ZenohLink) -> None:
         assert link.parameters(LIFECYCLE_NODE, ("scans",))["scans"] - before == 301
 
 
-def test_all_of_a_topic_or_the_last(link: ZenohLink) -> None:
+def test_all_of_a_topic_or_the_last(link):
     link.set_up(SETUP)
     with running(environment(link)):
         driver = Driver(link)
@@ -225,7 +215,7 @@ def test_all_of_a_topic_or_the_last(link: ZenohLink) -> None:
         assert all(one.topic != "/tf" for a in driver.answers for one in a.messages)
 
 
-def test_a_command_without_stamp_answers_when_it_comes_after_the_clock(link: ZenohLink) -> None:
+def test_a_command_without_stamp_answers_when_it_comes_after_the_clock(link):
     link.set_up(SETUP)
     with running(environment(link), Options(command="geometry_msgs/msg/Twist")):
         driver = Driver(link)
@@ -237,7 +227,7 @@ def test_a_command_without_stamp_answers_when_it_comes_after_the_clock(link: Zen
             assert kinds == {"geometry_msgs/msg/Twist"}
 
 
-def test_a_stack_that_does_not_answer(link: ZenohLink) -> None:
+def test_a_stack_that_does_not_answer(link):
     link.set_up(SETUP)
     with running(environment(link), Options(answers=False)):
         driver = Driver(link)
@@ -262,7 +252,7 @@ ACTIONS = [
 
 @pytest.mark.short
 @pytest.mark.parametrize(("spoken", "action"), ACTIONS)
-def test_goals_of_every_distribution(spoken: str, action: str) -> None:
+def test_goals_of_every_distribution(spoken, action):
     with linked(spoken, domain=3) as link:
         link.set_up(replace(SETUP, action_kind=action))
         options = Options(distribution=spoken, action=ACTION_KINDS[action])
@@ -296,7 +286,7 @@ def test_goals_of_every_distribution(spoken: str, action: str) -> None:
             assert driver.states() == ["rejected"]
 
 
-def test_goals_are_cancelled_also_before_they_are_accepted(link: ZenohLink) -> None:
+def test_goals_are_cancelled_also_before_they_are_accepted(link):
     link.set_up(SETUP)
     with running(environment(link), Options(ticks=1_000_000)):
         driver = Driver(link)
@@ -309,7 +299,7 @@ def test_goals_are_cancelled_also_before_they_are_accepted(link: ZenohLink) -> N
         assert sorted(driver.states()) == ["accepted", "accepted", "canceled", "canceled"]
 
 
-def test_a_goal_waits_for_its_server(link: ZenohLink) -> None:
+def test_a_goal_waits_for_its_server(link):
     link.set_up(SETUP)
     driver = Driver(link)
     link.send_goal(1, ((1.0, 0.0, 0.0),), "map", driver.time)
@@ -320,7 +310,7 @@ def test_a_goal_waits_for_its_server(link: ZenohLink) -> None:
         assert driver.states()[0] in ("accepted", "unanswered")
 
 
-def test_a_goal_nobody_answers(link: ZenohLink, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_goal_nobody_answers(link, monkeypatch):
     monkeypatch.setattr(zenoh_action, "ANSWER_TIME", 0.5)
     link.set_up(SETUP)
     driver = Driver(link)
@@ -329,7 +319,7 @@ def test_a_goal_nobody_answers(link: ZenohLink, monkeypatch: pytest.MonkeyPatch)
     assert driver.states() == ["unanswered"]
 
 
-def test_a_map_reaches_a_stack_that_comes_later(link: ZenohLink) -> None:
+def test_a_map_reaches_a_stack_that_comes_later(link):
     link.set_up(SETUP)
     driver = Driver(link)
     link.cycle(Cycle(driver.time, (("/map", map_message()),)))
@@ -338,7 +328,7 @@ def test_a_map_reaches_a_stack_that_comes_later(link: ZenohLink) -> None:
         driver.step_until(lambda: link.parameters(LIFECYCLE_NODE, ("maps",)).get("maps", 0) == 1)
 
 
-def test_parameters_that_are_there(link: ZenohLink) -> None:
+def test_parameters_that_are_there(link):
     link.set_up(SETUP)
     with running(environment(link)):
         Driver(link).bring_up()
@@ -350,7 +340,7 @@ def test_parameters_that_are_there(link: ZenohLink) -> None:
         assert link.parameters("/nobody", ("x",)) == {}
 
 
-def test_a_stack_that_dies_is_not_heard_any_more(link: ZenohLink) -> None:
+def test_a_stack_that_dies_is_not_heard_any_more(link):
     link.set_up(SETUP)
     driver = Driver(link)
     with running(environment(link)) as stack:
@@ -367,7 +357,7 @@ def test_a_stack_that_dies_is_not_heard_any_more(link: ZenohLink) -> None:
         assert driver.step(wait=PATIENCE, command=True).latency is not None
 
 
-def expect_problem(link: ZenohLink, setup: LinkSetup, options: Options) -> tuple[str, ...]:
+def expect_problem(link, setup, options):
     """Return all that is wrong with a stack once it is up."""
     link.set_up(setup)
     with running(environment(link), options):
@@ -385,7 +375,7 @@ def expect_problem(link: ZenohLink, setup: LinkSetup, options: Options) -> tuple
         return link.problems
 
 
-def test_other_definitions_are_said_with_the_remedy(link: ZenohLink) -> None:
+def test_other_definitions_are_said_with_the_remedy(link):
     setup = replace(SETUP, action_kind="navigate_through_poses")
     action = ACTION_KINDS["navigate_through_poses"]
     said = expect_problem(link, setup, Options(distribution="kilted", action=action))
@@ -404,13 +394,13 @@ def test_other_definitions_are_said_with_the_remedy(link: ZenohLink) -> None:
     )
 
 
-def test_a_stack_without_hashes_is_humble(link: ZenohLink) -> None:
+def test_a_stack_without_hashes_is_humble(link):
     said = expect_problem(link, SETUP, Options(distribution="humble"))
     assert all("with the type hash TypeHashNotSupported, here it is RIHS01_" in one for one in said)
     assert all(one.endswith("It is that of humble: write distribution: humble") for one in said)
 
 
-def test_another_type_is_said(link: ZenohLink) -> None:
+def test_another_type_is_said(link):
     said = expect_problem(link, SETUP, Options(scan="sensor_msgs/msg/Range"))
     assert said == (
         "/scan: /bt_navigator has a subscription of type sensor_msgs/msg/Range, here it is "
@@ -419,7 +409,7 @@ def test_another_type_is_said(link: ZenohLink) -> None:
     )
 
 
-def test_another_domain_is_said(link: ZenohLink) -> None:
+def test_another_domain_is_said(link):
     link.set_up(SETUP)
     with running(environment(link, 7)):
         driver = Driver(link)
@@ -427,7 +417,7 @@ def test_another_domain_is_said(link: ZenohLink) -> None:
             driver.step_until(lambda: False)
 
 
-def test_the_next_run_finds_the_stack_of_the_run_before(link: ZenohLink) -> None:
+def test_the_next_run_finds_the_stack_of_the_run_before(link):
     link.set_up(SETUP)
     with running(environment(link)):
         Driver(link).bring_up()
@@ -445,13 +435,13 @@ def test_the_next_run_finds_the_stack_of_the_run_before(link: ZenohLink) -> None
                 assert driver.step(wait=PATIENCE, command=True).latency is not None
 
 
-def test_a_port_that_is_taken_is_said(link: ZenohLink) -> None:
+def test_a_port_that_is_taken_is_said(link):
     with pytest.raises(LinkLost, match=f"port {link.router.port} of 127.0.0.1"):
         ZenohRouter.open(link.router.port, distribution="jazzy")
 
 
 @pytest.mark.short
-def test_two_runs_do_not_hear_each_other(link: ZenohLink) -> None:
+def test_two_runs_do_not_hear_each_other(link):
     with linked() as other:
         assert other.router.port != link.router.port
         for one in (link, other):
@@ -471,7 +461,7 @@ def test_two_runs_do_not_hear_each_other(link: ZenohLink) -> None:
                 assert quiet.step(wait=PATIENCE, command=True).commands == 1
 
 
-def test_definitions_that_are_not_there_are_said(link: ZenohLink, tmp_path: Path) -> None:
+def test_definitions_that_are_not_there_are_said(link, tmp_path):
     with pytest.raises(LinkLost, match="no distribution"):
         ZenohRouter.open(distribution="foxy")
     with pytest.raises(LinkLost, match="no folder of interface definitions"):
@@ -480,7 +470,7 @@ def test_definitions_that_are_not_there_are_said(link: ZenohLink, tmp_path: Path
         link.set_up(replace(SETUP, publish=(TopicSetup("/own", "my_msgs/msg/Own"),)))
 
 
-def test_an_answer_that_cannot_be_read_is_said(tmp_path: Path) -> None:
+def test_an_answer_that_cannot_be_read_is_said(tmp_path):
     # Humble has no hashes: other definitions meet, and the bytes tell.
     action = tmp_path / "nav2_msgs" / "action" / "NavigateToPose.action"
     action.parent.mkdir(parents=True)
@@ -496,7 +486,7 @@ def test_an_answer_that_cannot_be_read_is_said(tmp_path: Path) -> None:
                 driver.step_until(lambda: False)
 
 
-def test_a_closed_link_says_so(link: ZenohLink) -> None:
+def test_a_closed_link_says_so(link):
     link.set_up(SETUP)
     link.close()
     link.close()
@@ -506,7 +496,7 @@ def test_a_closed_link_says_so(link: ZenohLink) -> None:
         link.graph()
 
 
-def test_a_link_has_to_be_in_a_domain() -> None:
+def test_a_link_has_to_be_in_a_domain():
     link = ZenohLink(ZenohRouter.open(distribution="jazzy"))
     try:
         with pytest.raises(LinkLost, match="no ROS domain"):
@@ -515,6 +505,6 @@ def test_a_link_has_to_be_in_a_domain() -> None:
         link.close()
 
 
-def test_a_link_has_to_be_set_up(link: ZenohLink) -> None:
+def test_a_link_has_to_be_set_up(link):
     with pytest.raises(LinkLost, match="not set up"):
         link.cycle(Cycle(1))

@@ -1,11 +1,8 @@
 """Types of the rmw_zenoh link against those of a genuine ROS 2: its rosidl, its rclpy."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,7 +40,7 @@ print(json.dumps(found))
 
 
 @pytest.fixture(params=["jazzy", "kilted"])
-def ros2(request: pytest.FixtureRequest) -> tuple[str, Path]:
+def ros2(request):
     """A distribution and the folder of its environment."""
     python = environment.environment_python(request.param)
     if python is None:
@@ -51,11 +48,11 @@ def ros2(request: pytest.FixtureRequest) -> tuple[str, Path]:
     return request.param, python.parents[1]
 
 
-def test_every_hash_is_that_of_rosidl(ros2: tuple[str, Path]) -> None:
+def test_every_hash_is_that_of_rosidl(ros2):
     distribution, home = ros2
     # As a user would give them: the share folder of what is installed.
     interfaces = Interfaces(distribution, [home])
-    theirs: dict[str, str] = {}
+    theirs = {}
     for file in home.glob("share/*/*/*.json"):
         room, kind = file.parent.name, f"{file.parents[1].name}/{file.parent.name}/{file.stem}"
         if room not in ("msg", "srv", "action"):
@@ -76,7 +73,7 @@ def test_every_hash_is_that_of_rosidl(ros2: tuple[str, Path]) -> None:
     assert {kind: interfaces.hash(kind) for kind in theirs} == theirs
 
 
-def test_rclpy_reads_what_is_sent_and_is_read(ros2: tuple[str, Path]) -> None:
+def test_rclpy_reads_what_is_sent_and_is_read(ros2):
     distribution, home = ros2
     interfaces = Interfaces(distribution)
     make = interfaces.make

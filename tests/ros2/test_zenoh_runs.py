@@ -1,7 +1,5 @@
 """Whole runs over rmw_zenoh, with a pretended stack that is started by its launch command."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex
@@ -12,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.spec import RunSpec, SutReference
-from daemon.model.status import Submission
+from daemon.model.spec import SutReference
 from daemon.run import execute
 from daemon.trace import read_trace
 from grammars.model.mission import Mission, Waypoint
@@ -24,11 +21,11 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def demo(campaigns: Path) -> Submission:
+def demo(campaigns):
     return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
 
 
-def specified(demo: Submission, options: Options, **parameters: object) -> RunSpec:
+def specified(demo, options, **parameters):
     """Return a run of one waypoint with a stack like that."""
     spec = next(one for one in demo.runs if one.scenario == "open-house")
     words = shlex.quote(json.dumps(asdict(replace(options, forever=True, state="active"))))
@@ -53,7 +50,7 @@ def specified(demo: Submission, options: Options, **parameters: object) -> RunSp
 
 
 @pytest.mark.short
-def test_a_run_without_a_relay(demo: Submission, tmp_path: Path) -> None:
+def test_a_run_without_a_relay(demo, tmp_path):
     path = tmp_path / "run.mcap"
     spec = specified(demo, Options(ticks=40))
     result = execute(spec, demo.scenes[0], trace_path=path)
@@ -68,14 +65,14 @@ def test_a_run_without_a_relay(demo: Submission, tmp_path: Path) -> None:
     assert "holds" not in said
 
 
-def test_a_stack_of_another_distribution_is_told_so(demo: Submission, tmp_path: Path) -> None:
+def test_a_stack_of_another_distribution_is_told_so(demo, tmp_path):
     spec = specified(demo, Options(distribution="humble"))
     result = execute(spec, demo.scenes[0], trace_path=tmp_path / "run.mcap")
     assert result.ended == "crashed"
     assert "It is that of humble: write distribution: humble" in result.note
 
 
-def test_definitions_of_the_user_are_used(demo: Submission, tmp_path: Path) -> None:
+def test_definitions_of_the_user_are_used(demo, tmp_path):
     action = tmp_path / "nav2_msgs" / "action" / "NavigateToPose.action"
     action.parent.mkdir(parents=True)
     action.write_text("geometry_msgs/PoseStamped pose\n---\nuint16 error_code\n---\n", "utf-8")

@@ -3,8 +3,6 @@
 python -m tests.ros2.zenoh_environment      # make it, unless it is there and up to date
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -17,14 +15,14 @@ _REQUIREMENTS = _HERE / "requirements-zenoh.txt"
 _STAMP = "scenario-zenoh.stamp"
 
 
-def environment_folder() -> Path:
+def environment_folder():
     """Where it lives, there or not: beside `.venv`, or below `SCENARIO_ROS2_ENVIRONMENTS`."""
     if shared := os.environ.get("SCENARIO_ROS2_ENVIRONMENTS"):
         return Path(shared).expanduser().absolute() / "zenoh"
     return _HERE.parents[1] / ".venv-ros2-zenoh"
 
 
-def environment_python() -> Path | None:
+def environment_python():
     """The interpreter when the environment is there and up to date, otherwise None."""
     stamp = environment_folder() / _STAMP
     if not stamp.is_file() or stamp.read_text("utf-8") != _REQUIREMENTS.read_text("utf-8"):
@@ -32,7 +30,7 @@ def environment_python() -> Path | None:
     return environment_folder() / "bin" / "python"
 
 
-def main() -> int:
+def main():
     """Make the environment and say where it is."""
     folder = environment_folder()
     if environment_python() is None:

@@ -6,8 +6,6 @@ Hashes of messages and services are its own, computed from the definition files;
 of the action, which it does not know, are given. Ends with its standard input.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import sys
@@ -38,16 +36,16 @@ CANCELED = "int8 return_code\nint32[] goals_canceling\n"
 
 
 class Stack:
-    def __init__(self) -> None:
+    def __init__(self):
         registry = get_registry(ASKED["definitions"])
         self.store = ZenohSession.get_instance("127.0.0.1", ASKED["port"]).store
         for kind in ("geometry_msgs/msg/PoseStamped", "builtin_interfaces/msg/Duration"):
             assert registry.load_message_type(kind)
         self.maps = 0
-        self.goal: bytes | None = None
+        self.goal = None
         self.ticks = 0
         self.canceled = False
-        self.scans: deque[int] = deque()
+        self.scans = deque()
         self.command = ROS2Publisher("/cmd_vel", "geometry_msgs/msg/TwistStamped", **NODE)
         self.map_seen = ROS2Publisher("/map_seen", "std_msgs/msg/UInt32", **NODE)
         self.feedback = ROS2Publisher(
@@ -95,16 +93,16 @@ class Stack:
     def make(self, kind, **fields):
         return self.store.types[kind](**fields)
 
-    def hear_map(self, message) -> None:
+    def hear_map(self, message):
         self.maps += 1
         assert (message.info.width, message.info.height) == (400, 300)
         assert len(message.data) == 120000
 
-    def hear_scan(self, message) -> None:
+    def hear_scan(self, message):
         assert len(message.ranges) == 400
         self.scans.append(message.header.stamp.sec)
 
-    def hear_clock(self, message) -> None:
+    def hear_clock(self, message):
         self.map_seen.publish(data=self.maps)
         if self.goal is not None:
             self.ticks += 1
@@ -166,7 +164,7 @@ class Stack:
         kind = "action_msgs/srv/CancelGoal_Response"
         return self.answer(kind, return_code=0, goals_canceling=np.zeros(0, "int32"))
 
-    def answer_results(self) -> None:
+    def answer_results(self):
         while True:
             key, request = self.results.take_request()
             while self.ticks < 5 and not self.canceled:

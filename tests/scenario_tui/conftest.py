@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import pytest
@@ -26,13 +25,13 @@ class Said(NamedTuple):
 
 
 @pytest.fixture(autouse=True)
-def _as_wide_as_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:
+def _as_wide_as_a_pipe(monkeypatch):
     """Who starts the tests may have said how wide his terminal is."""
     monkeypatch.delenv("COLUMNS", raising=False)
 
 
 @pytest.fixture(autouse=True)
-def _unseen_is_not_painted(monkeypatch: pytest.MonkeyPatch) -> None:
+def _unseen_is_not_painted(monkeypatch):
     """Spare what an app without a terminal paints between two looks at its screen.
 
     It shows that to nobody, and a third of the time of the dashboard's tests went into it.
@@ -41,7 +40,7 @@ def _unseen_is_not_painted(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     paint = Compositor.render_update
 
-    def render_update(compositor: Compositor, full: bool = False, **how: Any) -> Any:
+    def render_update(compositor, full=False, **how):
         if full:
             return paint(compositor, full, **how)
         compositor._dirty_regions.clear()
@@ -51,11 +50,11 @@ def _unseen_is_not_painted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _styles_are_read_once() -> Iterator[None]:
+def _styles_are_read_once():
     """Read the same style sheet for the same theme once, not for each app anew."""
     read, kept = Stylesheet._parse_rules, dict[Any, list[RuleSet]]()
 
-    def parse_rules(sheet: Stylesheet, *source: Any, **more: Any) -> list[RuleSet]:
+    def parse_rules(sheet, *source, **more):
         key = (source, *more.items(), frozenset(sheet._variables.items()))
         if key not in kept:
             kept[key] = read(sheet, *source, **more)
@@ -69,28 +68,26 @@ def _styles_are_read_once() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def _idle_means_nothing_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def _idle_means_nothing_to_do(monkeypatch):
     """Wait after each key until it was taken in, not for as long as that takes at best."""
     monkeypatch.setattr("textual.app.wait_for_idle", wait_for_idle)
     monkeypatch.setattr("textual.pilot.wait_for_idle", wait_for_idle)
 
 
 @pytest.fixture
-def fake() -> FakeDaemon:
+def fake():
     return FakeDaemon()
 
 
 @pytest.fixture
-def scenario(
-    fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Iterator[Callable[..., Said]]:
+def scenario(fake, monkeypatch, capsys):
     """Call ``scenario ...`` in this process, against the fake daemon."""
     for name in ("SCENARIO_STATE", "SCENARIO_CONNECT"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(target.DaemonTarget, "open", lambda self: fake.open())
     before = dict(os.environ)
 
-    def call(*arguments: str) -> Said:
+    def call(*arguments):
         code = invoke(arguments)
         said = capsys.readouterr()
         if "--json" in arguments and said.out:

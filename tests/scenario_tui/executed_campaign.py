@@ -10,23 +10,18 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
 
 from daemon.batch.errors import Refused
 from daemon.campaign import expand, load_campaign
 from daemon.judging.oracles import judge_so_far, least_margin
 from daemon.judging.running import RunningJudge
-from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.assessments import RunRecord
 from daemon.model.live_judgement import LiveJudgement
-from daemon.model.messages import Empty, IdRequest, RecordQuery, RunQuery
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
 from daemon.model.status import (
-    CampaignRow,
-    DaemonOverview,
     LiveSnapshot,
     RunDetail,
-    RunPage,
     RunRow,
     Submission,
 )
@@ -35,24 +30,23 @@ from daemon.model.verdicts import deciding_verdict
 from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.trace import TraceWriter
-from grammars.model.scene import Scene
 from tests.scenario_tui.fake import NOW, FakeDaemon, campaign_row
 
-CAMPAIGN: Final = "demo-5d0c1e7a"
-NIGHTLY: Final = "nightly-00ff00ff"
-FAILED: Final = "busy-house/daring/0"
+CAMPAIGN = "demo-5d0c1e7a"
+NIGHTLY = "nightly-00ff00ff"
+FAILED = "busy-house/daring/0"
 """A run that fails and is not expected to: a door swings into the robot."""
-PASSED: Final = "busy-house/pilot/0"
+PASSED = "busy-house/pilot/0"
 """The same with the other pilot; of this campaign it is under way."""
-REPEATS: Final = 2
-_CAMPAIGNS: Final = Path(__file__).parents[2] / "campaigns"
-_DARING: Final = """\
+REPEATS = 2
+_CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
+_DARING = """\
 sut: daring
 about: the pilot with hardly any distance to what is not on its map
 like: pilot
 parameters: {stop_distance: 0.0, blocked_distance: 0.1, safety_margin: 0.0}
 """
-_UNDER_WAY: Final = {PASSED: 61.0, "busy-house/pilot/1": 38.0}
+_UNDER_WAY = {PASSED: 61.0, "busy-house/pilot/1": 38.0}
 """Runs that are not over, and how far they are [s]."""
 
 
@@ -74,17 +68,17 @@ class ExecutedCampaign:
     under_way: Mapping[str, UnderWay]
 
 
-def name_of(spec: RunSpec) -> str:
+def name_of(spec):
     """Return what a run is called."""
     return f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
 
 
-def trace_of(name: str) -> str:
+def trace_of(name):
     """Return the trace of a run, from the folder in which the daemon was started."""
     return f"state/traces/{CAMPAIGN}/{name.replace('/', '.')}.mcap"
 
 
-def write_campaign(folder: Path) -> Path:
+def write_campaign(folder):
     """Write the demo with two pilots and ``REPEATS`` repeats below ``folder``; return its file."""
     for part in ("demo", "robots", "suts"):
         shutil.copytree(_CAMPAIGNS / part, folder / part)
@@ -102,7 +96,7 @@ def write_campaign(folder: Path) -> Path:
     return file
 
 
-def execute_campaign(folder: Path) -> ExecutedCampaign:
+def execute_campaign(folder):
     """Execute it below ``folder``: all runs to their end, two also to a moment in the middle."""
     submission = expand(load_campaign(write_campaign(folder / "campaigns")))
     scenes = {scene.digest: scene for scene in submission.scenes}
@@ -120,10 +114,10 @@ def execute_campaign(folder: Path) -> ExecutedCampaign:
     return ExecutedCampaign(folder, submission, results, under_way)
 
 
-def _execute_until(spec: RunSpec, scene: Scene, end: float, folder: Path) -> UnderWay:
+def _execute_until(spec, scene, end, folder):
     """Execute a run up to a moment [s], and judge it there as its worker would."""
     folder.mkdir(exist_ok=True)
-    told: list[Snapshot] = []
+    told = []
     with TraceWriter(folder / "run.mcap", spec, scene) as trace:
         loop = RunLoop(spec, scene, trace, told.append, lambda: "everything")
         try:
@@ -150,7 +144,7 @@ class ExecutedDaemon(FakeDaemon):
     specs: dict[str, RunSpec] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, executed: ExecutedCampaign) -> ExecutedDaemon:
+    def of(cls, executed):
         """Return it with the runs of ``executed``."""
         specs = {f"{CAMPAIGN}.{i}": spec for i, spec in enumerate(executed.submission.runs)}
         begun = [_row(i, run, spec) for i, (run, spec) in enumerate(specs.items())]
@@ -170,15 +164,15 @@ class ExecutedDaemon(FakeDaemon):
             executed=executed, specs=specs,
         )  # fmt: skip
 
-    def result_of(self, row: RunRow) -> RunResult | None:
+    def result_of(self, row):
         """Return the result of a run, ``None`` while there is none."""
         assert self.executed is not None
         return self.executed.results[_name(row)] if row.state is RunState.DONE else None
 
-    def _overview(self, request: Empty) -> DaemonOverview:
+    def _overview(self, request):
         return replace(super()._overview(request), rate=150.0, seconds_left=2.0)
 
-    def _campaign_rows(self) -> tuple[CampaignRow, ...]:
+    def _campaign_rows(self):
         assert self.executed is not None
         about = self.executed.submission.about
         today = tuple(row for row in self.rows if row.campaign == CAMPAIGN)
@@ -187,32 +181,32 @@ class ExecutedDaemon(FakeDaemon):
         nightly = campaign_row("nightly", NIGHTLY, before, NOW - 40_000.0)
         return (replace(demo, about=about, seconds_left=2.0), replace(nightly, about=about))
 
-    def _runs(self, query: RunQuery) -> RunPage:
+    def _runs(self, query):
         page = super()._runs(replace(query, offset=0, limit=len(self.rows)))
         rows = page.rows
         if query.sort == "index":
             rows = tuple(sorted(rows, key=lambda row: row.campaign, reverse=not query.descending))
         return replace(page, rows=rows[query.offset : query.offset + query.limit])
 
-    def _run(self, request: IdRequest) -> RunDetail:
+    def _run(self, request):
         for row in self.rows:
             if row.id == request.id:
                 return RunDetail(row, self.specs[row.id], self.result_of(row))
         raise Refused(f"there is no run {request.id}")
 
-    def _scene(self, request: IdRequest) -> Scene:
+    def _scene(self, request):
         assert self.executed is not None
         scenes = {scene.digest: scene for scene in self.executed.submission.scenes}
         return scenes[request.id]
 
-    def _declared(self, _: IdRequest) -> AssessmentRules:
+    def _declared(self, _):
         return self.declares
 
-    def _records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
+    def _records(self, query):
         found = [self._record(row) for row in self.rows if row.campaign == query.campaign]
         return tuple(found[query.offset : query.offset + query.limit])
 
-    def _record(self, row: RunRow) -> RunRecord:
+    def _record(self, row):
         spec, result = self.specs[row.id], self.result_of(row)
         found = RunRecord(
             row.id, row.scenario, row.sut, row.repeat, spec.digest, row.outcome,
@@ -223,11 +217,11 @@ class ExecutedDaemon(FakeDaemon):
         return replace(found, verdicts=result.verdicts, ended=result.ended, timing=result.timing)
 
 
-def _name(row: RunRow) -> str:
+def _name(row):
     return f"{row.scenario}/{row.sut}/{row.repeat}"
 
 
-def _row(index: int, run: str, spec: RunSpec) -> RunRow:
+def _row(index, run, spec):
     """Return the row of a run that was begun."""
     return RunRow(
         run, run.rpartition(".")[0], index, spec.scenario, spec.sut.name, spec.repeat,
@@ -235,7 +229,7 @@ def _row(index: int, run: str, spec: RunSpec) -> RunRow:
     )  # fmt: skip
 
 
-def _done(row: RunRow, executed: ExecutedCampaign) -> RunRow:
+def _done(row, executed):
     """Return the row of a run with its result."""
     result = executed.results[_name(row)]
     verdict = deciding_verdict(result.verdicts)

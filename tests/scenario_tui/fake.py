@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 
@@ -17,23 +17,13 @@ from daemon.model.live_judgement import (
     ProvisionalVerdict,
 )
 from daemon.model.messages import (
-    CampaignQuery,
     Count,
-    DeleteRequest,
-    DownloadChunk,
     Empty,
-    IdRequest,
-    KeyRequest,
-    PriorityRequest,
-    RecordQuery,
-    RetryRequest,
-    RunQuery,
-    TraceDownloadRequest,
 )
-from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.proposals import ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import SearchSubmission
-from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
+from daemon.model.search_answer import SearchRow
 from daemon.model.spec import (
     MapSettings,
     OracleText,
@@ -57,11 +47,10 @@ from daemon.model.status import (
     RunDetail,
     RunPage,
     RunRow,
-    Submission,
     SubmissionReceipt,
     WorkerRow,
 )
-from daemon.model.verbs import A, DaemonClient, Verb
+from daemon.model.verbs import DaemonClient
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
@@ -75,11 +64,11 @@ WAITING = "starting my-nav2: 3 of 8 nodes active, waiting for planner_server"
 OLD = "nightly-00ff00ff"
 
 
-def box(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
+def box(x0, y0, x1, y1):
     return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
 
 
-def make_scene() -> Scene:
+def make_scene():
     """A corridor of 12 m x 4 m with a door leaf in its upper wall."""
     walls = (
         box(-0.2, -0.2, 12.2, 0.0),
@@ -114,7 +103,7 @@ MISSION = Mission(
 )
 
 
-def make_spec(row: RunRow, scene: str) -> RunSpec:
+def make_spec(row, scene):
     return RunSpec(
         campaign="first",
         scenario=row.scenario,
@@ -134,7 +123,7 @@ def make_spec(row: RunRow, scene: str) -> RunSpec:
     )
 
 
-def make_row(index: int, **changes: object) -> RunRow:
+def make_row(index, **changes):
     row = RunRow(
         id=f"{CAMPAIGN}.{index}",
         campaign=CAMPAIGN,
@@ -154,17 +143,17 @@ def make_row(index: int, **changes: object) -> RunRow:
         wall=8.25,
         trace=f"state/traces/{CAMPAIGN}/S1.pilot.{index}.mcap",
     )
-    return replace(row, **changes)  # type: ignore[arg-type]
+    return replace(row, **changes)
 
 
 NIGHTLY = tuple(make_row(i, id=f"{OLD}.{i}", campaign=OLD) for i in range(4))
 """The runs of a campaign in which all went well."""
 
 
-def make_rows() -> tuple[RunRow, ...]:
+def make_rows():
     fresh = {"outcome": None, "oracle": "", "margin": None, "unit": "", "simulated": 0.0,
              "wall": 0.0, "trace": ""}  # fmt: skip
-    changes: dict[int, dict[str, object]] = {
+    changes = {
         4: {"outcome": Outcome.INCONCLUSIVE, "oracle": "localised", "margin": None, "unit": "m"},
         5: {"outcome": Outcome.FAIL, "oracle": "no-contact", "margin": -0.0312},
         6: {"outcome": Outcome.FAIL, "oracle": "no-contact", "margin": -0.12},
@@ -175,7 +164,7 @@ def make_rows() -> tuple[RunRow, ...]:
     return tuple(make_row(i, **changes.get(i, {})) for i in range(10))
 
 
-def make_result(row: RunRow) -> RunResult | None:
+def make_result(row):
     if row.outcome is None:
         return None
     seen = Evidence(512.25, row.margin, 0.0, "door-1", "front left corner")
@@ -197,7 +186,7 @@ def make_result(row: RunRow) -> RunResult | None:
     )
 
 
-def make_record(row: RunRow) -> RunRecord:
+def make_record(row):
     found = RunRecord(
         row.id, row.scenario, row.sut, row.repeat, f"{row.index:064d}", row.outcome,
         state=str(row.state), note=row.reason, seed=2024 + row.repeat, cached=row.cached,
@@ -209,7 +198,7 @@ def make_record(row: RunRow) -> RunRecord:
     return replace(found, verdicts=result.verdicts, ended=result.ended, timing=result.timing)
 
 
-def make_live(index: int = 7, time: float = 60.0, waiting: str = "") -> LiveSnapshot:
+def make_live(index=7, time=60.0, waiting=""):
     """A run on its way; at its start, with what it is ``waiting`` for, if there is anything."""
     pose = Pose2(1.0 + time / 20.0, 2.0, 0.1)
     snapshot = Snapshot(time, 1200.0, pose, Pose2(pose.x + 0.1, 2.1, 0.1), 1, 3, (-0.9,))
@@ -218,7 +207,7 @@ def make_live(index: int = 7, time: float = 60.0, waiting: str = "") -> LiveSnap
     return LiveSnapshot(f"{CAMPAIGN}.{index}", snapshot)
 
 
-def make_judgement(index: int = 7, time: float = 60.0, *, contact: bool = False) -> LiveJudgement:
+def make_judgement(index=7, time=60.0, *, contact=False):
     """What that run would be judged by now: near to a door once, a waypoint done, one ahead.
 
     With a ``contact`` it has failed for good.
@@ -258,22 +247,15 @@ def make_judgement(index: int = 7, time: float = 60.0, *, contact: bool = False)
     )  # fmt: skip
 
 
-def _live_signal(
-    name: str,
-    unit: str,
-    end: float,
-    values: list[float],
-    limits: tuple[float, ...] = (),
-    readers: tuple[str, ...] = (),
-) -> LiveSignal:
+def _live_signal(name, unit, end, values, limits=(), readers=()):
     return LiveSignal(name, unit, 0.0, end, tuple(values), tuple(values), limits, (), readers)
 
 
-def campaign_row(name: str, id: str, rows: tuple[RunRow, ...], submitted_at: float) -> CampaignRow:
-    def states(state: RunState) -> int:
+def campaign_row(name, id, rows, submitted_at):
+    def states(state):
         return sum(row.state is state for row in rows)
 
-    def outcomes(outcome: Outcome) -> int:
+    def outcomes(outcome):
         return sum(row.state is RunState.DONE and row.outcome is outcome for row in rows)
 
     open_runs = states(RunState.QUEUED) + states(RunState.RUNNING)
@@ -287,18 +269,18 @@ def campaign_row(name: str, id: str, rows: tuple[RunRow, ...], submitted_at: flo
 
 
 class FakeSubscription:
-    def __init__(self, daemon: FakeDaemon) -> None:
+    def __init__(self, daemon):
         self._daemon = daemon
 
-    def close(self) -> None:
+    def close(self):
         self._daemon.listeners.clear()
 
 
 class FakeWatch:
-    def __init__(self, daemon: FakeDaemon, run: str) -> None:
+    def __init__(self, daemon, run):
         self._daemon, self._run = daemon, run
 
-    def close(self) -> None:
+    def close(self):
         del self._daemon.watchers[self._run]
         self._daemon.judges.pop(self._run, None)
 
@@ -330,24 +312,23 @@ class FakeDaemon(DaemonClient):
     )
 
     @contextmanager
-    def open(self) -> Iterator[FakeDaemon]:
+    def open(self):
         self._answer("open")
         yield self
 
-    def _answer(self, *call: object) -> None:
+    def _answer(self, *call):
         if self.before is not None:
             self.before(self)
         if not self.reachable:
             raise Unreachable("no daemon answers at tcp/127.0.0.1:7447: start one")
         self.calls.append(call)
 
-    def ask(self, verb: Verb[..., A], request: object) -> A:
+    def ask(self, verb, request):
         """Answer with what ``_<verb>`` makes of the request; fails for a verb without one."""
-        self._answer(verb.name, *(getattr(request, one.name) for one in fields(request)))  # type: ignore[arg-type]
-        answer: A = getattr(self, f"_{verb}")(request)
-        return answer
+        self._answer(verb.name, *(getattr(request, one.name) for one in fields(request)))
+        return getattr(self, f"_{verb}")(request)
 
-    def _overview(self, _: Empty) -> DaemonOverview:
+    def _overview(self, _):
         rows = self._campaign_rows()
         total = {
             name: sum(getattr(row, name) for row in rows)
@@ -361,7 +342,7 @@ class FakeDaemon(DaemonClient):
             troubles=tuple(filter(None, (self.trouble, *self.troubles))),
         )  # fmt: skip
 
-    def _campaign_rows(self) -> tuple[CampaignRow, ...]:
+    def _campaign_rows(self):
         if self.empty:
             return ()
         return (
@@ -370,12 +351,12 @@ class FakeDaemon(DaemonClient):
             campaign_row("nightly", OLD, NIGHTLY, NOW - 90_000.0),
         )
 
-    def _row_of(self, search: SearchRow) -> CampaignRow:
+    def _row_of(self, search):
         runs = tuple(row for row in self.rows if row.campaign == search.campaign)
         row = campaign_row(search.name, search.campaign, runs, search.submitted_at)
         return replace(row, search=search.state)
 
-    def _campaigns(self, query: CampaignQuery) -> tuple[CampaignRow, ...]:
+    def _campaigns(self, query):
         found = [
             row
             for row in self._campaign_rows()
@@ -386,10 +367,10 @@ class FakeDaemon(DaemonClient):
         ]
         return tuple(found[query.offset : query.offset + query.limit])
 
-    def _delete(self, request: DeleteRequest) -> tuple[DeletedCampaign, ...]:
+    def _delete(self, request):
         return tuple(DeletedCampaign(name, 4, 3, 3 * 2**20) for name in request.campaigns)
 
-    def _runs(self, query: RunQuery) -> RunPage:
+    def _runs(self, query):
         found = [
             row
             for row in self.rows
@@ -403,30 +384,30 @@ class FakeDaemon(DaemonClient):
         found.sort(key=lambda r: _sortable(getattr(r, query.sort)), reverse=query.descending)
         return RunPage(tuple(found[query.offset : query.offset + query.limit]), len(found))
 
-    def _run(self, request: IdRequest) -> RunDetail:
+    def _run(self, request):
         for row in self.rows:
             if row.id == request.id:
                 return RunDetail(row, make_spec(row, make_scene().digest), make_result(row))
         raise Refused(f"there is no run {request.id}")
 
-    def _fetch(self, request: TraceDownloadRequest) -> DownloadChunk:
+    def _fetch(self, request):
         raise Refused(f"{request.run}: its trace is gone")
 
-    def _declared(self, _: IdRequest) -> AssessmentRules:
+    def _declared(self, _):
         return self.declares
 
-    def _origin(self, _: IdRequest) -> CampaignOrigin:
+    def _origin(self, _):
         return CampaignOrigin()
 
-    def _records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
+    def _records(self, query):
         found = [row for row in self.rows if row.campaign == query.campaign] or list(NIGHTLY)
         page = [row for row in found if row.campaign == query.campaign][query.offset :]
         return tuple(make_record(row) for row in page[: query.limit])
 
-    def _scene(self, _: IdRequest) -> Scene:
+    def _scene(self, _):
         return make_scene()
 
-    def _workers(self, _: Empty) -> tuple[WorkerRow, ...]:
+    def _workers(self, _):
         return (
             WorkerRow("bench-1", "bench", 4711, "0.1.0", 2, 1, NOW - 3600.0, self.now - 2.0),
             WorkerRow(
@@ -434,21 +415,21 @@ class FakeDaemon(DaemonClient):
             ),
         )
 
-    def _disk(self, _: Empty) -> DiskUsage:
+    def _disk(self, _):
         return DiskUsage(10**12, 10**11, 2**20)
 
-    def _cancel(self, _: IdRequest) -> Count:
+    def _cancel(self, _):
         return Count(2)
 
     _pause = _resume = _cancel
 
-    def _retry(self, _: RetryRequest) -> Count:
+    def _retry(self, _):
         return Count(1)
 
-    def _prioritise(self, _: PriorityRequest) -> Empty:
+    def _prioritise(self, _):
         return Empty()
 
-    def _searches(self, query: SearchQuery) -> tuple[SearchRow, ...]:
+    def _searches(self, query):
         return tuple(
             row
             for row in self.found
@@ -456,68 +437,59 @@ class FakeDaemon(DaemonClient):
             and not (query.running and row.state != "running")
         )
 
-    def _search_of(self, campaign: str) -> SearchRow:
+    def _search_of(self, campaign):
         for row in self.found:
             if row.campaign == campaign:
                 return row
         raise Refused(f"there is no search {campaign}")
 
-    def _proposals(self, query: ProposalQuery) -> tuple[ProposalRow, ...]:
+    def _proposals(self, query):
         self._search_of(query.campaign)
         return self.proposed[query.offset : query.offset + query.limit]
 
-    def _bundle(self, request: IdRequest) -> SearchSubmission:
+    def _bundle(self, request):
         row = self._search_of(request.id)
         return SearchSubmission(row.campaign, row.name, "", "", row.task, "campaign.yaml", ())
 
-    def _search(self, submission: SearchSubmission) -> SubmissionReceipt:
+    def _search(self, submission):
         known = any(row.campaign == submission.campaign for row in self.found)
         return SubmissionReceipt(submission.campaign, len(self.proposed) if known else 0, known)
 
-    def _extend(self, request: ExtendRequest) -> Count:
+    def _extend(self, request):
         self._search_of(request.campaign)
         return Count(len(request.proposals))
 
-    def _progress(self, progress: SearchProgress) -> Empty:
+    def _progress(self, progress):
         self._search_of(progress.campaign)
         return Empty()
 
-    def _deliveries(self, request: KeyRequest) -> KeyDeliveries:
+    def _deliveries(self, request):
         brought = CampaignDeliveries(CAMPAIGN, "first", 3, 1, NOW - 60.0, NOW)
         return KeyDeliveries(request.id, (brought,), 1)
 
-    def _void(self, _: KeyRequest) -> Count:
+    def _void(self, _):
         return Count(3)
 
-    def _shutdown(self, _: Empty) -> Empty:
+    def _shutdown(self, _):
         return Empty()
 
-    def submit(self, submission: Submission) -> SubmissionReceipt:
+    def submit(self, submission):
         self._answer("submit", submission.campaign)
         return SubmissionReceipt(submission.campaign, len(submission.runs), known=False)
 
-    def events(
-        self,
-        on_event: Callable[[ChangeEvent], None],
-        on_live: Callable[[LiveSnapshot], None] | None = None,
-    ) -> FakeSubscription:
+    def events(self, on_event, on_live=None):
         self.listeners.append((on_event, on_live))
         if on_live is not None:
             for live in self.live:
                 on_live(live)
         return FakeSubscription(self)
 
-    def watch(
-        self,
-        run: str,
-        on_live: Callable[[LiveSnapshot], None],
-        on_judged: Callable[[LiveJudgement], None] | None = None,
-    ) -> FakeWatch:
+    def watch(self, run, on_live, on_judged=None):
         self.watchers[run] = on_live
         if on_judged is not None:
             self.judges[run] = on_judged
         return FakeWatch(self, run)
 
 
-def _sortable(value: object) -> tuple[bool, object]:
+def _sortable(value):
     return (value is None, "" if value is None else value)

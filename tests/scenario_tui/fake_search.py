@@ -1,10 +1,8 @@
 """A search as a daemon has it: a task of three parameters, its runs, its answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
-from daemon.model.proposals import ObjectiveValue, Phase, Proposal, ProposalRow
+from daemon.model.proposals import ObjectiveValue, Proposal, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import BundledFile, OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
@@ -52,14 +50,8 @@ TASK = SearchTask(
 
 
 def make_proposal_row(
-    position: int,
-    margin: float | None = 0.105,
-    *,
-    phase: Phase = "explore",
-    state: RunState = RunState.DONE,
-    number: int | None = None,
-    repeat: int = 0,
-) -> ProposalRow:
+    position, margin=0.105, *, phase="explore", state=RunState.DONE, number=None, repeat=0
+):
     """A run of the search; one that is not done has no result."""
     number = position if number is None else number
     values = (8.0 + 0.1 * number, 0.02, "kitchen_door" if number % 2 else "bedroom_door")
@@ -84,12 +76,12 @@ def make_proposal_row(
     )
 
 
-def make_proposals(*margins: float) -> tuple[ProposalRow, ...]:
+def make_proposals(*margins):
     """Finished runs of points with these margins."""
     return tuple(make_proposal_row(i, margin) for i, margin in enumerate(margins or MARGINS))
 
 
-def make_point(row: ProposalRow) -> PointResult:
+def make_point(row):
     """What a run says of its point."""
     lead = row.leads[0]
     margin = lead.margin or 0.0
@@ -101,7 +93,7 @@ def make_point(row: ProposalRow) -> PointResult:
     )  # fmt: skip
 
 
-def make_answer() -> SearchAnswer:
+def make_answer():
     """An answer with a failure, its nearest one, a finding, and what the parameters do."""
     rows = make_proposals()
     best, first = make_point(rows[6]), make_point(rows[4])
@@ -158,16 +150,16 @@ def make_answer() -> SearchAnswer:
     )  # fmt: skip
 
 
-def make_search(state: str = "finished", **changes: object) -> SearchRow:
+def make_search(state="finished", **changes):
     """A search in the ledger; finished ones have an answer."""
     row = SearchRow(
         campaign=SEARCH,
         name="house",
         submitted_at=1_799_999_000.0,
         task=TASK,
-        state=state,  # type: ignore[arg-type]
+        state=state,
         proposed=len(MARGINS),
         finished=len(MARGINS),
         answer=make_answer() if state == "finished" else None,
     )
-    return replace(row, **changes)  # type: ignore[arg-type]
+    return replace(row, **changes)

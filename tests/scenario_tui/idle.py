@@ -4,32 +4,25 @@ Textual takes a process for idle that uses no CPU time for a while, and a loaded
 let one run for longer than that. What it asks its machine, these functions ask the app.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
-from collections.abc import Iterator
-from typing import Any, Final
 
 from textual._context import active_app
-from textual.app import App
 from textual.message_pump import MessagePump
-from textual.screen import Screen
-from textual.timer import Timer
 
 from tests.daemon.batch.harness import DEADLINE
 
-_QUIET: Final = 5
+_QUIET = 5
 """Turns of the loop without anything to do after which there will be nothing."""
-_BUSY: Final = 10
+_BUSY = 10
 """Turns of the loop that others have work in, after which the app is looked at all the same."""
-_SOON: Final = 0.3
+_SOON = 0.3
 """Seconds within which what was put off by a timer is waited for: resizing, checks of files."""
-_THREADS: Final = 0.002
+_THREADS = 0.002
 """Seconds between two looks at what is done by others than this thread."""
 
 
-async def until_idle(app: App[Any]) -> None:
+async def until_idle(app):
     """Wait until an app has taken in all it was sent, and shows it; or until it is being left."""
     deadline, quiet, busy = time.monotonic() + DEADLINE, 0, 0
     # What was sent from outside of the app's own tasks is in its queue after a turn.
@@ -37,7 +30,7 @@ async def until_idle(app: App[Any]) -> None:
     while quiet < _QUIET and app.is_running and not app._exit and app._exception is None:
         # To ask every widget takes as long as most of what they do. While there is work in this
         # turn it is too early; and where nobody had any since they were asked, they say the same.
-        works = bool(asyncio.get_running_loop()._ready)  # type: ignore[attr-defined]
+        works = bool(asyncio.get_running_loop()._ready)
         busy = busy + 1 if works else 0
         doing = None if quiet or busy % _BUSY else next(_under_way(app), None)
         quiet = 0 if works or doing is not None else quiet + 1
@@ -46,12 +39,12 @@ async def until_idle(app: App[Any]) -> None:
         await asyncio.sleep(0 if doing is None or isinstance(doing, MessagePump) else _THREADS)
 
 
-async def wait_for_idle(min_sleep: float = 0.0, max_sleep: float = 1.0) -> None:
+async def wait_for_idle(min_sleep=0.0, max_sleep=1.0):
     """Do what textual's function of this name is for, without looking at any clock."""
     await until_idle(active_app.get())
 
 
-def _under_way(app: App[Any]) -> Iterator[object]:
+def _under_way(app):
     """Yield what is not done yet; has the screens lay out what they were about to."""
     for screen in app.screen_stack:
         if _to_lay_out(screen):
@@ -63,7 +56,7 @@ def _under_way(app: App[Any]) -> Iterator[object]:
     yield from (timer for pump in (app, *app._registry) for timer in _about_to_fire(pump))
 
 
-def _to_lay_out(screen: Screen[Any]) -> bool:
+def _to_lay_out(screen):
     """Whether something is to be laid out, or called when that was done.
 
     What is only to be painted is not asked for: nobody reads the screen as it was painted last.
@@ -72,7 +65,7 @@ def _to_lay_out(screen: Screen[Any]) -> bool:
     return bool(screen._callbacks or (pending and screen.is_current))
 
 
-def _waits_for_messages(pump: MessagePump) -> bool:
+def _waits_for_messages(pump):
     """Whether a part of the app stands where it gets its next message, and there is none."""
     if pump._closed:
         return True
@@ -81,7 +74,7 @@ def _waits_for_messages(pump: MessagePump) -> bool:
     return waiting and queue.empty()
 
 
-def _about_to_fire(pump: MessagePump) -> Iterator[Timer]:
+def _about_to_fire(pump):
     """Yield timers that fire once, and soon; what repeats is never over."""
     for timer in list(pump._timers):
         runs = timer._task is not None and not timer._task.done()

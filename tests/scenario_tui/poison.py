@@ -3,8 +3,6 @@
 What is left of them is looked for in the bytes a terminal got.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re
@@ -12,31 +10,28 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from pathlib import Path
-from typing import Any, Final
 
 import numpy as np
 from mcap.writer import Writer
 
 from daemon.model.spec import OracleText
 from daemon.model.sut import Estimate, Progress
-from daemon.model.verbs import A, Verb
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.scene import Scene
 from tests.scenario_tui.fake import FakeDaemon, make_row, make_spec
 from tests.scenario_tui.recorded import ORACLES, WORLD
 
-WORD: Final = "POISON"
-POISON: Final = (
+WORD = "POISON"
+POISON = (
     # A title for the window, everything cleared, a hidden text, a colour by a C1 control.
     f"\x1b]0;{WORD}\x07\x1b[2J\x1b[8m{WORD}\x9b31m"
     # Turned around, isolated, a line of its own, tags, and a line written over.
     f"\u202e\u2066\u200f\u2028\U000e0041\ufeff\x7f{WORD}\r"
 )
-NAME: Final = POISON.replace("\r", "")
+NAME = POISON.replace("\r", "")
 """For places that end at the end of a line."""
-_MEANT: Final = frozenset(
+_MEANT = frozenset(
     {"digest", "engine", "kind", "map", "phase", "robot", "scene", "slot", "state", "trace"}
 )
 """Fields with a meaning to the program: other texts there are refused before they are shown."""
@@ -44,13 +39,11 @@ _MEANT: Final = frozenset(
 # What we send: styles, the cursor moved, hidden and shown, lines erased, modes of the keyboard and
 # mouse set and asked for, the shape of its pointer; the background asked for. The poison is none
 # of these.
-_OURS: Final = re.compile(
-    r"\x1b\[[?<>=]?[0-9;]*\$?[A-DHKchlmnpu]|\x1b\]22;\w+\x07|\x1b\]11;\?\x1b\\|\r"
-)
-_KEPT: Final = "\n\t\u200c\u200d\u00ad"
+_OURS = re.compile(r"\x1b\[[?<>=]?[0-9;]*\$?[A-DHKchlmnpu]|\x1b\]22;\w+\x07|\x1b\]11;\?\x1b\\|\r")
+_KEPT = "\n\t\u200c\u200d\u00ad"
 
 
-def poisoned(value: Any) -> Any:
+def poisoned(value):
     """Return a value with poison behind every text in it that is not empty."""
     if isinstance(value, str) and not isinstance(value, Enum):
         return f"{value}{NAME}" if value else value
@@ -72,7 +65,7 @@ def poisoned(value: Any) -> Any:
     return value
 
 
-def _cured(value: Any) -> Any:
+def _cured(value):
     """Return a request that names what was poisoned by its own name."""
     if isinstance(value, str) and not isinstance(value, Enum):
         return value.replace(NAME, "")
@@ -90,13 +83,12 @@ def _cured(value: Any) -> Any:
 class PoisonedDaemon(FakeDaemon):
     """A daemon whose every answer is poisoned; it understands what it is asked about those."""
 
-    def ask(self, verb: Verb[..., A], request: object) -> A:
+    def ask(self, verb, request):
         """Answer as the daemon it is made of, poisoned."""
-        answer: A = poisoned(super().ask(verb, _cured(request)))
-        return answer
+        return poisoned(super().ask(verb, _cured(request)))
 
 
-def assert_harmless(raw: bytes) -> str:
+def assert_harmless(raw):
     """Check that nothing a terminal got steers it, save what is ours; return the text."""
     text = raw.decode()
     assert "\x1b[8m" not in text, "a text of others has a style"
@@ -112,18 +104,18 @@ def assert_harmless(raw: bytes) -> str:
     return shown
 
 
-def assert_same_in_json(out: str) -> None:
+def assert_same_in_json(out):
     """Check that a JSON output is harmless as it stands and holds the poison when it is read."""
     assert_harmless(out.encode())
     assert NAME in json.dumps(json.loads(out), ensure_ascii=False).encode().decode("unicode_escape")
 
 
-def yaml_text(text: str) -> str:
+def yaml_text(text):
     """Return a text as YAML has it in a file that holds none of its signs."""
     return '"' + "".join(f"\\U{ord(sign):08x}" for sign in text) + '"'
 
 
-def record_poisoned(path: Path) -> Path:
+def record_poisoned(path):
     """Record a second of a run all of whose texts are poisoned: a trace that can be read."""
     run = poisoned(replace(make_spec(make_row(5), WORLD.digest), oracles=()))
     oracles = (OracleText(f"calm{NAME}", "max(speed) <= 0.1 m/s"), *ORACLES)
@@ -144,7 +136,7 @@ def record_poisoned(path: Path) -> Path:
     return path
 
 
-def write_foreign_trace(path: Path) -> Path:
+def write_foreign_trace(path):
     """Write an MCAP file of somebody else, poisoned wherever MCAP has a text."""
     with path.open("wb") as file:
         writer = Writer(file)

@@ -1,19 +1,14 @@
 """A recorded run to look at: ten seconds along the corridor, with everything a replay draws."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from daemon.model.spec import OracleText, RunSpec
+from daemon.model.spec import OracleText
 from daemon.model.sut import Estimate, Progress
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
-from grammars.model.robot import Robot
 from tests.scenario_tui.fake import ROBOT, make_row, make_scene, make_spec
 
 WORLD = make_scene()
@@ -26,18 +21,11 @@ HIT, TURNED = 6.0, 8.0
 """When the robot touches something, and when it turns too fast [s]."""
 
 
-def make_run(index: int = 5) -> RunSpec:
+def make_run(index=5):
     return replace(make_spec(make_row(index), WORLD.digest), oracles=ORACLES, limit=20.0)
 
 
-def record_run(
-    path: Path,
-    *,
-    index: int = 5,
-    speed: float = 0.5,
-    outputs: Mapping[str, bytes] | None = None,
-    robot: Robot = ROBOT,
-) -> Path:
+def record_run(path, *, index=5, speed=0.5, outputs=None, robot=ROBOT):
     """Drive from (1, 2) to (6, 2) in 10 s while the door turns; everything at 20 Hz.
 
     At another ``speed`` [m/s] it does not come as far. With ``outputs`` it was an external system

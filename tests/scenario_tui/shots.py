@@ -9,11 +9,11 @@ import html
 import os
 import re
 import shutil
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from contextlib import ExitStack, chdir
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 from unittest import mock
 
 from rich.console import Console
@@ -42,38 +42,38 @@ from tests.scenario_tui.executed_campaign import (
     trace_of,
 )
 
-ROOT: Final = Path(__file__).parents[2]
-FOLDER: Final = ROOT / "docs" / "pictures"
-CAMPAIGNS: Final = ROOT / "campaigns"
-KEYS: Final = "## All keys\n\n"
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "docs" / "pictures"
+CAMPAIGNS = ROOT / "campaigns"
+KEYS = "## All keys\n\n"
 """What stands above the table of keys."""
-HERE: Final = Path("robot")
+HERE = Path("robot")
 """Where the dashboard was opened."""
-NARROW: Final = (92, 26)
-WIDE: Final = (126, 32)
-_TEXT: Final = re.compile(r'<text class="[^"]*" x="([\d.]+)" y="([\d.]+)"[^>]*>(.*?)</text>')
+NARROW = (92, 26)
+WIDE = (126, 32)
+_TEXT = re.compile(r'<text class="[^"]*" x="([\d.]+)" y="([\d.]+)"[^>]*>(.*?)</text>')
 
 
-def _executed(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+def _executed(folder, executed):
     dashboard = make_dashboard(ExecutedDaemon.of(executed))
     # On a busy machine it would be said how long ago the last was heard.
     dashboard.tracks = Tracks(clock=lambda: 0.0)
     return dashboard
 
 
-def _replay(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+def _replay(folder, executed):
     playback = open_playback(Path(trace_of(FAILED)))
     touched = next(found for found in playback.verdicts if found.oracle == "no-contact")
     assert touched.evidence.time is not None
     return ReplayApp(ReplayScreen(playback, touched.evidence.time - 0.5, clock=lambda: 0.0))
 
 
-def _compared(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+def _compared(folder, executed):
     first, second = (open_playback(Path(trace_of(name))) for name in (FAILED, PASSED))
     return ReplayApp(CompareScreen(first, second, clock=lambda: 0.0))
 
 
-def _submitting(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+def _submitting(folder, executed):
     for name in ("demo", "ortega2024", "robots", "suts"):
         shutil.copytree(CAMPAIGNS / name, folder / HERE / name)
     for age, path in enumerate(sorted(folder.rglob("*.yaml"))):
@@ -81,36 +81,36 @@ def _submitting(folder: Path, executed: ExecutedCampaign) -> App[Any]:
     return _executed(folder, executed)
 
 
-async def _checked(pilot: Pilot[Any]) -> None:
+async def _checked(pilot):
     await until(pilot, lambda: "✓" in str(pilot.app.screen.query_one("#about", Static).render()))
 
 
-async def _found(pilot: Pilot[Any]) -> None:
-    found: list[int] = []
+async def _found(pilot):
+    found = []
 
-    def settled() -> bool:
+    def settled():
         found.append(pilot.app.screen.query_one(CommandList).option_count)
         return len(found) > 20 and len(set(found[-20:])) == 1 and found[-1] > 1
 
     await until(pilot, settled)
 
 
-async def _read(pilot: Pilot[Any]) -> None:
-    await until(pilot, lambda: pilot.app.screen._playback)  # type: ignore[attr-defined]
+async def _read(pilot):
+    await until(pilot, lambda: pilot.app.screen._playback)
 
 
-def _searching(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+def _searching(folder, executed):
     return make_dashboard(SearchingDaemon.running())
 
 
-def _search_over(folder: Path, executed: ExecutedCampaign) -> App[Any]:
+def _search_over(folder, executed):
     fake = SearchingDaemon.finished()
     fake.record(Path("state"), f"{SEARCH}.37")
     return make_dashboard(fake)
 
 
-async def _gone(pilot: Pilot[Any]) -> None:
-    fake = pilot.app.feed.fake  # type: ignore[attr-defined]
+async def _gone(pilot):
+    fake = pilot.app.feed.fake
     fake.reachable = False
     fake.now += 75.0
     await settle(pilot)
@@ -126,10 +126,10 @@ class Shot:
     before: Callable[[Pilot[Any]], Awaitable[None]] | None = None
 
 
-_TO_FAILED: Final = ("enter", *["j"] * 8)
-_TO_LIVE: Final = ("enter", *["j"] * 10)
+_TO_FAILED = ("enter", *["j"] * 8)
+_TO_LIVE = ("enter", *["j"] * 10)
 
-SHOTS: Final[Mapping[str, Shot]] = {
+SHOTS = {
     "campaigns": Shot(),
     "matrix": Shot(("m", "n")),
     "runs": Shot(_TO_FAILED, WIDE),
@@ -151,8 +151,8 @@ SHOTS: Final[Mapping[str, Shot]] = {
     "gone": Shot(before=_gone),
 }
 
-_TRACE: Final = f"{FAILED.replace('/', '.')}.mcap"
-COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
+_TRACE = f"{FAILED.replace('/', '.')}.mcap"
+COMMANDS = {
     "command-status": ("status",),
     "command-results": ("results",),
     "command-show": ("show", "demo.8"),
@@ -163,7 +163,7 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
 """Commands whose output is pictured, about the dashboard's data and a trace in their folder."""
 
 
-def typed(name: str, folder: Path, executed: ExecutedCampaign) -> str:
+def typed(name, folder, executed):
     """Return what a command prints about the runs of ``executed`` as SVG, typed in ``folder``."""
     arguments = COMMANDS[name]
     width, height = 80, 26
@@ -192,7 +192,7 @@ def typed(name: str, folder: Path, executed: ExecutedCampaign) -> str:
         return _slim(console.export_svg(title=line, unique_id=name))
 
 
-async def draw(name: str, folder: Path, executed: ExecutedCampaign) -> str:
+async def draw(name, folder, executed):
     """Return a view of ``executed`` as SVG; ``folder`` is for what it needs on disk."""
     shot = SHOTS[name]
     _put_traces(folder, executed)
@@ -222,26 +222,26 @@ async def draw(name: str, folder: Path, executed: ExecutedCampaign) -> str:
     return _slim(svg.replace(_identifier(svg), name))
 
 
-def _put_traces(folder: Path, executed: ExecutedCampaign) -> None:
+def _put_traces(folder, executed):
     """Let the traces be where a daemon that was started in ``folder`` has put them."""
     (folder / "state").symlink_to(executed.folder / "state")
 
 
-def _identifier(svg: str) -> str:
+def _identifier(svg):
     """Return what all names in a picture begin with; it is made of what is drawn."""
     found = re.search(r"terminal-[0-9]+", svg)
     assert found is not None
     return found[0]
 
 
-def _slim(svg: str) -> str:
+def _slim(svg):
     """Take out what cuts lines of text off where they end anyway."""
     svg = re.sub(r' clip-path="url\(#[^)]*-line-\d+\)"', "", svg)
     svg = re.sub(r'<clipPath id="[^"]*-line-\d+">\s*<rect[^>]*/>\s*</clipPath>\s*', "", svg)
     return re.sub(r"\n\s*", "\n", svg)
 
 
-def key_table() -> str:
+def key_table():
     """Return every key of the dashboard as a table of the documentation."""
     rows = ["| keys | id | where | what it does |", "|---|---|---|---|"]
     for bound in list_key_bindings():
@@ -250,9 +250,9 @@ def key_table() -> str:
     return "\n".join(rows) + "\n"
 
 
-def visible(svg: str) -> list[str]:
+def visible(svg):
     """Return the lines of text in a picture, whatever its colours and identifiers are."""
-    lines: dict[float, list[tuple[float, str]]] = {}
+    lines = {}
     for x, y, text in _TEXT.findall(svg):
         lines.setdefault(float(y), []).append((float(x), html.unescape(text)))
     joined = ("".join(text for _, text in sorted(parts)) for _, parts in sorted(lines.items()))

@@ -1,9 +1,6 @@
 """What ``scenario check`` says a single file is."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
 
@@ -26,11 +23,11 @@ from templates.jsonld import write_jsonld
         ("demo/campaign.yaml", "3 scenarios, 15 runs, 1 search"),
     ],
 )
-def test_every_kind_of_layer_is_known_and_sound(campaigns: Path, name: str, kind: str) -> None:
+def test_every_kind_of_layer_is_known_and_sound(campaigns, name, kind):
     assert check_file(campaigns / name) == (kind, ())
 
 
-def test_a_json_ld_graph_is_checked_as_a_whole(campaigns: Path, tmp_path: Path) -> None:
+def test_a_json_ld_graph_is_checked_as_a_whole(campaigns, tmp_path):
     document = plan_document(load_floorplan(campaigns / "demo" / "flat.fpm"))
     path = tmp_path / "flat.jsonld"
     path.write_text(json.dumps(document))
@@ -41,7 +38,7 @@ def test_a_json_ld_graph_is_checked_as_a_whole(campaigns: Path, tmp_path: Path) 
     assert any("nowhere-frame" in d.message for d in found)
 
 
-def test_a_folder_of_json_ld_files_is_checked_as_a_whole(campaigns: Path, tmp_path: Path) -> None:
+def test_a_folder_of_json_ld_files_is_checked_as_a_whole(campaigns, tmp_path):
     plan = load_floorplan(campaigns / "demo" / "flat.fpm")
     write_jsonld(plan, tmp_path / "flat", [load_scenery(campaigns / "demo" / "doors.scenery")])
     assert check_file(tmp_path / "flat") == ("JSON-LD graph", ())
@@ -54,7 +51,7 @@ def test_a_folder_of_json_ld_files_is_checked_as_a_whole(campaigns: Path, tmp_pa
     assert check_file(tmp_path / "nothing")[1][0].message == "is a folder"
 
 
-def test_an_unknown_kind_of_file_says_what_is_known(tmp_path: Path) -> None:
+def test_an_unknown_kind_of_file_says_what_is_known(tmp_path):
     path = tmp_path / "plan.dxf"
     path.write_text("")
     (finding,) = check_file(path)[1]

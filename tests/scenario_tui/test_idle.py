@@ -1,27 +1,25 @@
 """What tests of apps wait for: all that an app does about a key, whoever does it and when."""
 
-from __future__ import annotations
-
 import threading
 from functools import partial
 
 import pytest
-from textual.app import App, ComposeResult
+from textual.app import App
 from textual.widgets import Static
 
 
 class Chain(App[None]):
     """Answers a key by way of ``kind``; what comes of it has to be laid out to be seen."""
 
-    def __init__(self, kind: str) -> None:
+    def __init__(self, kind):
         super().__init__()
         self.kind = kind
         self.waits = threading.Event()
 
-    def compose(self) -> ComposeResult:
+    def compose(self):
         yield Static("", id="answer")
 
-    def on_key(self) -> None:
+    def on_key(self):
         answered = partial(self.query_one(Static).update, "answered\nin two lines")
         match self.kind:
             case "message":
@@ -33,14 +31,14 @@ class Chain(App[None]):
             case "thread":
                 self.run_worker(partial(self._work, answered), thread=True)
 
-    def _work(self, answered: partial[None]) -> None:
+    def _work(self, answered):
         # Longer than textual waits by itself while a process uses no processor time.
         self.waits.wait(0.1)
         self.call_from_thread(answered)
 
 
 @pytest.mark.parametrize("kind", ["message", "refresh", "timer", "thread"])
-async def test_a_key_is_waited_for_until_its_answer_is_on_the_screen(kind: str) -> None:
+async def test_a_key_is_waited_for_until_its_answer_is_on_the_screen(kind):
     app = Chain(kind)
     async with app.run_test(size=(20, 5)) as pilot:
         await pilot.press("x")

@@ -1,7 +1,5 @@
 """What an installation is made of, and that our short names mean ours wherever it is used."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re
@@ -11,7 +9,6 @@ import sys
 import tomllib
 from importlib.metadata import packages_distributions
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -32,17 +29,17 @@ FOREIGN = "raise SystemExit('somebody else')"
 
 
 @pytest.fixture(scope="module")
-def project() -> dict[str, Any]:
+def project():
     return tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 
 
-def names(requirements: list[str]) -> set[str]:
+def names(requirements):
     return {re.split(r"[\[>=<;]", text)[0].lower().replace("_", "-") for text in requirements}
 
 
-def imported(folder: Path) -> set[str]:
+def imported(folder):
     """Return the first names of everything modules import, wherever in them it stands."""
-    found: set[str] = set()
+    found = set()
     for path in folder.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Import):
@@ -52,7 +49,7 @@ def imported(folder: Path) -> set[str]:
     return found
 
 
-def test_what_is_imported_is_declared_and_nothing_else(project: dict[str, Any]) -> None:
+def test_what_is_imported_is_declared_and_nothing_else(project):
     rooms = [ROOT / name for name in (*OWN_PACKAGES, "scenario_tui")]
     modules = set().union(*(imported(room) for room in rooms))
     theirs = modules - set(sys.stdlib_module_names) - {room.name for room in rooms}
@@ -63,7 +60,7 @@ def test_what_is_imported_is_declared_and_nothing_else(project: dict[str, Any]) 
     owners = packages_distributions()
     # Parts of pydantic and of jinja2, whose faces lead to them.
     theirs -= {"pydantic_core", "markupsafe"}
-    used: set[str] = set()
+    used = set()
     for module in theirs:
         if module in owners:
             owner = {name.lower().replace("_", "-") for name in owners[module]}
@@ -74,7 +71,7 @@ def test_what_is_imported_is_declared_and_nothing_else(project: dict[str, Any]) 
     assert declared <= used, declared - used
 
 
-def test_our_packages_are_installed_below_one_name(project: dict[str, Any]) -> None:
+def test_our_packages_are_installed_below_one_name(project):
     wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert set(wheel["only-include"]) == {*OWN_PACKAGES, "scenario_tui"}
     assert wheel["sources"] == {name: f"scenario_tui/_import_root/{name}" for name in OWN_PACKAGES}
@@ -82,7 +79,7 @@ def test_our_packages_are_installed_below_one_name(project: dict[str, Any]) -> N
 
 
 @pytest.fixture
-def installed(tmp_path: Path) -> Path:
+def installed(tmp_path):
     """A folder like that of installed packages, with ours and with others of their names."""
     site = tmp_path / "site"
     shutil.copytree(
@@ -97,17 +94,17 @@ def installed(tmp_path: Path) -> Path:
     return site
 
 
-def environment(*folders: Path) -> dict[str, str]:
+def environment(*folders):
     return os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}
 
 
-def run(command: list[str], where: Path, *folders: Path) -> subprocess.CompletedProcess[str]:
+def run(command, where, *folders):
     return subprocess.run(
         command, cwd=where, env=environment(*folders), capture_output=True, text=True, check=False
     )
 
 
-def test_names_mean_ours_whoever_else_has_them(installed: Path, tmp_path: Path) -> None:
+def test_names_mean_ours_whoever_else_has_them(installed, tmp_path):
     program = f"import scenario_tui, {', '.join(OWN_PACKAGES)}\n"
     program += f"print(*(m.__file__ for m in ({', '.join(OWN_PACKAGES)})), sep='\\n')"
     done = run([sys.executable, "-c", program], tmp_path, installed)
@@ -117,9 +114,7 @@ def test_names_mean_ours_whoever_else_has_them(installed: Path, tmp_path: Path) 
     assert theirs.stdout == "theirs\n"
 
 
-def test_a_name_that_is_taken_already_is_said_with_whose_it_is(
-    installed: Path, tmp_path: Path
-) -> None:
+def test_a_name_that_is_taken_already_is_said_with_whose_it_is(installed, tmp_path):
     done = run([sys.executable, "-c", "import daemon, scenario_tui"], tmp_path, installed)
     assert f"{installed}/daemon/__init__.py was imported as 'daemon' before" in done.stderr
     assert "import scenario_tui first" in done.stderr
@@ -129,7 +124,7 @@ IMPORTING = "import daemon.batch.paths; print('serve')"
 
 
 @pytest.mark.parametrize("words", [("-m", "daemon", "serve", "--help"), ("-c", IMPORTING)])
-def test_children_are_ours_whatever_pythonpath_says(tmp_path: Path, words: Any) -> None:
+def test_children_are_ours_whatever_pythonpath_says(tmp_path, words):
     for name in OWN_PACKAGES:
         (tmp_path / f"{name}.py").write_text(FOREIGN)
     done = run(python_command(*words), tmp_path, Path(), tmp_path)
@@ -137,7 +132,7 @@ def test_children_are_ours_whatever_pythonpath_says(tmp_path: Path, words: Any) 
     assert "serve" in done.stdout
 
 
-def test_the_command_is_ours_whatever_pythonpath_says(tmp_path: Path) -> None:
+def test_the_command_is_ours_whatever_pythonpath_says(tmp_path):
     """With an empty entry, too, which stands for the current folder."""
     for name in OWN_PACKAGES:
         (tmp_path / f"{name}.py").write_text(FOREIGN)

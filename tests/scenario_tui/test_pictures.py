@@ -1,14 +1,12 @@
 """The pictures of the documentation show what there is to be seen."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path
 
 import pytest
 
-from tests.scenario_tui.executed_campaign import ExecutedCampaign, execute_campaign
+from tests.scenario_tui.executed_campaign import execute_campaign
 from tests.scenario_tui.shots import (
     COMMANDS,
     FOLDER,
@@ -25,36 +23,32 @@ _DOTS = re.compile("[\u2800-\u28ff]")
 AGAIN = "record it again: python -m tests.pictures --views"
 
 
-def _words(svg: str) -> list[str]:
+def _words(svg):
     """Return what is written in a picture without the dots of maps, which rounding may move."""
     return [" ".join(_DOTS.sub(" ", line).split()) for line in visible(svg)]
 
 
-def _stored(name: str) -> list[str]:
+def _stored(name):
     return _words((FOLDER / f"{name}.svg").read_text("utf-8"))
 
 
 @pytest.fixture(scope="module")
-def executed(tmp_path_factory: pytest.TempPathFactory) -> ExecutedCampaign:
+def executed(tmp_path_factory):
     """The campaign of all pictures, executed once."""
     return execute_campaign(tmp_path_factory.mktemp("executed"))
 
 
 @pytest.mark.parametrize("name", SHOTS)
-async def test_a_view_is_as_in_its_picture(
-    name: str, tmp_path: Path, executed: ExecutedCampaign
-) -> None:
+async def test_a_view_is_as_in_its_picture(name, tmp_path, executed):
     assert _words(await draw(name, tmp_path, executed)) == _stored(name), AGAIN
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_prints_what_its_picture_shows(
-    name: str, tmp_path: Path, executed: ExecutedCampaign
-) -> None:
+def test_a_command_prints_what_its_picture_shows(name, tmp_path, executed):
     assert _words(typed(name, tmp_path, executed)) == _stored(name), AGAIN
 
 
-def test_every_picture_is_of_something_and_in_the_documentation() -> None:
+def test_every_picture_is_of_something_and_in_the_documentation():
     pictures = {path.stem for path in FOLDER.glob("*.svg")}
     assert pictures == {*SHOTS, *COMMANDS}
     documents = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
@@ -62,11 +56,11 @@ def test_every_picture_is_of_something_and_in_the_documentation() -> None:
     assert {name for name in pictures if f"pictures/{name}.svg" not in text} == set()
 
 
-def test_the_table_of_keys_is_true() -> None:
+def test_the_table_of_keys_is_true():
     assert (ROOT / "docs" / "dashboard.md").read_text("utf-8").endswith(KEYS + key_table()), AGAIN
 
 
-def test_pictures_name_no_machine() -> None:
+def test_pictures_name_no_machine():
     for path in FOLDER.glob("*.svg"):
         svg = path.read_text("utf-8")
         for folder in ("/home", tempfile.gettempdir(), Path.home(), ROOT):

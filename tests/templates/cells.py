@@ -1,24 +1,20 @@
 """Where a point lies in a map, and what can be reached from there."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from grammars.model.geometry import Point2
-from grammars.model.grid import OCCUPIED, OccupancyGrid
+from grammars.model.grid import OCCUPIED
 
 
-def cell(grid: OccupancyGrid, point: Point2) -> tuple[int, int]:
+def cell(grid, point):
     return (
         math.floor((point[1] - grid.y) / grid.resolution),
         math.floor((point[0] - grid.x) / grid.resolution),
     )
 
 
-def flooded(grid: OccupancyGrid, start: Point2) -> npt.NDArray[np.bool_]:
+def flooded(grid, start):
     """Return the cells connected to ``start`` (by their sides) that are not occupied."""
     passable = grid.cells != OCCUPIED
     reached = np.zeros_like(passable)

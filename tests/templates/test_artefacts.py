@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import hashlib
 import json
 import sys
@@ -47,7 +45,7 @@ SPLITS = {
 HOSTILE = '<b onload="x">&\u0007 ../../etc/..'
 
 
-def digests(folder: Path) -> dict[str, str]:
+def digests(folder):
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
@@ -55,7 +53,7 @@ def digests(folder: Path) -> dict[str, str]:
     }
 
 
-def test_all_is_every_single_one(tmp_path: Path, campaigns: Path) -> None:
+def test_all_is_every_single_one(tmp_path, campaigns):
     plan = load_floorplan(campaigns / "demo" / "flat.fpm")
     whole = world(plan=plan)
     done = export(whole, ["all"], tmp_path / "all")
@@ -71,13 +69,13 @@ def test_all_is_every_single_one(tmp_path: Path, campaigns: Path) -> None:
     assert single == together
 
 
-def test_the_same_world_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_world_gives_the_same_bytes(tmp_path):
     export(world(), ["all"], tmp_path / "a")
     export(world(), ["all"], tmp_path / "b")
     assert digests(tmp_path / "a") == digests(tmp_path / "b")
 
 
-def test_kinds_are_refused_or_left_out_where_they_do_not_fit(tmp_path: Path) -> None:
+def test_kinds_are_refused_or_left_out_where_they_do_not_fit(tmp_path):
     with pytest.raises(InputError, match="geojson cannot be made of errand"):
         export(world(), ["map", "geojson"], tmp_path)
     with pytest.raises(InputError, match="keyframes cannot be made"):
@@ -87,7 +85,7 @@ def test_kinds_are_refused_or_left_out_where_they_do_not_fit(tmp_path: Path) -> 
     assert "geojson" not in export(world(), ["all"], tmp_path).made
 
 
-def test_maps_show_the_doors_in_every_state(tmp_path: Path) -> None:
+def test_maps_show_the_doors_in_every_state(tmp_path):
     states = (("open", (("entrance.hinge", 1.9),)), ("shut", (("entrance.hinge", 0.0),)))
     export(world(states=states), ["map"], tmp_path)
     images = {p.stem: p.read_bytes() for p in (tmp_path / "maps").glob("*.pgm")}
@@ -97,7 +95,7 @@ def test_maps_show_the_doors_in_every_state(tmp_path: Path) -> None:
         assert YAML(typ="safe").load(path.read_text())["image"] == f"{path.stem}.pgm"
 
 
-def test_launch_files_point_at_files_that_are_there(tmp_path: Path) -> None:
+def test_launch_files_point_at_files_that_are_there(tmp_path):
     export(world(), ["all"], tmp_path)
     for name, marker in (("errand.launch", "$(arg root)/"), ("errand.launch.xml", "$(var root)/")):
         root = ElementTree.parse(tmp_path / "launch" / name).getroot()
@@ -110,7 +108,7 @@ def test_launch_files_point_at_files_that_are_there(tmp_path: Path) -> None:
             assert (tmp_path / path.removeprefix(marker)).is_file()
 
 
-def test_the_layout_shows_topics_that_traces_have(tmp_path: Path) -> None:
+def test_the_layout_shows_topics_that_traces_have(tmp_path):
     from daemon.trace import TOPICS
 
     export(world(), ["foxglove"], tmp_path)
@@ -123,7 +121,7 @@ def test_the_layout_shows_topics_that_traces_have(tmp_path: Path) -> None:
     assert shown <= known
     assert sum(value.startswith("/joint_states") for value in plotted) == 4
 
-    def leaves(node: object) -> list[str]:
+    def leaves(node):
         if isinstance(node, dict):
             return leaves(node["first"]) + leaves(node["second"])
         return [str(node)]
@@ -131,7 +129,7 @@ def test_the_layout_shows_topics_that_traces_have(tmp_path: Path) -> None:
     assert sorted(leaves(layout["layout"])) == sorted(panels)
 
 
-def test_the_layout_says_what_the_viewer_knows_of(tmp_path: Path) -> None:
+def test_the_layout_says_what_the_viewer_knows_of(tmp_path):
     """Against the panels its makers publish: a name they do not know is dropped without a word."""
     from daemon.trace import TOPICS
 
@@ -155,7 +153,7 @@ def test_the_layout_says_what_the_viewer_knows_of(tmp_path: Path) -> None:
         jsonschema.validate(layout["layout"], SPLITS)
 
 
-def test_the_layout_shows_every_laser(tmp_path: Path) -> None:
+def test_the_layout_shows_every_laser(tmp_path):
     one = robot()
     rear = replace(one.laser, name="rear")
     both = replace(one, laser=replace(one.laser, name="front"), other_lasers=(rear,))
@@ -166,7 +164,7 @@ def test_the_layout_shows_every_laser(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")
-def test_provenance_is_prov_o_with_the_hash_of_every_file(tmp_path: Path) -> None:
+def test_provenance_is_prov_o_with_the_hash_of_every_file(tmp_path):
     source = tmp_path / "plan.fpm"
     source.write_text("Floor plan: x\n")
     out = tmp_path / "out"
@@ -199,7 +197,7 @@ def test_provenance_is_prov_o_with_the_hash_of_every_file(tmp_path: Path) -> Non
     assert str(tmp_path) not in (out / "errand.prov.jsonld").read_text()
 
 
-def test_sources_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
+def test_sources_of_the_same_name_are_told_apart(tmp_path):
     files = [tmp_path / folder / "cart.yaml" for folder in ("robots", "suts")]
     for file in files:
         file.parent.mkdir()
@@ -209,7 +207,7 @@ def test_sources_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
     assert all(f'"id": "here:source/{f.parent.name}/cart.yaml"' in text for f in files)
 
 
-def test_provenance_alone_tells_what_earlier_exports_left(tmp_path: Path) -> None:
+def test_provenance_alone_tells_what_earlier_exports_left(tmp_path):
     export(world(), ["tasks", "picture"], tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     export(world(), ["prov"], tmp_path)
@@ -219,7 +217,7 @@ def test_provenance_alone_tells_what_earlier_exports_left(tmp_path: Path) -> Non
     assert "notes.txt" not in text
 
 
-def test_pictures_have_everything_in_them(tmp_path: Path) -> None:
+def test_pictures_have_everything_in_them(tmp_path):
     export(world(), ["picture"], tmp_path)
     root = ElementTree.parse(tmp_path / "errand.svg").getroot()
     texts = ["".join(e.itertext()) for e in root.iter("{http://www.w3.org/2000/svg}text")]
@@ -242,9 +240,7 @@ def test_pictures_have_everything_in_them(tmp_path: Path) -> None:
     assert {wall, door, route, cart} <= shown
 
 
-def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(tmp_path, monkeypatch):
     for module in ("manifold3d", "resvg_py"):
         monkeypatch.setitem(sys.modules, module, None)
     found = export(world(), ["all"], tmp_path)
@@ -256,12 +252,12 @@ def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(
         export(world(), ["mesh"], tmp_path)
 
 
-def test_a_picture_of_a_bare_plan_needs_no_mission(tmp_path: Path) -> None:
+def test_a_picture_of_a_bare_plan_needs_no_mission(tmp_path):
     export(world(mission=None, robot=None, draws=(BehaviourDraw("", ()),)), ["picture"], tmp_path)
     assert (tmp_path / "errand.png").stat().st_size > 1000
 
 
-def test_movers_and_events_are_drawn_and_what_gazebo_lacks_is_said(tmp_path: Path) -> None:
+def test_movers_and_events_are_drawn_and_what_gazebo_lacks_is_said(tmp_path):
     import dataclasses
 
     crowd = dataclasses.replace(scene(), objects=(*scene().objects, walker()))
@@ -279,7 +275,7 @@ def test_movers_and_events_are_drawn_and_what_gazebo_lacks_is_said(tmp_path: Pat
     assert ">walker</text>" in svg
 
 
-def test_hostile_names_stay_text_and_inside_the_folder(tmp_path: Path) -> None:
+def test_hostile_names_stay_text_and_inside_the_folder(tmp_path):
     import dataclasses
 
     named = dataclasses.replace(scene(), name=HOSTILE)
@@ -298,7 +294,7 @@ def test_hostile_names_stay_text_and_inside_the_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["", ".", "..", "../x", "a/b", "a\\b", ".hidden", "x" * 300, "ß", "a b", "a\0b"]
 )
-def test_unsafe_names_become_safe_and_stay_different(name: str) -> None:
+def test_unsafe_names_become_safe_and_stay_different(name):
     safe = file_name(name)
     assert safe == Path(safe).name
     assert len(safe) <= 100
@@ -307,7 +303,7 @@ def test_unsafe_names_become_safe_and_stay_different(name: str) -> None:
     assert file_name("hall_2.a-b") == "hall_2.a-b"
 
 
-def test_people_put_their_own_templates_before_ours(tmp_path: Path) -> None:
+def test_people_put_their_own_templates_before_ours(tmp_path):
     own = tmp_path / "own"
     own.mkdir()
     (own / "era_task.yaml.j2").write_text(
@@ -330,9 +326,7 @@ def test_people_put_their_own_templates_before_ours(tmp_path: Path) -> None:
         ("{{ name.pop() }}", 1, "cannot be filled"),
     ],
 )
-def test_a_broken_template_is_its_authors_error(
-    tmp_path: Path, text: str, line: int, words: str
-) -> None:
+def test_a_broken_template_is_its_authors_error(tmp_path, text, line, words):
     file = tmp_path / "model.config.j2"
     file.write_text(text)
     with pytest.raises(InputError, match=words) as caught:
@@ -341,7 +335,7 @@ def test_a_broken_template_is_its_authors_error(
     assert (where.file, where.line) == (str(file), line)
 
 
-def test_every_template_of_ours_is_used() -> None:
+def test_every_template_of_ours_is_used():
     used = set(BUILT_IN.glob("*.j2"))
     assert len(used) == 12
     sources = "".join(p.read_text() for p in BUILT_IN.parent.rglob("*.py"))
@@ -349,7 +343,7 @@ def test_every_template_of_ours_is_used() -> None:
     assert all(f'"{path.name}"' in sources for path in used)
 
 
-def test_the_manual_names_every_kind_and_template() -> None:
+def test_the_manual_names_every_kind_and_template():
     manual = (BUILT_IN.parents[1] / "docs" / "artefacts.md").read_text()
     assert all(f"| `{kind}` |" in manual for kind in KINDS)
     assert all(f"`{path.name}`" in manual for path in BUILT_IN.glob("*.j2"))
@@ -366,16 +360,16 @@ def test_the_manual_names_every_kind_and_template() -> None:
         (100.0, "100"),
     ],
 )
-def test_numbers_are_plain(value: float, text: str) -> None:
+def test_numbers_are_plain(value, text):
     assert number(value) == text
 
 
-def test_what_is_no_number_is_refused() -> None:
+def test_what_is_no_number_is_refused():
     with pytest.raises(ValueError, match="no number"):
         number(float("nan"))
 
 
-def test_heights_and_resolutions_come_from_the_robot_and_the_campaign(tmp_path: Path) -> None:
+def test_heights_and_resolutions_come_from_the_robot_and_the_campaign(tmp_path):
     export(world(resolution=0.1), ["map"], tmp_path)
     text = (tmp_path / "maps/rooms.yaml").read_text()
     assert "resolution: 0.1\n" in text
@@ -386,7 +380,7 @@ def test_heights_and_resolutions_come_from_the_robot_and_the_campaign(tmp_path: 
     assert "laser at 1 m" in text
 
 
-def test_draws_may_share_everything(tmp_path: Path) -> None:
+def test_draws_may_share_everything(tmp_path):
     several = world("errand", BehaviourDraw("repeat-0", BEHAVIOURS), BehaviourDraw("repeat-1", ()))
     done = export(several, ["sdf", "keyframes"], tmp_path)
     assert len(done.paths) == len(set(done.paths))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -8,16 +6,16 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from grammars.model.geometry import Pose2, Ring
+from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.model.scene import Joint, Link, SceneObject
-from templates.bodies import Body, body_of
+from templates.bodies import body_of
 from tests.templates.worlds import ROUND, box, cabinet, hinged, slider
 
 HERE = Pose2(3.0, -2.0, 0.4)
 
 
-def single(*polygons: Ring, height: float = 1.0) -> Body:
+def single(*polygons, height=1.0):
     link = Link("part", polygons, 6.0, 0.2, 0.2 + height)
     return body_of(SceneObject("thing", "thing", HERE, (link,), (), ()))
 
@@ -26,7 +24,7 @@ def single(*polygons: Ring, height: float = 1.0) -> Body:
     st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=3, max_size=8),
     st.floats(0.1, 3.0),
 )
-def test_inertia_is_that_of_the_solid(corners: list[tuple[float, float]], height: float) -> None:
+def test_inertia_is_that_of_the_solid(corners, height):
     # Here, for every process of a round reads this file: with scipy it takes 0.3 s.
     import trimesh.creation
 
@@ -44,7 +42,7 @@ def test_inertia_is_that_of_the_solid(corners: list[tuple[float, float]], height
     assert link.pose[:3] == pytest.approx((*solid.center_mass[:2], 0.2 + height / 2), abs=1e-5)
 
 
-def test_a_link_of_several_polygons_is_one_body() -> None:
+def test_a_link_of_several_polygons_is_one_body():
     (two,) = single(box(-2, -1, 0, 1), box(0, -1, 2, 1)).links
     (one,) = single(box(-2, -1, 2, 1)).links
     assert two.inertia == pytest.approx(one.inertia)
@@ -52,7 +50,7 @@ def test_a_link_of_several_polygons_is_one_body() -> None:
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.3, 1.2, -2.5, math.pi / 2])
-def test_a_turned_rectangle_is_a_box(yaw: float) -> None:
+def test_a_turned_rectangle_is_a_box(yaw):
     ring = Pose2(0.4, 0.1, yaw).apply_ring(box(-1.0, -0.25, 1.0, 0.25))
     (link,) = single(ring).links
     (shape,) = link.boxes
@@ -67,13 +65,13 @@ def test_a_turned_rectangle_is_a_box(yaw: float) -> None:
     assert abs(shape.pose[5]) <= math.pi / 4 + 1e-9
 
 
-def test_what_is_no_rectangle_stays_a_polygon() -> None:
+def test_what_is_no_rectangle_stays_a_polygon():
     (link,) = single(ROUND).links
     assert link.boxes == ()
     assert len(link.prisms[0].points) == 5
 
 
-def test_a_hinge_is_where_the_scene_has_it() -> None:
+def test_a_hinge_is_where_the_scene_has_it():
     thing = hinged("door", 1.0, 2.0)
     body = body_of(thing)
     leaf = body.links[1]
@@ -86,18 +84,18 @@ def test_a_hinge_is_where_the_scene_has_it() -> None:
     assert hinge.moment == pytest.approx(leaf.inertia[2] + leaf.mass * arm**2)
 
 
-def test_links_without_a_joint_are_fixed_to_the_world() -> None:
+def test_links_without_a_joint_are_fixed_to_the_world():
     fixed = [joint for joint in body_of(hinged("door", 0, 0)).joints if joint.kind == "fixed"]
     assert [(joint.parent, joint.child) for joint in fixed] == [("world", "post")]
 
 
-def test_a_slider_moves_along_its_axis() -> None:
+def test_a_slider_moves_along_its_axis():
     (rail,) = body_of(slider()).joints
     assert (rail.kind, rail.parent, rail.upper) == ("prismatic", "world", 1.0)
     assert rail.axis == pytest.approx((math.sqrt(0.5), math.sqrt(0.5), 0.0))
 
 
-def test_frozen_objects_stand_as_they_start() -> None:
+def test_frozen_objects_stand_as_they_start():
     thing = hinged("door", 1.0, 2.0, frozen=True, at=1.1)
     body = body_of(thing)
     assert body.static
@@ -108,7 +106,7 @@ def test_frozen_objects_stand_as_they_start() -> None:
     assert thing.pose.apply((leaf.pose[0], leaf.pose[1])) == pytest.approx(tuple(middle))
 
 
-def test_names_a_simulator_reserves_are_changed() -> None:
+def test_names_a_simulator_reserves_are_changed():
     assert [link.name for link in body_of(cabinet()).links] == ["world-link"]
     same = Link("part", (box(0, 0, 1, 1),), 1.0, 0.0, 1.0)
     turn = Joint("part", "revolute", "world", "part", (0.0, 0.0), (1.0, 0.0), 0.0, 1.0)
@@ -117,7 +115,7 @@ def test_names_a_simulator_reserves_are_changed() -> None:
     assert body.joint_name("part") == body.joints[0].name
 
 
-def walker() -> SceneObject:
+def walker():
     """Return a body on two shapeless carriers, at (1, 2) and turned, with a bag that swings."""
     links = (
         Link("x_carrier", (), 0.0, 0.0, 0.0),
@@ -134,7 +132,7 @@ def walker() -> SceneObject:
     return SceneObject("walker", "walker", HERE, links, joints, (1.0, 2.0, math.pi / 2, 0.0))
 
 
-def test_a_mover_stands_where_it_starts_without_its_carriers() -> None:
+def test_a_mover_stands_where_it_starts_without_its_carriers():
     body = body_of(walker())
     assert [link.name for link in body.links] == ["person", "bag"]
     assert body.links[0].pose[:2] == pytest.approx((1.0, 2.0))
@@ -144,7 +142,7 @@ def test_a_mover_stands_where_it_starts_without_its_carriers() -> None:
     assert body.joints[1].pose[:2] == pytest.approx((0.0, -0.1))
 
 
-def test_a_fixed_joint_holds_its_link_to_its_parent() -> None:
+def test_a_fixed_joint_holds_its_link_to_its_parent():
     thing = hinged("door", 0.0, 0.0)
     handle = Link("handle", (box(0.02, 0.8, 0.06, 0.9),), 0.5, 1.0, 1.1)
     grip = Joint("grip", "revolute", "leaf", "handle", (0.0, 0.8), (1.0, 0.0), 0.0, 0.0)

@@ -1,15 +1,10 @@
 """Maps of the campaigns' buildings with their doors, as a robot would use them."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from grammars.floorplan import load_floorplan
 from grammars.model.grid import FREE
-from grammars.model.scene import Scene
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid
@@ -17,7 +12,7 @@ from tests.templates.cells import cell, flooded
 
 
 @pytest.fixture(scope="module")
-def building(campaigns: Path) -> Scene:
+def building(campaigns):
     folder = campaigns / "ortega2024"
     return compile_scene(
         load_floorplan(folder / "building_c.fpm"), [load_scenery(folder / "doors.scenery")]
@@ -25,14 +20,14 @@ def building(campaigns: Path) -> Scene:
 
 
 @pytest.fixture(scope="module")
-def flat(campaigns: Path) -> Scene:
+def flat(campaigns):
     folder = campaigns / "demo"
     return compile_scene(
         load_floorplan(folder / "flat.fpm"), [load_scenery(folder / "doors.scenery")]
     )
 
 
-def test_closed_corridor_doors_keep_the_robot_inside_building_c(building: Scene) -> None:
+def test_closed_corridor_doors_keep_the_robot_inside_building_c(building):
     ajar = {f"door_{n}.hinge": 1.4 for n in range(12, 18)}
     grid = occupancy_grid(building, laser_height=0.3, resolution=0.1, joints=ajar)
     reached = flooded(grid, (0.0, 0.0))
@@ -44,7 +39,7 @@ def test_closed_corridor_doors_keep_the_robot_inside_building_c(building: Scene)
     assert all(reached[cell(grid, goal)] for goal in goals)
 
 
-def test_closed_classroom_doors_keep_the_robot_out(building: Scene) -> None:
+def test_closed_classroom_doors_keep_the_robot_out(building):
     grid = occupancy_grid(building, laser_height=0.3, resolution=0.1, joints={})
     reached = flooded(grid, (0.0, 0.0))
     assert reached[cell(grid, (20.76, 60.46))]
@@ -53,13 +48,13 @@ def test_closed_classroom_doors_keep_the_robot_out(building: Scene) -> None:
         assert not reached[cell(grid, room)]
 
 
-def test_without_doors_every_doorway_of_building_c_is_open(building: Scene) -> None:
+def test_without_doors_every_doorway_of_building_c_is_open(building):
     grid = occupancy_grid(building, laser_height=0.3)
     middles = {d.name: np.mean(d.footprint, axis=0) for d in building.doorways}
     assert [n for n, (x, y) in middles.items() if grid.cells[cell(grid, (x, y))] != FREE] == []
 
 
-def test_doors_of_the_flat_open_their_rooms(flat: Scene) -> None:
+def test_doors_of_the_flat_open_their_rooms(flat):
     shut = flooded(occupancy_grid(flat, laser_height=0.2, joints={}), (0.0, 0.0))
     opened = {
         f"{thing.name}.{joint.name}": max(joint.lower, joint.upper, key=abs)

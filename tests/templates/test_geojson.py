@@ -1,10 +1,6 @@
 """Floor plans as GeoJSON."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import pytest
 import shapely
@@ -27,16 +23,16 @@ Window hatch: shape: Rectangle width=0.5 m, height=0.4 m
 """)
 
 
-def by_id() -> dict[str, dict[str, Any]]:
+def by_id():
     return {feature["id"]: feature for feature in feature_collection(PLAN)["features"]}
 
 
-def test_every_element_is_one_feature() -> None:
+def test_every_element_is_one_feature():
     kinds = [f["properties"]["kind"] for f in feature_collection(PLAN)["features"]]
     assert kinds == ["space", *["wall"] * 4, "column", "entryway", "window"]
 
 
-def test_rings_are_closed_counter_clockwise_and_simple() -> None:
+def test_rings_are_closed_counter_clockwise_and_simple():
     for feature in by_id().values():
         (ring,) = feature["geometry"]["coordinates"]
         assert ring[0] == ring[-1]
@@ -44,7 +40,7 @@ def test_rings_are_closed_counter_clockwise_and_simple() -> None:
         assert shapely.Polygon(ring).is_valid
 
 
-def test_properties_tell_sizes_and_heights() -> None:
+def test_properties_tell_sizes_and_heights():
     features = by_id()
     wall = features["cell-wall-1"]["properties"]
     assert wall == {
@@ -64,7 +60,7 @@ def test_properties_tell_sizes_and_heights() -> None:
     assert features["cell"]["properties"]["thickness"] is None
 
 
-def test_shapes_are_those_of_the_plan() -> None:
+def test_shapes_are_those_of_the_plan():
     features = by_id()
     assert shapely.geometry.shape(features["cell"]["geometry"]).bounds == pytest.approx(
         (2, 0, 4, 2)
@@ -73,7 +69,7 @@ def test_shapes_are_those_of_the_plan() -> None:
     assert door.bounds == pytest.approx((2.85, 2.0, 3.75, 2.2))
 
 
-def test_the_file_holds_the_collection(tmp_path: Path) -> None:
+def test_the_file_holds_the_collection(tmp_path):
     path = write_geojson(PLAN, tmp_path / "plan.geojson")
     assert json.loads(path.read_text(encoding="utf-8")) == feature_collection(PLAN)
     assert "café" in path.read_text(encoding="utf-8")

@@ -1,9 +1,5 @@
 """Layers as files others can read, and read back as they were."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
 from grammars.scenery import load_scenery
@@ -11,7 +7,7 @@ from grammars.scenery.composition import compile_scene
 from templates.jsonld import write_jsonld
 
 
-def test_a_scenario_written_as_jsonld_is_the_same_scene(campaigns: Path, tmp_path: Path) -> None:
+def test_a_scenario_written_as_jsonld_is_the_same_scene(campaigns, tmp_path):
     plan = load_floorplan(campaigns / "demo" / "flat.fpm")
     layers = [
         load_scenery(campaigns / "demo" / f"{name}.scenery") for name in ("doors", "doors_open")
@@ -27,7 +23,7 @@ def test_a_scenario_written_as_jsonld_is_the_same_scene(campaigns: Path, tmp_pat
     assert scene.digest == compile_scene(plan, layers).digest
 
 
-def test_same_layers_same_bytes(campaigns: Path, tmp_path: Path) -> None:
+def test_same_layers_same_bytes(campaigns, tmp_path):
     plan = load_floorplan(campaigns / "demo" / "flat.fpm")
     layers = [load_scenery(campaigns / "demo" / "doors.scenery")]
     first, second = (write_jsonld(plan, tmp_path / name, layers) for name in ("a", "b"))

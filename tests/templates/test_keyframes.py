@@ -1,7 +1,4 @@
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Spring, Trigger
 from templates.sdf import behaviour_by_joint, write_keyframes
@@ -9,12 +6,11 @@ from templates.world import BehaviourDraw
 from tests.templates.worlds import BEHAVIOURS, job, scene
 
 
-def frames(path: Path) -> list[dict[str, float]]:
-    found: list[dict[str, float]] = json.loads(path.read_text())["keyframes"]
-    return found
+def frames(path):
+    return json.loads(path.read_text())["keyframes"]
 
 
-def test_both_forms_say_the_same(tmp_path: Path) -> None:
+def test_both_forms_say_the_same(tmp_path):
     write_keyframes(job(tmp_path, "errand", BehaviourDraw("", BEHAVIOURS)))
     now, era = (
         frames(tmp_path / "keyframes/slider.json"),
@@ -29,7 +25,7 @@ def test_both_forms_say_the_same(tmp_path: Path) -> None:
     assert [f["time"] for f in era] == [f["time"] for f in now]
 
 
-def test_frames_stay_as_they_are_listed() -> None:
+def test_frames_stay_as_they_are_listed():
     # The plugin takes them off the head of the list, whatever their times.
     act = KeyFrames("slider.rail", (KeyFrame(4.0, 1.0), KeyFrame(0.0, 0.5)), Jump())
     found = behaviour_by_joint(scene(), (act,))["slider.rail"]
@@ -38,12 +34,12 @@ def test_frames_stay_as_they_are_listed() -> None:
     assert listed == [(0.0, 0.25), (4.0, 1.0), (0.0, 0.5)]
 
 
-def test_a_first_frame_at_the_start_is_kept() -> None:
+def test_a_first_frame_at_the_start_is_kept():
     act = KeyFrames("slider.rail", (KeyFrame(0.0, 0.5), KeyFrame(4.0, 1.0)), Jump())
     assert behaviour_by_joint(scene(), (act,))["slider.rail"] == act
 
 
-def test_what_is_pulled_or_held_begins_where_it_starts(tmp_path: Path) -> None:
+def test_what_is_pulled_or_held_begins_where_it_starts(tmp_path):
     acts = (
         Trigger("entrance.hinge", 1.4, 0.0, 1.3, Spring(0.5, 0.0), begin=0.7),
         Hold("slider.rail", 0.5),
@@ -55,6 +51,6 @@ def test_what_is_pulled_or_held_begins_where_it_starts(tmp_path: Path) -> None:
     assert not (tmp_path / "keyframes/era/slider.json").exists()
 
 
-def test_only_joints_that_can_move_do_something() -> None:
+def test_only_joints_that_can_move_do_something():
     found = behaviour_by_joint(scene(), (Hold("entrance.hinge", 1.0),))
     assert list(found) == ["entrance.hinge", "other.hinge", "slider.rail"]

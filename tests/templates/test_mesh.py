@@ -1,28 +1,21 @@
-from __future__ import annotations
-
 import itertools
 import math
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.floorplan import load_floorplan
-from grammars.model.geometry import Pose2, Ring
+from grammars.model.geometry import Pose2
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition import compile_scene
-from templates.mesh import WallMesh, glb_bytes, stl_bytes, wall_mesh
+from templates.mesh import glb_bytes, stl_bytes, wall_mesh
 from tests.templates.test_occupancy import box, two_rooms
 
-if TYPE_CHECKING:
-    import trimesh
 
-
-def volume(scene: Scene) -> float:
+def volume(scene):
     """Sum up the area that stands between neighbouring heights."""
     heights = sorted({z for s in scene.solids for z in (s.z_min, s.z_max)})
     total = 0.0
@@ -34,14 +27,14 @@ def volume(scene: Scene) -> float:
     return total
 
 
-def surface(mesh: WallMesh) -> trimesh.Trimesh:
+def surface(mesh):
     # Here, for every process of a round reads this file: with scipy it takes 0.3 s.
     import trimesh
 
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
 
-def inside(mesh: WallMesh, point: tuple[float, float, float]) -> bool:
+def inside(mesh, point):
     """Sum up solid angles (van Oosterom and Strackee 1983): a full turn inside, none outside."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - point, 1, 0)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
@@ -52,13 +45,13 @@ def inside(mesh: WallMesh, point: tuple[float, float, float]) -> bool:
     return round(turns) == 1
 
 
-def scene_of(*solids: tuple[Ring, float, float]) -> Scene:
+def scene_of(*solids):
     named = (Solid(f"s{i}", "wall", ring, a, b) for i, (ring, a, b) in enumerate(solids))
     return Scene("solids", (), (), tuple(named))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, -2.0])
-def test_walls_are_one_closed_body_with_outward_faces(yaw: float) -> None:
+def test_walls_are_one_closed_body_with_outward_faces(yaw):
     scene = two_rooms(Pose2(40.0, -30.0, yaw))
     mesh = wall_mesh(scene)
     body = surface(mesh)
@@ -68,26 +61,26 @@ def test_walls_are_one_closed_body_with_outward_faces(yaw: float) -> None:
     assert body.volume == pytest.approx(mesh.volume, rel=1e-9)
 
 
-def test_a_doorway_is_open_and_a_lintel_lies_over_it() -> None:
+def test_a_doorway_is_open_and_a_lintel_lies_over_it():
     mesh = wall_mesh(two_rooms())
     assert not inside(mesh, (2.1, 1.0, 1.0))
     assert inside(mesh, (2.1, 1.0, 2.2))
     assert inside(mesh, (2.1, 0.25, 1.0))
 
 
-def test_blocks_that_touch_in_an_edge_stay_a_manifold() -> None:
+def test_blocks_that_touch_in_an_edge_stay_a_manifold():
     scene = scene_of((box(0, 0, 1, 1), 0.0, 1.0), (box(1, 1, 2, 2), 0.0, 1.0))
     body = surface(wall_mesh(scene))
     assert body.is_watertight
     assert body.volume == pytest.approx(2.0, rel=1e-6)
 
 
-def test_flat_faces_are_not_cut_into_pieces() -> None:
+def test_flat_faces_are_not_cut_into_pieces():
     scene = scene_of((box(0, 0, 1, 1), 0.0, 1.0), (box(1, 0, 2, 1), 0.0, 1.0))
     assert len(wall_mesh(scene).faces) == 12
 
 
-def test_a_scene_without_anything_in_it_has_no_mesh() -> None:
+def test_a_scene_without_anything_in_it_has_no_mesh():
     with pytest.raises(ValueError, match="nothing stands in empty"):
         wall_mesh(Scene("empty", (), (), ()))
 
@@ -103,10 +96,7 @@ def test_a_scene_without_anything_in_it_has_no_mesh() -> None:
     ),
     st.floats(-math.pi, math.pi),
 )  # fmt: skip
-@settings(max_examples=40)
-def test_any_heap_of_blocks_has_the_volume_of_its_union(
-    blocks: list[tuple[int, ...]], yaw: float
-) -> None:
+def test_any_heap_of_blocks_has_the_volume_of_its_union(blocks, yaw):
     turn = Pose2(3.0, 4.0, yaw)
     scene = scene_of(
         *(
@@ -119,7 +109,7 @@ def test_any_heap_of_blocks_has_the_volume_of_its_union(
     assert mesh.volume == pytest.approx(volume(scene), rel=1e-5)
 
 
-def test_building_c_stays_watertight_in_both_formats(campaigns: Path, tmp_path: Path) -> None:
+def test_building_c_stays_watertight_in_both_formats(campaigns, tmp_path):
     import trimesh
 
     scene = compile_scene(load_floorplan(campaigns / "ortega2024" / "building_c.fpm"))
@@ -141,7 +131,7 @@ def test_building_c_stays_watertight_in_both_formats(campaigns: Path, tmp_path: 
     assert glb_bytes(again, name="c") == glb.read_bytes()
 
 
-def test_published_plans_give_watertight_walls(reference_data: Path) -> None:
+def test_published_plans_give_watertight_walls(reference_data):
     for path in sorted((reference_data / "floorplans").glob("*.fpm")):
         scene = compile_scene(load_floorplan(path))
         mesh = wall_mesh(scene)

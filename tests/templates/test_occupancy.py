@@ -1,22 +1,18 @@
 """The map of a scene and its files."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 from ruamel.yaml import YAML
 
-from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid
+from grammars.model.geometry import Pose2
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN
 from grammars.model.map_files import write_map
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from templates.occupancy import occupancy_grid
@@ -26,15 +22,15 @@ HERE = Pose2()
 COORDINATES = st.floats(-3.0, 3.0).map(lambda v: round(v, 3))
 
 
-def box(x0: float, y0: float, x1: float, y1: float) -> Ring:
+def box(x0, y0, x1, y1):
     return ((x0, y1), (x1, y1), (x1, y0), (x0, y0))
 
 
-def wall(ring: Ring, z_min: float = 0.0, z_max: float = 2.5) -> Solid:
+def wall(ring, z_min=0.0, z_max=2.5):
     return Solid("wall", "wall", ring, z_min, z_max)
 
 
-def two_rooms(pose: Pose2 = HERE, objects: tuple[SceneObject, ...] = ()) -> Scene:
+def two_rooms(pose=HERE, objects=()):
     """Two rooms, 2 m by 2 m, a 1 m doorway in the wall between them, a window on the left."""
     solids = [
         wall(box(2.0, 0.0, 2.2, 0.5)),
@@ -56,19 +52,19 @@ def two_rooms(pose: Pose2 = HERE, objects: tuple[SceneObject, ...] = ()) -> Scen
     return Scene("rooms", regions, (doorway,), moved, objects)
 
 
-def door(thickness: float = 0.05) -> SceneObject:
+def door(thickness=0.05):
     leaf = Link("leaf", (box(0.0, -thickness / 2, 1.0, thickness / 2),), 20.0, 0.01, 1.99)
     hinge = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (1.0, 0.0), 0.0, 3.0)
     return SceneObject("door", "door", Pose2(2.1, 0.5, math.pi / 2), (leaf,), (hinge,), (0.0,))
 
 
-def at(grid: OccupancyGrid, point: Point2) -> int:
+def at(grid, point):
     return int(grid.cells[cell(grid, point)])
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, 2.4, -2.0])
 @pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (50.0, 40.0), (-50.0, 40.0), (-50.013, -40.021)])
-def test_a_map_is_right_wherever_the_building_stands(x: float, y: float, yaw: float) -> None:
+def test_a_map_is_right_wherever_the_building_stands(x, y, yaw):
     pose = Pose2(x, y, yaw)
     grid = occupancy_grid(two_rooms(pose), laser_height=0.3)
     expected = {
@@ -85,7 +81,7 @@ def test_a_map_is_right_wherever_the_building_stands(x: float, y: float, yaw: fl
 
 
 @pytest.mark.parametrize("rule", ["touch", "centre"])
-def test_walls_on_the_grid_take_exactly_their_cells(rule: MapRule) -> None:
+def test_walls_on_the_grid_take_exactly_their_cells(rule):
     grid = occupancy_grid(two_rooms(), laser_height=0.3, resolution=0.1, margin=0.5, rule=rule)
     assert (grid.x, grid.y) == pytest.approx((-0.5, -0.5))
     assert grid.cells.shape == (30, 52)
@@ -98,31 +94,28 @@ def test_walls_on_the_grid_take_exactly_their_cells(rule: MapRule) -> None:
     ("height", "window", "doorway"),
     [(0.3, OCCUPIED, FREE), (1.2, UNKNOWN, FREE), (2.2, OCCUPIED, OCCUPIED)],
 )
-def test_the_map_shows_what_the_laser_height_meets(
-    height: float, window: int, doorway: int
-) -> None:
+def test_the_map_shows_what_the_laser_height_meets(height, window, doorway):
     grid = occupancy_grid(two_rooms(), laser_height=height)
     assert at(grid, (-0.1, 1.0)) == window
     assert at(grid, (2.1, 1.0)) == doorway
 
 
-def test_objects_are_drawn_only_when_asked_for() -> None:
+def test_objects_are_drawn_only_when_asked_for():
     scene = two_rooms(objects=(door(),))
     assert at(occupancy_grid(scene, laser_height=0.3), (2.1, 1.0)) == FREE
     assert at(occupancy_grid(scene, laser_height=0.3, joints={}), (2.1, 1.0)) == OCCUPIED
     assert at(occupancy_grid(scene, laser_height=2.2, joints={}), (1.0, 1.0)) == FREE
 
 
-def test_an_open_door_leaves_the_doorway_free() -> None:
+def test_an_open_door_leaves_the_doorway_free():
     scene = two_rooms(objects=(door(),))
     grid = occupancy_grid(scene, laser_height=0.3, joints={"door.hinge": math.pi / 2})
     assert at(grid, (2.15, 1.0)) == FREE
     assert at(grid, (1.6, 0.5)) == OCCUPIED
 
 
-@settings(deadline=None)
 @given(st.floats(0.0, 3.0), st.floats(0.001, 0.05))
-def test_a_thin_leaf_is_an_unbroken_line(angle: float, thickness: float) -> None:
+def test_a_thin_leaf_is_an_unbroken_line(angle, thickness):
     scene = two_rooms(objects=(door(thickness),))
     grid = occupancy_grid(scene, laser_height=0.3, joints={"door.hinge": angle})
     direction = math.pi / 2 + angle
@@ -131,7 +124,6 @@ def test_a_thin_leaf_is_an_unbroken_line(angle: float, thickness: float) -> None
         assert at(grid, point) == OCCUPIED
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     st.sampled_from(["outline", "touch"]),
     st.floats(-math.pi, math.pi) | st.sampled_from([0.0, math.radians(35), -math.pi / 2]),
@@ -142,14 +134,8 @@ def test_a_thin_leaf_is_an_unbroken_line(angle: float, thickness: float) -> None
     st.sampled_from([0.03, 0.05, 0.1]),
 )
 def test_a_shut_door_closes_its_doorway_without_a_gap(
-    rule: MapRule,
-    yaw: float,
-    corner: Point2,
-    wall_thickness: float,
-    place: tuple[float, float],
-    thickness: float,
-    resolution: float,
-) -> None:
+    rule, yaw, corner, wall_thickness, place, thickness, resolution
+):
     pose = Pose2(*corner, yaw)
     far = 2.0 + wall_thickness
     low = 0.2 + 0.6 * place[0]
@@ -184,8 +170,8 @@ def test_a_shut_door_closes_its_doorway_without_a_gap(
 
 
 @pytest.mark.parametrize("yaw", [0.0, math.radians(35), -1.0, 2.5])
-def test_a_wall_is_drawn_as_if_it_had_no_doorways(yaw: float) -> None:
-    def drawn(*pieces: tuple[Ring, float, float], doorways: int) -> npt.NDArray[np.bool_]:
+def test_a_wall_is_drawn_as_if_it_had_no_doorways(yaw):
+    def drawn(*pieces, doorways):
         scene = Scene(
             "wall",
             (Region("hall", box(-3.0, -3.0, 3.0, 3.0)),),
@@ -213,11 +199,11 @@ def test_a_wall_is_drawn_as_if_it_had_no_doorways(yaw: float) -> None:
     assert window[at_cell(pose.apply((1.0, 0.0)))]
 
 
-def at_cell(point: Point2) -> tuple[int, int]:
+def at_cell(point):
     return math.floor((point[1] + 4.25) / 0.05), math.floor((point[0] + 4.25) / 0.05)
 
 
-def test_a_column_stays_in_its_doorway() -> None:
+def test_a_column_stays_in_its_doorway():
     scene = two_rooms(Pose2(0.0, 0.0, 0.6))
     pose = scene.doorways[0].frame
     column = Solid("column", "column", pose.apply_ring(box(2.05, 0.9, 2.15, 1.1)), 0.0, 2.5)
@@ -227,14 +213,14 @@ def test_a_column_stays_in_its_doorway() -> None:
 
 
 @pytest.mark.parametrize("rule", ["outline", "touch", "centre"])
-def test_the_origin_is_the_lowest_corner_of_the_spaces_less_the_margin(rule: MapRule) -> None:
+def test_the_origin_is_the_lowest_corner_of_the_spaces_less_the_margin(rule):
     scene = two_rooms(Pose2(0.123456, -0.654321, 0.0))
     grid = occupancy_grid(scene, laser_height=0.3, rule=rule)
     assert (grid.x, grid.y) == pytest.approx((0.123456 - 1.25, -0.654321 - 1.25), abs=1e-12)
     assert grid.cells.shape == (int(2.0 / 0.05) + 50, int(4.2 / 0.05) + 50)
 
 
-def test_a_map_is_larger_where_walls_stand_out_further_than_the_margin() -> None:
+def test_a_map_is_larger_where_walls_stand_out_further_than_the_margin():
     grid = occupancy_grid(two_rooms(), laser_height=0.3, margin=0.05)
     # 0.2 m of wall on each side, 0.05 m of which is margin: three cells more below; above, the
     # corner on the border takes a cell of its own.
@@ -242,12 +228,11 @@ def test_a_map_is_larger_where_walls_stand_out_further_than_the_margin() -> None
     assert grid.cells.shape == (40 + 2 + 3 + 4, 84 + 2 + 3 + 4)
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.tuples(COORDINATES, COORDINATES), min_size=3, max_size=8, unique=True),
     st.floats(0.08, 0.5),
 )
-def test_cells_agree_with_polygon_clipping(points: list[Point2], resolution: float) -> None:
+def test_cells_agree_with_polygon_clipping(points, resolution):
     hull = shapely.convex_hull(shapely.MultiPoint(points))
     if hull.geom_type != "Polygon" or hull.area < 0.01:
         return
@@ -266,11 +251,8 @@ def test_cells_agree_with_polygon_clipping(points: list[Point2], resolution: flo
     ].any()
 
 
-@settings(deadline=None)
 @given(st.integers(3, 9), st.floats(0.0, 6.0), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
-def test_a_star_shaped_room_is_free_where_cell_centres_lie_in_it(
-    tips: int, turn: float, x: float, y: float
-) -> None:
+def test_a_star_shaped_room_is_free_where_cell_centres_lie_in_it(tips, turn, x, y):
     radius = (1.0, 0.35)
     outline = tuple(
         (
@@ -289,7 +271,7 @@ def test_a_star_shaped_room_is_free_where_cell_centres_lie_in_it(
     assert ((grid.cells == FREE) == inside)[certain].all()
 
 
-def test_the_files_read_back_as_written(tmp_path: Path) -> None:
+def test_the_files_read_back_as_written(tmp_path):
     grid = occupancy_grid(two_rooms(Pose2(-30.0, 7.0, 0.3)), laser_height=0.3)
     image, meta = write_map(grid, tmp_path / "two.rooms", laser_height=0.3)
     assert (image.name, meta.name) == ("two.rooms.pgm", "two.rooms.yaml")
@@ -307,8 +289,8 @@ def test_the_files_read_back_as_written(tmp_path: Path) -> None:
     assert (read["resolution"], read["negate"]) == (0.05, 0)
 
 
-def test_equal_scenes_give_equal_files(tmp_path: Path) -> None:
-    def bytes_of(stem: str) -> list[bytes]:
+def test_equal_scenes_give_equal_files(tmp_path):
+    def bytes_of(stem):
         grid = occupancy_grid(two_rooms(), laser_height=0.3)
         (tmp_path / stem).mkdir()
         return [p.read_bytes() for p in write_map(grid, tmp_path / stem / "map", laser_height=0.3)]
@@ -325,11 +307,11 @@ def test_equal_scenes_give_equal_files(tmp_path: Path) -> None:
         ({"joints": {"door.hing": 1.0}}, 'did you mean "door.hinge"'),
     ],
 )
-def test_nonsense_is_refused(keywords: dict[str, object], message: str) -> None:
+def test_nonsense_is_refused(keywords, message):
     with pytest.raises(ValueError, match=message):
-        occupancy_grid(two_rooms(objects=(door(),)), laser_height=0.3, **keywords)  # type: ignore[arg-type]
+        occupancy_grid(two_rooms(objects=(door(),)), laser_height=0.3, **keywords)
 
 
-def test_an_empty_scene_has_no_map() -> None:
+def test_an_empty_scene_has_no_map():
     with pytest.raises(ValueError, match="neither regions nor solids"):
         occupancy_grid(Scene("void", (), (), ()), laser_height=0.3)

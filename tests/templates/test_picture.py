@@ -1,7 +1,5 @@
 """Where things are on a picture: 120 points a metre, the origin at (108.5, 356) on this page."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace
@@ -10,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from daemon.analysis.campaign_worlds import worlds_of_campaign
-from templates.picture import Drawing, RunOverlay, draw_world
+from templates.picture import RunOverlay, draw_world
 from templates.picture._drawing import Disc, Shape, TextLabel
 from templates.rendering import Templates
 from tests.templates.worlds import box, world
@@ -18,24 +16,24 @@ from tests.templates.worlds import box, world
 ROOT = Path(__file__).parents[2]
 
 
-def shapes(figure: Drawing, group: str) -> list[Shape]:
+def shapes(figure, group):
     (found,) = (g.items for g in figure.groups if g.name == group)
     return [item for item in found if isinstance(item, Shape)]
 
 
-def words(figure: Drawing) -> list[str]:
+def words(figure):
     return [i.text for g in figure.groups for i in g.items if isinstance(i, TextLabel)]
 
 
-def page(x: float, y: float) -> tuple[float, float]:
+def page(x, y):
     return (108.5 + 120.0 * x, 356.0 - 120.0 * y)
 
 
-def pages(*points: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+def pages(*points):
     return tuple((round(x, 2), round(y, 2)) for x, y in (page(*point) for point in points))
 
 
-def test_a_swing_goes_around_its_hinge_from_limit_to_limit() -> None:
+def test_a_swing_goes_around_its_hinge_from_limit_to_limit():
     # Hinged at (-0.02, 0.025) of a door at (2.1, 0.5), turned by 30 degrees; the corner of the leaf
     # farthest from there, (0.02, 0.95), is 0.926 m away, at 87.5 degrees when the door is closed.
     area, arc = shapes(draw_world(world()), "swings")[:2]
@@ -51,7 +49,7 @@ def test_a_swing_goes_around_its_hinge_from_limit_to_limit() -> None:
     assert steps == pytest.approx([steps[0]] * len(steps), abs=0.03)
 
 
-def test_what_slides_is_shown_at_both_ends() -> None:
+def test_what_slides_is_shown_at_both_ends():
     closed, open_ = (s.rings[0] for s in shapes(draw_world(world()), "swings")[-2:])
     # A panel of 1 m by 4 cm at (1, 1.5), which slides 1 m along the diagonal.
     assert sorted(closed)[0] == pytest.approx(page(0.5, 1.52), abs=0.01)
@@ -61,7 +59,7 @@ def test_what_slides_is_shown_at_both_ends() -> None:
     assert [c for p in open_ for c in p] == pytest.approx([c for p in moved for c in p], abs=0.02)
 
 
-def test_low_walls_are_told_from_those_that_are_cut() -> None:
+def test_low_walls_are_told_from_those_that_are_cut():
     figure = draw_world(world())
     low, cut = shapes(figure, "walls")
     assert sorted(low.rings[0])[0] == pytest.approx(page(-0.2, 2.0), abs=0.01)
@@ -74,20 +72,20 @@ def test_low_walls_are_told_from_those_that_are_cut() -> None:
     assert [s.fill for s in shapes(without, "walls")] == [cut.fill]
 
 
-def test_the_bar_is_as_long_as_it_says() -> None:
+def test_the_bar_is_as_long_as_it_says():
     figure = draw_world(world())
     bar = sorted(shapes(figure, "scale")[0].rings[0])
     assert bar[-1][0] - bar[0][0] == pytest.approx(120.0)
     assert [w for w in words(figure) if w in ("0", "0.5", "1 m")] == ["0", "0.5", "1 m"]
 
 
-def test_waypoints_of_one_place_share_a_disc() -> None:
+def test_waypoints_of_one_place_share_a_disc():
     (items,) = (g.items for g in draw_world(world()).groups if g.name == "waypoints")
     discs = [item.centre for item in items if isinstance(item, Disc)]
     assert discs == [pytest.approx(page(1.5, 1.5)), pytest.approx(page(3.8, 1.7))]
 
 
-def test_robot_and_waypoints_show_where_they_look() -> None:
+def test_robot_and_waypoints_show_where_they_look():
     figure = draw_world(world())
     body, arrow = shapes(figure, "robot")
     nose, left, right = arrow.rings[0]
@@ -104,7 +102,7 @@ def test_robot_and_waypoints_show_where_they_look() -> None:
     assert math.atan2(at[1] - ahead[1], ahead[0] - at[0]) == pytest.approx(0.5, abs=1e-3)
 
 
-def test_a_run_is_drawn_where_it_was() -> None:
+def test_a_run_is_drawn_where_it_was():
     way = ((0.4, 0.3), (1.0, 0.5), (1.5, 1.5))
     what = RunOverlay(
         way,
@@ -136,7 +134,7 @@ def test_a_run_is_drawn_where_it_was() -> None:
     assert [w for w in words(figure) if w in key] == key
 
 
-def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key() -> None:
+def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key():
     figure = draw_world(world(), RunOverlay(((0.4, 0.3), (1.0, 0.5))))
     assert len(shapes(figure, "driven")) == 1
     (key,) = (g.items for g in figure.groups if g.name == "key")
@@ -145,8 +143,8 @@ def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key() -> None:
     assert len(shapes(nowhere, "driven")) == 2
 
 
-def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends() -> None:
-    def name_of_room(figure: Drawing) -> TextLabel:
+def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends():
+    def name_of_room(figure):
         items = (i for g in figure.groups if g.name == "space names" for i in g.items)
         (label,) = (i for i in items if isinstance(i, TextLabel) and i.text == "left")
         return label
@@ -163,7 +161,7 @@ def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends() -> None:
     assert said == ["driven", "robot at the end of its way"]
 
 
-def test_the_documentation_shows_the_flat_of_the_demo_as_it_is() -> None:
+def test_the_documentation_shows_the_flat_of_the_demo_as_it_is():
     """``python -m tests.pictures`` draws it again."""
     worlds, _ = worlds_of_campaign(ROOT / "campaigns" / "demo" / "campaign.yaml")
     (busy,) = (w for w in worlds if w.name == "busy-house")

@@ -1,7 +1,5 @@
 """Shapes of a world seen from above: what they are, and where."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -13,18 +11,18 @@ from grammars.model.geometry import Pose2
 from grammars.model.movers import with_planar_chain
 from grammars.model.scene import Link, SceneObject
 from templates import plan_shapes
-from templates.plan_shapes import PlanShape, ShapeRole, trail_shapes
+from templates.plan_shapes import ShapeRole, trail_shapes
 from tests.templates.worlds import box, world
 
 
-def lines(shapes: list[PlanShape]) -> dict[ShapeRole, list[list[tuple[float, float]]]]:
+def lines(shapes):
     return {s.role: [[(x, y) for x, y in part] for part in s.parts] for s in shapes}
 
 
 WAY = ((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (4.0, 0.0))
 
 
-def test_a_trail_is_cut_where_its_clearance_crosses_the_limit() -> None:
+def test_a_trail_is_cut_where_its_clearance_crosses_the_limit():
     found = lines(list(trail_shapes(WAY, (1.0, 0.9, 0.1, 0.0, math.nan), limit=0.2)))
     assert found == {
         ShapeRole.TRAIL: [[(0.0, 0.0), (1.0, 0.0)]],
@@ -34,27 +32,27 @@ def test_a_trail_is_cut_where_its_clearance_crosses_the_limit() -> None:
 
 
 @pytest.mark.parametrize("clearances", [(), (0.1, 0.1), (math.nan,) * 5])
-def test_a_trail_of_unknown_clearance_is_one_line(clearances: tuple[float, ...]) -> None:
+def test_a_trail_of_unknown_clearance_is_one_line(clearances):
     assert lines(list(trail_shapes(WAY, clearances, limit=0.2))) == {ShapeRole.TRAIL: [list(WAY)]}
 
 
-def test_without_a_limit_only_touching_stands_out() -> None:
+def test_without_a_limit_only_touching_stands_out():
     found = lines(list(trail_shapes(WAY, (1.0, 0.01, 0.01, 0.01, -0.1))))
     assert set(found) == {ShapeRole.TRAIL, ShapeRole.TOUCHING_TRAIL}
     assert found[ShapeRole.TOUCHING_TRAIL] == [[(3.0, 0.0), (4.0, 0.0)]]
 
 
-def test_a_point_is_no_trail() -> None:
+def test_a_point_is_no_trail():
     assert list(trail_shapes(WAY[:1], (0.1,), limit=0.2)) == []
 
 
-def test_the_spread_holds_two_standard_deviations_along_each_axis() -> None:
+def test_the_spread_holds_two_standard_deviations_along_each_axis():
     shape = plan_shapes.spread_shape(Pose2(1.0, 2.0), (0.04, 0.0, 0.01))
     around = np.asarray(shape.parts[0]) - (1.0, 2.0)
     assert np.abs(around).max(axis=0) == pytest.approx([0.4, 0.2])
 
 
-def test_waypoints_are_numbered_and_the_first_are_reached() -> None:
+def test_waypoints_are_numbered_and_the_first_are_reached():
     mission = world().mission
     assert mission is not None
     found = [(s.role, s.text) for s in plan_shapes.waypoint_shapes(mission, 1)]
@@ -62,7 +60,7 @@ def test_waypoints_are_numbered_and_the_first_are_reached() -> None:
     assert len(found) == len(mission.waypoints)
 
 
-def test_everything_in_the_plan_has_its_role() -> None:
+def test_everything_in_the_plan_has_its_role():
     scene = world().scene
     start = start_positions(scene, world().draws[0].behaviours)
     solids = {shape.role for shape in plan_shapes.solid_shapes(scene, 1.2)}
@@ -73,14 +71,14 @@ def test_everything_in_the_plan_has_its_role() -> None:
     assert [s.text for s in plan_shapes.space_names(scene)] == [r.name for r in scene.regions]
 
 
-def test_a_plan_leaves_out_what_its_height_does_not_cross() -> None:
+def test_a_plan_leaves_out_what_its_height_does_not_cross():
     scene = world().scene
     start = start_positions(scene, world().draws[0].behaviours)
     assert list(plan_shapes.body_shapes(scene, start, cut=50.0)) == []
     assert list(plan_shapes.solid_shapes(scene, cut=-50.0)) == []
 
 
-def test_whoever_walks_is_seen_at_any_height_and_named_as_such() -> None:
+def test_whoever_walks_is_seen_at_any_height_and_named_as_such():
     trunk = Link("trunk", (box(-0.2, -0.1, 0.2, 0.1),), 4.0, 0.0, 0.25)
     links, joints = with_planar_chain((trunk,), (), "trunk")
     cat = SceneObject("tom", "cat", Pose2(1.0, 1.0), links, joints, (0.0, 0.0, 0.0))

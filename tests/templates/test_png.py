@@ -1,9 +1,5 @@
 """Texts of drawings as PNG: every letter is there, whatever fonts the machine has."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from templates.picture import Drawing, write_png
@@ -13,14 +9,14 @@ SAID = "−–—×·→←°±²³…∞≤≥µσΩ“”’½äöüßéñçø
 """What we say ourselves (minus, dashes, arrows, units), and letters of names in Europe."""
 
 
-def painted(text: str, path: Path, *, bold: bool = False) -> bytes:
+def painted(text, path, *, bold=False):
     drawing = Drawing(60.0, 40.0, "#ffffff", "letters", "")
     drawing.add("words", [TextLabel((30.0, 25.0), text, 20.0, "#000000", bold=bold)])
     return write_png(drawing, path).read_bytes()
 
 
 @pytest.mark.parametrize("bold", [False, True])
-def test_no_letter_comes_out_as_a_box(tmp_path: Path, bold: bool) -> None:
+def test_no_letter_comes_out_as_a_box(tmp_path, bold):
     box = painted("\ue000", tmp_path / "box.png", bold=bold)
     blank = painted(" ", tmp_path / "blank.png", bold=bold)
     for letter in SAID:
@@ -28,6 +24,6 @@ def test_no_letter_comes_out_as_a_box(tmp_path: Path, bold: bool) -> None:
         assert shown not in (box, blank), letter
 
 
-def test_bold_texts_are_bold(tmp_path: Path) -> None:
+def test_bold_texts_are_bold(tmp_path):
     plain, bold = (painted("door", tmp_path / "a.png", bold=bold) for bold in (False, True))
     assert plain != bold

@@ -1,36 +1,31 @@
 """The cells a polygon takes by the rule of published maps, beside Pillow's polygons."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import shapely
 from PIL import Image, ImageDraw
 
-from grammars.model.geometry import Floats
-from templates.polygon_cells import CellsOf, outline_filled, outline_of_convex, painted
+from templates.polygon_cells import outline_filled, outline_of_convex, painted
 
 SIDE = 100
 CENTRE = SIDE / 2
 
 
-def by_pillow(ring: Floats) -> npt.NDArray[np.bool_]:
+def by_pillow(ring):
     """Draw the polygon through the cells of the corners, as the published tool does."""
     image = Image.new("L", (SIDE, SIDE), 0)
     ImageDraw.Draw(image).polygon([(int(x), int(y)) for x, y in ring], fill=1)
     return np.asarray(image) > 0
 
 
-def hull(random: np.random.Generator) -> Floats:
+def hull(random):
     points = shapely.MultiPoint(random.uniform(2, SIDE - 2, (int(random.integers(3, 8)), 2)))
     return np.array(shapely.convex_hull(points).exterior.coords)[:-1]
 
 
-def rectangle(random: np.random.Generator) -> Floats:
+def rectangle(random):
     """A wall: some cells thick, any way round."""
     angle, length, thickness = random.uniform((0, 5, 1), (2 * math.pi, 80, 8))
     along = np.array([math.cos(angle), math.sin(angle)]) * length / 2
@@ -39,7 +34,7 @@ def rectangle(random: np.random.Generator) -> Floats:
     return np.array(corners) + random.uniform(CENTRE - 5, CENTRE + 5, 2)
 
 
-def star(random: np.random.Generator) -> Floats:
+def star(random):
     count = int(random.integers(6, 20))
     angle = np.sort(random.uniform(0, 2 * math.pi, count))
     radius = random.uniform(12, 45, count)
@@ -55,9 +50,7 @@ def star(random: np.random.Generator) -> Floats:
         (star, outline_filled),
     ],
 )
-def test_polygons_are_filled_as_pillow_fills_them(
-    make: Callable[[np.random.Generator], Floats], cells_of: CellsOf
-) -> None:
+def test_polygons_are_filled_as_pillow_fills_them(make, cells_of):
     random = np.random.default_rng(13)
     differing = filled = 0
     for _ in range(1000):
@@ -69,15 +62,13 @@ def test_polygons_are_filled_as_pillow_fills_them(
     assert differing < 1e-3 * filled
 
 
-def test_a_convex_polygon_is_in_one_piece_however_thin() -> None:
+def test_a_convex_polygon_is_in_one_piece_however_thin():
     random = np.random.default_rng(5)
     for _ in range(500):
         ends = random.uniform(5, SIDE - 5, (2, 2))
         ring = np.concatenate([ends, ends[::-1] + random.uniform(0, 0.6, (2, 2))])
         ring = np.array(shapely.MultiPoint(ring).convex_hull.exterior.coords)[:-1]
-        rows: dict[int, tuple[int, int]] = {
-            int(row): (int(first), int(last)) for row, first, last in outline_of_convex(ring)
-        }
+        rows = {int(row): (int(first), int(last)) for row, first, last in outline_of_convex(ring)}
         corners = np.floor(ring[:, 1])
         assert list(rows) == list(range(int(corners.min()), int(corners.max()) + 1))
         for row in list(rows)[1:]:
@@ -100,9 +91,7 @@ def test_a_convex_polygon_is_in_one_piece_however_thin() -> None:
         ([(2.1, 2.1), (2.2, 4.9), (2.5, 2.8)], {2: (2, 2), 3: (2, 2), 4: (2, 2)}),
     ],
 )
-def test_small_polygons(
-    ring: list[tuple[float, float]], expected: dict[int, tuple[int, int]], cells_of: CellsOf
-) -> None:
+def test_small_polygons(ring, expected, cells_of):
     cells = painted([cells_of(np.array(ring))], (12, 12))
     found = {
         int(row): (int(np.argmax(cells[row])), int(11 - np.argmax(cells[row, ::-1])))
@@ -114,7 +103,7 @@ def test_small_polygons(
         assert found == expected
 
 
-def test_what_lies_outside_is_cut_off() -> None:
+def test_what_lies_outside_is_cut_off():
     ring = np.array([(-5.0, -5.0), (-5.0, 50.0), (50.0, 50.0), (50.0, -5.0)])
     assert painted([outline_filled(ring)], (4, 6)).all()
     assert painted([outline_of_convex(ring)], (4, 6)).all()

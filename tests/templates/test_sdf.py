@@ -1,9 +1,6 @@
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -16,7 +13,7 @@ from tests.templates.worlds import BEHAVIOURS, OTHERS, job, scene
 Element = ElementTree.Element
 
 
-def exported(folder: Path, *draws: BehaviourDraw) -> dict[str, Element]:
+def exported(folder, *draws):
     """Write a world and return every XML file in it, by its path."""
     paths = write_sdf(job(folder, "errand", *draws))
     return {
@@ -26,15 +23,15 @@ def exported(folder: Path, *draws: BehaviourDraw) -> dict[str, Element]:
     }
 
 
-def include(world: Element, name: str) -> Element:
+def include(world, name):
     return next(i for i in world.iter("include") if i.findtext("name") == name)
 
 
-def tags(plugin: Element) -> dict[str, str | None]:
+def tags(plugin):
     return {child.tag: child.text for child in plugin}
 
 
-def test_equal_objects_share_a_model_and_others_do_not() -> None:
+def test_equal_objects_share_a_model_and_others_do_not():
     names = {thing: model for thing, (model, _) in models_of(scene(), set()).items()}
     assert names["entrance"] == names["other"] == "door"
     assert names["stuck"] == "door_static"
@@ -43,7 +40,7 @@ def test_equal_objects_share_a_model_and_others_do_not() -> None:
     assert taken["entrance"][0] == "door_2"
 
 
-def test_models_say_what_the_scene_says(tmp_path: Path) -> None:
+def test_models_say_what_the_scene_says(tmp_path):
     files = exported(tmp_path)
     model = files["models/door/model.sdf"].find("model")
     assert model is not None
@@ -64,7 +61,7 @@ def test_models_say_what_the_scene_says(tmp_path: Path) -> None:
     assert (tmp_path / "gazebo/models/rooms/meshes/rooms.stl").is_file()
 
 
-def test_objects_stand_where_the_scene_has_them(tmp_path: Path) -> None:
+def test_objects_stand_where_the_scene_has_them(tmp_path):
     for file in ("worlds/errand.sdf", "worlds/errand.world"):
         world = exported(tmp_path)[file]
         pose = [float(v) for v in (include(world, "entrance").findtext("pose") or "").split()]
@@ -72,7 +69,7 @@ def test_objects_stand_where_the_scene_has_them(tmp_path: Path) -> None:
         assert include(world, "stuck").findtext("static") == "true"
 
 
-def test_classic_worlds_use_the_plugins_of_2024(tmp_path: Path) -> None:
+def test_classic_worlds_use_the_plugins_of_2024(tmp_path):
     world = exported(tmp_path)["worlds/errand.world"]
     start, trigger = include(world, "entrance").iter("plugin")
     assert tags(start) == {"joint": "hinge", "uri": "keyframes/era/entrance.json"}
@@ -87,7 +84,7 @@ def test_classic_worlds_use_the_plugins_of_2024(tmp_path: Path) -> None:
     assert tags(initial) == {"joint": "hinge", "position": "1.7"}
 
 
-def test_worlds_for_gz_sim_use_the_present_plugins(tmp_path: Path) -> None:
+def test_worlds_for_gz_sim_use_the_present_plugins(tmp_path):
     world = exported(tmp_path)["worlds/errand.sdf"]
     plugins = {p.get("name"): p for p in include(world, "entrance").iter("plugin")}
     assert tags(plugins["gz::DistanceTriggeredJointStateChangePlugin"]) == {
@@ -115,7 +112,7 @@ def test_worlds_for_gz_sim_use_the_present_plugins(tmp_path: Path) -> None:
     assert "gz::TimedJointStateChangePlugin" in names
 
 
-def test_a_free_door_starts_where_the_scene_has_it(tmp_path: Path) -> None:
+def test_a_free_door_starts_where_the_scene_has_it(tmp_path):
     world = exported(tmp_path)["worlds/errand.sdf"]
     names = [p.get("name") for p in include(world, "other").iter("plugin")]
     assert "gz::TimedJointStateChangePlugin" in names
@@ -123,7 +120,7 @@ def test_a_free_door_starts_where_the_scene_has_it(tmp_path: Path) -> None:
     assert '{"position": 0.3, "time": 0.0}' in (tmp_path / "keyframes/other.json").read_text()
 
 
-def test_every_draw_of_behaviours_has_its_world_and_files(tmp_path: Path) -> None:
+def test_every_draw_of_behaviours_has_its_world_and_files(tmp_path):
     draws = (BehaviourDraw("repeat-0", BEHAVIOURS), BehaviourDraw("repeat-3", OTHERS))
     files = exported(tmp_path, *draws)
     assert {f for f in files if f.startswith("worlds/")} == {
@@ -138,7 +135,7 @@ def test_every_draw_of_behaviours_has_its_world_and_files(tmp_path: Path) -> Non
                 assert (tmp_path / text).is_file(), (file, text)
 
 
-def test_what_the_plugins_cannot_do_is_said(tmp_path: Path) -> None:
+def test_what_the_plugins_cannot_do_is_said(tmp_path):
     acts = (
         Trigger("entrance.hinge", 1.0, 0.0, 1.0, Servo(), of="leaf", to="footprint", rearm=2.0),
         KeyFrames("slider.rail", (KeyFrame(1.0, 1.0),), Servo()),
@@ -153,7 +150,7 @@ def test_what_the_plugins_cannot_do_is_said(tmp_path: Path) -> None:
     assert faithful.notes == []
 
 
-def test_names_of_the_simulator_are_left_alone(tmp_path: Path) -> None:
+def test_names_of_the_simulator_are_left_alone(tmp_path):
     import dataclasses
 
     things = tuple(
@@ -176,7 +173,7 @@ CHECKER = shutil.which("gz") or shutil.which("ign")
 
 @pytest.mark.skipif(CHECKER is None, reason="no gz or ign to check SDF with (libsdformat)")
 @pytest.mark.parametrize("ending", ["sdf", "world"])
-def test_libsdformat_has_no_complaint(tmp_path: Path, ending: str) -> None:
+def test_libsdformat_has_no_complaint(tmp_path, ending):
     draw = BehaviourDraw("", (*BEHAVIOURS, Hold("other.hinge", 0.3)))
     write_sdf(job(tmp_path, "errand", draw))
     world = tmp_path / "gazebo" / "worlds" / f"errand.{ending}"

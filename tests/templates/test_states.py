@@ -1,7 +1,5 @@
 """The named states of things, as maps show them one by one."""
 
-from __future__ import annotations
-
 from grammars.scenery.composition import compile_scene
 from templates.world import named_states
 from tests.grammars.plans import layer, two_rooms
@@ -14,7 +12,7 @@ c is a slider at hall
 """
 
 
-def test_a_state_holds_for_all_that_have_it_and_mirrored_doors_turn_the_other_way() -> None:
+def test_a_state_holds_for_all_that_have_it_and_mirrored_doors_turn_the_other_way():
     things = layer(THINGS)
     made = compile_scene(two_rooms(), [things])
     assert [thing.mirrored for thing in made.objects] == [False, True, False]
@@ -23,6 +21,6 @@ def test_a_state_holds_for_all_that_have_it_and_mirrored_doors_turn_the_other_wa
     assert states["closed"] == {"a.hinge": 0.0, "b.hinge": 0.0, "c.rail": 0.0}
 
 
-def test_things_without_a_model_have_no_states() -> None:
+def test_things_without_a_model_have_no_states():
     assert named_states(scene(), []) == ()
     assert named_states(scene(), [layer(THINGS)]) == ()

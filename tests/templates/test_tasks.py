@@ -1,7 +1,4 @@
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import pytest
 import shapely
@@ -10,7 +7,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from grammars.floorplan import load_floorplan
-from grammars.model.geometry import Pose2, Ring
+from grammars.model.geometry import Pose2
 from grammars.model.mission_files import load_mission
 from grammars.model.scene import Region, Scene, Solid
 from grammars.scenery.composition import compile_scene
@@ -19,19 +16,19 @@ from templates.world import ArtefactWorld, ExportJob, ExportSettings
 from tests.templates.test_occupancy import box
 from tests.templates.worlds import job
 
-L_SHAPE: Ring = ((0.0, 0.0), (0.0, 6.0), (2.0, 6.0), (2.0, 2.0), (6.0, 2.0), (6.0, 0.0))
-BARBELL: Ring = (
+L_SHAPE = ((0.0, 0.0), (0.0, 6.0), (2.0, 6.0), (2.0, 2.0), (6.0, 2.0), (6.0, 0.0))
+BARBELL = (
     (0.0, 0.0), (0.0, 4.0), (4.0, 4.0), (4.0, 2.5), (6.0, 2.5), (6.0, 4.0),
     (10.0, 4.0), (10.0, 0.0), (6.0, 0.0), (6.0, 1.5), (4.0, 1.5), (4.0, 0.0),
 )  # fmt: skip
 
 
-def near(ring: Ring) -> list[tuple[float, float]]:
+def near(ring):
     return [(pytest.approx(x, abs=1e-9), pytest.approx(y, abs=1e-9)) for x, y in ring]
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_an_l_shape_keeps_its_inner_corner(mirrored: bool) -> None:
+def test_an_l_shape_keeps_its_inner_corner(mirrored):
     outline = tuple((-x, y) for x, y in L_SHAPE) if mirrored else L_SHAPE
     expected = ((0.3, 5.7), (1.7, 5.7), (1.7, 1.7), (5.7, 1.7), (5.7, 0.3), (0.3, 0.3))
     contour = inset_contour(Region("l", outline), 0.3)
@@ -41,28 +38,28 @@ def test_an_l_shape_keeps_its_inner_corner(mirrored: bool) -> None:
     )
 
 
-def test_collinear_corners_need_no_waypoint() -> None:
-    ring: Ring = ((0.0, 0.0), (0.0, 2.0), (0.0, 4.0), (4.0, 4.0), (4.0, 0.0))
+def test_collinear_corners_need_no_waypoint():
+    ring = ((0.0, 0.0), (0.0, 2.0), (0.0, 4.0), (4.0, 4.0), (4.0, 0.0))
     contour = inset_contour(Region("hall", ring), 1.0)
     assert len(contour.parts[0]) == 4
     assert contour.findings == ()
 
 
-def test_a_narrow_room_has_no_contour_and_says_so() -> None:
+def test_a_narrow_room_has_no_contour_and_says_so():
     contour = inset_contour(Region("closet", box(0, 0, 1.3, 9)), 0.7)
     assert contour.parts == ()
     assert contour.findings == ("closet: nowhere 0.7 m from its walls, so no waypoints",)
     assert contour_route(contour) == ()
 
 
-def test_a_room_with_a_narrow_middle_has_two_parts() -> None:
+def test_a_room_with_a_narrow_middle_has_two_parts():
     contour = inset_contour(Region("wing", BARBELL), 0.7)
     assert [len(part) for part in contour.parts] == [4, 4]
     assert "falls into 2 parts" in contour.findings[0]
     assert [stop.part for stop in contour_route(contour)] == [0] * 4 + [1] * 4
 
 
-def test_start_direction_and_closing_can_be_chosen() -> None:
+def test_start_direction_and_closing_can_be_chosen():
     contour = inset_contour(Region("room", box(0, 0, 4, 4)), 1.0)
     numbers = lambda **how: [stop.number for stop in contour_route(contour, **how)]  # noqa: E731
     assert numbers() == [0, 1, 2, 3]
@@ -70,7 +67,7 @@ def test_start_direction_and_closing_can_be_chosen() -> None:
     assert numbers(first=6, forward=False) == [2, 1, 0, 3]
 
 
-def test_the_robot_may_look_where_it_goes() -> None:
+def test_the_robot_may_look_where_it_goes():
     contour = inset_contour(Region("room", ((0, 0), (4, 0), (4, 4), (0, 4))), 1.0)
     yaws = [stop.yaw for stop in contour_route(contour, closed=True, yaw="path")]
     assert yaws == pytest.approx([math.pi / 2, math.pi, -math.pi / 2, 0.0, 0.0])
@@ -78,7 +75,7 @@ def test_the_robot_may_look_where_it_goes() -> None:
 
 
 @pytest.mark.parametrize("distance", [0.0, -1.0, math.inf, math.nan])
-def test_a_contour_lies_inside(distance: float) -> None:
+def test_a_contour_lies_inside(distance):
     with pytest.raises(ValueError, match="lies inside"):
         inset_contour(Region("room", box(0, 0, 4, 4)), distance)
 
@@ -88,9 +85,7 @@ def test_a_contour_lies_inside(distance: float) -> None:
     st.floats(0.05, 0.8),
     st.floats(-math.pi, math.pi),
 )
-def test_every_waypoint_keeps_its_distance(
-    corners: list[tuple[float, float]], distance: float, yaw: float
-) -> None:
+def test_every_waypoint_keeps_its_distance(corners, distance, yaw):
     hull = shapely.MultiPoint(corners).convex_hull
     assume(hull.geom_type == "Polygon" and hull.area > 0.5)
     outline = Pose2(20.0, -10.0, yaw).apply_ring(tuple(hull.exterior.coords[:-1]))
@@ -102,7 +97,7 @@ def test_every_waypoint_keeps_its_distance(
             assert away == pytest.approx(distance, abs=1e-6)
 
 
-def test_a_column_on_the_way_is_found() -> None:
+def test_a_column_on_the_way_is_found():
     pillar = Solid("pillar", "column", box(0.8, 0.8, 1.2, 1.2), 0.0, 2.0)
     lamp = Solid("lamp", "column", box(2.8, 2.8, 3.2, 3.2), 1.9, 2.0)
     scene = Scene("s", (Region("room", box(0, 0, 4, 4)),), (), (pillar, lamp))
@@ -111,7 +106,7 @@ def test_a_column_on_the_way_is_found() -> None:
     assert [(owner, round(away, 3)) for _, owner, away in found] == [("pillar", 0.283)]
 
 
-def test_both_published_forms_are_written(tmp_path: Path) -> None:
+def test_both_published_forms_are_written(tmp_path):
     work = job(tmp_path)
     paths = {path.relative_to(tmp_path).as_posix() for path in write_tasks(work)}
     assert paths == {
@@ -129,7 +124,7 @@ def test_both_published_forms_are_written(tmp_path: Path) -> None:
     assert [w["id"] for w in era["waypoints"]] == [f"left-point-{i}" for i in range(4)]
 
 
-def test_a_mission_survives_as_a_task_file(tmp_path: Path) -> None:
+def test_a_mission_survives_as_a_task_file(tmp_path):
     write_tasks(job(tmp_path))
     mission, _ = load_mission(tmp_path / "tasks/era/mission/rounds_task.yaml")
     assert [(w.id, w.x, w.y) for w in mission.waypoints] == [
@@ -139,14 +134,12 @@ def test_a_mission_survives_as_a_task_file(tmp_path: Path) -> None:
     assert mission.waypoints[1].yaw == 0.5
 
 
-def _published(path: Path) -> list[tuple[float, float]]:
+def _published(path):
     waypoints = YAML(typ="safe").load(path.read_text())["waypoints"]
     return [(w["x"], w["y"]) for w in waypoints]
 
 
-def test_the_shared_task_files_come_out_to_the_centimetre(
-    campaigns: Path, reference_data: Path, tmp_path: Path
-) -> None:
+def test_the_shared_task_files_come_out_to_the_centimetre(campaigns, reference_data, tmp_path):
     scene = compile_scene(load_floorplan(campaigns / "ortega2024" / "building_c.fpm"))
     settings = ExportSettings(distance=0.7, first=1, closed=True)
     write_tasks(ExportJob(ArtefactWorld("building_c", scene), tmp_path, settings))

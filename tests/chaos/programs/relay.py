@@ -1,7 +1,5 @@
 """A relay that connects, comes back when it is cut off, and says nothing."""
 
-from __future__ import annotations
-
 import os
 import socket
 import time

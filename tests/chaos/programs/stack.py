@@ -1,7 +1,5 @@
 """A stack as bad as they come: it listens, daemonises a part, and may ignore SIGINT."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -3,8 +3,6 @@
 ``python tree.py PIDS``: each of the four notes its number in that file.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -12,7 +10,7 @@ import time
 from pathlib import Path
 
 
-def _stay() -> None:
+def _stay():
     with Path(sys.argv[1]).open("a", encoding="ascii") as file:
         file.write(f"{os.getpid()}\n")
     time.sleep(600.0)

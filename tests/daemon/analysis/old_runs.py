@@ -1,12 +1,8 @@
 """Short recorded runs to judge again: two seconds straight on, past nothing."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 
-from daemon.model.spec import OracleText, RunSpec
+from daemon.model.spec import OracleText
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
@@ -18,12 +14,12 @@ SLOW = OracleText("slow", "max(speed) <= 0.6 m/s")
 THERE = OracleText("there", "reached(mission, 0.1 m)")
 
 
-def spec(repeat: int = 0, **changes: object) -> RunSpec:
+def spec(repeat=0, **changes):
     mission = Mission("on", Pose2(10.0, 1.0), (Waypoint("end", 11.0, 1.0),))
     return specification(WORLD, repeat=repeat, mission=mission, oracles=(SLOW, THERE), **changes)
 
 
-def drive(path: Path, run: RunSpec, speed: float = 0.5) -> Path:
+def drive(path, run, speed=0.5):
     """Record two seconds straight on."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with TraceWriter(path, run, WORLD) as trace:

@@ -1,15 +1,11 @@
 """Judging recorded runs again: what differs is said, the traces stay as they are."""
 
-from __future__ import annotations
-
 import hashlib
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from daemon.analysis.rejudge import RejudgedTrace, find_traces, rejudge
+from daemon.analysis.rejudge import find_traces, rejudge
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.ids import trace_name
@@ -22,13 +18,11 @@ from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.analysis.old_runs import SLOW, THERE, WORLD, drive, spec
 
 
-def judged(
-    traces: Sequence[Path], written: Sequence[OracleText] | None, state: Path
-) -> tuple[RejudgedTrace, ...]:
+def judged(traces, written, state):
     return tuple(rejudge(traces, written, places=StatePaths(state)))
 
 
-def test_the_same_oracles_say_the_same(tmp_path: Path) -> None:
+def test_the_same_oracles_say_the_same(tmp_path):
     path = drive(tmp_path / "run.mcap", spec())
     (found,) = judged([path], None, tmp_path)
     assert found.outcome is found.outcome_before is Outcome.PASS
@@ -36,7 +30,7 @@ def test_the_same_oracles_say_the_same(tmp_path: Path) -> None:
     assert (found.changes, found.origin, found.run) == ((), "trace", "S1/pilot/0")
 
 
-def test_other_oracles_and_what_they_change(tmp_path: Path) -> None:
+def test_other_oracles_and_what_they_change(tmp_path):
     path = drive(tmp_path / "run.mcap", spec())
     before = hashlib.sha256(path.read_bytes()).digest()
     path.chmod(0o400)
@@ -52,14 +46,14 @@ def test_other_oracles_and_what_they_change(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["run.mcap"]
 
 
-def test_a_margin_may_change_alone(tmp_path: Path) -> None:
+def test_a_margin_may_change_alone(tmp_path):
     path = drive(tmp_path / "run.mcap", spec())
     asked = (OracleText("slow", "max(speed) <= 0.7 m/s"), THERE)
     (found,) = judged([path], asked, tmp_path)
     assert [(change.oracle, change.kind) for change in found.changes] == [("slow", "margin")]
 
 
-def test_many_traces_over_processes_come_in_order(tmp_path: Path) -> None:
+def test_many_traces_over_processes_come_in_order(tmp_path):
     traces = [drive(tmp_path / f"{i:02}.mcap", spec(i), 0.5 + 0.02 * i) for i in range(12)]
     alone = tuple(rejudge(traces, None, places=StatePaths(tmp_path), processes=1))
     spread = tuple(rejudge(traces, None, places=StatePaths(tmp_path), processes=2))
@@ -68,7 +62,7 @@ def test_many_traces_over_processes_come_in_order(tmp_path: Path) -> None:
     assert {one.outcome for one in spread} == {Outcome.PASS, Outcome.FAIL}
 
 
-def test_a_trace_that_is_none_does_not_stop_the_others(tmp_path: Path) -> None:
+def test_a_trace_that_is_none_does_not_stop_the_others(tmp_path):
     path = drive(tmp_path / "run.mcap", spec())
     (tmp_path / "junk.mcap").write_bytes(b"junk")
     junk, found = judged([tmp_path / "junk.mcap", path], None, tmp_path)
@@ -76,14 +70,14 @@ def test_a_trace_that_is_none_does_not_stop_the_others(tmp_path: Path) -> None:
     assert found.outcome is Outcome.PASS
 
 
-def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(tmp_path: Path) -> None:
+def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(tmp_path):
     path = drive(tmp_path / "run.mcap", spec())
     path.write_bytes(path.read_bytes()[:-100])
     (found,) = judged([path], (SLOW, OracleText("s", "max(speed) <= 0.1 m/s")), tmp_path)
     assert [v.outcome for v in found.verdicts] == [Outcome.INCONCLUSIVE, Outcome.FAIL]
 
 
-def test_a_run_that_goes_on_can_be_judged(tmp_path: Path) -> None:
+def test_a_run_that_goes_on_can_be_judged(tmp_path):
     path = tmp_path / "run.mcap"
     with TraceWriter(path, spec(), WORLD) as trace:
         for step in range(240):
@@ -96,7 +90,7 @@ def test_a_run_that_goes_on_can_be_judged(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def kept(tmp_path: Path) -> StatePaths:
+def kept(tmp_path):
     """A state directory whose ledger says that its one run failed."""
     places = StatePaths(tmp_path / "state")
     places.make_folders()
@@ -116,7 +110,7 @@ def kept(tmp_path: Path) -> StatePaths:
     return places
 
 
-def test_the_ledger_knows_what_was_judged_before(kept: StatePaths) -> None:
+def test_the_ledger_knows_what_was_judged_before(kept):
     traces = find_traces(["c"], kept)
     assert find_traces(["c.0"], kept) == traces
     (found,) = rejudge(traces, None, places=kept)
@@ -126,14 +120,14 @@ def test_the_ledger_knows_what_was_judged_before(kept: StatePaths) -> None:
     assert [(c.oracle, c.kind) for c in found.changes] == [("slow", "verdict"), ("there", "new")]
 
 
-def test_a_campaign_of_cached_results_is_judged_by_the_traces_there_are(kept: StatePaths) -> None:
+def test_a_campaign_of_cached_results_is_judged_by_the_traces_there_are(kept):
     connection = connect(kept.ledger)
     LedgerWriter(connection).submit(Submission("d", "d", "", "", (spec(), spec(1)), (WORLD,)), 3.0)
     connection.close()
     assert find_traces(["d"], kept) == find_traces(["d.0"], kept) == find_traces(["c"], kept)
 
 
-def test_the_ledger_is_silent_about_another_run_in_its_place(kept: StatePaths) -> None:
+def test_the_ledger_is_silent_about_another_run_in_its_place(kept):
     (path,) = find_traces(["c"], kept)
     path.unlink()
     drive(path, replace(spec(), seed=8))
@@ -141,7 +135,7 @@ def test_the_ledger_is_silent_about_another_run_in_its_place(kept: StatePaths) -
     assert (found.origin, found.outcome_before) == ("trace", Outcome.PASS)
 
 
-def test_a_ledger_that_cannot_be_read_changes_nothing(tmp_path: Path) -> None:
+def test_a_ledger_that_cannot_be_read_changes_nothing(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
     places.ledger.write_bytes(b"this is no database" * 100)
@@ -153,7 +147,7 @@ def test_a_ledger_that_cannot_be_read_changes_nothing(tmp_path: Path) -> None:
     assert path.exists()
 
 
-def test_traces_are_found_once_each_and_in_order(tmp_path: Path) -> None:
+def test_traces_are_found_once_each_and_in_order(tmp_path):
     for name in ("b/2.mcap", "b/1.mcap", "a.mcap", "b/note.txt"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(b"")
@@ -163,11 +157,11 @@ def test_traces_are_found_once_each_and_in_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["nowhere", "c.9", "a/b", ""])
-def test_what_names_no_trace_is_refused(kept: StatePaths, name: str) -> None:
+def test_what_names_no_trace_is_refused(kept, name):
     with pytest.raises(ValueError, match="is no trace, no folder, and no campaign or run"):
         find_traces([name], kept)
 
 
-def test_a_folder_without_traces_is_refused(kept: StatePaths) -> None:
+def test_a_folder_without_traces_is_refused(kept):
     with pytest.raises(ValueError, match="holds no traces"):
         find_traces([str(kept.scenes)], kept)

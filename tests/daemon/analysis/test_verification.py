@@ -1,20 +1,15 @@
 """Specifications in traces executed again: the same bytes, or how far the outcomes spread."""
 
-from __future__ import annotations
-
 import random
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import EntryPoint
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from daemon.analysis.verification import DURATION, PATH, verify, verify_spec
 from daemon.batch.paths import StatePaths
-from daemon.model.spec import OracleText, RunSpec, SutReference
+from daemon.model.spec import OracleText, SutReference
 from daemon.model.sut import Decision, Progress
 from daemon.run import execute
 from daemon.stacks import registry
@@ -33,39 +28,39 @@ class Erratic:
     period = 0.1
     needs_ground_truth = False
 
-    def __init__(self, parameters: Any) -> None:
+    def __init__(self, parameters):
         self._speed = random.uniform(0.1, 0.5)
 
-    def start(self, briefing: Any) -> None:
+    def start(self, briefing):
         self._end = random.uniform(0.4, 1.2)
 
-    def update(self, observation: Any) -> Decision:
+    def update(self, observation):
         state = "aborted" if observation.time > self._end else "active"
         return Decision(Twist2(self._speed, 0.0, 0.0), Progress(0, 0, state))
 
 
 @pytest.fixture
-def erratic(monkeypatch: pytest.MonkeyPatch) -> None:
-    def entry_points(**wanted: Any) -> list[EntryPoint]:
+def erratic(monkeypatch):
+    def entry_points(**wanted):
         entry = EntryPoint("erratic", f"{__name__}:Erratic", registry.ENTRY_POINT_GROUP)
         return [entry] if entry.matches(**wanted) else []
 
     monkeypatch.setattr(registry, "entry_points", entry_points)
 
 
-def recorded(folder: Path, **changes: object) -> tuple[Path, RunSpec]:
-    run = replace(spec(limit=1.0), **changes)  # type: ignore[arg-type]
+def recorded(folder, **changes):
+    run = replace(spec(limit=1.0), **changes)
     run = replace(run, oracles=(*run.oracles, MEASURE))
     path = folder / "run.mcap"
     execute(run, WORLD, trace_path=path)
     return path, run
 
 
-def idle() -> SutReference:
+def idle():
     return SutReference("idle", "idle", {})
 
 
-def test_a_system_in_the_simulation_leaves_the_same_bytes(tmp_path: Path) -> None:
+def test_a_system_in_the_simulation_leaves_the_same_bytes(tmp_path):
     path, run = recorded(tmp_path, sut=idle())
     found = verify(path, 2, places=StatePaths(tmp_path))
     assert (found.repeatable, found.same_bytes, found.all_executed) == (True, 2, True)
@@ -75,7 +70,7 @@ def test_a_system_in_the_simulation_leaves_the_same_bytes(tmp_path: Path) -> Non
     assert all(spread.least == spread.most for spread in found.spreads)
 
 
-def test_a_recording_that_somebody_changed_is_told(tmp_path: Path) -> None:
+def test_a_recording_that_somebody_changed_is_told(tmp_path):
     path, _ = recorded(tmp_path, sut=idle())
     with path.open("r+b") as file:
         # The library field of the MCAP header, of the same length.
@@ -87,7 +82,7 @@ def test_a_recording_that_somebody_changed_is_told(tmp_path: Path) -> None:
     assert (found.same_bytes, found.all_executed) == (0, True)
 
 
-def test_of_what_is_outside_the_spread_is_told(tmp_path: Path, erratic: None) -> None:
+def test_of_what_is_outside_the_spread_is_told(tmp_path, erratic):
     path, _ = recorded(tmp_path, sut=EXTERNAL)
     found = verify(path, 3, places=StatePaths(tmp_path))
     assert (found.repeatable, found.all_executed, found.sut) == (False, True, "theirs")
@@ -100,10 +95,10 @@ def test_of_what_is_outside_the_spread_is_told(tmp_path: Path, erratic: None) ->
     assert (spreads[PATH].unit, spreads["slow"].unit) == ("m", "m/s")
 
 
-def test_what_cannot_be_executed_says_why(tmp_path: Path, erratic: None) -> None:
+def test_what_cannot_be_executed_says_why(tmp_path, erratic):
     path, _ = recorded(tmp_path, sut=EXTERNAL)
 
-    def gone(*_: Any, **__: Any) -> Any:
+    def gone(*_, **__):
         raise ValueError("the stack is not installed here")
 
     found = verify(path, 1, places=StatePaths(tmp_path), execute_run=gone)
@@ -112,7 +107,7 @@ def test_what_cannot_be_executed_says_why(tmp_path: Path, erratic: None) -> None
     assert sum(found.outcomes.values()) == 1
 
 
-def test_a_process_that_dies_is_no_execution(tmp_path: Path) -> None:
+def test_a_process_that_dies_is_no_execution(tmp_path):
     import os
 
     path, _ = recorded(tmp_path, sut=idle())
@@ -120,14 +115,14 @@ def test_a_process_that_dies_is_no_execution(tmp_path: Path) -> None:
     assert "its process died" in found.executions[0].problem
 
 
-def test_a_trace_of_another_engine_is_refused(tmp_path: Path) -> None:
+def test_a_trace_of_another_engine_is_refused(tmp_path):
     path, _ = recorded(tmp_path, sut=idle(), engine="1")
     with pytest.raises(TraceError, match="is of engine 1, this is engine"):
         verify(path, 1, places=StatePaths(tmp_path))
 
 
 @pytest.fixture
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def plugged(tmp_path, monkeypatch):
     folder = tmp_path / "packages"
     folder.mkdir()
     install_plugins(folder, monkeypatch)
@@ -135,14 +130,12 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     sys.modules.pop(MODULE, None)
 
 
-def plugin(kind: str) -> SutReference:
+def plugin(kind):
     return SutReference(kind, kind, {})
 
 
 @pytest.mark.parametrize("kind", ["random", "numpy-random"])
-def test_what_nobody_has_seeded_is_nondeterminism_with_its_place(
-    tmp_path: Path, plugged: None, kind: str
-) -> None:
+def test_what_nobody_has_seeded_is_nondeterminism_with_its_place(tmp_path, plugged, kind):
     path, _ = recorded(tmp_path, sut=plugin(kind), limit=3.0)
     found = verify(path, 2, places=StatePaths(tmp_path))
     assert (found.repeatable, found.same_bytes, found.nondeterministic) == (True, 0, True)
@@ -151,18 +144,14 @@ def test_what_nobody_has_seeded_is_nondeterminism_with_its_place(
     assert (where.topic, where.time) == ("/cmd_vel", pytest.approx(1.0))
 
 
-def test_what_draws_from_the_seed_of_its_briefing_leaves_the_same_bytes(
-    tmp_path: Path, plugged: None
-) -> None:
+def test_what_draws_from_the_seed_of_its_briefing_leaves_the_same_bytes(tmp_path, plugged):
     path, _ = recorded(tmp_path, sut=plugin("seeded"), limit=3.0)
     found = verify(path, 2, places=StatePaths(tmp_path))
     assert (found.same_bytes, found.nondeterministic) == (2, False)
     assert found.first_difference is None
 
 
-def test_a_specification_nobody_has_recorded_is_held_against_its_first_execution(
-    tmp_path: Path, plugged: None
-) -> None:
+def test_a_specification_nobody_has_recorded_is_held_against_its_first_execution(tmp_path, plugged):
     places = StatePaths(tmp_path)
     same = verify_spec(spec(limit=3.0, sut=plugin("seeded")), WORLD, 2, places=places)
     assert (same.trace, len(same.executions), same.same_bytes) == ("", 1, 1)
@@ -171,7 +160,7 @@ def test_a_specification_nobody_has_recorded_is_held_against_its_first_execution
     assert other.first_difference.topic == "/cmd_vel"
 
 
-def test_what_the_wall_clock_ends_is_no_execution(tmp_path: Path, plugged: None) -> None:
+def test_what_the_wall_clock_ends_is_no_execution(tmp_path, plugged):
     run = spec(limit=3.0, sut=plugin("hangs"))
     found = verify_spec(run, WORLD, 2, places=StatePaths(tmp_path), wall=1.0)
     assert (found.executions, found.all_executed) == ((), False)

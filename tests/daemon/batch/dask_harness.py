@@ -1,21 +1,16 @@
 """Dask clusters for tests, real ones: processes on loopback, to be watched and killed."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import psutil
 
 from tests.daemon.batch.harness import (
     EXECUTOR,
     ROOT,
-    DaemonPart,
     Part,
     end,
     eventually,
@@ -29,26 +24,26 @@ _SERVING = re.compile(r"^serving (\S+)$", re.MULTILINE)
 class Dask:
     """A scheduler and its workers."""
 
-    def __init__(self, folder: Path, kind: str = "same") -> None:
+    def __init__(self, folder, kind="same"):
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
         self._port = free_endpoint().rpartition(":")[2]
-        self._started: list[subprocess.Popen[bytes]] = []
+        self._started = []
         self.address = f"tcp://127.0.0.1:{self._port}"
         self.start_scheduler(kind)
 
-    def start_scheduler(self, kind: str = "same") -> None:
+    def start_scheduler(self, kind="same"):
         """Start it, again or for the first time, at the same address."""
         self.scheduler = self._start("scheduler", self._port, kind)
 
-    def start_workers(self, *threads: int, kind: str = "same") -> list[psutil.Process]:
+    def start_workers(self, *threads, kind="same"):
         """Start workers and return their processes as soon as they serve."""
         log = self.folder / f"worker-{time.monotonic_ns()}.log"
         first = self._start("worker", self.address, kind, *map(str, threads), log=log)
         eventually(lambda: len(_SERVING.findall(log.read_text())) == len(threads))
         return [first, *first.children()]
 
-    def _start(self, *words: str, log: Path | None = None) -> psutil.Process:
+    def _start(self, *words, log=None):
         what, where, kind, *more = words
         command = [sys.executable, "-m", "tests.daemon.batch.dask_part", what, where, kind]
         with (log or self.folder / "scheduler.log").open("ab") as output:
@@ -64,15 +59,15 @@ class Dask:
         return psutil.Process(process.pid)
 
     @property
-    def pids(self) -> list[int]:
+    def pids(self):
         """The processes that were started, without those they started."""
         return [process.pid for process in self._started]
 
-    def leftovers(self) -> list[Path]:
+    def leftovers(self):
         """What launchers have left behind."""
         return list((self.folder / "scratch").rglob("scenario-*"))
 
-    def close(self) -> None:
+    def close(self):
         for process in self._started:
             if process.poll() is None:
                 end(family(process.pid))
@@ -80,7 +75,7 @@ class Dask:
 
 
 @contextmanager
-def dask_in(folder: Path, *threads: int, kind: str = "same") -> Iterator[Dask]:
+def dask_in(folder, *threads, kind="same"):
     """A scheduler with workers for the block; nothing of them is left afterwards."""
     dask = Dask(folder, kind)
     try:
@@ -91,7 +86,7 @@ def dask_in(folder: Path, *threads: int, kind: str = "same") -> Iterator[Dask]:
         dask.close()
 
 
-def gateway(dask: Dask, daemon: DaemonPart, *options: str, executor: str = EXECUTOR) -> Part:
+def gateway(dask, daemon, *options, executor=EXECUTOR):
     """A gateway between both; to be finished by the caller."""
     log = dask.folder / f"gateway-{time.monotonic_ns()}.log"
     base = ("--connect", daemon.endpoint, "--scheduler", dask.address, "--executor", executor)
@@ -99,9 +94,7 @@ def gateway(dask: Dask, daemon: DaemonPart, *options: str, executor: str = EXECU
 
 
 @contextmanager
-def gateway_for(
-    dask: Dask, daemon: DaemonPart, *options: str, executor: str = EXECUTOR
-) -> Iterator[Part]:
+def gateway_for(dask, daemon, *options, executor=EXECUTOR):
     """A gateway for the block; nothing of it is left afterwards."""
     part = gateway(dask, daemon, *options, executor=executor)
     try:

@@ -6,31 +6,28 @@ version of ours, of kind ``lacking`` none. A scheduler of kind ``patient`` begin
 its worker dies, as Dask does by default.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import sys
 from importlib import import_module
-from typing import Any
 
 import dask
 from distributed import Scheduler, Worker
 
 
-def disguise(kind: str) -> None:
+def disguise(kind):
     """Be an installation with another engine, or without this program."""
     if kind == "other":
-        versions: Any = import_module("daemon.model.spec")
+        versions = import_module("daemon.model.spec")
         versions.ENGINE_VERSION = "0"
     elif kind == "lacking":
-        sys.modules["daemon"] = None  # type: ignore[assignment]
+        sys.modules["daemon"] = None
 
 
-async def serve(what: str, where: str, threads: int) -> None:
-    common: dict[str, Any] = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+async def serve(what, where, threads):
+    common = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
     if what == "scheduler":
-        server: Any = Scheduler(port=int(where), **common)
+        server = Scheduler(port=int(where), **common)
     else:
         server = Worker(where, nthreads=threads, **common)
     async with server:
@@ -38,7 +35,7 @@ async def serve(what: str, where: str, threads: int) -> None:
         await server.finished()
 
 
-def main(what: str, where: str, kind: str, folder: str, *threads: str) -> None:
+def main(what, where, kind, folder, *threads):
     disguise(kind)
     # The first worker's death is one death: with more than one chance a test would take long.
     failures = 3 if kind == "patient" else 0

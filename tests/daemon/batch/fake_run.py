@@ -12,8 +12,6 @@ bytes at least), ``reads`` (a file attached, its digest ends the trace). Systems
 ``absent`` are not installed.
 """
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os
@@ -21,35 +19,22 @@ import random
 import signal
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import psutil
 
 from daemon.model.attachments import SutMissing, resolve_paths
 from daemon.model.live_judgement import LiveJudgement, LogLine
-from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot, TraceInfo
+from daemon.model.spec import LeadingMargin, Snapshot, TraceInfo
 from daemon.model.verdicts import Evidence, Outcome
 from grammars.model.geometry import Pose2
-from grammars.model.scene import Scene
 from tests.daemon.batch.samples import make_result
-
-if TYPE_CHECKING:
-    from daemon.run_judge import JudgementReceiver
 
 
 def execute(
-    spec: RunSpec,
-    scene: Scene,
-    *,
-    trace_path: Path,
-    on_progress: Callable[[Snapshot], None] | None = None,
-    interest: Callable[[], str] | None = None,
-    leads: bool = False,
-    judgements: JudgementReceiver | None = None,
-) -> RunResult:
+    spec, scene, *, trace_path, on_progress=None, interest=None, leads=False, judgements=None
+):
     asked = spec.sut.parameters
     if spec.sut.kind == "absent":
         raise SutMissing('no system under test of kind "absent"')
@@ -96,7 +81,7 @@ def execute(
     )
 
 
-def leave_process(file: Path) -> None:
+def leave_process(file):
     """Leave two processes behind that nothing but SIGKILL ends, in sessions of their own.
 
     Their numbers stand in the file then. One is a program, the other a mere fork.
@@ -119,18 +104,11 @@ def leave_process(file: Path) -> None:
         time.sleep(0.01)
 
 
-def _attempt(trace_path: Path) -> int:
+def _attempt(trace_path):
     return int(trace_path.parent.name.removeprefix("attempt-").partition(".")[0])
 
 
-def _wait(
-    seconds: float,
-    gate: str,
-    spec: RunSpec,
-    on_progress: Callable[[Snapshot], None] | None,
-    interest: Callable[[], str],
-    judgements: JudgementReceiver | None,
-) -> None:
+def _wait(seconds, gate, spec, on_progress, interest, judgements):
     start = time.monotonic()
     while (passed := time.monotonic() - start) < seconds or (gate and not Path(gate).exists()):
         wanted = interest()

@@ -1,7 +1,5 @@
 """Real daemons and workers for tests: processes on loopback, to be watched and killed."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -9,22 +7,20 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import psutil
 
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
-from tests.daemon.batch.prepared_parts import PreparedProcess, start_prepared
+from tests.daemon.batch.prepared_parts import start_prepared
 
 EXECUTOR = "tests.daemon.batch.fake_run:execute"
 ROOT = Path(__file__).parents[3]
 
 
-def free_endpoint(host: str = "127.0.0.1") -> str:
+def free_endpoint(host="127.0.0.1"):
     """An endpoint at which nobody listens, and that is given to nobody else meanwhile.
 
     The port stays bound as long as this process lives: only who sets SO_REUSEADDR, as servers do,
@@ -51,7 +47,7 @@ _FIRST_PAUSE = 0.01
 _LONGEST_PAUSE = 0.05
 
 
-def eventually(condition: Callable[[], Any], seconds: float = DEADLINE) -> Any:
+def eventually(condition, seconds=DEADLINE):
     """Wait until ``condition`` gives something true, and return that.
 
     The deadline only tells a broken test from a slow machine: what a test has to find out by the
@@ -67,18 +63,18 @@ def eventually(condition: Callable[[], Any], seconds: float = DEADLINE) -> Any:
         pause = min(1.2 * pause, _LONGEST_PAUSE)
 
 
-def family(pid: int) -> list[psutil.Process]:
+def family(pid):
     """A process and everything it started."""
     process = psutil.Process(pid)
     return [process, *process.children(recursive=True)]
 
 
-def alive(processes: list[psutil.Process]) -> list[psutil.Process]:
+def alive(processes):
     """Those of the processes that still run; one that nobody has waited for yet does not."""
     return [p for p in processes if _runs(p)]
 
 
-def _runs(process: psutil.Process) -> bool:
+def _runs(process):
     try:
         return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -88,21 +84,14 @@ def _runs(process: psutil.Process) -> bool:
 class Part:
     """A daemon or worker process of this test."""
 
-    def __init__(
-        self,
-        command: str,
-        log: Path,
-        *options: str,
-        module: str = "daemon",
-        through: Sequence[str] = (),
-    ) -> None:
+    def __init__(self, command, log, *options, module="daemon", through=()):
         self._command = [*through, sys.executable, "-m", module, command, *options]
         self._log = log
         # Elsewhere, in benchmarks, what is started is started as by everybody.
         self._prepared = module == "daemon" and not through and "PYTEST_CURRENT_TEST" in os.environ
-        self.process: subprocess.Popen[bytes] | PreparedProcess = self._start()
+        self.process = self._start()
 
-    def _start(self) -> subprocess.Popen[bytes] | PreparedProcess:
+    def _start(self):
         with self._log.open("ab") as output:
             if self._prepared:
                 part = start_prepared(self._command[3:], ROOT, output.fileno())
@@ -118,36 +107,36 @@ class Part:
             )
 
     @property
-    def pid(self) -> int:
+    def pid(self):
         return self.process.pid
 
     @property
-    def output(self) -> str:
+    def output(self):
         return self._log.read_text()
 
-    def signal(self, number: signal.Signals) -> None:
+    def signal(self, number):
         self.process.send_signal(number)
 
-    def freeze(self) -> None:
+    def freeze(self):
         self.signal(signal.SIGSTOP)
         process = psutil.Process(self.pid)
         eventually(lambda: process.status() == psutil.STATUS_STOPPED)
 
-    def wait(self, seconds: float = DEADLINE) -> int:
+    def wait(self, seconds=DEADLINE):
         return self.process.wait(seconds)
 
-    def kill(self) -> None:
+    def kill(self):
         self.process.kill()
         self.process.wait()
 
-    def restart(self) -> None:
+    def restart(self):
         self.process = self._start()
 
 
 class DaemonPart(Part):
     """A daemon on a state directory."""
 
-    def __init__(self, state: Path, slots: int, **settings: float | str) -> None:
+    def __init__(self, state, slots, **settings):
         self.state = state
         self.endpoint = str(settings.pop("listen", "")) or free_endpoint()
         module = str(settings.pop("module", "daemon"))
@@ -156,18 +145,18 @@ class DaemonPart(Part):
             options += [f"--{name}", str(value)]
         super().__init__("serve", state.parent / f"{state.name}.log", *options, module=module)
 
-    def journal(self) -> list[dict[str, Any]]:
+    def journal(self):
         log = self.state / "daemon.log"  # there from the first line on
         return [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
 
-    def noted(self, event: str) -> list[dict[str, Any]]:
+    def noted(self, event):
         """The lines of the journal about ``event``."""
         return [line for line in self.journal() if line["event"] == event]
 
-    def client(self, timeout: float = 30.0) -> Client:
+    def client(self, timeout=30.0):
         """A connection, as soon as the daemon answers."""
 
-        def connect() -> Client | None:
+        def connect():
             try:
                 client = Client.open(self.endpoint, timeout=timeout)
             except DaemonError:
@@ -180,11 +169,10 @@ class DaemonPart(Part):
                 return None
             return client
 
-        found: Client = eventually(connect)
-        return found
+        return eventually(connect)
 
 
-def end(processes: list[psutil.Process]) -> None:
+def end(processes):
     """End processes this test started, whatever state they are in."""
     for process in processes:
         try:
@@ -196,7 +184,7 @@ def end(processes: list[psutil.Process]) -> None:
 
 
 @contextmanager
-def daemon_at(state: Path, slots: int = 0, **settings: float | str) -> Iterator[DaemonPart]:
+def daemon_at(state, slots=0, **settings):
     """A daemon for the block; nothing of it is left afterwards.
 
     ``settings`` are options of ``serve``; ``module`` is run instead of ``daemon``.
@@ -210,14 +198,7 @@ def daemon_at(state: Path, slots: int = 0, **settings: float | str) -> Iterator[
 
 
 @contextmanager
-def worker_for(
-    daemon: DaemonPart,
-    slots: int = 1,
-    *options: str,
-    connect: str = "",
-    through: Sequence[str] = (),
-    executor: str = EXECUTOR,
-) -> Iterator[Part]:
+def worker_for(daemon, slots=1, *options, connect="", through=(), executor=EXECUTOR):
     """A worker of its own for the block; nothing of it is left afterwards."""
     log = daemon.state.parent / f"worker-{time.monotonic_ns()}.log"
     base = ("--connect", connect or daemon.endpoint, "--slots", str(slots))
@@ -228,7 +209,7 @@ def worker_for(
         _finish(part)
 
 
-def _finish(part: Part) -> None:
+def _finish(part):
     try:
         members = family(part.pid)
     except psutil.NoSuchProcess:
@@ -243,7 +224,7 @@ def _finish(part: Part) -> None:
     end(members)
 
 
-def finished(client: Client, runs: int) -> bool:
+def finished(client, runs):
     """Whether that many runs are at rest and nothing is under way."""
     now = client.overview()
     return now.queued == now.running == 0 and now.done + now.lost + now.cancelled == runs

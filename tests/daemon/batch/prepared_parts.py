@@ -7,8 +7,6 @@ itself (``scenario daemon``, the workers of a daemon, fork servers) loads everyt
 another environment than the one in which the tests were read.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import runpy
@@ -17,31 +15,29 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Final
 
-_LARGEST: Final = 65536
+_LARGEST = 65536
 """Bytes of the largest command line."""
-_PID_BYTES: Final = 8
+_PID_BYTES = 8
 """More than the number of any process has; what comes behind is the exit code."""
-_OF_THE_TEST: Final = "PYTEST_CURRENT_TEST"
+_OF_THE_TEST = "PYTEST_CURRENT_TEST"
 
 
 class PreparedProcess:
     """A part that was forked: what tests use of ``subprocess.Popen``."""
 
-    def __init__(self, ended: int) -> None:
+    def __init__(self, ended):
         self._ended = ended
-        self._code: int | None = None
+        self._code = None
         self.pid = int(os.read(ended, _PID_BYTES))
 
-    def poll(self) -> int | None:
+    def poll(self):
         """The exit code, minus the signal's number; ``None`` while it runs."""
         return self._look(0.0)
 
-    def wait(self, timeout: float | None = None) -> int:
+    def wait(self, timeout=None):
         """Wait for the exit code; raises ``subprocess.TimeoutExpired``."""
         code = self._look(timeout)
         if code is None:
@@ -49,15 +45,15 @@ class PreparedProcess:
             raise subprocess.TimeoutExpired(["daemon"], timeout)
         return code
 
-    def send_signal(self, number: int) -> None:
+    def send_signal(self, number):
         """Send a signal, unless it has ended."""
         if self.poll() is None:
             os.kill(self.pid, number)
 
-    def kill(self) -> None:
+    def kill(self):
         self.send_signal(signal.SIGKILL)
 
-    def _look(self, timeout: float | None) -> int | None:
+    def _look(self, timeout):
         if self._code is None and select.select([self._ended], [], [], timeout)[0]:
             # Nothing comes when who waited for it was killed with it.
             self._code = int(os.read(self._ended, 20) or -signal.SIGKILL)
@@ -65,7 +61,7 @@ class PreparedProcess:
         return self._code
 
 
-def start_prepared(words: Sequence[str], root: Path, output: int) -> PreparedProcess | None:
+def start_prepared(words, root, output):
     """Run ``python -m daemon WORDS`` in the folder ``root``; ``None`` in another environment."""
     if _environment() != ENVIRONMENT:
         return None
@@ -77,17 +73,17 @@ def start_prepared(words: Sequence[str], root: Path, output: int) -> PreparedPro
     return PreparedProcess(ended)
 
 
-def _environment() -> Mapping[str, str]:
+def _environment():
     return {name: value for name, value in os.environ.items() if name != _OF_THE_TEST}
 
 
 # When this is imported no test has begun: whichever part is the first may have one of its own.
-ENVIRONMENT: Final = _environment()
+ENVIRONMENT = _environment()
 """What is forked has this environment."""
 
 
 @cache
-def _server(root: Path) -> socket.socket:
+def _server(root):
     """The process to fork from, which ends with this one."""
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with there:
@@ -101,7 +97,7 @@ def _server(root: Path) -> socket.socket:
     return here
 
 
-def _serve(asked: socket.socket) -> None:
+def _serve(asked):
     """Fork what is asked for; returns in the forked, and when nobody asks any more."""
     import daemon.batch.server
     import daemon.batch.worker  # noqa: F401
@@ -121,7 +117,7 @@ def _serve(asked: socket.socket) -> None:
             os.close(file)
 
 
-def _run(words: list[str], test: str, ended: int, output: int) -> None:
+def _run(words, test, ended, output):
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     part = os.fork()
     if part:

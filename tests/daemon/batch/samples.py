@@ -1,13 +1,10 @@
 """Small campaigns for the daemon's tests: real specifications, run by a cheap executor."""
 
-from __future__ import annotations
-
 import base64
 from dataclasses import replace
-from typing import Any
 
 from daemon.model.packed_submission import pack_submission
-from daemon.model.proposals import ExtendRequest, Phase, Proposal
+from daemon.model.proposals import ExtendRequest, Proposal
 from daemon.model.search import (
     BundledFile,
     OracleScale,
@@ -44,7 +41,7 @@ SCENE = Scene("room", (Region("room", ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0,
 MISSION = Mission("across", Pose2(1.0, 1.0, 0.0), (Waypoint("goal", 3.0, 3.0),))
 
 
-def make_spec(repeat: int = 0, *, scenario: str = "S1", **parameters: Any) -> RunSpec:
+def make_spec(repeat=0, *, scenario="S1", **parameters):
     """A specification; ``parameters`` reach the test executor as those of the SUT."""
     return RunSpec(
         campaign="test",
@@ -62,7 +59,7 @@ def make_spec(repeat: int = 0, *, scenario: str = "S1", **parameters: Any) -> Ru
     )
 
 
-def make_submission(campaign: str, runs: int = 3, **parameters: Any) -> Submission:
+def make_submission(campaign, runs=3, **parameters):
     """A campaign of ``runs`` repeats of one scenario."""
     # They share all that is the same: so packing many takes no time.
     first = make_spec(**parameters)
@@ -70,20 +67,13 @@ def make_submission(campaign: str, runs: int = 3, **parameters: Any) -> Submissi
     return submission_of(campaign, *specs)
 
 
-def submission_of(campaign: str, *specs: RunSpec) -> Submission:
+def submission_of(campaign, *specs):
     """A campaign of the given runs; fresh, so that it does what is tested every time."""
     name = f"Campaign {campaign}"
     return Submission(campaign, name, "for tests", "text", specs, (SCENE,), fresh=True)
 
 
-def make_result(
-    spec: RunSpec,
-    *,
-    outcome: Outcome = Outcome.PASS,
-    margin: float = 0.5,
-    trace: TraceInfo | None = None,
-    wall: float = 0.01,
-) -> RunResult:
+def make_result(spec, *, outcome=Outcome.PASS, margin=0.5, trace=None, wall=0.01):
     """A result with one verdict."""
     verdict = Verdict("arrives", "within 10 s", outcome, margin, margin, "s")
     info = trace or TraceInfo("0" * 64, 0, 0)
@@ -102,9 +92,7 @@ TASK = SearchTask(
 """A search of one parameter; proposal n is the scenario ``doors.n``."""
 
 
-def make_search(
-    campaign: str, files: dict[str, str] | None = None, **changes: Any
-) -> SearchSubmission:
+def make_search(campaign, files=None, **changes):
     """A search on its way; ``changes`` are those of its task."""
     texts = files or {"campaign.yaml": "campaign: test\n", "layers/doors.scenery": "scenery doors"}
     bundled = tuple(
@@ -116,14 +104,12 @@ def make_search(
     )
 
 
-def make_proposal(position: int, phase: Phase = "explore") -> Proposal:
+def make_proposal(position, phase="explore"):
     """The proposal of a position, by itself."""
     return Proposal(position, position, 0, phase, "halton", False, (40.0 + position,))
 
 
-def make_extension(
-    campaign: str, first: int, count: int = 1, *, send_scenes: bool = True, **parameters: Any
-) -> ExtendRequest:
+def make_extension(campaign, first, count=1, *, send_scenes=True, **parameters):
     """``count`` runs of a search from position ``first`` on, one of each proposal."""
     positions = range(first, first + count)
     specs = (make_spec(scenario=TASK.scenario_of(n), number=n, **parameters) for n in positions)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import random
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -44,7 +42,7 @@ DIGEST = hashlib.sha256(MODEL).hexdigest()
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     (tmp_path / "policy.onnx").write_bytes(MODEL)
     return tmp_path
@@ -57,39 +55,37 @@ class Stack:
     period: float = 0.1
     needs_ground_truth: bool = False
 
-    def start(self, _: object) -> None: ...
-    def update(self, _: object) -> None: ...
+    def start(self, _): ...
+    def update(self, _): ...
 
 
 @pytest.fixture
-def plugged(monkeypatch: pytest.MonkeyPatch) -> list[Mapping[str, Any]]:
+def plugged(monkeypatch):
     """The kind ``learned``, and the parameters it was made of."""
-    seen: list[Mapping[str, Any]] = []
+    seen = []
 
     class Entry:
         name = "learned"
         dist = None
         value = "learned:make"
 
-        def load(self) -> object:
+        def load(self):
             return lambda parameters: seen.append(parameters) or Stack()
 
-    def entry_points(**wanted: str) -> list[Entry]:
+    def entry_points(**wanted):
         return [Entry()] if wanted.get("name", "learned") == "learned" else []
 
     monkeypatch.setattr(registry, "entry_points", entry_points)
     return seen
 
 
-def sut_file(folder: Path, text: str) -> Path:
+def sut_file(folder, text):
     path = folder / "mine.sut.yaml"
     path.write_text(text)
     return path
 
 
-def test_a_sut_file_names_files_and_the_specification_their_digests(
-    here: Path, plugged: list[Mapping[str, Any]]
-) -> None:
+def test_a_sut_file_names_files_and_the_specification_their_digests(here, plugged):
     text = "sut: mine\nkind: learned\nfiles:\n  model: policy.onnx\nparameters:\n  speed: 0.5\n"
     sut = load_sut(sut_file(here, text), lambda *_: here)
     assert sut.reference.parameters == {"speed": 0.5, "files": {"model": f"sha256:{DIGEST}"}}
@@ -112,14 +108,12 @@ def test_a_sut_file_names_files_and_the_specification_their_digests(
         ("kind: pilot\nfiles:\n  model: policy.onnx\n", "pilot needs none"),
     ],
 )
-def test_what_is_wrong_with_files_stands_where_it_was_written(
-    here: Path, plugged: list[Mapping[str, Any]], text: str, complaint: str
-) -> None:
+def test_what_is_wrong_with_files_stands_where_it_was_written(here, plugged, text, complaint):
     with pytest.raises(InputError, match=complaint):
         load_sut(sut_file(here, "sut: mine\n" + text), lambda *_: here)
 
 
-def test_files_are_bounded(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_are_bounded(here, monkeypatch):
     monkeypatch.setattr(attachments, "LARGEST_FILE", 2**20)
     with pytest.raises(ValueError, match="at most 1 may have"):
         attach_files({"model": here / "policy.onnx"})
@@ -127,19 +121,19 @@ def test_files_are_bounded(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         attach_files({f"f{i}": here / "policy.onnx" for i in range(17)})
 
 
-def test_parameters_of_that_name_that_are_none_of_ours_are_left_alone() -> None:
+def test_parameters_of_that_name_that_are_none_of_ours_are_left_alone():
     for files in ("a", ["a"], {"a": 1}, {"a": "b"}, {"a": "sha256:../../etc/passwd"}):
         assert attached_digests({"files": files}) == {}
         assert resolve_paths({"files": files}) == {"files": files}
 
 
-def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here: Path) -> None:
+def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here):
     with pytest.raises(SutMissing, match='the file "model" of the system under test is not here'):
         resolve_paths({"files": {"model": f"sha256:{'0' * 64}"}})
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> Iterator[FileUploads]:
+def files(tmp_path):
     places = StatePaths(tmp_path / "state")
     places.make_folders()
     journal = EventLog(places.log)
@@ -147,52 +141,50 @@ def files(tmp_path: Path) -> Iterator[FileUploads]:
     journal.close()
 
 
-def keep(offset: int, data: bytes, **changes: Any) -> FileUploadChunk:
+def keep(offset, data, **changes):
     return replace(FileUploadChunk(DIGEST, len(MODEL), offset, *encode_chunk(data)), **changes)
 
 
-def test_the_daemon_takes_a_file_in_parts_and_verifies_it(files: FileUploads) -> None:
+def test_the_daemon_takes_a_file_in_parts_and_verifies_it(files):
     assert files.add_chunk(None, FileUploadChunk(DIGEST, len(MODEL))) == UploadProgress(
         0, complete=False
-    )  # type: ignore[arg-type]
+    )
     half = len(MODEL) // 2
-    assert files.add_chunk(None, keep(0, MODEL[:half])).offset == half  # type: ignore[arg-type]
-    assert "expected is" in files.add_chunk(None, keep(0, b"again")).problem  # type: ignore[arg-type]
-    damaged = files.add_chunk(None, keep(half, MODEL[half:], digest="0" * 64))  # type: ignore[arg-type]
+    assert files.add_chunk(None, keep(0, MODEL[:half])).offset == half
+    assert "expected is" in files.add_chunk(None, keep(0, b"again")).problem
+    damaged = files.add_chunk(None, keep(half, MODEL[half:], digest="0" * 64))
     assert (damaged.offset, damaged.complete) == (half, False)
-    assert files.add_chunk(None, keep(half, MODEL[half:])).complete  # type: ignore[arg-type]
-    assert files.add_chunk(None, FileUploadChunk(DIGEST, len(MODEL))).complete  # type: ignore[arg-type]
-    piece = files.read_chunk(None, FileDownloadRequest(DIGEST, 10, 20))  # type: ignore[arg-type]
+    assert files.add_chunk(None, keep(half, MODEL[half:])).complete
+    assert files.add_chunk(None, FileUploadChunk(DIGEST, len(MODEL))).complete
+    piece = files.read_chunk(None, FileDownloadRequest(DIGEST, 10, 20))
     assert (piece.size, piece.sha256) == (len(MODEL), DIGEST)
 
 
-def test_a_whole_that_is_another_one_is_never_kept(files: FileUploads) -> None:
+def test_a_whole_that_is_another_one_is_never_kept(files):
     wrong = b"x" * len(MODEL)
-    assert "another digest" in files.add_chunk(None, keep(0, wrong)).problem  # type: ignore[arg-type]
+    assert "another digest" in files.add_chunk(None, keep(0, wrong)).problem
     with pytest.raises(Refused, match="more bytes"):
-        files.add_chunk(None, keep(0, MODEL + b"!"))  # type: ignore[arg-type]
+        files.add_chunk(None, keep(0, MODEL + b"!"))
     with pytest.raises(Refused, match="no file"):
-        files.read_chunk(None, FileDownloadRequest(DIGEST, 0))  # type: ignore[arg-type]
+        files.read_chunk(None, FileDownloadRequest(DIGEST, 0))
     assert list(files.paths.files.iterdir()) == []
 
 
-def test_a_worker_never_keeps_what_another_digest_names(tmp_path: Path) -> None:
+def test_a_worker_never_keeps_what_another_digest_names(tmp_path):
     places = StatePaths(tmp_path / "own")
     places.files.mkdir(parents=True)
 
     class Liar:
-        def ask(self, verb: object, request: FileDownloadRequest) -> DownloadChunk:
+        def ask(self, verb, request):
             return DownloadChunk(request.offset, 5, request.sha256, *encode_chunk(b"other"))
 
-    inputs = InputCache(Liar(), WorkerPaths(places, shared=False), lambda: None)  # type: ignore[arg-type]
+    inputs = InputCache(Liar(), WorkerPaths(places, shared=False), lambda: None)
     with pytest.raises(ValueError, match="another file"):
         inputs.file(DIGEST)
     assert list(places.files.iterdir()) == []
 
 
-def test_files_travel_to_workers_and_into_the_process_of_the_run(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_travel_to_workers_and_into_the_process_of_the_run(here, monkeypatch):
     parameters = {"files": attach_files({"model": here / "policy.onnx"}), "reads": "model"}
     specs = [replace(make_spec(i), sut=SutReference("m", "learned", parameters)) for i in range(2)]
     elsewhere = here / "elsewhere"
@@ -211,7 +203,7 @@ def test_files_travel_to_workers_and_into_the_process_of_the_run(
         assert not user_files_folder().exists()
 
 
-def test_a_submission_without_its_files_is_refused(tmp_path: Path) -> None:
+def test_a_submission_without_its_files_is_refused(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
     lacking = {"files": {"model": f"sha256:{DIGEST}"}}

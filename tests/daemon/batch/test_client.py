@@ -2,7 +2,6 @@ import gc
 import signal
 import threading
 import weakref
-from pathlib import Path
 
 import psutil
 import pytest
@@ -17,19 +16,19 @@ from tests.daemon.batch.harness import daemon_at, eventually, free_endpoint
 from tests.daemon.batch.samples import make_submission
 
 
-def test_nobody_there_is_unreachable_and_says_what_to_do() -> None:
+def test_nobody_there_is_unreachable_and_says_what_to_do():
     endpoint = free_endpoint()
     with pytest.raises(Unreachable, match=f"{endpoint}: start one with `scenario daemon`"):
         Client.open(endpoint)
 
 
-def test_an_endpoint_that_is_none_is_explained() -> None:
+def test_an_endpoint_that_is_none_is_explained():
     with pytest.raises(DaemonError, match=r"write tcp/<host>:<port>"):
         Client.open("localhost:7447")
 
 
-def test_events_come_in_order_and_without_gaps(tmp_path: Path) -> None:
-    events: list[ChangeEvent] = []
+def test_events_come_in_order_and_without_gaps(tmp_path):
+    events = []
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         with client.events(events.append):
             for number in range(20):
@@ -44,15 +43,15 @@ def test_events_come_in_order_and_without_gaps(tmp_path: Path) -> None:
         assert len(events) == 22
 
 
-def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> None:
-    events: list[ChangeEvent] = []
+def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path):
+    events = []
     gate = threading.Event()
 
-    def slow(event: ChangeEvent) -> None:
+    def slow(event):
         gate.wait()
         events.append(event)
 
-    quick: list[int] = []
+    quick = []
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         with (
             client.events(slow),
@@ -64,7 +63,7 @@ def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> No
             session.put(EVENTS, b"nonsense")
             assert client.overview().campaigns == 0
 
-            def last_arrived() -> bool:
+            def last_arrived():
                 # Said until it is heard: the bus drops events where nobody keeps up with them.
                 session.put(EVENTS, codec.to_json(ChangeEvent(9999, "run", "last")))
                 return bool(quick) and quick[-1] == 9999
@@ -78,7 +77,7 @@ def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> No
         assert [event.seq for event in events] == sorted(event.seq for event in events)
 
 
-def test_a_frozen_daemon_is_unreachable_after_the_timeout(tmp_path: Path) -> None:
+def test_a_frozen_daemon_is_unreachable_after_the_timeout(tmp_path):
     with (
         daemon_at(tmp_path / "state") as daemon,
         daemon.client(timeout=0.3) as hasty,
@@ -91,8 +90,8 @@ def test_a_frozen_daemon_is_unreachable_after_the_timeout(tmp_path: Path) -> Non
         assert eventually(lambda: client.overview().now)
 
 
-def test_a_client_survives_the_restart_of_its_daemon(tmp_path: Path) -> None:
-    events: list[ChangeEvent] = []
+def test_a_client_survives_the_restart_of_its_daemon(tmp_path):
+    events = []
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         client.events(events.append)
         client.submit(make_submission("before"))
@@ -101,7 +100,7 @@ def test_a_client_survives_the_restart_of_its_daemon(tmp_path: Path) -> None:
             eventually(client.overview)
         daemon.restart()
 
-        def again() -> bool:
+        def again():
             try:
                 return client.overview().campaigns == 1
             except Unreachable:
@@ -113,14 +112,14 @@ def test_a_client_survives_the_restart_of_its_daemon(tmp_path: Path) -> None:
         assert [event.seq for event in events] == sorted({event.seq for event in events})
 
 
-def test_a_client_listens_nowhere(tmp_path: Path) -> None:
+def test_a_client_listens_nowhere(tmp_path):
     with daemon_at(tmp_path / "state") as daemon, daemon.client():
         sockets = psutil.Process().net_connections("inet")
         assert {s.status for s in sockets} <= {psutil.CONN_ESTABLISHED, psutil.CONN_TIME_WAIT}
         assert all(s.raddr.ip == "127.0.0.1" for s in sockets)
 
 
-def test_closing_twice_and_with_open_subscriptions_is_fine(tmp_path: Path) -> None:
+def test_closing_twice_and_with_open_subscriptions_is_fine(tmp_path):
     with daemon_at(tmp_path / "state") as daemon:
         client = daemon.client()
         subscription = client.events(lambda _: None, lambda _: None)
@@ -130,7 +129,7 @@ def test_closing_twice_and_with_open_subscriptions_is_fine(tmp_path: Path) -> No
         client.close()
 
 
-def test_subscriptions_that_were_closed_are_not_kept(tmp_path: Path) -> None:
+def test_subscriptions_that_were_closed_are_not_kept(tmp_path):
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         closed = client.watch("c.0", lambda _: None)
         closed.close()

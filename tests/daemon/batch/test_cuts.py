@@ -1,7 +1,5 @@
 """A worker is cut off from its daemon and comes back: nothing that is well is started over."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -9,12 +7,10 @@ from pathlib import Path
 import psutil
 
 from daemon.batch import bus
-from daemon.batch.client import Client
 from daemon.model.run_state import RunState
 from tests.chaos.light import LightWorker
 from tests.chaos.links import relay
 from tests.daemon.batch.harness import (
-    DaemonPart,
     alive,
     daemon_at,
     eventually,
@@ -25,17 +21,17 @@ from tests.daemon.batch.harness import (
 from tests.daemon.batch.samples import make_submission
 
 
-def executions(log: Path) -> list[int]:
+def executions(log):
     """The ids of the processes that were started for runs, in order."""
     lines = log.read_text().splitlines() if log.exists() else []
     return [int(line.split()[1]) for line in lines]
 
 
-def away(client: Client) -> list[bool]:
+def away(client):
     return [row.away for row in client.workers()]
 
 
-def recorded(daemon: DaemonPart) -> list[tuple[int, int]]:
+def recorded(daemon):
     """Of each run: the attempt whose result counts, and its strikes."""
     with closing(sqlite3.connect(daemon.state / "ledger.db")) as db:
         return db.execute(
@@ -43,7 +39,7 @@ def recorded(daemon: DaemonPart) -> list[tuple[int, int]]:
         ).fetchall()
 
 
-def test_three_cuts_shorter_than_the_lease_cost_a_run_nothing(tmp_path: Path) -> None:
+def test_three_cuts_shorter_than_the_lease_cost_a_run_nothing(tmp_path):
     log, gate = tmp_path / "log", tmp_path / "gate"
     elsewhere = ("--state", str(tmp_path / "elsewhere"))
     with (
@@ -74,9 +70,7 @@ def test_three_cuts_shorter_than_the_lease_cost_a_run_nothing(tmp_path: Path) ->
         assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 1)
 
 
-def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_counts(
-    tmp_path: Path,
-) -> None:
+def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_counts(tmp_path):
     log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
     elsewhere = ("--state", str(tmp_path / "elsewhere"))
     with (

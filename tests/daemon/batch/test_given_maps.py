@@ -1,7 +1,5 @@
 """A map of one's own on its way: from the campaign file to a worker elsewhere, and back."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,10 +15,9 @@ from daemon.batch.server import admit_submission
 from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import user_files_folder
 from daemon.model.packed_submission import pack_submission
-from daemon.model.status import Submission
 from daemon.run import execute
 from grammars.floorplan import load_floorplan
-from grammars.model.grid import OCCUPIED, OccupancyGrid
+from grammars.model.grid import OCCUPIED
 from grammars.model.map_files import write_map
 from grammars.scenery.composition import compile_scene
 from grammars.text import codec
@@ -42,7 +39,7 @@ scenarios:
 
 
 @pytest.fixture
-def here(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, campaigns, monkeypatch):
     """A folder with a campaign whose map has a corner of its own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for path in (campaigns / "demo").iterdir():
@@ -54,27 +51,25 @@ def here(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     return tmp_path
 
 
-def own_map(folder: Path) -> OccupancyGrid:
+def own_map(folder):
     grid = occupancy_grid(compile_scene(load_floorplan(folder / "flat.fpm"), []), laser_height=0.2)
     cells = grid.cells.copy()
     cells[:3, :3] = OCCUPIED
     return replace(grid, cells=cells)
 
 
-def planned(folder: Path) -> Submission:
+def planned(folder):
     return expand(load_campaign(folder / "campaign.yaml"))
 
 
-def recorded_map(trace: Path) -> tuple[float, list[int]]:
+def recorded_map(trace):
     with trace.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         (found,) = [message for *_, message in reader.iter_decoded_messages(["/map"])]
     return found.info.origin.position.x, list(found.data)
 
 
-def test_a_worker_elsewhere_gives_the_map_to_its_runs(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_elsewhere_gives_the_map_to_its_runs(here, monkeypatch):
     submission = planned(here)
     (spec,) = submission.runs
     digest = spec.map.file
@@ -99,7 +94,7 @@ def test_a_worker_elsewhere_gives_the_map_to_its_runs(
         assert (again.same_bytes, again.all_executed) == (1, True)
 
 
-def test_the_same_campaign_here_leaves_the_same_trace(here: Path) -> None:
+def test_the_same_campaign_here_leaves_the_same_trace(here):
     submission = planned(here)
     (spec,), (scene,) = submission.runs, submission.scenes
     results = [execute(spec, scene, trace_path=here / f"{k}.mcap") for k in range(2)]
@@ -107,7 +102,7 @@ def test_the_same_campaign_here_leaves_the_same_trace(here: Path) -> None:
     assert recorded_map(here / "0.mcap")[1] == own_map(here).cells.ravel().tolist()
 
 
-def test_a_trace_whose_map_is_nowhere_says_so(here: Path) -> None:
+def test_a_trace_whose_map_is_nowhere_says_so(here):
     submission = planned(here)
     execute(submission.runs[0], submission.scenes[0], trace_path=here / "run.mcap")
     shutil.rmtree(user_files_folder())
@@ -117,7 +112,7 @@ def test_a_trace_whose_map_is_nowhere_says_so(here: Path) -> None:
     assert "cannot be read" in found.executions[0].problem
 
 
-def test_a_submission_without_its_map_is_refused(here: Path) -> None:
+def test_a_submission_without_its_map_is_refused(here):
     places = StatePaths(here / "state")
     places.make_folders()
     with pytest.raises(Refused, match="A/pilot/0: its map .* was not sent along"):
@@ -125,7 +120,7 @@ def test_a_submission_without_its_map_is_refused(here: Path) -> None:
 
 
 @pytest.mark.parametrize("file", ["../../etc/passwd", "0" * 63, "G" * 64, "0" * 64 + "\n"])
-def test_what_is_no_digest_never_becomes_a_path(here: Path, file: str) -> None:
+def test_what_is_no_digest_never_becomes_a_path(here, file):
     packed = codec.to_plain(pack_submission(planned(here)))
     packed["cells"][0]["map"]["file"] = file
     kind = type(pack_submission(planned(here)))

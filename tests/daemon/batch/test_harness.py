@@ -1,13 +1,10 @@
 """What the tests of daemons stand on: ports of their own, and parts that are forked."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
 import socket
 import subprocess
-from pathlib import Path
 
 import pytest
 
@@ -15,7 +12,7 @@ from tests.daemon.batch.harness import ROOT, Part, free_endpoint
 from tests.daemon.batch.prepared_parts import ENVIRONMENT, PreparedProcess, start_prepared
 
 
-def test_a_free_endpoint_is_kept_for_who_listens_there() -> None:
+def test_a_free_endpoint_is_kept_for_who_listens_there():
     port = int(free_endpoint().rpartition(":")[2])
     with socket.socket() as other:
         with pytest.raises(OSError, match="in use") as caught:
@@ -27,7 +24,7 @@ def test_a_free_endpoint_is_kept_for_who_listens_there() -> None:
         socket.create_server(("127.0.0.1", port)).close()
 
 
-def test_a_free_endpoint_of_all_addresses_is_free_at_each_of_them() -> None:
+def test_a_free_endpoint_of_all_addresses_is_free_at_each_of_them():
     with socket.socket(socket.AF_INET6) as probe:
         try:
             probe.bind(("::1", 0))
@@ -41,9 +38,7 @@ def test_a_free_endpoint_of_all_addresses_is_free_at_each_of_them() -> None:
     socket.create_server(("::", port), family=socket.AF_INET6, dualstack_ipv6=True).close()
 
 
-def test_a_forked_part_is_a_process_as_others_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_forked_part_is_a_process_as_others_are(tmp_path, monkeypatch):
     # Whatever a test of this process has left in the environment.
     for name in os.environ.keys() - ENVIRONMENT.keys() - {"PYTEST_CURRENT_TEST"}:
         monkeypatch.delenv(name)
@@ -62,9 +57,7 @@ def test_a_forked_part_is_a_process_as_others_are(
     assert "invalid int value" in wrong.output
 
 
-def test_in_an_environment_of_its_own_a_part_is_not_forked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_in_an_environment_of_its_own_a_part_is_not_forked(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert start_prepared(["serve"], ROOT, 1) is None
     part = Part("serve", tmp_path / "log", "--slots", "none")

@@ -3,8 +3,6 @@
 import fcntl
 import multiprocessing
 import threading
-from multiprocessing.connection import Connection
-from pathlib import Path
 
 import pytest
 
@@ -13,17 +11,15 @@ from daemon.batch.numba_cache import CACHE_VARIABLE, numba_cache_folder
 
 
 @pytest.fixture
-def wire() -> tuple[Connection, Connection]:
+def wire():
     return multiprocessing.Pipe(duplex=False)
 
 
-def test_who_comes_second_says_that_it_waits_and_begins_when_the_first_is_done(
-    tmp_path: Path, wire: tuple[Connection, Connection]
-) -> None:
+def test_who_comes_second_says_that_it_waits_and_begins_when_the_first_is_done(tmp_path, wire):
     ours, theirs = wire
     begun = threading.Event()
 
-    def second() -> None:
+    def second():
         with compiling_alone(tmp_path, theirs):
             begun.set()
 
@@ -38,14 +34,12 @@ def test_who_comes_second_says_that_it_waits_and_begins_when_the_first_is_done(
     waiting.join()
 
 
-def test_nobody_is_waited_for_where_nothing_can_be_written(
-    tmp_path: Path, wire: tuple[Connection, Connection]
-) -> None:
+def test_nobody_is_waited_for_where_nothing_can_be_written(tmp_path, wire):
     (tmp_path / "file").touch()
     with compiling_alone(tmp_path / "file" / "kernels", wire[1]):
         assert not wire[0].poll()
 
 
-def test_processes_that_share_a_cache_share_its_folder(tmp_path: Path) -> None:
+def test_processes_that_share_a_cache_share_its_folder(tmp_path):
     assert numba_cache_folder({CACHE_VARIABLE: str(tmp_path)}) == tmp_path
     assert numba_cache_folder({}).name in ("__pycache__", "numba")

@@ -1,7 +1,5 @@
 """Compiled kernels are kept somewhere, whatever cannot be written."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -12,7 +10,7 @@ from daemon.batch.paths import StatePaths
 
 
 @pytest.fixture
-def read_only(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+def read_only(monkeypatch, tmp_path):
     folder = tmp_path / "site-packages"
     folder.mkdir()
     real = os.access
@@ -22,19 +20,17 @@ def read_only(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return folder
 
 
-def test_the_usual_places_are_left_to_numba(tmp_path: Path, read_only: Path) -> None:
+def test_the_usual_places_are_left_to_numba(tmp_path, read_only):
     usual = (read_only / "__pycache__", tmp_path / "not-yet" / "made")
     assert numba_cache_environment(StatePaths.find(tmp_path), {"A": "1"}, usual) == {"A": "1"}
 
 
-def test_a_read_only_installation_without_a_home_uses_the_state_directory(
-    tmp_path: Path, read_only: Path
-) -> None:
+def test_a_read_only_installation_without_a_home_uses_the_state_directory(tmp_path, read_only):
     usual = (read_only / "__pycache__", read_only / "home" / ".cache")
     found = numba_cache_environment(StatePaths.find(tmp_path), {"A": "1"}, usual)
     assert found == {"A": "1", CACHE_VARIABLE: str(tmp_path / "kernels")}
 
 
-def test_a_choice_of_the_user_stands(tmp_path: Path, read_only: Path) -> None:
+def test_a_choice_of_the_user_stands(tmp_path, read_only):
     chosen = {CACHE_VARIABLE: "/somewhere"}
     assert numba_cache_environment(StatePaths.find(tmp_path), chosen, (read_only,)) == chosen

@@ -21,7 +21,7 @@ names = st.text(min_size=1, max_size=20).filter(lambda text: "\ud800" not in tex
 
 
 @given(names, names, st.integers(0, 999))
-def test_no_trace_leaves_its_directory(scenario: str, sut: str, repeat: int) -> None:
+def test_no_trace_leaves_its_directory(scenario, sut, repeat):
     places = StatePaths(Path("/nowhere"))
     try:
         name = trace_name("camp", scenario, sut, repeat)
@@ -33,9 +33,7 @@ def test_no_trace_leaves_its_directory(scenario: str, sut: str, repeat: int) -> 
 
 
 @given(st.tuples(names, names, st.integers(0, 99)), st.tuples(names, names, st.integers(0, 99)))
-def test_different_runs_have_different_traces(
-    one: tuple[str, str, int], other: tuple[str, str, int]
-) -> None:
+def test_different_runs_have_different_traces(one, other):
     assume(one != other)
     try:
         first, second = trace_name("camp", *one), trace_name("camp", *other)
@@ -44,56 +42,56 @@ def test_different_runs_have_different_traces(
     assert first != second
 
 
-def test_ordinary_names_stay_readable() -> None:
+def test_ordinary_names_stay_readable():
     assert trace_name("demo-1", "S1", "fro-diff", 3) == "demo-1/S1.fro-diff.3.mcap"
 
 
 @pytest.mark.parametrize("campaign", ["", "..", "a/b", "a.b", "-x", "ä", "a" * 101, "a\n"])
-def test_a_campaign_that_is_no_id_has_no_traces(campaign: str) -> None:
+def test_a_campaign_that_is_no_id_has_no_traces(campaign):
     assert not is_id(campaign)
     with pytest.raises(ValueError, match="not a campaign id"):
         trace_name(campaign, "S", "s", 0)
 
 
 @pytest.mark.parametrize("name", ["../x.mcap", "a/../../b", "a/b/c.mcap", "a/.x", "a", "/etc/x"])
-def test_foreign_trace_names_are_refused(name: str) -> None:
+def test_foreign_trace_names_are_refused(name):
     with pytest.raises(ValueError, match="not the name of a trace"):
         StatePaths(Path("/nowhere")).trace(name)
 
 
-def test_run_ids_are_campaign_and_index() -> None:
+def test_run_ids_are_campaign_and_index():
     assert is_run_id("demo.12")
     assert not any(
         map(is_run_id, ("demo", "demo.x", "../demo.1", "demo.1/..", "a.b.1", "demo.1\n"))
     )
 
 
-def test_endpoints_are_tcp_with_host_and_port() -> None:
+def test_endpoints_are_tcp_with_host_and_port():
     assert is_endpoint("tcp/127.0.0.1:7447")
     assert is_endpoint("tcp/[::1]:7447")
     assert not any(map(is_endpoint, ("127.0.0.1:7447", "tcp/host", "tcp/host:70000", "udp/h:1")))
 
 
-def test_people_know_a_socket_by_its_path() -> None:
+def test_people_know_a_socket_by_its_path():
     assert endpoint_text("unixsock-stream//run/scenario/daemon.sock") == "/run/scenario/daemon.sock"
     assert endpoint_text("tls/server:7447") == "tls/server:7447"
 
 
 @pytest.mark.parametrize("endpoint", ["unixsock-stream//run/daemon.sock", "tls/server:7447", "no"])
-def test_what_people_are_shown_is_what_they_may_type(tmp_path: Path, endpoint: str) -> None:
+def test_what_people_are_shown_is_what_they_may_type(tmp_path, endpoint):
     assert parse_endpoint(endpoint_text(endpoint)) == endpoint
     typed = {"SCENARIO_CONNECT": endpoint_text(endpoint)}
     assert find_endpoint("", tmp_path, typed).address == endpoint
 
 
-def test_the_state_directory_is_the_argument_then_the_environment(tmp_path: Path) -> None:
+def test_the_state_directory_is_the_argument_then_the_environment(tmp_path):
     environ = {"SCENARIO_STATE": str(tmp_path / "env")}
     assert StatePaths.find(tmp_path / "arg", environ).state == tmp_path / "arg"
     assert StatePaths.find(None, environ).state == tmp_path / "env"
     assert StatePaths.find(None, {}).state.name == "scenario"
 
 
-def test_the_endpoint_is_argument_environment_contact_default(tmp_path: Path) -> None:
+def test_the_endpoint_is_argument_environment_contact_default(tmp_path):
     environ = {"SCENARIO_STATE": str(tmp_path)}
     assert find_endpoint("", None, environ).origin == "default"
     contact = DaemonContact("tcp/127.0.0.1:1234", 1, "0", 0.0)
@@ -104,15 +102,13 @@ def test_the_endpoint_is_argument_environment_contact_default(tmp_path: Path) ->
     assert find_endpoint("tcp/h:2", None, environ).origin == "--connect"
 
 
-def test_an_unreadable_contact_is_no_contact(tmp_path: Path) -> None:
+def test_an_unreadable_contact_is_no_contact(tmp_path):
     places = StatePaths(tmp_path)
     places.contact_file.write_text("{half")
     assert places.read_contact() is None
 
 
-def test_a_full_disk_is_said_before_runs_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_said_before_runs_start(tmp_path, monkeypatch):
     places = StatePaths.find(tmp_path)
     assert places.disk_shortage() == ""
     usage = shutil.disk_usage(tmp_path)._replace(free=3 * 2**20)
@@ -123,5 +119,5 @@ def test_a_full_disk_is_said_before_runs_start(
     assert places.disk_shortage() == said  # whoever watches is told once
 
 
-def test_a_state_directory_that_is_gone_is_said(tmp_path: Path) -> None:
+def test_a_state_directory_that_is_gone_is_said(tmp_path):
     assert "cannot be used" in StatePaths.find(tmp_path / "gone").disk_shortage()

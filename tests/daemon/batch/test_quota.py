@@ -1,28 +1,23 @@
 """What a daemon keeps stays bounded: traces by a quota, logs by rotation."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from daemon.batch.amounts import parse_size, size_text
-from daemon.batch.client import Client
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_submission
 
 SIZE = 40_000
 
 
-def finished(client: Client, campaign: str) -> bool:
+def finished(client, campaign):
     return next(row.finished for row in client.campaigns() if row.id == campaign)
 
 
-def traces(state: Path, campaign: str) -> int:
+def traces(state, campaign):
     return len(list((state / "traces" / campaign).glob("*.mcap")))
 
 
-def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path: Path) -> None:
+def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path):
     with daemon_at(tmp_path / "state", 2, quota="320kB") as daemon, daemon.client() as client:
         for name in ("old", "new"):
             client.submit(make_submission(name, 5, size=SIZE))
@@ -38,7 +33,7 @@ def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path: Path) -> None:
         assert client.overview().trouble == ""
 
 
-def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path: Path) -> None:
+def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path):
     with daemon_at(tmp_path / "state", 1, quota="100kB") as daemon, daemon.client() as client:
         client.submit(make_submission("big", 40, size=SIZE, sleep=0.1))
         trouble = eventually(lambda: client.overview().trouble)
@@ -54,7 +49,7 @@ def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path: Path)
         eventually(lambda: finished(client, "next"))
 
 
-def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path: Path) -> None:
+def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path):
     with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
         eventually(client.workers)
         log = daemon.state / "worker.log"
@@ -67,7 +62,7 @@ def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path:
         assert len(client.workers()) == 1
 
 
-def test_a_quota_that_is_no_size_is_refused(tmp_path: Path) -> None:
+def test_a_quota_that_is_no_size_is_refused(tmp_path):
     with (
         pytest.raises(AssertionError, match="the quota of traces: '20' is not a size"),
         daemon_at(tmp_path / "state", quota="20") as daemon,
@@ -75,7 +70,7 @@ def test_a_quota_that_is_no_size_is_refused(tmp_path: Path) -> None:
         daemon.client()
 
 
-def test_sizes_are_read_as_they_are_written() -> None:
+def test_sizes_are_read_as_they_are_written():
     assert [parse_size(text) for text in ("20GiB", "1.5 kB", " 7 B ")] == [20 * 2**30, 1500, 7]
     assert size_text(parse_size("1.5GiB")) == "1.5 GiB"
     for wrong in ("", "20", "GiB", "-1B", "1e9B", "20 parsecs"):

@@ -1,13 +1,10 @@
 """What a run tells its worker while it lasts: bounded, and never at the cost of the run."""
 
-from __future__ import annotations
-
 import select
 import subprocess
 import sys
 from dataclasses import replace
 from multiprocessing import Pipe
-from pathlib import Path
 
 import pytest
 
@@ -30,7 +27,7 @@ FULL = Snapshot(
 )
 
 
-def sent(snapshot: Snapshot, folder: Path) -> tuple[int, Snapshot] | None:
+def sent(snapshot, folder):
     """Return the length of what went through the pipe, and what was in it."""
     ours, theirs = Pipe(duplex=False)
     with ours, theirs:
@@ -45,7 +42,7 @@ def sent(snapshot: Snapshot, folder: Path) -> tuple[int, Snapshot] | None:
 @pytest.mark.parametrize(
     "sign", ["x", "\N{GRINNING FACE}", '"', "\N{LINE SEPARATOR}", "\x01", "\N{CJK RADICAL REPEAT}"]
 )
-def test_what_is_waited_for_fits_in_any_script(sign: str, tmp_path: Path) -> None:
+def test_what_is_waited_for_fits_in_any_script(sign, tmp_path):
     waiting = sign * 120
     found = sent(replace(FULL, waiting=waiting), tmp_path)
     assert found is not None
@@ -55,7 +52,7 @@ def test_what_is_waited_for_fits_in_any_script(sign: str, tmp_path: Path) -> Non
     assert len(snapshot.joints) == 40
 
 
-def test_what_is_waited_for_is_told_of_a_building_full_of_doors(tmp_path: Path) -> None:
+def test_what_is_waited_for_is_told_of_a_building_full_of_doors(tmp_path):
     many = tuple(-1.2345678901234567 for _ in range(500))
     # Joints that do not fit are left out before time begins, when all are as drawn; later a
     # picture without them would be a wrong one.
@@ -97,7 +94,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_run_leaves_leading_margins_where_its_lease_asks_for_them(tmp_path: Path) -> None:
+def test_a_run_leaves_leading_margins_where_its_lease_asks_for_them(tmp_path):
     # In a process of its own: one has only one fork server.
     done = subprocess.run(
         [sys.executable, "-c", ASKED, str(tmp_path), "tests.daemon.batch.fake_run:execute"],
@@ -107,7 +104,7 @@ def test_a_run_leaves_leading_margins_where_its_lease_asks_for_them(tmp_path: Pa
     assert (done.stdout.split("\n")[:2], done.stderr) == (["[]", "[0.5]"], "")
 
 
-def test_a_judgement_that_is_too_long_to_be_one_is_not_read(tmp_path: Path) -> None:
+def test_a_judgement_that_is_too_long_to_be_one_is_not_read(tmp_path):
     (tmp_path / JUDGED_FILE).write_bytes(b"x" * 10)
     assert read_judged(tmp_path) == b"x" * 10
     (tmp_path / JUDGED_FILE).write_bytes(b"x" * (LARGEST_JUDGEMENT + 1))

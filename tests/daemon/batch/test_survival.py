@@ -1,7 +1,5 @@
 """Processes are killed, frozen and restarted: every run still ends in exactly one result."""
 
-from __future__ import annotations
-
 import random
 import signal
 import sqlite3
@@ -21,7 +19,6 @@ from daemon.model.run_state import RunState
 from tests.daemon.batch.harness import (
     EXECUTOR,
     ROOT,
-    DaemonPart,
     alive,
     daemon_at,
     end,
@@ -33,7 +30,7 @@ from tests.daemon.batch.harness import (
 from tests.daemon.batch.samples import make_submission
 
 
-def check_ledger(state: Path, runs: int) -> None:
+def check_ledger(state, runs):
     """The ledger is intact and holds one result per run."""
     with sqlite3.connect(state / "ledger.db") as db:
         assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
@@ -47,19 +44,18 @@ def check_ledger(state: Path, runs: int) -> None:
     db.close()
 
 
-def local_worker(daemon: DaemonPart) -> psutil.Process:
+def local_worker(daemon):
     """The worker process of the daemon."""
 
-    def find() -> psutil.Process | None:
+    def find():
         children = psutil.Process(daemon.pid).children()
         return children[0] if children else None
 
-    found: psutil.Process = eventually(find)
-    return found
+    return eventually(find)
 
 
-def settled(daemon: DaemonPart, runs: int) -> None:
-    def check() -> bool:
+def settled(daemon, runs):
+    def check():
         try:
             with Client.open(daemon.endpoint) as client:
                 return finished(client, runs)
@@ -69,7 +65,7 @@ def settled(daemon: DaemonPart, runs: int) -> None:
     eventually(check)
 
 
-def test_a_daemon_killed_in_the_middle_resumes(tmp_path: Path) -> None:
+def test_a_daemon_killed_in_the_middle_resumes(tmp_path):
     log = tmp_path / "log"
     # The lease outlasts the test: no run is started again because one has lapsed.
     with daemon_at(tmp_path / "state", 2, lease=1800.0) as daemon:
@@ -90,7 +86,7 @@ def test_a_daemon_killed_in_the_middle_resumes(tmp_path: Path) -> None:
         check_ledger(tmp_path / "state", 16)
 
 
-def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path: Path) -> None:
+def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path):
     rng = random.Random(7)
     settings = {"lease": 1.0, "attempts": 50}
     with daemon_at(tmp_path / "state", 2, **settings) as daemon:
@@ -108,13 +104,13 @@ def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path: Path) -> None
         assert daemon.journal()
 
 
-def strikes(daemon: DaemonPart) -> int:
+def strikes(daemon):
     """How many strikes all runs have together."""
     with closing(sqlite3.connect(daemon.state / "ledger.db")) as db:
         return int(db.execute("SELECT total(strikes) FROM run").fetchone()[0])
 
 
-def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path: Path) -> None:
+def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
     # The lease outlasts the test: it can not be what ends the runs.
     gate = tmp_path / "gate"
     with daemon_at(tmp_path / "state", lease=1800.0) as daemon, daemon.client() as client:
@@ -138,7 +134,7 @@ def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path: Path) -> Non
         check_ledger(daemon.state, 4)
 
 
-def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path: Path) -> None:
+def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path):
     log = tmp_path / "log"
     with daemon_at(tmp_path / "state", 1, lease=1800.0) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 1, until=str(tmp_path / "gate-{attempt}"), log=str(log)))
@@ -150,7 +146,7 @@ def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path: Path) -> None:
         assert strikes(daemon) == 0
 
 
-def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path: Path) -> None:
+def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path):
     # Not shorter: the second worker has to keep its lease beside any load.
     settings = {"lease": 5.0}
     log, gate = tmp_path / "log", tmp_path / "gate"
@@ -173,7 +169,7 @@ def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path:
         check_ledger(daemon.state, 1)
 
 
-def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path: Path) -> None:
+def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path):
     settings = {"lease": 5.0}
     log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
     with daemon_at(tmp_path / "state", **settings) as daemon, daemon.client() as client:
@@ -196,7 +192,7 @@ def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path: Path) -> 
         check_ledger(daemon.state, 1)
 
 
-def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path: Path) -> None:
+def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path):
     gate, log = tmp_path / "gate", tmp_path / "log"
     with daemon_at(tmp_path / "state", 2, patience=60.0) as daemon:
         with daemon.client() as client:
@@ -217,7 +213,7 @@ def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("at_once", [False, True])
-def test_a_second_signal_gives_runs_back(tmp_path: Path, at_once: bool) -> None:
+def test_a_second_signal_gives_runs_back(tmp_path, at_once):
     with daemon_at(tmp_path / "state", 1, patience=3600.0) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("c", 1, sleep=600.0))
@@ -237,7 +233,7 @@ def test_a_second_signal_gives_runs_back(tmp_path: Path, at_once: bool) -> None:
         assert any(line["event"] == "released" for line in daemon.journal())
 
 
-def test_an_embedded_daemon_is_gone_afterwards(tmp_path: Path) -> None:
+def test_an_embedded_daemon_is_gone_afterwards(tmp_path):
     state = tmp_path / "state"
     # Tests before this one in the same process may have left some that serve it to its end.
     others = psutil.Process().children(recursive=True)
@@ -271,7 +267,7 @@ with embedded_daemon(Path(sys.argv[1]), slots=2, executor="{executor}") as endpo
 """
 
 
-def test_nothing_of_an_embedded_daemon_outlives_a_killed_parent(tmp_path: Path) -> None:
+def test_nothing_of_an_embedded_daemon_outlives_a_killed_parent(tmp_path):
     code = PARENT.format(executor=EXECUTOR)
     command = [sys.executable, "-c", code, str(tmp_path / "state")]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as parent:
@@ -289,7 +285,7 @@ def test_nothing_of_an_embedded_daemon_outlives_a_killed_parent(tmp_path: Path) 
     assert running_daemon(tmp_path / "state") is None
 
 
-def test_a_daemon_is_started_once_and_stays(tmp_path: Path) -> None:
+def test_a_daemon_is_started_once_and_stays(tmp_path):
     state = tmp_path / "state"
     endpoint = ensure_daemon(state, slots=0)
     with Client.open(endpoint, timeout=30.0) as client:
@@ -300,7 +296,7 @@ def test_a_daemon_is_started_once_and_stays(tmp_path: Path) -> None:
     eventually(lambda: not (state / "daemon.json").exists())
 
 
-def test_a_daemon_that_does_not_come_up_shows_why(tmp_path: Path) -> None:
+def test_a_daemon_that_does_not_come_up_shows_why(tmp_path):
     state = tmp_path / "state"
     state.mkdir()
     (state / "ledger.db").write_bytes(b"this is not a database at all" * 100)

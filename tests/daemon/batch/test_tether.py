@@ -1,7 +1,5 @@
 """Processes that end with whoever holds their standard input."""
 
-from __future__ import annotations
-
 import os
 import socket
 import subprocess
@@ -23,7 +21,7 @@ while True:
 
 
 @pytest.mark.parametrize("unread", [False, True])
-def test_a_process_ends_with_the_other_end_of_its_tether(unread: bool) -> None:
+def test_a_process_ends_with_the_other_end_of_its_tether(unread):
     ours, theirs = socket.socketpair()
     # As a server that is killed leaves a socket: with what it has not read, that is an error.
     with ours, theirs, subprocess.Popen([sys.executable, "-c", HELD], stdin=theirs) as process:
@@ -36,13 +34,13 @@ def test_a_process_ends_with_the_other_end_of_its_tether(unread: bool) -> None:
             process.kill()
 
 
-def test_a_tether_that_does_not_wait_has_not_ended_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tether_that_does_not_wait_has_not_ended_yet(monkeypatch):
     theirs, ours = os.pipe()
     os.set_blocking(theirs, False)  # as whoever gave it to us may have left it
     asked = threading.Event()
     read = os.read
 
-    def watched_read(descriptor: int, size: int) -> bytes:
+    def watched_read(descriptor, size):
         try:
             return read(descriptor, size)
         except BlockingIOError:

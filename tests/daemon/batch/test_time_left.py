@@ -2,7 +2,6 @@
 
 import heapq
 import itertools
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,43 +21,43 @@ LIMIT = 600.0
 SLOTS = 3
 
 
-def cell(sut: str, queued: int, took: float = 0.0, runs: int = 0, scenario: str = "S1") -> CellWork:
+def cell(sut, queued, took=0.0, runs=0, scenario="S1"):
     done = ExecutedRuns(runs, took * runs, 10 * took * runs, LIMIT * runs)
     return CellWork(scenario, sut, queued, LIMIT, done)
 
 
-def work(*cells: CellWork, **more: object) -> CampaignWork:
-    return CampaignWork("c", cells, **more)  # type: ignore[arg-type]
+def work(*cells, **more):
+    return CampaignWork("c", cells, **more)
 
 
-def test_each_cell_counts_with_the_time_its_repeats_took() -> None:
+def test_each_cell_counts_with_the_time_its_repeats_took():
     left = estimate_time_left([work(cell("slow", 4, 20.0, 1), cell("fast", 4, 2.0, 1))], 2)
     assert left.all == pytest.approx(44.0)
 
 
-def test_the_last_run_of_a_queue_is_not_shared_by_all_slots() -> None:
+def test_the_last_run_of_a_queue_is_not_shared_by_all_slots():
     assert estimate_time_left([work(cell("slow", 1, 20.0, 1))], 8).all == pytest.approx(20.0)
 
 
-def test_a_cell_without_a_finished_run_takes_as_long_as_others_of_its_system() -> None:
+def test_a_cell_without_a_finished_run_takes_as_long_as_others_of_its_system():
     known, unknown = cell("pilot", 0, 8.0, 2), cell("pilot", 3, scenario="S2")
     left = estimate_time_left([work(known, unknown, cell("other", 0, 80.0, 2))], 1)
     assert left.all == pytest.approx(24.0)
 
 
-def test_the_campaign_before_tells_until_a_run_has_finished() -> None:
+def test_the_campaign_before_tells_until_a_run_has_finished():
     before = ExecutedRuns(4, 20.0, 200.0, 4 * LIMIT)
     left = estimate_time_left([work(CellWork("S1", "pilot", 6, LIMIT, earlier=before))], 2)
     assert left.all == pytest.approx(15.0)
 
 
-def test_before_any_run_has_finished_the_speed_of_those_that_run_tells_with_their_limit() -> None:
+def test_before_any_run_has_finished_the_speed_of_those_that_run_tells_with_their_limit():
     running = RunInProgress("S1", "ros", LIMIT, elapsed=30.0, simulated=60.0)
     left = estimate_time_left([work(cell("ros", 1), running=(running,))], 1)
     assert left.all == pytest.approx(270.0 + 300.0)
 
 
-def test_systems_of_which_nothing_runs_yet_count_with_the_speed_of_those_that_run() -> None:
+def test_systems_of_which_nothing_runs_yet_count_with_the_speed_of_those_that_run():
     running = RunInProgress("S1", "ros", LIMIT, elapsed=30.0, simulated=60.0)
     first = work(cell("ros", 1), cell("other", 2), running=(running,))
     assert estimate_time_left([first], 1).all == pytest.approx(270.0 + 3 * 300.0)
@@ -68,26 +67,26 @@ def test_systems_of_which_nothing_runs_yet_count_with_the_speed_of_those_that_ru
     assert left.campaigns["d"] == pytest.approx(270.0 + 300.0)
 
 
-def test_a_run_that_has_hardly_begun_tells_no_speed() -> None:
+def test_a_run_that_has_hardly_begun_tells_no_speed():
     # Most of its time went into starting: by that speed the queue would take hours.
     running = RunInProgress("S1", "ros", LIMIT, elapsed=12.0, simulated=1.0)
     assert estimate_time_left([work(cell("ros", 1), running=(running,))], 1).all is None
 
 
-def test_nothing_is_said_while_nothing_is_known() -> None:
+def test_nothing_is_said_while_nothing_is_known():
     running = RunInProgress("S1", "ros", LIMIT, elapsed=30.0)
     assert estimate_time_left([work(cell("ros", 1), running=(running,))], 1).all is None
     assert estimate_time_left([work(cell("ros", 1, 2.0, 1))], 0).all is None
 
 
-def test_a_run_in_progress_counts_by_what_it_has_simulated_not_by_the_clock() -> None:
+def test_a_run_in_progress_counts_by_what_it_has_simulated_not_by_the_clock():
     # Leased a minute ago, and half done: it waited for machine code before it began.
     running = RunInProgress("S1", "pilot", LIMIT, elapsed=60.0, simulated=100.0)
     left = estimate_time_left([work(cell("pilot", 0, 20.0, 3), running=(running,))], 1)
     assert left.all == pytest.approx(10.0)
 
 
-def test_a_paused_campaign_has_no_time_left_and_keeps_no_other_from_its_own() -> None:
+def test_a_paused_campaign_has_no_time_left_and_keeps_no_other_from_its_own():
     paused = CampaignWork("p", (cell("pilot", 90, 10.0, 1),), paused=True)
     left = estimate_time_left([paused, work(cell("pilot", 4, 10.0, 1))], 2)
     assert left.all == pytest.approx(20.0)
@@ -95,8 +94,8 @@ def test_a_paused_campaign_has_no_time_left_and_keeps_no_other_from_its_own() ->
     assert not estimate_time_left([paused], 2).all
 
 
-def test_campaigns_of_one_priority_take_turns_and_higher_ones_go_first() -> None:
-    def of(name: str, priority: int) -> CampaignWork:
+def test_campaigns_of_one_priority_take_turns_and_higher_ones_go_first():
+    def of(name, priority):
         return CampaignWork(name, (cell("pilot", 4, 5.0, 1),), priority=priority)
 
     turns = estimate_time_left([of("a", 0), of("b", 0)], 1).campaigns
@@ -105,13 +104,13 @@ def test_campaigns_of_one_priority_take_turns_and_higher_ones_go_first() -> None
     assert first == {"a": pytest.approx(40.0), "b": pytest.approx(20.0)}
 
 
-def test_runs_that_a_search_will_propose_count() -> None:
+def test_runs_that_a_search_will_propose_count():
     assert estimate_time_left([work(cell("pilot", 1, 3.0, 5), more=9)], 1).all == pytest.approx(
         30.0
     )
 
 
-def test_a_hundred_thousand_runs_are_laid_in_parts() -> None:
+def test_a_hundred_thousand_runs_are_laid_in_parts():
     left = estimate_time_left([work(cell("pilot", 100_000, 2.0, 10))], 40)
     assert left.all == pytest.approx(5000.0, rel=0.03)
 
@@ -124,12 +123,12 @@ class SimulatedQueue:
     finished: dict[tuple[str, str], list[float]] = field(default_factory=dict)
     over: float = 0.0
 
-    def looks(self) -> Iterator[tuple[float, CampaignWork]]:
+    def looks(self):
         """Yield how it stands every half a second, as the daemon sees it; workers renew their
         leases, and tell how far runs are, every ten seconds.
         """
         waiting = list(reversed(self.times))
-        events: list[tuple[float, int, tuple[str, str, float], float]] = []
+        events = []
         order = itertools.count()
         now = 0.0
         while waiting or events:
@@ -145,12 +144,7 @@ class SimulatedQueue:
             self.finished.setdefault((scenario, sut), []).append(took)
         self.over = now
 
-    def _seen(
-        self,
-        now: float,
-        waiting: list[tuple[str, str, float]],
-        events: list[tuple[float, int, tuple[str, str, float], float]],
-    ) -> CampaignWork:
+    def _seen(self, now, waiting, events):
         cells = []
         for key in dict.fromkeys((run[0], run[1]) for run in self.times):
             took = self.finished.get(key, [])
@@ -170,7 +164,7 @@ class SimulatedQueue:
 
 @pytest.mark.parametrize("by", ["cells", "repeats"])
 @pytest.mark.parametrize("seed", range(4))
-def test_the_time_left_is_near_the_truth_and_never_jumps_up(seed: int, by: str) -> None:
+def test_the_time_left_is_near_the_truth_and_never_jumps_up(seed, by):
     random = np.random.default_rng(seed)
     cells = (("S1", "fast", 3.0), ("S1", "slow", 30.0), ("S2", "fast", 4.0), ("S2", "slow", 40.0))
     each = [one for one in cells for _ in range(12)]
@@ -194,7 +188,7 @@ def test_the_time_left_is_near_the_truth_and_never_jumps_up(seed: int, by: str) 
         assert other <= 1.2 * one
 
 
-def test_what_is_said_follows_what_is_known_in_a_few_seconds() -> None:
+def test_what_is_said_follows_what_is_known_in_a_few_seconds():
     said = follow_time_left(TimeLeft(100.0, {"c": 100.0}), 2.0, TimeLeft(200.0, {"c": 200.0}))
     assert said.all == pytest.approx(131.6, abs=0.1)
     assert said.campaigns == {"c": said.all}

@@ -3,12 +3,9 @@
 Such a worker is one whose ``--state`` is a folder of its own.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import signal
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,12 +27,11 @@ from daemon.model.messages import (
     DownloadChunk,
     TraceDownloadRequest,
     TraceUploadChunk,
-    UploadProgress,
     WelcomeReply,
 )
 from daemon.model.run_state import RunState
 from tests.chaos.links import relay
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, finished, worker_for
+from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_submission
 from tests.daemon.batch.test_survival import check_ledger
 
@@ -43,12 +39,12 @@ LARGE = 12 * 2**20
 """Bytes of a trace that is interrupted on its way, twice."""
 
 
-def parts(daemon: DaemonPart) -> list[Path]:
+def parts(daemon):
     """Uploads under way of which something has arrived."""
     return [p for p in (daemon.state / "incoming").glob("*.part") if p.stat().st_size]
 
 
-def whole(client: Client, run: str) -> Path:
+def whole(client, run):
     """The trace where the daemon says it lies, checked."""
     detail = client.run(run)
     assert detail.result is not None
@@ -57,7 +53,7 @@ def whole(client: Client, run: str) -> Path:
     return path
 
 
-def done(daemon: DaemonPart, runs: int) -> bool:
+def done(daemon, runs):
     try:
         with Client.open(daemon.endpoint) as client:
             return finished(client, runs)
@@ -65,7 +61,7 @@ def done(daemon: DaemonPart, runs: int) -> bool:
         return False
 
 
-def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Path) -> None:
+def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path):
     elsewhere = tmp_path / "elsewhere"
     with daemon_at(tmp_path / "state", lease=30.0) as daemon, relay(daemon.endpoint) as cable:
         with daemon.client() as client:
@@ -102,7 +98,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Pa
 
 
 @pytest.fixture(scope="module")
-def remote(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def remote(tmp_path_factory):
     """A daemon whose only worker does not share its file system, with five runs done."""
     base = tmp_path_factory.mktemp("transport")
     with daemon_at(base / "state", lease=10.0) as daemon, daemon.client() as client:
@@ -116,14 +112,12 @@ def remote(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
 
 
 @pytest.fixture
-def client(remote: DaemonPart) -> Iterator[Client]:
+def client(remote):
     with remote.client() as connected:
         yield connected
 
 
-def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(
-    remote: DaemonPart, client: Client
-) -> None:
+def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(remote, client):
     assert [whole(client, f"c.{i}").parent.name for i in range(5)] == ["c"] * 5
     assert list(StatePaths(remote.state).spool.iterdir()) == []
     (own,) = (remote.state.parent / "elsewhere" / "work").iterdir()
@@ -133,7 +127,7 @@ def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(
     check_ledger(remote.state, 5)
 
 
-def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_path: Path) -> None:
+def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_path):
     places = StatePaths(tmp_path / "state")
     places.make_folders()
     old, marker = write_marker(places), write_marker(places)
@@ -151,11 +145,11 @@ def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_pat
         choose_paths(places.marker, moved)
 
 
-def ask(client: Client, request: TraceUploadChunk) -> UploadProgress:
+def ask(client, request):
     return client.ask(verbs.UPLOAD, request)
 
 
-def test_hostile_uploads_are_refused_and_leave_nothing(remote: DaemonPart, client: Client) -> None:
+def test_hostile_uploads_are_refused_and_leave_nothing(remote, client):
     hostile = [
         TraceUploadChunk("w", "c.0", 1_000_000, "0" * 64, 10),
         TraceUploadChunk("w", "c.77", 1, "0" * 64, 10),
@@ -171,13 +165,11 @@ def test_hostile_uploads_are_refused_and_leave_nothing(remote: DaemonPart, clien
     assert client.overview().done == 5
 
 
-def test_traces_come_over_the_bus_into_the_cache_and_are_verified(
-    remote: DaemonPart, client: Client, tmp_path: Path
-) -> None:
+def test_traces_come_over_the_bus_into_the_cache_and_are_verified(remote, client, tmp_path):
     trace = trace_reference(client.run("c.1"))
     assert local_copy(trace, client) == Path(trace.location)  # it lies here
     there = TraceReference(trace.run, "/nowhere/" + trace.location, trace.sha256, trace.size)
-    seen: list[int] = []
+    seen = []
     copy = local_copy(there, client, cache=tmp_path, progress=seen.append)
     assert copy.read_bytes() == Path(trace.location).read_bytes()
     assert sum(seen) == trace.size
@@ -187,14 +179,14 @@ def test_traces_come_over_the_bus_into_the_cache_and_are_verified(
     assert local_copy(there, client, cache=tmp_path).stat().st_size == trace.size
 
 
-def test_an_interrupted_download_goes_on_where_it_was(client: Client, tmp_path: Path) -> None:
+def test_an_interrupted_download_goes_on_where_it_was(client, tmp_path):
     trace = trace_reference(client.run("c.2"))
     data = Path(trace.location).read_bytes()
     (tmp_path / f".{trace.sha256}.part").write_bytes(data[:1_400_000])
-    asked: list[int] = []
+    asked = []
 
     class Watched:
-        def piece(self, run: str, offset: int) -> DownloadChunk:
+        def piece(self, run, offset):
             asked.append(offset)
             return client.piece(run, offset)
 
@@ -204,11 +196,11 @@ def test_an_interrupted_download_goes_on_where_it_was(client: Client, tmp_path: 
     assert [path.name for path in tmp_path.iterdir()] == ["t.mcap"]
 
 
-def test_what_arrives_damaged_is_never_a_trace(client: Client, tmp_path: Path) -> None:
+def test_what_arrives_damaged_is_never_a_trace(client, tmp_path):
     trace = trace_reference(client.run("c.3"))
 
     class Noise:
-        def piece(self, run: str, offset: int) -> DownloadChunk:
+        def piece(self, run, offset):
             piece = client.piece(run, offset)
             return DownloadChunk(
                 offset, piece.size, piece.sha256, "AAAA" + piece.data[4:], piece.digest
@@ -222,7 +214,7 @@ def test_what_arrives_damaged_is_never_a_trace(client: Client, tmp_path: Path) -
     assert not (tmp_path / "t.mcap").exists()
 
 
-def test_a_download_names_a_run_and_never_a_path(client: Client) -> None:
+def test_a_download_names_a_run_and_never_a_path(client):
     for run in ("../../ledger.db", "c", "/etc/passwd", "c.99"):
         with pytest.raises(Refused):
             client.piece(run, 0)
@@ -231,7 +223,7 @@ def test_a_download_names_a_run_and_never_a_path(client: Client) -> None:
     assert client.piece("c.0", 2**31).data == ""
 
 
-def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path: Path) -> None:
+def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path):
     store = (tmp_path / "shared" / "traces").as_uri()
     with daemon_at(tmp_path / "state", traces=store) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 2, size=1000))

@@ -1,7 +1,5 @@
 """A campaign handed on as files: all that it reads, nothing else, and nothing that leads away."""
 
-from __future__ import annotations
-
 import base64
 import shutil
 from pathlib import Path
@@ -15,23 +13,21 @@ from grammars.text.sources import reading_only_in
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     """The files of a campaign far from everything that ships."""
     return Path(shutil.copytree(campaigns / "demo", tmp_path / "project" / "mine"))
 
 
-def digests(path: Path) -> list[str]:
+def digests(path):
     return [spec.digest for spec in expand(load_campaign(path)).runs]
 
 
-def coded(data: bytes) -> str:
+def coded(data):
     return base64.b64encode(data).decode()
 
 
 @pytest.mark.parametrize("name", ["demo", "two_lasers"])
-def test_an_unpacked_campaign_means_the_same_runs(
-    name: str, campaigns: Path, tmp_path: Path
-) -> None:
+def test_an_unpacked_campaign_means_the_same_runs(name, campaigns, tmp_path):
     file = campaigns / name / "campaign.yaml"
     place, files = bundle_campaign(file)
     assert place == f"{name}/campaign.yaml"
@@ -41,7 +37,7 @@ def test_an_unpacked_campaign_means_the_same_runs(
     assert unpacked == digests(file)
 
 
-def test_what_ships_travels_and_neighbours_do_not(folder: Path) -> None:
+def test_what_ships_travels_and_neighbours_do_not(folder):
     (folder / "other.yaml").write_text("campaign: other\noracles: navigation\n")
     place, files = bundle_campaign(folder / "campaign.yaml")
     paths = [file.path for file in files]
@@ -52,7 +48,7 @@ def test_what_ships_travels_and_neighbours_do_not(folder: Path) -> None:
     assert paths == sorted(paths)
 
 
-def test_files_beside_the_folder_keep_their_places(folder: Path) -> None:
+def test_files_beside_the_folder_keep_their_places(folder):
     shutil.move(folder / "courier.mission.yaml", folder.parent / "courier.mission.yaml")
     text = (folder / "campaign.yaml").read_text()
     text = text.replace("mission: courier\n", "mission: ../courier.mission.yaml\n")
@@ -62,7 +58,7 @@ def test_files_beside_the_folder_keep_their_places(folder: Path) -> None:
     assert "courier.mission.yaml" in [file.path for file in files]
 
 
-def test_a_file_named_by_its_whole_path_is_refused(folder: Path) -> None:
+def test_a_file_named_by_its_whole_path_is_refused(folder):
     mission = shutil.move(folder / "courier.mission.yaml", folder.parent / "far.mission.yaml")
     text = (folder / "campaign.yaml").read_text().replace("mission: courier", f"mission: {mission}")
     (folder / "campaign.yaml").write_text(text)
@@ -70,7 +66,7 @@ def test_a_file_named_by_its_whole_path_is_refused(folder: Path) -> None:
         bundle_campaign(folder / "campaign.yaml")
 
 
-def test_a_file_that_lies_too_far_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_a_file_that_lies_too_far_is_refused(folder, tmp_path):
     deep = tmp_path / "a" / "b" / "c" / "d"
     shutil.copytree(folder, deep)
     shutil.move(deep / "courier.mission.yaml", tmp_path / "far.mission.yaml")
@@ -81,22 +77,20 @@ def test_a_file_that_lies_too_far_is_refused(folder: Path, tmp_path: Path) -> No
         bundle_campaign(deep / "campaign.yaml")
 
 
-def test_a_folder_behind_a_link_is_handed_on(folder: Path, tmp_path: Path) -> None:
+def test_a_folder_behind_a_link_is_handed_on(folder, tmp_path):
     link = tmp_path / "link"
     link.symlink_to(folder)
     place, _ = bundle_campaign(link / "campaign.yaml")
     assert place == "campaign.yaml"
 
 
-def test_too_much_is_refused_with_the_largest_file(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_much_is_refused_with_the_largest_file(folder, monkeypatch):
     monkeypatch.setattr("daemon.campaign._bundle.LARGEST_BUNDLE", 4_000)
     with pytest.raises(InputError, match=r"the largest is \S+"):
         bundle_campaign(folder / "campaign.yaml")
 
 
-def test_an_unpacked_campaign_reads_nothing_from_around_it(folder: Path, tmp_path: Path) -> None:
+def test_an_unpacked_campaign_reads_nothing_from_around_it(folder, tmp_path):
     secret = tmp_path / "secret.mission.yaml"
     secret.write_text("mission: hidden\nwaypoints: [{x: 1.0, y: 0.0}]\n")
     for way in (str(secret), "../../secret.mission.yaml", "link.mission.yaml"):

@@ -1,11 +1,8 @@
 """Campaign files: what they inherit, what they name, what is reported about them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import pytest
 
@@ -42,25 +39,25 @@ scenarios:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     return tmp_path / "demo"
 
 
-def write(folder: Path, text: str) -> Path:
+def write(folder, text):
     path = folder / "tiny.yaml"
     path.write_text(text)
     return path
 
 
-def messages(path: Path) -> list[str]:
+def messages(path):
     with pytest.raises(InputError) as caught:
         load_campaign(path)
     return [str(d).replace(f"{path.parent}/", "") for d in caught.value.diagnostics]
 
 
-def test_runs_are_scenarios_times_suts_times_repeats(folder: Path) -> None:
+def test_runs_are_scenarios_times_suts_times_repeats(folder):
     submission = expand(load_campaign(write(folder, CAMPAIGN)))
     assert [r.label for r in submission.runs] == [
         f"{scenario}/{sut}/{repeat}"
@@ -71,7 +68,7 @@ def test_runs_are_scenarios_times_suts_times_repeats(folder: Path) -> None:
     assert len(submission.scenes) == 1
 
 
-def test_a_scenario_is_like_another_except_for_what_it_says(folder: Path) -> None:
+def test_a_scenario_is_like_another_except_for_what_it_says(folder):
     runs = {r.scenario: r for r in expand(load_campaign(write(folder, CAMPAIGN))).runs}
     assert [o.name for o in runs["calm"].oracles] == ["reached"]
     assert [o.name for o in runs["rude"].oracles] == ["reached", "no-contact"]
@@ -79,13 +76,13 @@ def test_a_scenario_is_like_another_except_for_what_it_says(folder: Path) -> Non
     assert runs["calm"].mission == runs["rude"].mission
 
 
-def test_overrides_reach_the_layer_they_stand_beside(folder: Path) -> None:
+def test_overrides_reach_the_layer_they_stand_beside(folder):
     runs = {r.scenario: r for r in expand(load_campaign(write(folder, CAMPAIGN))).runs}
     triggers = [b for b in runs["rude"].behaviours if b.kind == "trigger"]
     assert {t.distance for t in triggers} == {1.0}
 
 
-def test_a_scenario_gives_variables_of_its_plan_other_values(folder: Path) -> None:
+def test_a_scenario_gives_variables_of_its_plan_other_values(folder):
     wider = CAMPAIGN.replace(
         "like: calm\n", "like: calm\n    floorplan: {flat: {hinged-width: 1.05 m}}\n"
     )
@@ -98,7 +95,7 @@ def test_a_scenario_gives_variables_of_its_plan_other_values(folder: Path) -> No
     assert len(expand(campaign).scenes) == 2
 
 
-def test_the_same_campaign_has_the_same_id_until_something_changes(folder: Path) -> None:
+def test_the_same_campaign_has_the_same_id_until_something_changes(folder):
     path = write(folder, CAMPAIGN)
     first = expand(load_campaign(path)).campaign
     assert expand(load_campaign(path)).campaign == first
@@ -109,7 +106,7 @@ def test_the_same_campaign_has_the_same_id_until_something_changes(folder: Path)
     )
 
 
-def test_random_doors_are_drawn_per_repeat_or_once(campaigns: Path, tmp_path: Path) -> None:
+def test_random_doors_are_drawn_per_repeat_or_once(campaigns, tmp_path):
     shutil.copytree(campaigns, tmp_path / "all")
     path = tmp_path / "all" / "ortega2024" / "first.yaml"
     once = [r.behaviours for r in expand(load_campaign(path)).runs if r.scenario == "S2"]
@@ -158,15 +155,13 @@ def test_random_doors_are_drawn_per_repeat_or_once(campaigns: Path, tmp_path: Pa
         ("mission: courier", "", ["tiny.yaml:8:1: no scenario names a mission"]),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(
-    folder: Path, old: str, new: str, expected: list[str]
-) -> None:
+def test_what_is_wrong_is_said_with_its_place(folder, old, new, expected):
     found = "\n".join(messages(write(folder, CAMPAIGN.replace(old, new))))
     for part in expected:
         assert part in found
 
 
-def test_problems_of_several_layers_come_at_once(folder: Path) -> None:
+def test_problems_of_several_layers_come_at_once(folder):
     text = CAMPAIGN.replace("mission: courier", "mission: nowhere").replace(
         "robot: courier", "robot: r2"
     )
@@ -175,15 +170,13 @@ def test_problems_of_several_layers_come_at_once(folder: Path) -> None:
     assert any("r2" in m for m in found)
 
 
-def test_shared_folders_are_found_from_inside_the_campaigns_folder(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_shared_folders_are_found_from_inside_the_campaigns_folder(folder, monkeypatch):
     write(folder, CAMPAIGN)
     monkeypatch.chdir(folder)
     assert len(load_campaign("tiny.yaml").cells) == 2
 
 
-def test_a_wrong_sut_parameter_is_reported_where_it_stands(folder: Path) -> None:
+def test_a_wrong_sut_parameter_is_reported_where_it_stands(folder):
     (folder / "suts").mkdir()
     (folder / "suts" / "fast.yaml").write_text(
         "sut: fast\nkind: pilot\nparameters:\n  goal_tolerence: 0.1\n"
@@ -193,12 +186,12 @@ def test_a_wrong_sut_parameter_is_reported_where_it_stands(folder: Path) -> None
 
 
 @pytest.mark.parametrize("name", ["demo/campaign.yaml", "ortega2024/first.yaml"])
-def test_the_campaigns_that_ship_pass_their_own_check(campaigns: Path, name: str) -> None:
+def test_the_campaigns_that_ship_pass_their_own_check(campaigns, name):
     found = check(load_campaign(campaigns / name))
     assert [str(d) for d in found if d.severity is Severity.ERROR] == []
 
 
-def test_a_waypoint_inside_a_wall_is_an_error_of_the_check(folder: Path) -> None:
+def test_a_waypoint_inside_a_wall_is_an_error_of_the_check(folder):
     mission = folder / "courier.mission.yaml"
     mission.write_text(mission.read_text().replace("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
     found = [str(d) for d in check(load_campaign(write(folder, CAMPAIGN)))]
@@ -213,7 +206,7 @@ VARIED = DOORLESS.replace(
 )
 
 
-def test_a_varied_scenario_runs_in_every_variant_of_its_plan(folder: Path) -> None:
+def test_a_varied_scenario_runs_in_every_variant_of_its_plan(folder):
     text = VARIED.replace("sut: [pilot, idle]", "sut: idle")
     submission = expand(load_campaign(write(folder, text)))
     scenarios = list(dict.fromkeys(run.scenario for run in submission.runs))
@@ -224,7 +217,7 @@ def test_a_varied_scenario_runs_in_every_variant_of_its_plan(folder: Path) -> No
     assert again.campaign == submission.campaign
 
 
-def test_a_scenario_may_draw_other_variants_than_the_campaign(folder: Path) -> None:
+def test_a_scenario_may_draw_other_variants_than_the_campaign(folder):
     text = DOORLESS.replace("repeats: 2", "repeats: 2\nvary: {floorplan: flat, samples: 2}")
     text = text.replace(
         "    like: calm\n", "    like: calm\n    vary: {floorplan: flat, samples: 1, seed: 9}\n"
@@ -241,15 +234,13 @@ def test_a_scenario_may_draw_other_variants_than_the_campaign(folder: Path) -> N
         ("samples: 3", "sample: 3", ['unknown key "sample"', '"samples"?']),
     ],
 )
-def test_what_is_wrong_with_variants_is_said(
-    folder: Path, old: str, new: str, expected: list[str]
-) -> None:
+def test_what_is_wrong_with_variants_is_said(folder, old, new, expected):
     found = "\n".join(messages(write(folder, VARIED.replace(old, new))))
     for part in expected:
         assert part in found
 
 
-def test_layers_written_as_json_ld_make_the_same_runs(folder: Path) -> None:
+def test_layers_written_as_json_ld_make_the_same_runs(folder):
     plan, doors = load_floorplan(folder / "flat.fpm"), load_scenery(folder / "doors.scenery")
     (folder / "flat2.jsonld").write_text(json.dumps(plan_document(plan)))
     (folder / "doors2.jsonld").write_text(json.dumps(scenery_document(doors, plan)))
@@ -260,7 +251,7 @@ def test_layers_written_as_json_ld_make_the_same_runs(folder: Path) -> None:
     assert read == written
 
 
-def test_a_folder_of_json_ld_files_is_a_layer(folder: Path) -> None:
+def test_a_folder_of_json_ld_files_is_a_layer(folder):
     """As exports of ours and published models are; one of its files names it as well."""
     plan, doors = load_floorplan(folder / "flat.fpm"), load_scenery(folder / "doors.scenery")
     write_jsonld(plan, folder / "floorplans" / "house", [doors])
@@ -271,9 +262,7 @@ def test_a_folder_of_json_ld_files_is_a_layer(folder: Path) -> None:
         assert expand(load_campaign(write(folder, text))).scenes[0] == written
 
 
-def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(folder, monkeypatch):
     entry = EntryPoint("mine", "a_module_nobody_has:make", registry.ENTRY_POINT_GROUP)
     monkeypatch.setattr(registry, "entry_points", lambda **_: [entry])
     (found,) = messages(write(folder, CAMPAIGN.replace("[pilot, idle]", "[pilot, mine]")))
@@ -281,7 +270,7 @@ def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(
     assert found.startswith("tiny.yaml:")
 
 
-def test_a_broken_layer_does_not_hide_what_the_pre_flight_finds(folder: Path) -> None:
+def test_a_broken_layer_does_not_hide_what_the_pre_flight_finds(folder):
     mission = folder / "courier.mission.yaml"
     mission.write_text(mission.read_text().replace("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
     text = CAMPAIGN.replace("sut: [pilot, idle]", "sut: [pilto]").replace("[reached]", "[reachd]")

@@ -1,14 +1,10 @@
 """What campaign files say about their results, and what is reported about how they say it."""
 
-from __future__ import annotations
-
 import shutil
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-from daemon.campaign import Campaign, expand, load_campaign
+from daemon.campaign import expand, load_campaign
 from daemon.model.assessments import (
     AssessmentRules,
     Expectation,
@@ -52,26 +48,26 @@ gate: {baseline: last-green, worse-by: 10 %}
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     return tmp_path / "demo"
 
 
-def load(folder: Path, text: str) -> Campaign:
+def load(folder, text):
     path = folder / "tiny.yaml"
     path.write_text(text)
     return load_campaign(path)
 
 
-def complaints(folder: Path, old: str, new: str) -> list[str]:
+def complaints(folder, old, new):
     assert old in CAMPAIGN
     with pytest.raises(InputError) as caught:
         load(folder, CAMPAIGN.replace(old, new, 1))
     return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
 
 
-def test_sentences_become_values(folder: Path) -> None:
+def test_sentences_become_values(folder):
     declared = load(folder, CAMPAIGN).declared
     assert declared == AssessmentRules(
         RepeatPolicy(2, "rate", 0.8, until_decided=True, at_most=5),
@@ -92,7 +88,7 @@ def test_sentences_become_values(folder: Path) -> None:
     )  # fmt: skip
 
 
-def test_a_plain_number_of_repeats_is_what_it_was(folder: Path) -> None:
+def test_a_plain_number_of_repeats_is_what_it_was(folder):
     plain = load(
         folder, CAMPAIGN.replace("{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "2")
     )
@@ -100,7 +96,7 @@ def test_a_plain_number_of_repeats_is_what_it_was(folder: Path) -> None:
     assert expand(plain).reserve == ()
 
 
-def test_repeats_in_reserve_continue_those_that_run(folder: Path) -> None:
+def test_repeats_in_reserve_continue_those_that_run(folder):
     patient = expand(load(folder, CAMPAIGN))
     longer = expand(load(folder, CAMPAIGN.replace(
         "{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "5"
@@ -111,13 +107,13 @@ def test_repeats_in_reserve_continue_those_that_run(folder: Path) -> None:
     assert digests == {run.digest for run in longer.runs}
 
 
-def test_a_leg_that_is_compared_is_timed_in_both_scenarios(folder: Path) -> None:
+def test_a_leg_that_is_compared_is_timed_in_both_scenarios(folder):
     for run in expand(load(folder, CAMPAIGN)).runs:
         timed = [o.text for o in run.oracles if o.name == "elapsed-on-leg-kitchen"]
         assert timed == ["max(mission.leg.elapsed) on leg kitchen"]
 
 
-def test_any_change_of_what_is_declared_is_another_campaign(folder: Path) -> None:
+def test_any_change_of_what_is_declared_is_another_campaign(folder):
     first = expand(load(folder, CAMPAIGN))
     other = expand(load(folder, CAMPAIGN.replace("nobody knows", "somebody knows")))
     assert first.campaign != other.campaign
@@ -165,9 +161,7 @@ def test_any_change_of_what_is_declared_is_another_campaign(folder: Path) -> Non
         ("rate >= 80 %", ">= 80 %", ["tiny.yaml:3"]),
     ],
 )  # fmt: skip
-def test_what_cannot_be_meant_is_reported_where_it_stands(
-    folder: Path, old: str, new: str, expected: list[str]
-) -> None:
+def test_what_cannot_be_meant_is_reported_where_it_stands(folder, old, new, expected):
     found = "\n".join(complaints(folder, old, new))
     for part in expected:
         assert part in found
@@ -181,7 +175,7 @@ def test_what_cannot_be_meant_is_reported_where_it_stands(
         ("compare: {3.10: delay(calm.1 vs rude.1) < 1 s}", ["the same key is written twice"]),
     ],
 )
-def test_traps_of_yaml_have_a_message_each(folder: Path, line: str, expected: list[str]) -> None:
+def test_traps_of_yaml_have_a_message_each(folder, line, expected):
     with pytest.raises(InputError) as caught:
         load(folder, f"{CAMPAIGN}{line}\n")
     found = str(caught.value).replace(f"{folder}/", "")
@@ -200,9 +194,7 @@ def test_traps_of_yaml_have_a_message_each(folder: Path, line: str, expected: li
         ("[pilot, idle]", "[pilot, true]", ["sut: must be text", 'write it as "true"']),
     ],
 )
-def test_numbers_and_flags_that_mean_text_are_told_how_to(
-    folder: Path, old: str, new: str, expected: list[str]
-) -> None:
+def test_numbers_and_flags_that_mean_text_are_told_how_to(folder, old, new, expected):
     found = "\n".join(complaints(folder, old, new))
     for part in expected:
         assert part in found
@@ -220,8 +212,8 @@ reference:
 """
 
 
-def test_reference_values_are_in_si_and_keep_their_words(folder: Path) -> None:
-    def value(scenario: str, suts: tuple[str, ...], oracle: str, **more: Any) -> ReferenceValue:
+def test_reference_values_are_in_si_and_keep_their_words(folder):
+    def value(scenario, suts, oracle, **more):
         return ReferenceValue(
             "earlier", "The same robot, last year", scenario, suts, oracle, **more
         )
@@ -238,7 +230,7 @@ def test_reference_values_are_in_si_and_keep_their_words(folder: Path) -> None:
     )  # fmt: skip
 
 
-def test_a_reference_value_changes_no_run(folder: Path) -> None:
+def test_a_reference_value_changes_no_run(folder):
     plain, told = (expand(load(folder, text)) for text in (CAMPAIGN, CAMPAIGN + REFERENCE))
     assert [run.digest for run in plain.runs] == [run.digest for run in told.runs]
 
@@ -266,9 +258,7 @@ def test_a_reference_value_changes_no_run(folder: Path) -> None:
         ("statistic: min", "statistic: least", ["statistic: must be 'mean'"]),
     ],
 )  # fmt: skip
-def test_reference_values_that_nothing_can_stand_beside_are_refused(
-    folder: Path, old: str, new: str, expected: list[str]
-) -> None:
+def test_reference_values_that_nothing_can_stand_beside_are_refused(folder, old, new, expected):
     assert old in REFERENCE
     with pytest.raises(InputError) as caught:
         load(folder, CAMPAIGN + REFERENCE.replace(old, new, 1))

@@ -1,7 +1,5 @@
 """Everything wrong with a campaign at once, each thing once; what it names and nobody uses."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path
@@ -39,7 +37,7 @@ LAYERS = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     for name, text in LAYERS.items():
@@ -47,7 +45,7 @@ def folder(tmp_path: Path, campaigns: Path) -> Path:
     return tmp_path / "demo"
 
 
-def change(folder: Path, name: str, *changes: tuple[str, str]) -> None:
+def change(folder, name, *changes):
     path = folder / name
     text = path.read_text() if path.exists() else CAMPAIGN
     for old, new in changes:
@@ -56,7 +54,7 @@ def change(folder: Path, name: str, *changes: tuple[str, str]) -> None:
     path.write_text(text)
 
 
-def said(folder: Path) -> list[str]:
+def said(folder):
     """Return what is found of the campaign: file and line, an E or a W, and the message."""
     change(folder, "tiny.yaml")
     _, found = examine(folder / "tiny.yaml")
@@ -67,11 +65,11 @@ def said(folder: Path) -> list[str]:
     ]
 
 
-def test_a_campaign_of_which_all_is_used_is_nothing_to_speak_of(folder: Path) -> None:
+def test_a_campaign_of_which_all_is_used_is_nothing_to_speak_of(folder):
     assert said(folder) == []
 
 
-def test_errors_of_all_kinds_come_at_once_and_once(folder: Path) -> None:
+def test_errors_of_all_kinds_come_at_once_and_once(folder):
     change(
         folder, "tiny.yaml",
         ("    oracles: [near]", "    oracles: [near]\n    objcts: doors"),
@@ -93,7 +91,7 @@ def test_errors_of_all_kinds_come_at_once_and_once(folder: Path) -> None:
     ]
 
 
-def test_what_is_submitted_is_told_all_of_it_too(folder: Path) -> None:
+def test_what_is_submitted_is_told_all_of_it_too(folder):
     change(folder, "tiny.yaml", ("mission: courier", "mission: curier"))
     change(folder, "doors.scenery", ("to 1.98 m,   mass", "to 2.2 m, mass"))
     with pytest.raises(InputError) as caught:
@@ -117,9 +115,7 @@ def test_what_is_submitted_is_told_all_of_it_too(folder: Path) -> None:
          ["tiny.yaml:9", "tiny.yaml:15"]),
     ],
 )  # fmt: skip
-def test_a_layer_that_cannot_be_used_hides_no_waypoint_in_a_wall(
-    folder: Path, layer: str, old: str, new: str, errors: list[str]
-) -> None:
+def test_a_layer_that_cannot_be_used_hides_no_waypoint_in_a_wall(folder, layer, old, new, errors):
     change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
     change(folder, layer, (old, new))
     found = [text.split(" ")[0] for text in said(folder) if " E " in text]
@@ -129,7 +125,7 @@ def test_a_layer_that_cannot_be_used_hides_no_waypoint_in_a_wall(
         assert found == errors
 
 
-def test_a_sentence_that_cannot_be_read_hides_no_door(folder: Path) -> None:
+def test_a_sentence_that_cannot_be_read_hides_no_door(folder):
     change(folder, "moods.scenery", ("all both stay", "all both sway"))
     change(folder, "doors.scenery", ("to 1.98 m,   mass", "to 2.2 m, mass"))
     assert [text.split(":")[0] for text in said(folder)] == [
@@ -137,7 +133,7 @@ def test_a_sentence_that_cannot_be_read_hides_no_door(folder: Path) -> None:
     ]  # fmt: skip
 
 
-def test_an_object_without_a_place_hides_no_other_one(folder: Path) -> None:
+def test_an_object_without_a_place_hides_no_other_one(folder):
     change(
         folder, "doors.scenery",
         ("in kitchen_doorway", "in kitchn_doorway"), ("to 1.98 m,   mass", "to 2.2 m, mass"),
@@ -148,7 +144,7 @@ def test_an_object_without_a_place_hides_no_other_one(folder: Path) -> None:
     ]
 
 
-def test_a_leaf_too_wide_hides_nothing_that_can_be_known_without_it(folder: Path) -> None:
+def test_a_leaf_too_wide_hides_nothing_that_can_be_known_without_it(folder):
     change(
         folder, "doors.scenery",
         ("box 4 cm x 88 cm  at (0 cm, 47 cm)", "box 4 cm x 1.2 m at (0 cm, 63 cm)"),
@@ -172,22 +168,20 @@ def test_a_leaf_too_wide_hides_nothing_that_can_be_known_without_it(folder: Path
     assert len(found) == 6
 
 
-def test_what_waits_for_an_object_that_hangs_nowhere_is_not_said_to_wait_for_ever(
-    folder: Path,
-) -> None:
+def test_what_waits_for_an_object_that_hangs_nowhere_is_not_said_to_wait_for_ever(folder):
     change(folder, "doors.scenery", ("in kitchen_doorway", "in kitchn_doorway"))
     sentence = "goes from closed to open when kitchen_door.hinge starts to move"
     change(folder, "moods.scenery", ("all both stay open", f"bedroom_door {sentence}"))
     assert [text.split(":")[0] for text in said(folder)] == ["doors.scenery"]
 
 
-def test_the_cells_no_run_can_be_made_of_are_counted(folder: Path) -> None:
+def test_the_cells_no_run_can_be_made_of_are_counted(folder):
     change(folder, "tiny.yaml", ("mission: courier", "mission: curier"))
     campaign, _ = examine(folder / "tiny.yaml")
     assert (campaign.runs, campaign.lost_runs, len(campaign.lost)) == (0, 2, 2)
 
 
-def test_a_layer_with_objects_is_to_be_named_once(folder: Path) -> None:
+def test_a_layer_with_objects_is_to_be_named_once(folder):
     change(folder, "tiny.yaml", ("[doors_open, moods]", "[doors_open, moods, doors]"))
     assert said(folder) == ["tiny.yaml:11 E doors is named under objects and behaviours"]
 
@@ -232,18 +226,14 @@ def test_a_layer_with_objects_is_to_be_named_once(folder: Path) -> None:
          "tiny.yaml:16 W 10 s are too short for mission courier: it takes pilot at least "),
     ],
 )  # fmt: skip
-def test_what_has_no_effect_is_told(
-    folder: Path, layer: str, old: str, new: str, expected: str
-) -> None:
+def test_what_has_no_effect_is_told(folder, layer, old, new, expected):
     change(folder, layer, (old, new))
     found = said(folder)
     assert any(text.startswith(expected) for text in found), found
 
 
 @pytest.mark.parametrize("wrong", ["defaults: {objects: 5}", "objects: doors", "default: {a: 1}"])
-def test_what_could_not_be_read_for_all_scenarios_is_missed_in_none(
-    folder: Path, wrong: str
-) -> None:
+def test_what_could_not_be_read_for_all_scenarios_is_missed_in_none(folder, wrong):
     change(folder, "tiny.yaml", ("scenarios:", f"{wrong}\nscenarios:"))
     change(folder, "tiny.yaml", ("    objects: [doors, more]\n", ""))
     change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
@@ -251,23 +241,23 @@ def test_what_could_not_be_read_for_all_scenarios_is_missed_in_none(
     assert found == ["tiny.yaml:7", "courier.mission.yaml:6"]
 
 
-def test_a_scenario_that_could_not_be_read_is_not_missed(folder: Path) -> None:
+def test_a_scenario_that_could_not_be_read_is_not_missed(folder):
     change(folder, "tiny.yaml", ("  second:", "  odd: 5\n  third: {like: odd}\n  second:"))
     assert [text.split(" ")[0] for text in said(folder)] == ["tiny.yaml:14"]
 
 
-def test_what_all_scenarios_lack_is_said_once(folder: Path) -> None:
+def test_what_all_scenarios_lack_is_said_once(folder):
     change(folder, "tiny.yaml", ("    mission: courier\n", ""))
     assert said(folder) == ["tiny.yaml:7 E no scenario names a mission"]
 
 
-def test_oracles_that_another_campaign_may_use_are_an_offer(folder: Path) -> None:
+def test_oracles_that_another_campaign_may_use_are_an_offer(folder):
     change(folder, "tiny.yaml", ("oracles: [near]", "oracles: [reached]"))
     (folder / "other.yaml").write_text(CAMPAIGN.replace("tiny", "other"))
     assert said(folder) == []
 
 
-def test_variants_of_a_plan_say_the_same_thing_once(folder: Path) -> None:
+def test_variants_of_a_plan_say_the_same_thing_once(folder):
     change(
         folder, "tiny.yaml",
         ("    floorplan: flat\n", "    vary: {floorplan: flat, samples: 4, seed: 1}\n"),
@@ -279,7 +269,7 @@ def test_variants_of_a_plan_say_the_same_thing_once(folder: Path) -> None:
     assert len(about) < 4
 
 
-def test_two_places_of_one_name_are_told_apart(folder: Path) -> None:
+def test_two_places_of_one_name_are_told_apart(folder):
     change(folder, "courier.mission.yaml", ("id: home", "id: kitchen"))
     found = [text for text in said(folder) if " E " in text]
     assert found == [
@@ -290,7 +280,7 @@ def test_two_places_of_one_name_are_told_apart(folder: Path) -> None:
     assert said(folder) == []
 
 
-def test_a_pipe_and_a_folder_beside_a_campaign_are_no_campaigns(folder: Path) -> None:
+def test_a_pipe_and_a_folder_beside_a_campaign_are_no_campaigns(folder):
     change(folder, "tiny.yaml", ("oracles: house\n", "oracles: [house, spare]\n"))
     change(folder, "tiny.yaml", ("robot: courier", "robot: nobody"))
     before = said(folder)
@@ -306,7 +296,7 @@ allow:
 """
 
 
-def test_a_warning_that_is_meant_is_not_said(folder: Path) -> None:
+def test_a_warning_that_is_meant_is_not_said(folder):
     lone = ("scenarios:\n", "scenarios:\n  lone: {like: calm, abstract: true}\n")
     change(folder, "tiny.yaml", lone)
     assert any("is abstract and no other one" in one for one in said(folder))
@@ -318,24 +308,24 @@ def test_a_warning_that_is_meant_is_not_said(folder: Path) -> None:
     ]
 
 
-def test_what_is_allowed_and_never_said_is_a_warning(folder: Path) -> None:
+def test_what_is_allowed_and_never_said_is_a_warning(folder):
     change(folder, "tiny.yaml", ("scenarios:\n", ALLOW + "scenarios:\n"))
     assert said(folder) == ["tiny.yaml:8 W no warning is like this one"]
 
 
-def test_no_error_is_allowed(folder: Path) -> None:
+def test_no_error_is_allowed(folder):
     allow = 'allow:\n  - {warning: "*", why: "I do not care"}\n'
     change(folder, "tiny.yaml", ("scenarios:\n", allow + "scenarios:\n"))
     change(folder, "tiny.yaml", ("mission: courier", "mission: curier"))
     assert [one for one in said(folder) if " E " in one and "curier" in one]
 
 
-def test_a_reason_is_asked_for(folder: Path) -> None:
+def test_a_reason_is_asked_for(folder):
     change(folder, "tiny.yaml", ("scenarios:\n", 'allow:\n  - {warning: "*"}\nscenarios:\n'))
     assert [one for one in said(folder) if " E " in one and '"why"' in one]
 
 
-def test_what_is_allowed_changes_no_run(folder: Path) -> None:
+def test_what_is_allowed_changes_no_run(folder):
     change(folder, "tiny.yaml")
     before = prepare_submission(folder / "tiny.yaml").submission
     change(folder, "tiny.yaml", ("scenarios:\n", ALLOW + "scenarios:\n"))

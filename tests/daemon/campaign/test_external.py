@@ -1,7 +1,5 @@
 """Systems under test outside of the simulator: their files, and how often they are run."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -9,7 +7,6 @@ import pytest
 
 from daemon.campaign import LayerLibrary, LayerReference, check, examine, expand, load_campaign
 from daemon.model.attachments import attached_digests
-from daemon.model.spec import SutReference
 from daemon.stacks.ros2.defaults import settings_not_written
 from daemon.stacks.ros2.keys import ROS2_KEYS
 from daemon.stacks.ros2.settings import read_settings
@@ -39,7 +36,7 @@ scenarios:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     (tmp_path / "nav2_params.yaml").write_text("amcl: {ros__parameters: {max_beams: 60}}\n")
     (tmp_path / "nav2.yaml").write_text(BASE)
     demo = campaigns / "demo"
@@ -50,20 +47,20 @@ def folder(tmp_path: Path, campaigns: Path) -> Path:
     return tmp_path
 
 
-def load(folder: Path, name: str = "nav2") -> tuple[SutReference, list[str]]:
+def load(folder, name="nav2"):
     library = LayerLibrary(folder)
     sut = library.sut(LayerReference(name, {}, Where("campaign.yaml", 1, 1)))
     return sut, [str(w).replace(f"{folder}/", "") for w in library.warnings]
 
 
-def errors(folder: Path, text: str) -> list[str]:
+def errors(folder, text):
     (folder / "mine.yaml").write_text(f"sut: mine\n{text}")
     with pytest.raises(InputError) as caught:
         load(folder, "mine")
     return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
 
 
-def test_the_specification_holds_the_keys_as_they_are_written(folder: Path) -> None:
+def test_the_specification_holds_the_keys_as_they_are_written(folder):
     sut, warnings = load(folder)
     assert (sut.kind, sut.repeatable, warnings) == ("ros2", False, [])
     assert sut.parameters["start-up"] == "2 min"
@@ -73,7 +70,7 @@ def test_the_specification_holds_the_keys_as_they_are_written(folder: Path) -> N
     assert (settings.start_up, settings.late, settings.reuse) == (120.0, 0.1, True)
 
 
-def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder: Path) -> None:
+def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder):
     (folder / "nav2_other.yaml").write_text("a: 1\n")
     (folder / "other.yaml").write_text(
         "sut: other\nlike: nav2\nlate: null\nready: [amcl]\n"
@@ -110,35 +107,35 @@ def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder: Path) 
         ("kind: ros2\ncontainer: {engine: podman}\n", 'mine.yaml:3:13: key "image" is missing'),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_where_it_stands(folder: Path, text: str, expected: str) -> None:
+def test_what_is_wrong_is_said_where_it_stands(folder, text, expected):
     assert any(expected in error for error in errors(folder, text)), errors(folder, text)
 
 
-def test_what_is_inherited_is_complained_about_where_it_was_written(folder: Path) -> None:
+def test_what_is_inherited_is_complained_about_where_it_was_written(folder):
     (folder / "nav2.yaml").write_text(BASE.replace("{params}", "{parms}"))
     found = errors(folder, "like: nav2\nlate: 1 %\n")
     assert found[0].startswith('nav2.yaml:3:1: launch: no placeholder "parms"')
 
 
-def test_warnings_stand_at_their_values(folder: Path) -> None:
+def test_warnings_stand_at_their_values(folder):
     (folder / "nav2.yaml").write_text(BASE.replace("start-up: 2 min", "start-up: 3 s"))
     assert load(folder)[1][0].startswith("nav2.yaml:7:1: warning: start-up: 3 s: Nav2 needs")
 
 
-def write_campaign(folder: Path, repeats: str = "") -> Path:
+def write_campaign(folder, repeats=""):
     path = folder / "campaign.yaml"
     path.write_text(CAMPAIGN.format(repeats=repeats))
     return path
 
 
-def repeats_by_sut(path: Path) -> dict[str, list[int]]:
-    found: dict[str, list[int]] = {}
+def repeats_by_sut(path):
+    found = {}
     for run in expand(load_campaign(path)).runs:
         found.setdefault(run.sut.name, []).append(run.repeat)
     return found
 
 
-def test_what_is_not_repeatable_is_run_more_often_unless_told_otherwise(folder: Path) -> None:
+def test_what_is_not_repeatable_is_run_more_often_unless_told_otherwise(folder):
     silent = write_campaign(folder)
     assert repeats_by_sut(silent) == {"pilot": [0], "nav2": [0, 1, 2, 3, 4]}
     told = [d.message for d in check(load_campaign(silent)) if d.severity is Severity.WARNING]
@@ -149,7 +146,7 @@ def test_what_is_not_repeatable_is_run_more_often_unless_told_otherwise(folder: 
     assert not any("not repeatable" in d.message for d in check(load_campaign(spoken)))
 
 
-def test_repeats_draw_from_the_same_seeds_however_many_there_are(folder: Path) -> None:
+def test_repeats_draw_from_the_same_seeds_however_many_there_are(folder):
     by_default = expand(load_campaign(write_campaign(folder))).runs
     spoken = expand(load_campaign(write_campaign(folder, "repeats: 5\n"))).runs
     assert {run.digest for run in by_default} < {run.digest for run in spoken}
@@ -157,7 +154,7 @@ def test_repeats_draw_from_the_same_seeds_however_many_there_are(folder: Path) -
     assert len(pairs) == 5
 
 
-def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(folder: Path) -> None:
+def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(folder):
     path = write_campaign(folder, "repeats: 1\n")
     assert not any("cycles of" in d.message for d in check(load_campaign(path)))
     (folder / "nav2.yaml").write_text(BASE + "period: 0.07 s\n")
@@ -166,7 +163,7 @@ def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(folder: Path) ->
     assert any("the laser of robot" in d.message for d in found)
 
 
-def test_every_key_is_documented_with_its_default() -> None:
+def test_every_key_is_documented_with_its_default():
     text = (Path(__file__).parents[3] / "docs" / "campaigns.md").read_text()
     section = text.partition("## A ROS 2 stack")[2]
     rows = dict(re.findall(r"^\| `([a-z-]+)` \| (.*?) \|", section, re.MULTILINE))
@@ -177,7 +174,7 @@ def test_every_key_is_documented_with_its_default() -> None:
             assert rows[key].strip("`") == value, key
 
 
-def test_checking_starts_nothing(folder: Path) -> None:
+def test_checking_starts_nothing(folder):
     mark = folder / "started"
     (folder / "nav2.yaml").write_text(f"sut: nav2\nkind: ros2\nlaunch: touch {mark}\n")
     expand(load_campaign(write_campaign(folder)))

@@ -1,14 +1,11 @@
 """Oracles about joints are held against the scene of each scenario."""
 
-from __future__ import annotations
-
 import shutil
-from pathlib import Path
 
 from daemon.campaign import load_campaign
 
 
-def test_an_angle_no_door_comes_to_is_a_warning(tmp_path: Path, campaigns: Path) -> None:
+def test_an_angle_no_door_comes_to_is_a_warning(tmp_path, campaigns):
     for part in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / part, tmp_path / part)
     layer = tmp_path / "demo" / "navigation.oracles.yaml"

@@ -1,14 +1,11 @@
 """Systems under test from launch files: sections, layers, choices, and files of others."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from daemon.campaign import LayerLibrary, LayerReference, LoadedSut, RefusedSutError
+from daemon.campaign import LayerLibrary, LayerReference, RefusedSutError
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
 
@@ -48,7 +45,7 @@ SUT = "kind: ros\nros:\n  launch: [nav/launch/move_base.launch, nav/launch/amcl.
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     for name, text in {
         "package.xml": "<package><name>nav</name></package>",
         "launch/move_base.launch": MOVE_BASE,
@@ -62,21 +59,21 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def write(folder: Path, name: str, text: str) -> None:
+def write(folder, name, text):
     (folder / f"{name}.yaml").write_text(f"sut: {name}\n{text}")
 
 
-def load(folder: Path, name: str) -> LoadedSut:
+def load(folder, name):
     library = LayerLibrary(folder)
     library.sut(LayerReference(name, {}, Where("campaign.yaml", 1, 1)))
     return library.sut_file(folder / f"{name}.yaml")
 
 
-def tree(folder: Path, name: str) -> dict[str, Any]:
+def tree(folder, name):
     return load(folder, name).reference.parameters
 
 
-def messages(folder: Path, name: str) -> list[str]:
+def messages(folder, name):
     """Return the errors of a file, or its warnings if it has none."""
     try:
         found = load(folder, name).warnings
@@ -86,7 +83,7 @@ def messages(folder: Path, name: str) -> list[str]:
     return [str(one).replace(f"{folder}/", "") for one in found]
 
 
-def test_launch_files_become_sections_with_names_and_places(folder: Path) -> None:
+def test_launch_files_become_sections_with_names_and_places(folder):
     write(folder, "robot", SUT + "  env: {MODEL: burger}\n")
     found = load(folder, "robot")
     parameters = found.reference.parameters
@@ -110,14 +107,14 @@ def test_launch_files_become_sections_with_names_and_places(folder: Path) -> Non
     assert places["topics/nodes/amcl/remap//scan"] == "nav/launch/amcl.launch:5:5"
 
 
-def test_a_complaint_stands_in_the_launch_file(folder: Path) -> None:
+def test_a_complaint_stands_in_the_launch_file(folder):
     write(folder, "robot", SUT + "  args: {model: burger, speed: 0.05}\n")
     (message,) = messages(folder, "robot")
     assert message.startswith("nav/launch/move_base.launch:13:54: ")
     assert "min_vel_trans 0.1 is above max_vel_trans 0.05" in message
 
 
-def test_files_and_parameters_go_on_top(folder: Path) -> None:
+def test_files_and_parameters_go_on_top(folder):
     (folder / "mine.yaml.txt").write_text("odom_alpha1: 0.7\nodom_alpha2: 0.7\n")
     text = (
         "  args: {model: burger}\nfiles: {amcl: mine.yaml.txt}\n"
@@ -134,7 +131,7 @@ def test_files_and_parameters_go_on_top(folder: Path) -> None:
     assert parameters["move_base"]["local_costmap"]["inflation_radius"] == 0.7
 
 
-def test_a_system_like_another_reads_its_launch_files_with_other_args(folder: Path) -> None:
+def test_a_system_like_another_reads_its_launch_files_with_other_args(folder):
     write(
         folder,
         "robot",
@@ -155,9 +152,7 @@ def test_a_system_like_another_reads_its_launch_files_with_other_args(folder: Pa
     assert 'did you mean "speed"?' in message
 
 
-def test_what_launch_files_cannot_fill_in_is_an_error_until_somebody_writes_it(
-    folder: Path,
-) -> None:
+def test_what_launch_files_cannot_fill_in_is_an_error_until_somebody_writes_it(folder):
     path = folder / "nav" / "launch" / "amcl.launch"
     path.write_text(AMCL.replace('value="0.1"', 'command="rosparam get /x"'))
     write(folder, "robot", SUT + "  args: {model: burger}\n")
@@ -168,7 +163,7 @@ def test_what_launch_files_cannot_fill_in_is_an_error_until_somebody_writes_it(
     assert tree(folder, "mine")["amcl"] == {"odom_alpha1": 0.3}
 
 
-def test_what_is_not_given_is_asked_for_by_the_keys_of_the_file(folder: Path) -> None:
+def test_what_is_not_given_is_asked_for_by_the_keys_of_the_file(folder):
     write(folder, "robot", SUT)
     (message,) = messages(folder, "robot")
     assert message.startswith("nav/launch/move_base.launch:3:30: environment variable MODEL is not")
@@ -195,13 +190,13 @@ def test_what_is_not_given_is_asked_for_by_the_keys_of_the_file(folder: Path) ->
          "nav has no parameter files\n    it has launch files (launch/amcl.launch, launch/move_b"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_where_it_stands(folder: Path, text: str, expected: str) -> None:
+def test_what_is_wrong_is_said_where_it_stands(folder, text, expected):
     write(folder, "robot", text)
     found = messages(folder, "robot")
     assert any(expected in message for message in found), found
 
 
-def test_launch_files_without_move_base_tell_what_they_start(folder: Path) -> None:
+def test_launch_files_without_move_base_tell_what_they_start(folder):
     flex = '<node pkg="mbf_costmap_nav" type="mbf_costmap_nav" name="mbf"/></launch>'
     (folder / "nav" / "launch" / "flex.launch").write_text(f"<launch>{flex}")
     names = "nav/launch/amcl.launch, nav/launch/flex.launch"
@@ -212,7 +207,7 @@ def test_launch_files_without_move_base_tell_what_they_start(folder: Path) -> No
     assert "move_base is started by nav/launch/move_base.launch: add it to launch" in message
 
 
-def test_without_amcl_its_defaults_hold_and_where_it_may_be_is_said(folder: Path) -> None:
+def test_without_amcl_its_defaults_hold_and_where_it_may_be_is_said(folder):
     gmapping = '<node pkg="gmapping" type="slam_gmapping" name="slam"/></launch>'
     path = folder / "nav" / "launch" / "move_base.launch"
     path.write_text(MOVE_BASE.replace("</launch>", gmapping))
@@ -228,7 +223,7 @@ def test_without_amcl_its_defaults_hold_and_where_it_may_be_is_said(folder: Path
     assert "amcl" not in tree(folder, "robot")
 
 
-def test_of_several_robots_one_is_chosen_by_the_name_of_its_move_base(folder: Path) -> None:
+def test_of_several_robots_one_is_chosen_by_the_name_of_its_move_base(folder):
     groups = "".join(
         f'<group ns="r{i}"><include file="$(find nav)/launch/move_base.launch">'
         f'<arg name="model" value="burger"/><arg name="speed" value="0.{i}"/></include>'
@@ -248,7 +243,7 @@ def test_of_several_robots_one_is_chosen_by_the_name_of_its_move_base(folder: Pa
     assert parameters["topics"]["maps"] == ["/r3/map", "/r4/map"]
 
 
-def test_only_servers_of_the_map_that_amcl_hears_have_the_map_of_a_run(folder: Path) -> None:
+def test_only_servers_of_the_map_that_amcl_hears_have_the_map_of_a_run(folder):
     servers = "".join(
         f'<node pkg="map_server" type="map_server" name="s{i}" args="{file}">'
         f'<remap from="map" to="{topic}"/></node>'
@@ -260,7 +255,7 @@ def test_only_servers_of_the_map_that_amcl_hears_have_the_map_of_a_run(folder: P
     assert tree(folder, "robot")["topics"]["maps"] == ["/map", "/again"]
 
 
-def test_footprints_are_found_in_the_namespaces_above_move_base(folder: Path) -> None:
+def test_footprints_are_found_in_the_namespaces_above_move_base(folder):
     (folder / "nav" / "config" / "burger.yaml").write_text(
         "\n".join(COMMON.splitlines()[1:]) + "\n"
     )
@@ -274,9 +269,7 @@ def test_footprints_are_found_in_the_namespaces_above_move_base(folder: Path) ->
 @pytest.mark.parametrize(
     ("key", "name"), [("files", "amcl"), ("files", "params"), ("files", "/"), ("ros", "")]
 )
-def test_parameter_files_of_nav2_are_refused_with_what_can_be_done(
-    folder: Path, key: str, name: str
-) -> None:
+def test_parameter_files_of_nav2_are_refused_with_what_can_be_done(folder, key, name):
     (folder / "params").mkdir()
     (folder / "params" / "amcl.yaml").write_text(
         "amcl:\n  ros__parameters:\n    alpha1: 0.2\n"
@@ -292,7 +285,7 @@ def test_parameter_files_of_nav2_are_refused_with_what_can_be_done(
         assert part in message
 
 
-def test_a_folder_of_nav2_is_recognised(folder: Path) -> None:
+def test_a_folder_of_nav2_is_recognised(folder):
     (folder / "params").mkdir()
     (folder / "params" / "nav2.yaml").write_text("amcl:\n  ros__parameters:\n    alpha1: 0.2\n")
     write(folder, "robot", "kind: ros\nros: params\n")
@@ -311,16 +304,14 @@ def test_a_folder_of_nav2_is_recognised(folder: Path) -> None:
         ("amcl", "sim_time: 1.0\nvx_samples: 3\n", "load it into the namespace of the node that"),
     ],
 )  # fmt: skip
-def test_files_of_which_nobody_reads_anything_are_refused(
-    folder: Path, namespace: str, text: str, expected: str
-) -> None:
+def test_files_of_which_nobody_reads_anything_are_refused(folder, namespace, text, expected):
     (folder / "dump.yaml").write_text(text)
     write(folder, "robot", f"kind: ros\nfiles: {{{namespace}: dump.yaml}}\n")
     (message,) = messages(folder, "robot")
     assert expected in message
 
 
-def test_the_guide_names_every_key() -> None:
+def test_the_guide_names_every_key():
     text = (Path(__file__).parents[3] / "docs" / "campaigns.md").read_text()
     section = text.partition("## A ROS 1 configuration")[2].partition("\n## ")[0]
     schema = json.loads(
@@ -330,7 +321,7 @@ def test_the_guide_names_every_key() -> None:
     assert [key for key in keys if f"\n| `{key}` |" not in section] == []
 
 
-def test_what_a_refused_configuration_would_be_is_known(folder: Path) -> None:
+def test_what_a_refused_configuration_would_be_is_known(folder):
     write(folder, "robot", SUT + "  args: {model: burger, speed: 0.05}\n")
     with pytest.raises(RefusedSutError) as caught:
         load(folder, "robot")
@@ -338,7 +329,7 @@ def test_what_a_refused_configuration_would_be_is_known(folder: Path) -> None:
     assert setting.value == 0.05
 
 
-def test_the_same_launch_files_elsewhere_are_the_same_system(folder: Path) -> None:
+def test_the_same_launch_files_elsewhere_are_the_same_system(folder):
     path = folder / "nav" / "launch" / "move_base.launch"
     here = '<param name="map" value="$(dirname)/a.yaml"/><param name="b" value="$(find nav)/b"/>'
     path.write_text(MOVE_BASE.replace("<remap", f"{here}<remap"))
@@ -369,7 +360,7 @@ PUBLISHED = {
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_published_robots_become_sections(tmp_path: Path, reference_data: Path, name: str) -> None:
+def test_published_robots_become_sections(tmp_path, reference_data, name):
     described = Path(__file__).parents[2] / "published_robots" / "suts" / f"{name}.yaml"
     text = described.read_text().replace("ROBOTS/", f"{reference_data / 'robots'}/")
     (tmp_path / f"{name}.yaml").write_text(text)

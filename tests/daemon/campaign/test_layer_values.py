@@ -1,11 +1,8 @@
 """Values beside the names of layers, in every slot of a scenario."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +15,6 @@ from daemon.campaign import (
     overridable,
     with_overrides,
 )
-from daemon.model.search import ParameterSlot
 from grammars.text.diagnostics import InputError
 
 CAMPAIGN = """\
@@ -40,30 +36,30 @@ scenarios:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     return tmp_path / "demo"
 
 
-def load(folder: Path, slots: str, head: str = ""):
+def load(folder, slots, head=""):
     """Load a scenario with other ``slots`` than the plain one."""
     path = folder / "tiny.yaml"
     path.write_text(f"{CAMPAIGN}  changed:\n    {slots}\n{head}")
     return load_campaign(path)
 
 
-def cell(folder: Path, slots: str):
+def cell(folder, slots):
     return next(c for c in load(folder, slots).cells if c.name.startswith("changed"))
 
 
-def complaints(folder: Path, slots: str) -> list[str]:
+def complaints(folder, slots):
     with pytest.raises(InputError) as caught:
         load(folder, slots)
     return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
 
 
-def test_keys_of_a_mission_and_its_waypoints_by_their_names(folder: Path) -> None:
+def test_keys_of_a_mission_and_its_waypoints_by_their_names(folder):
     found = cell(folder, "mission: {courier: {start: {y: 10 cm}, waypoints.kitchen.x: 0.3}}")
     assert found.mission.start.y == 0.1
     assert found.mission.waypoints[0].x == 0.3
@@ -71,20 +67,20 @@ def test_keys_of_a_mission_and_its_waypoints_by_their_names(folder: Path) -> Non
     assert found.mission.waypoints[1:] == plain.waypoints[1:]
 
 
-def test_a_waypoint_without_an_id_has_its_number(folder: Path) -> None:
+def test_a_waypoint_without_an_id_has_its_number(folder):
     (folder / "short.mission.yaml").write_text("waypoints: [{x: 0.2, y: 0.1}, {x: 0.5, y: 0.0}]\n")
     found = cell(folder, "mission: {short: {waypoints.waypoint-2.yaw: 90 deg}}")
     assert [w.yaw for w in found.mission.waypoints] == [None, math.pi / 2]
 
 
-def test_a_place_that_is_visited_twice_moves_as_one(folder: Path) -> None:
+def test_a_place_that_is_visited_twice_moves_as_one(folder):
     text = "waypoints: [{id: a, x: 0.2, y: 0}, {id: b, x: 0.5, y: 0}, {id: a, x: 0.2, y: 0}]\n"
     (folder / "round.mission.yaml").write_text(text)
     found = cell(folder, "mission: {round: {waypoints.a.x: 0.3}}")
     assert [w.x for w in found.mission.waypoints] == [0.3, 0.5, 0.3]
 
 
-def test_keys_of_a_robot_and_its_lasers_by_their_names(folder: Path) -> None:
+def test_keys_of_a_robot_and_its_lasers_by_their_names(folder):
     found = cell(folder, "robot: {courier: {laser.noise: 2 cm, drive.max_vx: 0.6 m/s}}")
     assert (found.robot.laser.noise, found.robot.drive.max_vx) == (0.02, 0.6)
     two = cell(folder, "robot: {shuttle: {lasers.rear.noise: 5 cm}}").robot
@@ -92,7 +88,7 @@ def test_keys_of_a_robot_and_its_lasers_by_their_names(folder: Path) -> None:
     assert len({laser.noise for laser in two.lasers}) == 2
 
 
-def test_parameters_of_a_system_in_its_own_units_or_with_one(folder: Path) -> None:
+def test_parameters_of_a_system_in_its_own_units_or_with_one(folder):
     (sut,) = cell(folder, "sut: {pilot: {max_speed: 0.4 m/s, patience: 30}}").suts
     assert sut.parameters == {"max_speed": 0.4, "patience": 30}
     text = "sut: mine\nkind: pilot\nparameters: {max_speed: 0.2, max_turn: 0.8}\n"
@@ -109,7 +105,7 @@ def test_parameters_of_a_system_in_its_own_units_or_with_one(folder: Path) -> No
         "move_base: {local_costmap/inflation_radius",
     ],
 )
-def test_nested_parameters_of_a_ros_stack_by_either_spelling(folder: Path, key: str) -> None:
+def test_nested_parameters_of_a_ros_stack_by_either_spelling(folder, key):
     end = "}" * key.count("{")
     (sut,) = cell(folder, f"sut: [{{a2s: {{{key}: 30 cm}}}}{end}]").suts
     (other,) = cell(folder, "sut: a2s").suts
@@ -117,7 +113,7 @@ def test_nested_parameters_of_a_ros_stack_by_either_spelling(folder: Path, key: 
     assert costmap == plain | {"inflation_radius": 0.3} != plain
 
 
-def test_groups_of_objects_and_values_at_the_top(folder: Path) -> None:
+def test_groups_of_objects_and_values_at_the_top(folder):
     (folder / "two.scenery").write_text(
         (folder / "doors.scenery").read_text() + "\ngroup both: kitchen_door, bedroom_door\n"
     )
@@ -133,7 +129,7 @@ def test_groups_of_objects_and_values_at_the_top(folder: Path) -> None:
     assert (found.robot.mass, found.suts[0].parameters) == (40.0, {"max_speed": 0.3})
 
 
-def test_a_draw_with_a_value_leaves_the_other_draws_as_they_were(folder: Path) -> None:
+def test_a_draw_with_a_value_leaves_the_other_draws_as_they_were(folder):
     bare = "objects: []\n    behaviours: []\n    "
     varied = f"{bare}vary: {{floorplan: flat, samples: 3}}"
     before = [c.plan for c in load(folder, varied).cells if c.name.startswith("changed")]
@@ -173,15 +169,13 @@ def test_a_draw_with_a_value_leaves_the_other_draws_as_they_were(folder: Path) -
         ("vary: {floorplan: {flat: {hinged_width: 1}}, samples: 1}", "it is calculated; what is"),
     ],
 )
-def test_what_is_wrong_with_a_value_is_said_where_it_is_written(
-    folder: Path, slots: str, expected: str
-) -> None:
+def test_what_is_wrong_with_a_value_is_said_where_it_is_written(folder, slots, expected):
     found = complaints(folder, slots)
     assert expected in "\n".join(found)
     assert all(line.startswith("tiny.yaml:16:") for line in found)
 
 
-def test_one_file_is_read_once_for_all_values(folder: Path) -> None:
+def test_one_file_is_read_once_for_all_values(folder):
     campaign = load(folder, "about: same")
     scenario, library = campaign.cells[0].scenario, LayerLibrary(folder)
     library.mission(scenario.mission)
@@ -194,7 +188,7 @@ def test_one_file_is_read_once_for_all_values(folder: Path) -> None:
     assert [mission.start.y for mission in missions] == [n / 100 for n in range(200)]
 
 
-def test_a_plan_that_was_compiled_with_other_values_is_as_it_was(folder: Path) -> None:
+def test_a_plan_that_was_compiled_with_other_values_is_as_it_was(folder):
     scenario, library = load(folder, "about: same").cells[0].scenario, LayerLibrary(folder)
     text = library.plan_text(folder / "flat.fpm")
     plain = text.compile()
@@ -205,7 +199,7 @@ def test_a_plan_that_was_compiled_with_other_values_is_as_it_was(folder: Path) -
     assert text.compile() == plain == library.floorplan(scenario.floorplan)
 
 
-def test_later_values_win_over_those_that_are_written(folder: Path) -> None:
+def test_later_values_win_over_those_that_are_written(folder):
     scenario = cell(folder, "behaviours: [{doors_moving: {swing: 50 deg/s}}]").scenario
     changed = with_overrides(scenario, "behaviours", 0, {"swing": "70 deg/s", "slide": "1 m/s"})
     assert changed.behaviours[0].overrides == {"swing": "70 deg/s", "slide": "1 m/s"}
@@ -249,8 +243,8 @@ def test_later_values_win_over_those_that_are_written(folder: Path) -> None:
     ],
 )
 def test_what_may_be_given_another_value_is_known_with_what_it_has(
-    folder: Path, slots: str, slot: ParameterSlot, key: str, expected: tuple[object, ...]
-) -> None:
+    folder, slots, slot, key, expected
+):
     found = overridable(LayerLibrary(folder), cell(folder, slots).scenario, slot)
     value = find_overridable(found, key)
     assert value is not None
@@ -259,10 +253,10 @@ def test_what_may_be_given_another_value_is_known_with_what_it_has(
     )  # fmt: skip
 
 
-def test_every_written_value_may_be_written_as_an_override(folder: Path) -> None:
+def test_every_written_value_may_be_written_as_an_override(folder):
     scenario = load(folder, "about: same").cells[0].scenario
     library = LayerLibrary(folder)
-    slots: tuple[ParameterSlot, ...] = ("floorplan", "behaviours", "mission", "robot", "sut")
+    slots = ("floorplan", "behaviours", "mission", "robot", "sut")
     for slot in slots:
         values = overridable(library, scenario, slot)
         told = {
@@ -285,8 +279,8 @@ SHIPPED = (
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_each_shipped_scenario_as_a_campaign_of_its_own_has_the_same_runs(
-    tmp_path: Path, campaigns: Path, name: str
-) -> None:
+    tmp_path, campaigns, name
+):
     shutil.copytree(campaigns, tmp_path, dirs_exist_ok=True)
     campaign = load_campaign(tmp_path / f"{name}.yaml")
     # Those left out differ from others in nothing but their missions.
@@ -303,7 +297,7 @@ def test_each_shipped_scenario_as_a_campaign_of_its_own_has_the_same_runs(
     assert found == wanted
 
 
-def test_a_scenario_with_values_in_every_slot_runs_alone_as_it_does_there(folder: Path) -> None:
+def test_a_scenario_with_values_in_every_slot_runs_alone_as_it_does_there(folder):
     (folder / "mine.yaml").write_text("sut: mine\nlike: pilot\n")
     slots = """\
 floorplan: {flat: {room_length: 3.1 m}}
@@ -330,7 +324,7 @@ floorplan: {flat: {room_length: 3.1 m}}
     assert [r.digest for r in expand(load_campaign(folder / "alone.yaml")).runs] == wanted[1:]
 
 
-def test_variants_with_values_run_alone_as_they_do_there(folder: Path) -> None:
+def test_variants_with_values_run_alone_as_they_do_there(folder):
     campaign = load(folder, "vary: {floorplan: {flat: {slack: 0.1 m}}, samples: 2}")
     wanted = [r.digest for r in expand(campaign).runs if r.scenario != "plain"]
     scenario = replace(campaign.cells[1].scenario, name="other")

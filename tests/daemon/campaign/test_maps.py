@@ -1,11 +1,7 @@
 """The map of a campaign: drawn by a rule, or one of its own."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -15,9 +11,8 @@ from daemon.model.attachments import user_files_folder
 from daemon.model.spec import MapSettings, RunSpec
 from daemon.run_map import MapMissingError, run_map, stored_map
 from grammars.floorplan import load_floorplan
-from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN
 from grammars.model.map_files import write_map
-from grammars.model.scene import Scene
 from grammars.scenery.composition import compile_scene
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity
@@ -39,7 +34,7 @@ scenarios:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, campaigns, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for path in (campaigns / "demo").iterdir():
         if path.suffix in (".fpm", ".yaml") and path.name != "campaign.yaml":
@@ -48,35 +43,35 @@ def folder(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> 
     return tmp_path
 
 
-def written(folder: Path, map: str = "", override: str = "") -> Path:
+def written(folder, map="", override=""):
     path = folder / "campaign.yaml"
     path.write_text(CAMPAIGN.format(map=map, override=override))
     return path
 
 
-def specs(folder: Path, map: str = "", override: str = "") -> tuple[RunSpec, ...]:
+def specs(folder, map="", override=""):
     return expand(load_campaign(written(folder, map, override))).runs
 
 
-def drawn(folder: Path) -> tuple[Scene, OccupancyGrid]:
+def drawn(folder):
     scene = compile_scene(load_floorplan(folder / "flat.fpm"), [])
     return scene, occupancy_grid(scene, laser_height=0.2)
 
 
-def warnings(folder: Path, map: str = "map: {file: own.yaml}") -> list[str]:
+def warnings(folder, map="map: {file: own.yaml}"):
     found = check(load_campaign(written(folder, map)))
     assert not [d for d in found if d.severity is Severity.ERROR]
     return [str(d).replace(f"{folder}/", "") for d in found]
 
 
-def test_a_map_is_drawn_by_outline_unless_the_campaign_says_otherwise(folder: Path) -> None:
+def test_a_map_is_drawn_by_outline_unless_the_campaign_says_otherwise(folder):
     assert {run.map.rule for run in specs(folder)} == {"outline"}
     first, second = specs(folder, "map: {rule: touch}", ", map: {rule: centre}")
     assert (first.map, second.map) == (MapSettings(rule="touch"), MapSettings(rule="centre"))
     assert len({run.digest for run in (first, second)}) == 2
 
 
-def test_what_was_recorded_before_there_were_rules_is_drawn_by_touch(folder: Path) -> None:
+def test_what_was_recorded_before_there_were_rules_is_drawn_by_touch(folder):
     (spec, _) = specs(folder)
     plain = codec.to_plain(spec)
     plain["map"] = {"resolution": 0.05, "doors": "none"}
@@ -89,9 +84,7 @@ def test_what_was_recorded_before_there_were_rules_is_drawn_by_touch(folder: Pat
 
 
 @pytest.mark.parametrize("doors", ["none", "initial"])
-def test_who_writes_into_a_map_leaves_that_of_the_next_run_alone(
-    folder: Path, doors: Literal["none", "initial"]
-) -> None:
+def test_who_writes_into_a_map_leaves_that_of_the_next_run_alone(folder, doors):
     scene, _ = drawn(folder)
     settings = MapSettings(doors=doors)
     first = run_map(settings, scene, 0.2, {})
@@ -100,7 +93,7 @@ def test_who_writes_into_a_map_leaves_that_of_the_next_run_alone(
     assert np.array_equal(run_map(settings, scene, 0.2, {}).cells, kept)
 
 
-def test_a_map_of_ones_own_is_the_one_of_the_run(folder: Path) -> None:
+def test_a_map_of_ones_own_is_the_one_of_the_run(folder):
     scene, grid = drawn(folder)
     cells = grid.cells.copy()
     cells[5, 7] = OCCUPIED
@@ -114,7 +107,7 @@ def test_a_map_of_ones_own_is_the_one_of_the_run(folder: Path) -> None:
     assert (given.x, given.y, given.resolution) == (grid.x, grid.y, grid.resolution)
 
 
-def test_a_run_is_known_by_the_content_of_its_map_not_by_its_place(folder: Path) -> None:
+def test_a_run_is_known_by_the_content_of_its_map_not_by_its_place(folder):
     _, grid = drawn(folder)
     (folder / "maps").mkdir()
     write_map(grid, folder / "own", laser_height=0.2)
@@ -126,7 +119,7 @@ def test_a_run_is_known_by_the_content_of_its_map_not_by_its_place(folder: Path)
     assert {run.digest for run in there}.isdisjoint(run.digest for run in here)
 
 
-def test_a_map_that_is_gone_or_damaged_is_told(folder: Path) -> None:
+def test_a_map_that_is_gone_or_damaged_is_told(folder):
     _, grid = drawn(folder)
     write_map(grid, folder / "own", laser_height=0.2)
     (spec, _) = specs(folder, "map: {file: own.yaml}")
@@ -152,9 +145,7 @@ def test_a_map_that_is_gone_or_damaged_is_told(folder: Path) -> None:
         ("map: {rule: middle}", "rule"),
     ],
 )
-def test_what_is_wrong_with_a_map_stands_where_it_was_written(
-    folder: Path, map: str, complaint: str
-) -> None:
+def test_what_is_wrong_with_a_map_stands_where_it_was_written(folder, map, complaint):
     _, grid = drawn(folder)
     write_map(grid, folder / "own", laser_height=0.2)
     (folder / "broken.yaml").write_text("image: own.pgm\n")
@@ -163,20 +154,20 @@ def test_what_is_wrong_with_a_map_stands_where_it_was_written(
         load_campaign(path)
 
 
-def test_a_broken_map_does_not_hide_what_else_is_wrong(folder: Path) -> None:
+def test_a_broken_map_does_not_hide_what_else_is_wrong(folder):
     path = written(folder, "map: {file: gone.yaml}", ", mission: nowhere")
     _, found = examine(path)
     assert any("gone.yaml" in str(d) for d in found)
     assert any("nowhere" in str(d) for d in found)
 
 
-def test_the_map_of_the_building_itself_gives_no_warnings(folder: Path) -> None:
+def test_the_map_of_the_building_itself_gives_no_warnings(folder):
     _, grid = drawn(folder)
     write_map(grid, folder / "own", laser_height=0.2)
     assert warnings(folder) == warnings(folder, "")
 
 
-def test_a_start_and_waypoints_that_are_not_free_are_told(folder: Path) -> None:
+def test_a_start_and_waypoints_that_are_not_free_are_told(folder):
     scene, grid = drawn(folder)
     missions = {w.id: (w.x, w.y) for w in load_campaign(written(folder)).cells[0].mission.waypoints}
     cells = grid.cells.copy()
@@ -195,7 +186,7 @@ def test_a_start_and_waypoints_that_are_not_free_are_told(folder: Path) -> None:
     assert scene.name not in found
 
 
-def test_a_map_that_lies_beside_the_building_is_told(folder: Path) -> None:
+def test_a_map_that_lies_beside_the_building_is_told(folder):
     scene, grid = drawn(folder)
     write_map(replace(grid, x=grid.x + 40.0), folder / "own", laser_height=0.2)
     found = warnings(folder)

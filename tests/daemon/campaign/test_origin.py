@@ -1,20 +1,16 @@
 """Where a campaign was written: the file, its seed, and the commit where there is one."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
 
 from daemon.campaign import campaign_origin, load_campaign
-from daemon.model.status import CampaignOrigin
 
 GIT = shutil.which("git")
 
 
-def git(folder: Path, *words: str) -> str:
+def git(folder, *words):
     assert GIT is not None
     who = ("-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false")
     done = subprocess.run(
@@ -24,21 +20,19 @@ def git(folder: Path, *words: str) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     """The campaign of the demonstration by itself."""
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / "here" / name)
     return tmp_path / "here" / "demo"
 
 
-def origin(folder: Path) -> CampaignOrigin:
+def origin(folder):
     file = folder / "campaign.yaml"
     return campaign_origin(load_campaign(file), file)
 
 
-def test_without_git_the_file_and_its_seed_are_known(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_git_the_file_and_its_seed_are_known(folder, monkeypatch):
     monkeypatch.setenv("PATH", "")
     found = origin(folder)
     assert (found.file, found.seed, len(found.digest)) == ("campaign.yaml", 7, 64)
@@ -46,9 +40,7 @@ def test_without_git_the_file_and_its_seed_are_known(
 
 
 @pytest.mark.skipif(GIT is None, reason="no git is installed")
-def test_the_commit_is_told_and_what_is_not_in_it(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commit_is_told_and_what_is_not_in_it(folder, monkeypatch):
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(folder.parent.parent))
     assert origin(folder).commit == ""
     git(folder.parent, "init", "-q", "-b", "trunk")
@@ -72,9 +64,7 @@ def test_the_commit_is_told_and_what_is_not_in_it(
 
 
 @pytest.mark.skipif(GIT is None, reason="no git is installed")
-def test_the_repository_of_a_hook_is_not_that_of_the_campaign(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_repository_of_a_hook_is_not_that_of_the_campaign(folder, monkeypatch):
     git(folder.parent, "init", "-q", "-b", "trunk")
     git(folder.parent, "add", ".")
     git(folder.parent, "commit", "-q", "-m", "all")

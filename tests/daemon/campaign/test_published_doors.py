@@ -1,17 +1,13 @@
 """Every scenario of the published experiment has the doors of its own published world."""
 
-from __future__ import annotations
-
 import json
 import math
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from daemon.campaign import Campaign, CampaignCell, load_campaign
+from daemon.campaign import load_campaign
 from grammars.model.behaviour import (
-    Behaviour,
     Hold,
     Jump,
     KeyFrame,
@@ -32,21 +28,21 @@ SPRING = Spring(0.5, 0.0)
 
 
 @pytest.fixture(scope="module")
-def published(campaigns: Path) -> Campaign:
+def published(campaigns):
     return load_campaign(campaigns / "ortega2024" / "campaign.yaml")
 
 
-def cell(campaign: Campaign, name: str) -> CampaignCell:
+def cell(campaign, name):
     return next(c for c in campaign.cells if c.name == name)
 
 
-def told(campaign: Campaign, name: str) -> dict[str, Behaviour]:
+def told(campaign, name):
     """What the doors of a scenario do, by name; the same in every repeat."""
     (behaviours,) = set(cell(campaign, name).behaviours)
     return {b.joint.removesuffix(".hinge"): b for b in behaviours if b.kind != "walk"}
 
 
-def included(world: Path) -> dict[str, ElementTree.Element]:
+def included(world):
     """The doors of a world file by the name they have here."""
     parts = ElementTree.parse(world).getroot().iter("include")
     names = {part.findtext("name") or "": part for part in parts}
@@ -58,11 +54,11 @@ def included(world: Path) -> dict[str, ElementTree.Element]:
     }
 
 
-def number(plugin: ElementTree.Element, tag: str) -> float:
+def number(plugin, tag):
     return float(plugin.findtext(tag) or "nan")
 
 
-def played(plugin: ElementTree.Element, name: str, keyframes: Path) -> Behaviour:
+def played(plugin, name, keyframes):
     """What a plugin of a world makes of a door, in our words."""
     joint, library = f"{name}.hinge", plugin.get("filename")
     assert plugin.findtext("joint") == "door:joint-door-hinge"
@@ -81,9 +77,7 @@ def played(plugin: ElementTree.Element, name: str, keyframes: Path) -> Behaviour
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_a_scenario_has_the_doors_of_its_published_world(
-    published: Campaign, reference_data: Path, name: str
-) -> None:
+def test_a_scenario_has_the_doors_of_its_published_world(published, reference_data, name):
     doors = included(reference_data / "worlds" / f"{WORLDS[name]}.world")
     things = cell(published, name).scene.objects
     objects = {thing.name: thing for thing in things if thing.joints}
@@ -104,15 +98,13 @@ def test_a_scenario_has_the_doors_of_its_published_world(
             assert door not in behaviours
 
 
-def test_only_two_doors_tell_an_adversarial_scenario_from_its_static_sibling(
-    published: Campaign,
-) -> None:
+def test_only_two_doors_tell_an_adversarial_scenario_from_its_static_sibling(published):
     for adversarial, static in (("S3.2", "S3.5"), ("S3.4", "S3.6")):
         with_, without = told(published, adversarial), told(published, static)
         assert {door for door in with_ if with_[door] != without[door]} == {"door_12", "door_17"}
 
 
-def test_key_frames_are_those_of_the_publication_in_their_order(published: Campaign) -> None:
+def test_key_frames_are_those_of_the_publication_in_their_order(published):
     doors = told(published, "S2")
     frames = {name: b.frames for name, b in doors.items() if isinstance(b, KeyFrames)}
     assert [name for name in frames if len(frames[name]) > 1] == [f"door_{n}" for n in range(1, 11)]
@@ -123,9 +115,7 @@ def test_key_frames_are_those_of_the_publication_in_their_order(published: Campa
     ]  # fmt: skip
 
 
-def test_the_swinging_variant_is_s3_4_with_other_leaves(
-    published: Campaign, campaigns: Path
-) -> None:
+def test_the_swinging_variant_is_s3_4_with_other_leaves(published, campaigns):
     variant = load_campaign(campaigns / "ortega2024" / "swinging_doors.yaml")
     resting, swinging = cell(variant, "resting"), cell(variant, "swinging")
     original = cell(published, "S3.4")

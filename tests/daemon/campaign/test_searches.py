@@ -1,17 +1,14 @@
 """Searches of campaign files: what they come to, and what is said of those that make no sense."""
 
-from __future__ import annotations
-
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
 from daemon.campaign import examine, expand, load_campaign, read_budget, read_confirm, read_stop
-from daemon.model.search import SearchTask
 from grammars.text import plugins
 from grammars.text.diagnostics import Severity
 
@@ -51,7 +48,7 @@ Write = Callable[[str], Path]
 
 
 @pytest.fixture(autouse=True)
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def plugged(tmp_path, monkeypatch):
     """A signal of somebody's that is true or false: nothing leads to it."""
     text = "from grammars.oracle import CustomSignal\n"
     text += "flag = CustomSignal(lambda trace, time: time > 5.0, 'bool')\n"
@@ -68,13 +65,13 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.fixture
-def write(tmp_path: Path, campaigns: Path) -> Write:
+def write(tmp_path, campaigns):
     """Write a campaign with a search, the lines of which are given, and its layers."""
     folder = Path(shutil.copytree(campaigns / "demo", tmp_path / "mine"))
     (folder / "doors_moving.scenery").write_text(DOORS)
     (folder / "own.oracles.yaml").write_text("flat: never(their.flag)\n")
 
-    def write(text: str) -> Path:
+    def write(text):
         path = folder / "tiny.yaml"
         path.write_text(CAMPAIGN + text)
         return path
@@ -82,18 +79,18 @@ def write(tmp_path: Path, campaigns: Path) -> Write:
     return write
 
 
-def only_search(path: Path) -> SearchTask:
+def only_search(path):
     (task,) = load_campaign(path).searches
     return task
 
 
-def said(path: Path) -> list[str]:
+def said(path):
     """Return what is said of a campaign, without the folder of its files."""
     about = examine(path)[1]
     return [str(one).replace(f"{path.parent}/", "") for one in about if "tiny" in one.where.file]
 
 
-def test_a_search_that_says_little_has_defaults(write: Write) -> None:
+def test_a_search_that_says_little_has_defaults(write):
     task = only_search(write(HEAD + "    over: {doors_moving.closes: 5 .. 7 s}\n"))
     assert (task.runs, task.seconds, task.stop, task.method) == (60, 0.0, "budget", "auto")
     assert (task.confirm, task.then, task.window) == (5, ("nearest", "shrink"), 8)
@@ -106,7 +103,7 @@ def test_a_search_that_says_little_has_defaults(write: Write) -> None:
     assert (parameter.step, parameter.written, parameter.where) == (0.01, 6.0, "tiny.yaml:21")
 
 
-def test_everything_can_be_said(write: Write) -> None:
+def test_everything_can_be_said(write):
     text = """\
   all-of-it:
     about: everything
@@ -139,7 +136,7 @@ def test_everything_can_be_said(write: Write) -> None:
     assert [scale.oracle for scale in task.scales] == ["reached", "keeps-clear"]
 
 
-def test_searches_are_no_runs_and_change_none(write: Write) -> None:
+def test_searches_are_no_runs_and_change_none(write):
     without = write("").read_text().partition("search:")[0]
     path = write(HEAD + "    over: {doors_moving.closes: 5 .. 7 s}\n")
     runs = [run.digest for run in expand(load_campaign(path)).runs]
@@ -160,23 +157,21 @@ def test_searches_are_no_runs_and_change_none(write: Write) -> None:
         ("doors_moving.closes: 0.01 .. 10 s, log", 0.01, 10.0, "s", 0.001, 6.0),
     ],
 )
-def test_ranges_are_in_the_unit_they_are_written_in(
-    over: str, low: float, high: float, unit: str, step: float, written: float, write: Write
-) -> None:
+def test_ranges_are_in_the_unit_they_are_written_in(over, low, high, unit, step, written, write):
     (parameter,) = only_search(write(HEAD + f"    over:\n      {over}\n")).parameters
     assert (parameter.low, parameter.high, parameter.unit) == (low, high, unit)
     assert parameter.step == step
     assert parameter.written == pytest.approx(written, rel=1e-10)
 
 
-def test_choices_are_names_or_quantities(write: Write) -> None:
+def test_choices_are_names_or_quantities(write):
     over = "{doors_moving.leading: [bedroom_door, kitchen_door], doors_moving.near: [0.8 m, 50 cm]}"
     leading, near = only_search(write(HEAD + f"    over: {over}\n")).parameters
     assert (leading.choices, leading.written) == (("bedroom_door", "kitchen_door"), "bedroom_door")
     assert (near.choices, near.written) == (("0.8 m", "50 cm"), "0.8 m")
 
 
-def test_a_name_with_a_dash_means_the_parameter_with_a_stroke(write: Write) -> None:
+def test_a_name_with_a_dash_means_the_parameter_with_a_stroke(write):
     path = write(HEAD + "    over: {doors_moving.closes: 5 .. 7 s}\n")
     layer = path.with_name("doors_moving.scenery")
     layer.write_text(layer.read_text().replace("closes", "door_closes"))
@@ -185,7 +180,7 @@ def test_a_name_with_a_dash_means_the_parameter_with_a_stroke(write: Write) -> N
     assert (parameter.name, parameter.key) == ("doors_moving.door-closes", "door_closes")
 
 
-def test_an_inequality_may_name_what_is_not_searched(write: Write) -> None:
+def test_an_inequality_may_name_what_is_not_searched(write):
     text = "    over: {doors_moving.closes: 5 .. 40 s}\n"
     text += "    such that: [1 s < doors_moving.closes < doors_moving.opens]\n"
     assert only_search(write(HEAD + text)).constraints == (
@@ -281,7 +276,7 @@ OVER = "    over: {doors_moving.closes: 5 .. 7 s, doors_moving.opens: 20 .. 40 s
         (HEAD + OVER + "    window: 0\n", "greater than or equal to 1"),
     ],
 )
-def test_what_makes_no_sense_is_told_with_its_line(text: str, expected: str, write: Write) -> None:
+def test_what_makes_no_sense_is_told_with_its_line(text, expected, write):
     told = said(write(text))
     first = told[0]
     assert expected in "\n".join(told)
@@ -291,7 +286,7 @@ def test_what_makes_no_sense_is_told_with_its_line(text: str, expected: str, wri
     assert ": warning:" not in first
 
 
-def test_a_literal_is_searched_once_it_has_a_name(write: Write) -> None:
+def test_a_literal_is_searched_once_it_has_a_name(write):
     (told,) = said(write(HEAD + "    over: {doors_moving.kitchen_closes: 7 .. 8.9 s}\n"))
     assert told == (
         'tiny.yaml:21:12: layer doors_moving has no parameter "kitchen_closes"\n'
@@ -300,14 +295,14 @@ def test_a_literal_is_searched_once_it_has_a_name(write: Write) -> None:
     )
 
 
-def test_a_written_value_outside_of_its_range_is_a_warning(write: Write) -> None:
+def test_a_written_value_outside_of_its_range_is_a_warning(write):
     path = write(HEAD + "    over: {doors_moving.closes: 7 .. 9 s}\n")
     (told,) = said(path)
     assert "tiny.yaml:21:12: warning: doors_moving.closes is 6 s as written" in told
     assert only_search(path).parameters[0].written == 6.0
 
 
-def test_what_is_wrong_with_one_search_hides_nothing(write: Write) -> None:
+def test_what_is_wrong_with_one_search_hides_nothing(write):
     path = write(
         "  a: {scenario: bussy, minimise: any, over: {a.b: 1 .. 2 s}}\n"
         "  b: {scenario: busy, minimise: any, over: {a.b: 1 .. 2 s, doors_moving.closes: 1}}\n"
@@ -320,7 +315,7 @@ def test_what_is_wrong_with_one_search_hides_nothing(write: Write) -> None:
     assert [task.name for task in campaign.searches] == ["c"]
 
 
-def test_flat_oracles_are_passed_over_where_any_is_searched(write: Write) -> None:
+def test_flat_oracles_are_passed_over_where_any_is_searched(write):
     path = write(f"  s:\n    scenario: busy\n    minimise: any\n{OVER}")
     told = [one for one in said(path) if "flat" in one]
     assert told
@@ -328,7 +323,7 @@ def test_flat_oracles_are_passed_over_where_any_is_searched(write: Write) -> Non
     assert "flat" not in [scale.oracle for scale in only_search(path).scales]
 
 
-def test_amounts_are_read_in_words() -> None:
+def test_amounts_are_read_in_words():
     assert read_budget("1 run") == (1, 0.0)
     assert read_budget("10 min") == (10_000, 600.0)
     assert read_budget("10 min, 60 runs") == (60, 600.0)

@@ -1,9 +1,5 @@
 """What is said of a robot's sensors once it is known which system they meet."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from daemon.campaign import check, load_campaign
@@ -35,7 +31,7 @@ parameters:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     for path in (campaigns / "demo").iterdir():
         if path.suffix in (".fpm", ".yaml") and path.name != "campaign.yaml":
             (tmp_path / path.name).write_text(path.read_text())
@@ -44,12 +40,12 @@ def folder(tmp_path: Path, campaigns: Path) -> Path:
     return tmp_path
 
 
-def said(folder: Path) -> list[str]:
+def said(folder):
     found = check(load_campaign(folder / "campaign.yaml"))
     return [str(one).partition(": warning: ")[2] for one in found if "mine:" in str(one)]
 
 
-def test_a_laser_the_costmaps_ignore_is_said_once_per_system_and_robot(folder: Path) -> None:
+def test_a_laser_the_costmaps_ignore_is_said_once_per_system_and_robot(folder):
     (folder / "mine.yaml").write_text(ROS)
     found = said(folder)
     assert len(found) == 2
@@ -58,7 +54,7 @@ def test_a_laser_the_costmaps_ignore_is_said_once_per_system_and_robot(folder: P
     assert said(folder) == []
 
 
-def test_a_ros2_stack_is_held_against_the_rates_of_sensors(folder: Path) -> None:
+def test_a_ros2_stack_is_held_against_the_rates_of_sensors(folder):
     (folder / "mine.yaml").write_text(
         "sut: mine\nkind: ros2\nlaunch: nav {map}\nready: [amcl]\nperiod: 0.07 s\n"
     )

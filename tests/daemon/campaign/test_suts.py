@@ -1,13 +1,9 @@
 """Systems under test in layers: like another, on ROS files, every complaint where it belongs."""
 
-from __future__ import annotations
-
 import shutil
-from pathlib import Path
-from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.campaign import (
@@ -18,7 +14,6 @@ from daemon.campaign import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.model.spec import SutReference
 from daemon.stacks.ros1.configuration import read_ros
 from daemon.stacks.ros1.costmap import InflationLayer
 from daemon.stacks.ros1.topics import ONE_LASER, Wiring
@@ -49,7 +44,7 @@ FILES = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "robot").mkdir()
     for name, text in FILES.items():
         (tmp_path / "robot" / name).write_text(text)
@@ -57,28 +52,28 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def write(folder: Path, name: str, text: str) -> None:
+def write(folder, name, text):
     (folder / f"{name}.yaml").write_text(f"sut: {name}\n{text}")
 
 
-def load(folder: Path, name: str) -> tuple[SutReference, list[str]]:
+def load(folder, name):
     library = LayerLibrary(folder)
     sut = library.sut(LayerReference(name, {}, Where("campaign.yaml", 1, 1)))
     assert all(w.severity is Severity.WARNING for w in library.warnings)
     return sut, [str(w).replace(f"{folder}/", "") for w in library.warnings]
 
 
-def errors(folder: Path, name: str) -> list[str]:
+def errors(folder, name):
     with pytest.raises(InputError) as caught:
         load(folder, name)
     return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
 
 
-def pilot(folder: Path, name: str) -> dict[str, Any]:
+def pilot(folder, name):
     return load(folder, name)[0].parameters
 
 
-def test_a_system_like_another_is_the_same_except_for_what_it_says(tmp_path: Path) -> None:
+def test_a_system_like_another_is_the_same_except_for_what_it_says(tmp_path):
     write(tmp_path, "base", "kind: pilot\nparameters: {max_speed: 0.4, max_turn: 0.8}\n")
     write(tmp_path, "slow", "like: base\nparameters: {max_speed: 0.2}\n")
     write(tmp_path, "free", "like: slow\nparameters: {max_turn: null, patience: 30.0}\n")
@@ -88,7 +83,7 @@ def test_a_system_like_another_is_the_same_except_for_what_it_says(tmp_path: Pat
     assert (sut.name, sut.kind) == ("free", "pilot")
 
 
-def test_what_a_system_is_like_is_also_found_beside_the_campaign(tmp_path: Path) -> None:
+def test_what_a_system_is_like_is_also_found_beside_the_campaign(tmp_path):
     (tmp_path / "suts").mkdir()
     (tmp_path / "mine" / "suts").mkdir(parents=True)
     write(tmp_path / "suts", "base", "kind: pilot\nparameters: {max_speed: 0.4}\n")
@@ -116,16 +111,14 @@ def test_what_a_system_is_like_is_also_found_beside_the_campaign(tmp_path: Path)
           "b": "kind: pilot\nparameters:\n  max_turn: fast\n"}, "b.yaml:4:3"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_layered_is_said_where_it_stands(
-    folder: Path, files: dict[str, str], expected: str
-) -> None:
+def test_what_cannot_be_layered_is_said_where_it_stands(folder, files, expected):
     for name, text in files.items():
         write(folder, name, text)
     found = errors(folder, "a")
     assert any(expected in message for message in found), found
 
 
-def test_a_folder_of_ros_files_is_loaded_as_launch_files_load_it(folder: Path) -> None:
+def test_a_folder_of_ros_files_is_loaded_as_launch_files_load_it(folder):
     sut, warnings = load(folder, "robot")
     assert warnings == []
     move_base = sut.parameters["move_base"]
@@ -137,7 +130,7 @@ def test_a_folder_of_ros_files_is_loaded_as_launch_files_load_it(folder: Path) -
     assert len(move_base["local_costmap"]["footprint"]) == 4
 
 
-def test_files_named_one_by_one_and_overrides_give_the_same_tree(folder: Path) -> None:
+def test_files_named_one_by_one_and_overrides_give_the_same_tree(folder):
     listed = {
         "amcl": "robot/amcl.yaml",
         "costmap_common": "robot/costmap_common_params.yaml",
@@ -151,7 +144,7 @@ def test_files_named_one_by_one_and_overrides_give_the_same_tree(folder: Path) -
     assert listed_one == whole
 
 
-def test_a_file_about_one_section_may_leave_its_name_out(folder: Path) -> None:
+def test_a_file_about_one_section_may_leave_its_name_out(folder):
     before = load(folder, "robot")[0].parameters
     lines = FILES["costmap_local_params.yaml"].splitlines()[1:]
     (folder / "robot" / "costmap_local_params.yaml").unlink()
@@ -159,9 +152,7 @@ def test_a_file_about_one_section_may_leave_its_name_out(folder: Path) -> None:
     assert load(folder, "robot")[0].parameters == before
 
 
-def test_a_name_with_slashes_means_levels_and_a_leading_one_leaves_the_namespace(
-    folder: Path,
-) -> None:
+def test_a_name_with_slashes_means_levels_and_a_leading_one_leaves_the_namespace(folder):
     text = "DWAPlannerROS/sim_time: 1.5\n/amcl/odom_alpha2: 0.3\n"
     (folder / "robot" / "move_base_params.yaml").write_text(text)
     parameters = load(folder, "robot")[0].parameters
@@ -169,7 +160,7 @@ def test_a_name_with_slashes_means_levels_and_a_leading_one_leaves_the_namespace
     assert parameters["amcl"]["odom_alpha2"] == 0.3
 
 
-def test_what_both_costmaps_share_is_overridden_in_one_line(folder: Path) -> None:
+def test_what_both_costmaps_share_is_overridden_in_one_line(folder):
     text = "like: robot\nparameters: {costmap_common: {inflation_radius: 0.9, scan: {topic: s}}}\n"
     write(folder, "mine", text)
     sut, warnings = load(folder, "mine")
@@ -197,15 +188,15 @@ def test_what_both_costmaps_share_is_overridden_in_one_line(folder: Path) -> Non
     ],
 )  # fmt: skip
 def test_a_wrong_value_is_reported_once_where_it_stands_in_the_ros_file(
-    folder: Path, file: str, old: str, new: str, expected: str
-) -> None:
+    folder, file, old, new, expected
+):
     (folder / "robot" / file).write_text(FILES[file].replace(old, new))
     (message,) = errors(folder, "robot")
     assert message.startswith("robot/")
     assert expected in message
 
 
-def test_slips_of_ros_files_are_warnings_with_their_place(folder: Path) -> None:
+def test_slips_of_ros_files_are_warnings_with_their_place(folder):
     dwa = FILES["dwa_local_planner_params.yaml"] + "  max_vel_tans: 0.2\n  stop_time_buffer: 0.2\n"
     (folder / "robot" / "dwa_local_planner_params.yaml").write_text(dwa)
     local = FILES["costmap_local_params.yaml"] + "  inflation_radius: 0.3\n"
@@ -222,7 +213,7 @@ def test_slips_of_ros_files_are_warnings_with_their_place(folder: Path) -> None:
     assert len(warnings) == 4
 
 
-def test_a_usual_file_that_is_missing_is_worth_a_warning(folder: Path) -> None:
+def test_a_usual_file_that_is_missing_is_worth_a_warning(folder):
     (folder / "robot" / "amcl.yaml").unlink()
     _, warnings = load(folder, "robot")
     (warning,) = (w for w in warnings if "ROS defaults apply" in w)
@@ -231,7 +222,7 @@ def test_a_usual_file_that_is_missing_is_worth_a_warning(folder: Path) -> None:
     assert sum("ROS defaults apply" in w for w in load(folder, "mine")[1]) == 1
 
 
-def test_of_two_names_for_a_file_the_usual_one_is_read(folder: Path) -> None:
+def test_of_two_names_for_a_file_the_usual_one_is_read(folder):
     (folder / "robot" / "amcl_params.yaml").write_text("odom_alpha1: 0.7\n")
     sut, warnings = load(folder, "robot")
     assert sut.parameters["amcl"] == {"odom_alpha1": 0.1}
@@ -242,13 +233,13 @@ def test_of_two_names_for_a_file_the_usual_one_is_read(folder: Path) -> None:
     assert not any("not read" in w for w in warnings)
 
 
-def test_what_is_wrong_in_several_files_is_reported_at_once(folder: Path) -> None:
+def test_what_is_wrong_in_several_files_is_reported_at_once(folder):
     (folder / "robot" / "amcl.yaml").write_text("- 1\n")
     (folder / "robot" / "move_base_params.yaml").write_text("a: [\n")
     assert len(errors(folder, "robot")) == 2
 
 
-def test_a_kind_named_without_a_file_tells_what_its_defaults_lack(tmp_path: Path) -> None:
+def test_a_kind_named_without_a_file_tells_what_its_defaults_lack(tmp_path):
     sut, warnings = load(tmp_path, "ros")
     assert (sut.kind, sut.parameters) == ("ros", {})
     assert any("the local costmap has no source" in w for w in warnings)
@@ -264,17 +255,14 @@ _trees = st.recursive(
 @given(
     st.dictionaries(st.sampled_from("abc"), _trees), st.dictionaries(st.sampled_from("abc"), _trees)
 )
-@settings(max_examples=50)
-def test_a_later_layer_changes_what_it_names_and_leaves_the_rest(
-    base: dict[str, Any], over: dict[str, Any]
-) -> None:
+def test_a_later_layer_changes_what_it_names_and_leaves_the_rest(base, over):
     here = Where("f")
     one, other = (flatten_parameters(tree, lambda _: here) for tree in (base, over))
     assert parameter_tree(one) == base
     assert parameter_tree(merge_parameters(one, other)) == plainly_merged(base, over)
 
 
-def plainly_merged(base: Any, over: Any) -> Any:
+def plainly_merged(base, over):
     if not isinstance(base, dict) or not isinstance(over, dict):
         return over
     return base | {name: plainly_merged(base.get(name), value) for name, value in over.items()}
@@ -306,9 +294,7 @@ LAYERED = {
 }
 
 
-def test_files_with_plugins_one_section_each_and_no_section_names_are_understood(
-    folder: Path,
-) -> None:
+def test_files_with_plugins_one_section_each_and_no_section_names_are_understood(folder):
     for name, text in LAYERED.items():
         (folder / "robot" / name).write_text(text)
     sut, warnings = load(folder, "robot")
@@ -321,7 +307,7 @@ def test_files_with_plugins_one_section_each_and_no_section_names_are_understood
     assert read.local_costmap.layers[1] == InflationLayer("inflation", inflation_radius=1.0)
 
 
-def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns: Path) -> None:
+def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns):
     wrong, right = (load(campaigns, name)[0].parameters for name in ("a2s", "fro-diff"))
     assert differences(wrong, right) == {
         "amcl/odom_model_type",
@@ -335,7 +321,7 @@ def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns: Path) -> Non
     assert len([line for line in lines if line.strip() != "costmap_common:"]) == 3
 
 
-def differences(one: Any, other: Any, path: str = "") -> set[str]:
+def differences(one, other, path=""):
     if not isinstance(one, dict) or not isinstance(other, dict):
         return set() if one == other else {path}
     return {
@@ -348,9 +334,7 @@ def differences(one: Any, other: Any, path: str = "") -> set[str]:
 @pytest.mark.parametrize(
     ("name", "hears"), [("a2s", True), ("fro-diff", True), ("fro-omni", True), ("a2s-blind", False)]
 )
-def test_only_the_blind_costmaps_do_not_hear_the_scan(
-    campaigns: Path, name: str, hears: bool
-) -> None:
+def test_only_the_blind_costmaps_do_not_hear_the_scan(campaigns, name, hears):
     read = read_ros(load(campaigns, name)[0].parameters)
     assert read.wiring == Wiring(
         amcl=ONE_LASER,
@@ -362,9 +346,7 @@ def test_only_the_blind_costmaps_do_not_hear_the_scan(
 
 
 @pytest.mark.parametrize("name", ["a2s", "fro-diff", "fro-omni"])
-def test_our_configurations_have_the_published_figures(
-    campaigns: Path, reference_data: Path, name: str
-) -> None:
+def test_our_configurations_have_the_published_figures(campaigns, reference_data, name):
     published = reference_data / "suts" / name
     common, local, global_, dwa, base, amcl = (
         load_ros_yaml(published / f"{file}.yaml")[0].data
@@ -382,7 +364,7 @@ def test_our_configurations_have_the_published_figures(
     assert ours["move_base"] == base | dwa | costmaps
 
 
-def test_a_campaign_reports_every_bad_ros_file_at_once(tmp_path: Path, campaigns: Path) -> None:
+def test_a_campaign_reports_every_bad_ros_file_at_once(tmp_path, campaigns):
     shutil.copytree(campaigns / "suts", tmp_path / "suts")
     shutil.copytree(campaigns / "robots", tmp_path / "robots")
     shutil.copytree(campaigns / "demo", tmp_path / "demo")

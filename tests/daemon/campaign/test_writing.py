@@ -1,7 +1,5 @@
 """How campaigns are written: defaults, and answers to what people write in the wrong place."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -39,24 +37,24 @@ scenarios:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     """The files of a campaign far from everything that ships."""
     return Path(shutil.copytree(campaigns / "demo", tmp_path / "mine"))
 
 
-def write(folder: Path, text: str) -> Path:
+def write(folder, text):
     path = folder / "tiny.yaml"
     path.write_text(text)
     return path
 
 
-def messages(path: Path) -> list[str]:
+def messages(path):
     with pytest.raises(InputError) as caught:
         load_campaign(path)
     return [str(d).replace(f"{path.parent}/", "") for d in caught.value.diagnostics]
 
 
-def test_defaults_hold_where_a_scenario_says_nothing_itself_or_by_like(folder: Path) -> None:
+def test_defaults_hold_where_a_scenario_says_nothing_itself_or_by_like(folder):
     runs = {run.scenario: run for run in expand(load_campaign(write(folder, CAMPAIGN))).runs}
     assert {name: [o.name for o in run.oracles] for name, run in runs.items()} == {
         "calm": ["reached"],
@@ -72,7 +70,7 @@ def test_defaults_hold_where_a_scenario_says_nothing_itself_or_by_like(folder: P
     assert (runs["calm"].sut.kind, runs["other"].sut.kind) == ("pilot", "idle")
 
 
-def test_defaults_make_the_same_runs_as_writing_it_out(folder: Path) -> None:
+def test_defaults_make_the_same_runs_as_writing_it_out(folder):
     a, b = CAMPAIGN.index("defaults:"), CAMPAIGN.index("scenarios:")
     slots = "".join(f"  {line}\n" for line in CAMPAIGN[a:b].splitlines()[1:])
     spelled = CAMPAIGN[:a] + CAMPAIGN[b:].replace("  calm:\n", f"  calm:\n{slots}").replace(
@@ -83,13 +81,13 @@ def test_defaults_make_the_same_runs_as_writing_it_out(folder: Path) -> None:
     assert here.scenes == there.scenes
 
 
-def test_variants_may_be_a_default(folder: Path) -> None:
+def test_variants_may_be_a_default(folder):
     text = CAMPAIGN.replace("  floorplan: flat\n", "  vary: {floorplan: flat, samples: 1}\n")
     cells = load_campaign(write(folder, text)).cells
     assert {cell.name for cell in cells} == {"calm@0", "rude@0", "other@0"}
 
 
-def test_robots_and_systems_that_ship_come_last(folder: Path, campaigns: Path) -> None:
+def test_robots_and_systems_that_ship_come_last(folder, campaigns):
     text = CAMPAIGN.replace("[pilot]", "[pilot, fro-omni]")
     shipped = load_campaign(write(folder, text))
     assert [sut.name for sut in shipped.cells[0].suts] == ["pilot", "fro-omni"]
@@ -132,9 +130,7 @@ def test_robots_and_systems_that_ship_come_last(folder: Path, campaigns: Path) -
         ("[pilot]", "[fro-dif]", 'did you mean "fro-diff"?'),
     ],
 )
-def test_what_stands_in_the_wrong_place_is_answered_with_the_right_one(
-    folder: Path, old: str, new: str, expected: str
-) -> None:
+def test_what_stands_in_the_wrong_place_is_answered_with_the_right_one(folder, old, new, expected):
     assert expected in "\n".join(messages(write(folder, CAMPAIGN.replace(old, new, 1))))
 
 
@@ -162,9 +158,7 @@ def test_what_stands_in_the_wrong_place_is_answered_with_the_right_one(
         ("vary", "flat", "such as: vary: {floorplan: flat, samples: 20}"),
     ],
 )
-def test_a_value_of_the_wrong_form_is_one_finding_in_plain_words(
-    folder: Path, key: str, value: str, expected: str
-) -> None:
+def test_a_value_of_the_wrong_form_is_one_finding_in_plain_words(folder, key, value, expected):
     text = CAMPAIGN.replace("  other:\n", f"  other:\n    {key}: {value}\n")
     (found,) = messages(write(folder, text))
     assert expected in found
@@ -181,9 +175,7 @@ def test_a_value_of_the_wrong_form_is_one_finding_in_plain_words(
         ("oracles: [reached]", '"oracles: navigation" at the top names files that hold oracles'),
     ],
 )
-def test_what_no_scenario_names_is_said_once_with_a_line_to_write(
-    folder: Path, slot: str, expected: str
-) -> None:
+def test_what_no_scenario_names_is_said_once_with_a_line_to_write(folder, slot, expected):
     text = CAMPAIGN.replace(f"{slot}\n", "\n")
     if slot == "oracles: [reached]":
         text = text.replace("    oracles+: [no-contact]\n", "")
@@ -194,14 +186,14 @@ def test_what_no_scenario_names_is_said_once_with_a_line_to_write(
     assert expected in found
 
 
-def test_what_scenarios_lack_hides_nothing_else(folder: Path) -> None:
+def test_what_scenarios_lack_hides_nothing_else(folder):
     text = CAMPAIGN.replace("  mission: courier\n", "").replace("[pilot]", "[pilto]")
     found = messages(write(folder, text.replace("robot: courier", "robot: zzz")))
     for part in ("names a mission", 'no system under test "pilto"', 'no robot "zzz"'):
         assert any(part in one for one in found)
 
 
-def test_a_single_scenario_without_a_slot_is_named(folder: Path) -> None:
+def test_a_single_scenario_without_a_slot_is_named(folder):
     text = CAMPAIGN.replace("  oracles: [reached]\n", "").replace(
         "behaviours: doors_open", "oracles: [reached]"
     )
@@ -209,7 +201,7 @@ def test_a_single_scenario_without_a_slot_is_named(folder: Path) -> None:
     assert 'scenario "other" names no oracles' in found
 
 
-def test_missions_and_robots_answer_misplaced_keys_too(tmp_path: Path) -> None:
+def test_missions_and_robots_answer_misplaced_keys_too(tmp_path):
     path = tmp_path / "m.mission.yaml"
     path.write_text("mission: m\nwaypoint: [{x: 0, y: 0}]\nlimit: 3 min\n")
     with pytest.raises(InputError) as caught:
@@ -225,7 +217,7 @@ def test_missions_and_robots_answer_misplaced_keys_too(tmp_path: Path) -> None:
         assert part in said
 
 
-def test_keys_of_a_robot_in_a_system_under_test(folder: Path) -> None:
+def test_keys_of_a_robot_in_a_system_under_test(folder):
     (folder / "fast.yaml").write_text("sut: fast\nlike: pilot\ndrive: {}\nlookahead: 1\n")
     said = "\n".join(messages(write(folder, CAMPAIGN.replace("[pilot]", "[fast]"))))
     assert "fast.yaml:3:1: " in said

@@ -1,7 +1,5 @@
 """Signals of a run along time, its doors and its mission."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -21,18 +19,18 @@ from grammars.oracle import Signal
 from tests.daemon.judging.oracles.traces import CORRIDOR, along, door, make_trace, times
 
 
-def test_doors_open_when_they_leave_how_they_are_drawn() -> None:
+def test_doors_open_when_they_leave_how_they_are_drawn():
     position = np.array([[0.0], [0.04], [0.5], [0.5], [0.01], [-0.2]])
     track = JointTrack(("door-1.hinge",), np.arange(6.0), position, np.zeros((6, 1)))
     found = [(event.time, event.opens) for event in door_motions(track)]
     assert found == [(2.0, True), (4.0, False), (5.0, True)]
 
 
-def test_stretches_that_touch_become_one() -> None:
+def test_stretches_that_touch_become_one():
     assert merge_spans([(3.0, 4.0), (0.0, 1.0), (1.0, 2.0), (3.5, 3.6)]) == ((0.0, 2.0), (3.0, 4.0))
 
 
-def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known() -> None:
+def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known():
     time = np.arange(0.0, 10.0, 0.01)
     values = np.sin(time)
     values[777] = 5.123456
@@ -45,13 +43,13 @@ def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known() -> Non
     assert thin.low[38] < 1.0
 
 
-def test_a_part_without_samples_holds_the_value_before_it() -> None:
+def test_a_part_without_samples_holds_the_value_before_it():
     signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), np.array([2.0, 3.0, 4.0]))
     thin = thin_signal(signal, 0.0, 10.0, 10)
     assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
 
 
-def test_a_thinned_signal_has_no_more_stretches_than_parts() -> None:
+def test_a_thinned_signal_has_no_more_stretches_than_parts():
     time = np.arange(0.0, 100.0, 0.05)
     against = tuple((float(at), float(at) + 0.05) for at in time[::2])
     thin = thin_signal(RunSignal("it", "bool", time, time % 1.0, (), against), 0.0, 100.0, 20)
@@ -60,7 +58,7 @@ def test_a_thinned_signal_has_no_more_stretches_than_parts() -> None:
     assert thin_signal(few, 0.0, 100.0, 20).against == few.against
 
 
-def test_the_clearance_of_doors_is_the_least_of_every_object() -> None:
+def test_the_clearance_of_doors_is_the_least_of_every_object():
     scene = replace(CORRIDOR, objects=tuple(door(f"door-{i}", 2.0 * i, 1.0) for i in range(1, 5)))
     trace = make_trace(along(times(15.0)), scene=scene)
     sampler = SignalSampler(trace)

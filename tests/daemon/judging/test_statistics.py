@@ -1,13 +1,10 @@
 """The statistics against scipy.stats and against their definitions."""
 
-from __future__ import annotations
-
 import itertools
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from daemon.judging.statistics import (
@@ -27,36 +24,32 @@ from daemon.judging.statistics import (
     welch_difference,
 )
 
-modest = settings(max_examples=40, deadline=None)
 counts = st.integers(0, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
 values = st.lists(st.floats(-1e3, 1e3).map(lambda x: round(x, 3)), min_size=2, max_size=12)
 
 
 @pytest.fixture(scope="module")
-def stats() -> Any:
+def stats():
     """scipy.stats, imported by the process that runs these tests: all of them read this file."""
     from scipy import stats
 
     return stats
 
 
-def test_five_of_five_shows_less_than_people_think() -> None:
+def test_five_of_five_shows_less_than_people_think():
     assert at_least(5, 5) == pytest.approx(0.549, abs=5e-4)
     assert runs_needed(5, 5, 0.8) == 9
     assert at_least(14, 14) >= 0.8 > at_least(13, 13)
 
 
-def test_a_lower_bound_never_says_more_than_was_shown() -> None:
+def test_a_lower_bound_never_says_more_than_was_shown():
     assert cut_percentage(at_least(2, 2)) == "22.3 %"  # 0.22361
     assert cut_percentage(0.549) == "54.9 %"
     assert cut_percentage(0.8) == "80 %"
 
 
-@modest
 @given(counts, st.sampled_from([0.8, 0.95, 0.99]))
-def test_the_interval_is_that_of_clopper_and_pearson(
-    stats: Any, count: tuple[int, int], level: float
-) -> None:
+def test_the_interval_is_that_of_clopper_and_pearson(stats, count, level):
     passed, n = count
     assume(n > 0)
     exact = stats.binomtest(passed, n).proportion_ci(level, method="exact")
@@ -65,7 +58,7 @@ def test_the_interval_is_that_of_clopper_and_pearson(
     assert at_least(passed, n, level) == pytest.approx(low, abs=1e-9)
 
 
-def test_bounds_are_those_of_published_tables() -> None:
+def test_bounds_are_those_of_published_tables():
     """Clopper and Pearson for 8 of 10; Student's t for 10 degrees of freedom, two-sided 95 %."""
     assert proportion_interval(8, 10) == pytest.approx((0.443905, 0.974789), abs=1e-6)
     assert at_least(1_000_000, 1_000_000) == pytest.approx(0.05**1e-6, abs=1e-13)
@@ -74,28 +67,22 @@ def test_bounds_are_those_of_published_tables() -> None:
     assert eleven.high - 5.0 == pytest.approx(2.228139, abs=1e-6)
 
 
-@modest
 @given(counts)
-def test_a_one_sided_bound_is_where_the_binomial_tail_is_as_likely_as_allowed(
-    stats: Any, count: tuple[int, int]
-) -> None:
+def test_a_one_sided_bound_is_where_the_binomial_tail_is_as_likely_as_allowed(stats, count):
     passed, n = count
     assume(passed > 0)
     assert stats.binom.sf(passed - 1, n, at_least(passed, n)) == pytest.approx(0.05, abs=1e-6)
     assert stats.binom.cdf(n - passed, n, at_most(n - passed, n)) == pytest.approx(0.05, abs=1e-6)
 
 
-def test_no_runs_show_nothing() -> None:
+def test_no_runs_show_nothing():
     assert proportion_interval(0, 0) == (0.0, 1.0)
     with pytest.raises(ValueError, match="6 of 5"):
         at_least(6, 5)
 
 
-@modest
 @given(counts, st.floats(0.05, 0.99))
-def test_the_runs_needed_are_enough_and_one_less_is_not(
-    count: tuple[int, int], rate: float
-) -> None:
+def test_the_runs_needed_are_enough_and_one_less_is_not(count, rate):
     passed, n = count
     more = runs_needed(passed, n, rate)
     assert isinstance(more, int)
@@ -103,7 +90,7 @@ def test_the_runs_needed_are_enough_and_one_less_is_not(
     assert more == 0 or at_least(passed + more - 1, n + more - 1) < rate
 
 
-def test_correlations_by_chance_are_bounded_by_t_and_f(stats: Any) -> None:
+def test_correlations_by_chance_are_bounded_by_t_and_f(stats):
     for n in (4, 5, 10, 15, 60):
         t = stats.t.ppf(0.975, n - 2)
         assert chance_correlation(n) == pytest.approx(t / (n - 2 + t * t) ** 0.5)
@@ -113,13 +100,12 @@ def test_correlations_by_chance_are_bounded_by_t_and_f(stats: Any) -> None:
     assert chance_correlation(2) == chance_correlation(3, 3) == chance_correlation(0) == 1.0
 
 
-def test_no_number_of_runs_shows_certainty() -> None:
+def test_no_number_of_runs_shows_certainty():
     assert runs_needed(5, 5, 1.0) is None
 
 
-@modest
 @given(values)
-def test_the_interval_of_a_mean_is_students(stats: Any, sample: list[float]) -> None:
+def test_the_interval_of_a_mean_is_students(stats, sample):
     assume(max(sample) - min(sample) > 1e-2)
     found = mean_interval(sample)
     expected = stats.ttest_1samp(sample, 0.0).confidence_interval(0.95)
@@ -130,7 +116,7 @@ def test_the_interval_of_a_mean_is_students(stats: Any, sample: list[float]) -> 
 
 
 @pytest.mark.parametrize("confidence", [0.0, 0.1, 0.4, 0.49, 0.51, 0.9, 0.999])
-def test_intervals_of_any_confidence_are_students(stats: Any, confidence: float) -> None:
+def test_intervals_of_any_confidence_are_students(stats, confidence):
     for sample in ([1.0, 2.0], [1.0, 2.0, 4.0], [0.1 * k * k for k in range(30)]):
         found = mean_interval(sample, confidence)
         half = stats.t.ppf(0.5 + 0.5 * confidence, len(sample) - 1) * stats.sem(sample)
@@ -145,9 +131,7 @@ def test_intervals_of_any_confidence_are_students(stats: Any, confidence: float)
 
 
 @pytest.mark.parametrize("mean", [0.0, 1e-12, 1e-9, 1e-3, 1.0, 1e3, 1e6, 1e9])
-def test_differences_next_to_nothing_and_beyond_doubt_have_their_p_value(
-    stats: Any, mean: float
-) -> None:
+def test_differences_next_to_nothing_and_beyond_doubt_have_their_p_value(stats, mean):
     found = MeanDifference(5, mean, 0.0, 0.0, 1.0, 4.0, "paired")
     assert found.p_above(0.0) == pytest.approx(stats.t.sf(mean, 4), rel=1e-9)
     assert found.p_above(2.0 * mean) == pytest.approx(stats.t.cdf(mean, 4), rel=1e-9)
@@ -156,7 +140,7 @@ def test_differences_next_to_nothing_and_beyond_doubt_have_their_p_value(
     assert found.p_different == pytest.approx(2.0 * stats.t.sf(mean, 4), rel=1e-9)
 
 
-def test_pairs_are_preferred_and_two_values_on_each_side_needed() -> None:
+def test_pairs_are_preferred_and_two_values_on_each_side_needed():
     left, right = {(1,): 3.0, (2,): 5.0, (3,): 99.0}, {(1,): 1.0, (2,): 2.0, (4,): -99.0}
     paired = mean_difference(left, right)
     assert paired is not None
@@ -170,20 +154,17 @@ def test_pairs_are_preferred_and_two_values_on_each_side_needed() -> None:
     assert mean_difference({(7,): 1.0}, left) is None
 
 
-def test_one_value_has_no_interval() -> None:
+def test_one_value_has_no_interval():
     found = mean_interval([4.0])
     assert (found.mean, found.std, found.low, found.high) == (4.0, None, None, None)
     with pytest.raises(ValueError, match="no values"):
         mean_interval([])
 
 
-@modest
 @given(
     st.lists(st.tuples(st.integers(-9999, 9999), st.integers(-9999, 9999)), min_size=2, max_size=9)
 )
-def test_a_paired_difference_is_the_one_sided_t_test(
-    stats: Any, pairs: list[tuple[int, int]]
-) -> None:
+def test_a_paired_difference_is_the_one_sided_t_test(stats, pairs):
     assume(len({a - b for a, b in pairs}) > 1)
     left, right = ([pair[side] / 8 for pair in pairs] for side in (0, 1))
     found = paired_difference(left, right)
@@ -195,9 +176,8 @@ def test_a_paired_difference_is_the_one_sided_t_test(
     assert found.p_different == pytest.approx(stats.ttest_rel(left, right).pvalue, abs=1e-9)
 
 
-@modest
 @given(values, values)
-def test_without_pairs_it_is_welchs(stats: Any, left: list[float], right: list[float]) -> None:
+def test_without_pairs_it_is_welchs(stats, left, right):
     assume(min(np.ptp(left), np.ptp(right)) > 1.0)
     found = welch_difference(left, right)
     greater = stats.ttest_ind(left, right, equal_var=False, alternative="greater")
@@ -206,7 +186,7 @@ def test_without_pairs_it_is_welchs(stats: Any, left: list[float], right: list[f
     assert found.low == pytest.approx(greater.confidence_interval(0.95).low, rel=1e-6, abs=1e-7)
 
 
-def test_a_difference_that_never_varies_is_known_exactly() -> None:
+def test_a_difference_that_never_varies_is_known_exactly():
     found = paired_difference([3.0, 4.0, 5.0], [1.0, 2.0, 3.0])
     assert (found.low, found.mean, found.high) == (2.0, 2.0, 2.0)
     assert (found.p_above(1.9), found.p_above(2.0), found.p_different) == (0.0, 1.0, 0.0)
@@ -215,30 +195,29 @@ def test_a_difference_that_never_varies_is_known_exactly() -> None:
     assert welch_difference([1.0, 1.0], [1.0, 1.0]).high == 0.0
 
 
-def test_a_single_pair_says_nothing() -> None:
+def test_a_single_pair_says_nothing():
     with pytest.raises(ValueError, match="two pairs"):
         paired_difference([1.0], [2.0])
     with pytest.raises(ValueError, match="two values"):
         welch_difference([1.0], [2.0, 3.0])
 
 
-@modest
 @given(values, values)
-def test_cliffs_delta_counts_who_is_larger(left: list[float], right: list[float]) -> None:
+def test_cliffs_delta_counts_who_is_larger(left, right):
     pairs = list(itertools.product(left, right))
     expected = sum((a > b) - (a < b) for a, b in pairs) / len(pairs)
     assert cliffs_delta(left, right) == pytest.approx(expected)
     assert cliffs_delta(right, left) == pytest.approx(-expected)
 
 
-def test_nothing_is_larger_than_nothing() -> None:
+def test_nothing_is_larger_than_nothing():
     for left, right in (([], [1.0]), ([1.0], []), ([], [])):
         with pytest.raises(ValueError, match="both sides"):
             cliffs_delta(left, right)
     assert holm_adjusted([]) == ()
 
 
-def test_magnitudes_have_words() -> None:
+def test_magnitudes_have_words():
     assert [effect_magnitude(d) for d in (0.0, -0.2, 0.4, -1.0)] == [
         "negligible", "small", "medium", "large",
     ]  # fmt: skip
@@ -248,9 +227,8 @@ def test_magnitudes_have_words() -> None:
     ]  # fmt: skip
 
 
-@modest
 @given(st.lists(st.floats(0.0, 1.0), max_size=8))
-def test_holms_adjustment_is_its_definition(ps: list[float]) -> None:
+def test_holms_adjustment_is_its_definition(ps):
     adjusted = holm_adjusted(ps)
     ordered = sorted(ps)
     for p, found in zip(ps, adjusted, strict=True):

@@ -5,15 +5,11 @@ the server start with 1 for data and 2 for its time, those of a client with 1 fo
 service calls.
 """
 
-from __future__ import annotations
-
 import json
 import struct
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from daemon.model import ros_messages as ros
@@ -23,36 +19,36 @@ SUBPROTOCOL = Subprotocol("foxglove.sdk.v1")
 
 
 @contextmanager
-def foxglove_client(port: int) -> Iterator[FoxgloveClient]:
+def foxglove_client(port):
     url = f"ws://127.0.0.1:{port}"
     with connect(url, subprotocols=[SUBPROTOCOL], open_timeout=DEADLINE, max_size=None) as socket:
         yield FoxgloveClient(socket)
 
 
 class FoxgloveClient:
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket):
         self.socket = socket
-        self.channels: dict[str, dict[str, Any]] = {}
-        self.messages: list[tuple[str, int, Any]] = []
-        self.said: list[dict[str, Any]] = []
+        self.channels = {}
+        self.messages = []
+        self.said = []
         self.time = -1
-        self._topics: dict[int, str] = {}
+        self._topics = {}
         self.info = self.until(lambda: self.of("serverInfo"))[-1]
         self.until(lambda: self.channels)
 
-    def of(self, op: str) -> list[dict[str, Any]]:
+    def of(self, op):
         return [one for one in self.said if one["op"] == op]
 
-    def heard(self, topic: str) -> list[Any]:
+    def heard(self, topic):
         return [message for name, _, message in self.messages if name == topic]
 
-    def until(self, condition: Callable[[], Any]) -> Any:
+    def until(self, condition):
         """Receive until ``condition`` holds; the socket's time-out ends a wait for nothing."""
         while not (found := condition()):
             self._take(self.socket.recv(timeout=DEADLINE))
         return found
 
-    def _take(self, data: str | bytes) -> None:
+    def _take(self, data):
         if isinstance(data, str):
             said = json.loads(data)
             self.said.append(said)
@@ -66,10 +62,10 @@ class FoxgloveClient:
         elif data[0] == 2:
             (self.time,) = struct.unpack_from("<Q", data, 1)
 
-    def send(self, **said: Any) -> None:
+    def send(self, **said):
         self.socket.send(json.dumps(said))
 
-    def subscribe(self, *topics: str) -> None:
+    def subscribe(self, *topics):
         first = len(self._topics)
         self._topics |= {first + i: topic for i, topic in enumerate(topics)}
         wanted = [
@@ -78,13 +74,13 @@ class FoxgloveClient:
         ]
         self.send(op="subscribe", subscriptions=wanted)
 
-    def advertise(self, number: int, topic: str, encoding: str, kind: str) -> None:
+    def advertise(self, number, topic, encoding, kind):
         channel = {"id": number, "topic": topic, "encoding": encoding, "schemaName": kind}
         self.send(op="advertise", channels=[channel])
 
-    def publish(self, number: int, data: bytes) -> None:
+    def publish(self, number, data):
         self.socket.send(struct.pack("<BI", 1, number) + data)
 
-    def call(self, service: int, call: int, payload: bytes) -> None:
+    def call(self, service, call, payload):
         head = struct.pack("<BIII", 2, service, call, len(b"json"))
         self.socket.send(head + b"json" + payload)

@@ -1,11 +1,7 @@
 """What a Foxglove client hears and may do, by a WebSocket client that is nobody's SDK."""
 
-from __future__ import annotations
-
 import json
 import math
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -25,12 +21,12 @@ TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 
 
 @pytest.fixture
-def simulation(campaigns: Path) -> LiveSimulation:
+def simulation(campaigns):
     return LiveSimulation(*demo_spec(demo_submission(campaigns)), speed=2.0)
 
 
 @pytest.fixture
-def server(simulation: LiveSimulation) -> Iterator[FoxgloveServer]:
+def server(simulation):
     served = FoxgloveServer(simulation, port=0)
     try:
         with simulation.running():
@@ -39,7 +35,7 @@ def server(simulation: LiveSimulation) -> Iterator[FoxgloveServer]:
         served.close()
 
 
-def test_the_topics_of_a_trace_are_there(server: FoxgloveServer) -> None:
+def test_the_topics_of_a_trace_are_there(server):
     with foxglove_client(server.port) as client:
         assert set(client.channels) == {topic.name for topic in TOPICS if not topic.external}
         for topic in TOPICS:
@@ -52,7 +48,7 @@ def test_the_topics_of_a_trace_are_there(server: FoxgloveServer) -> None:
         assert "busy-house" in client.info["name"]
 
 
-def test_each_laser_has_a_topic(campaigns: Path) -> None:
+def test_each_laser_has_a_topic(campaigns):
     two = expand(load_campaign(campaigns / "two_lasers" / "campaign.yaml"))
     simulation = LiveSimulation(*demo_spec(two), speed=2.0)
     served = FoxgloveServer(simulation, port=0)
@@ -70,7 +66,7 @@ def test_each_laser_has_a_topic(campaigns: Path) -> None:
         served.close()
 
 
-def test_what_is_heard_is_the_world(server: FoxgloveServer) -> None:
+def test_what_is_heard_is_the_world(server):
     with foxglove_client(server.port) as client:
         client.subscribe("/scan", "/odom", "/tf", "/clock", "/ground_truth")
         client.until(lambda: len(client.heard("/scan")) > 3 and len(client.heard("/clock")) > 3)
@@ -87,7 +83,7 @@ def test_what_is_heard_is_the_world(server: FoxgloveServer) -> None:
         assert server.clients == 1
 
 
-def test_who_comes_late_gets_what_is_latched(server: FoxgloveServer) -> None:
+def test_who_comes_late_gets_what_is_latched(server):
     latched = [topic.name for topic in TOPICS if topic.latched]
     with foxglove_client(server.port) as early:
         early.subscribe("/clock")
@@ -101,9 +97,7 @@ def test_who_comes_late_gets_what_is_latched(server: FoxgloveServer) -> None:
 
 @pytest.mark.parametrize("encoding", ["json", "cdr"])
 @pytest.mark.parametrize("kind", [TWIST, STAMPED, "geometry_msgs/Twist"])
-def test_a_command_of_a_client_moves_the_robot(
-    server: FoxgloveServer, encoding: str, kind: str
-) -> None:
+def test_a_command_of_a_client_moves_the_robot(server, encoding, kind):
     twist = ros.twist(0.0, 0.0, 0.6)
     if encoding == "json":
         plain = {"linear": {"x": 0, "y": 0, "z": 0}, "angular": {"x": 0, "y": 0, "z": 0.6}}
@@ -118,7 +112,7 @@ def test_a_command_of_a_client_moves_the_robot(
         first = client.until(lambda: client.heard("/ground_truth"))[0]
         client.advertise(5, "/cmd_vel", encoding, kind)
 
-        def turned() -> bool:
+        def turned():
             # As a teleoperation panel does it: the same command again and again.
             client.publish(5, data)
             orientation = client.heard("/ground_truth")[-1].pose.pose.orientation
@@ -128,7 +122,7 @@ def test_a_command_of_a_client_moves_the_robot(
         assert client.until(lambda: client.heard("/cmd_vel"))[0].twist.angular.z == 0.6
 
 
-def test_what_is_not_taken_is_said(server: FoxgloveServer) -> None:
+def test_what_is_not_taken_is_said(server):
     with foxglove_client(server.port) as client:
         pose = "geometry_msgs/PoseWithCovarianceStamped"
         for number, topic, encoding, kind, said in (
@@ -147,9 +141,7 @@ def test_what_is_not_taken_is_said(server: FoxgloveServer) -> None:
         assert "no JSON" in client.until(lambda: client.of("status"))[0]["message"]
 
 
-def test_parameters_and_the_service_steer_the_world(
-    server: FoxgloveServer, simulation: LiveSimulation
-) -> None:
+def test_parameters_and_the_service_steer_the_world(server, simulation):
     with foxglove_client(server.port) as client:
         client.subscribe("/clock", "/map")
         client.until(lambda: client.heard("/clock"))
@@ -177,7 +169,7 @@ def test_parameters_and_the_service_steer_the_world(
         client.until(lambda: simulation.status.worlds == 2)
 
 
-def test_a_port_that_is_taken_is_said(server: FoxgloveServer, simulation: LiveSimulation) -> None:
+def test_a_port_that_is_taken_is_said(server, simulation):
     with pytest.raises(OutletError, match=f"{server.port}: .*in use"):
         FoxgloveServer(simulation, port=server.port)
 
@@ -187,13 +179,13 @@ def test_a_port_that_is_taken_is_said(server: FoxgloveServer, simulation: LiveSi
     [b"", b"[]", b"{}", b'{"linear": 1}', b'{"linear": {"x": "1"}, "angular": {}}',
      b'{"linear": {"x": true}, "angular": {}}', b"\xff\xff", b'{"twist": {}}'],
 )  # fmt: skip
-def test_commands_that_are_none(data: bytes) -> None:
+def test_commands_that_are_none(data):
     with pytest.raises(ValueError, match="JSON|no linear"):
         read_twist(data, "json", TWIST)
     with pytest.raises(ValueError, match="damaged"):
         read_twist(data, "cdr", TWIST)
 
 
-def test_commands_that_are_read() -> None:
+def test_commands_that_are_read():
     assert read_twist(b'{"linear": {"x": 1}, "angular": {}}', "json", TWIST) == Twist2(1.0)
     assert math.isinf(read_twist(b'{"linear": {"x": 1e999}, "angular": {}}', "json", TWIST).vx)

@@ -1,31 +1,24 @@
 """What a ROS 2 stack hears of a live world and what it may do, over a pretended link."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import queue
 import threading
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from daemon.live.ros_bridge import RosBridge
-from daemon.live.simulation import LiveSimulation, LiveStatus
+from daemon.live.simulation import LiveSimulation
 from daemon.model import ros_messages as ros
 from daemon.stacks.ros2.link import (
-    Cycle,
     CycleAnswer,
     Graph,
     LinkLost,
-    LinkSetup,
     Readiness,
     ReceivedMessage,
     StackIdentity,
 )
-from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from daemon.stacks.ros2.settings import read_settings
 from daemon.trace.messages import KINDS
 from grammars.model.geometry import Twist2
 from tests.daemon.live.worlds import DEADLINE, Kept, demo_spec, demo_submission
@@ -33,13 +26,13 @@ from tests.daemon.live.worlds import DEADLINE, Kept, demo_spec, demo_submission
 STAMPED = "geometry_msgs/msg/TwistStamped"
 
 
-def transform(parent: str, child: str, x: float) -> bytes:
+def transform(parent, child, x):
     kind = "tf2_msgs/msg/TFMessage"
     found = ros.transform(ros.time(0), parent, child, x=x, y=0.0)
     return ros.serialize(ros.make(kind, transforms=[found]), kind)
 
 
-def path(*points: tuple[float, float]) -> bytes:
+def path(*points):
     kind, head = "nav_msgs/msg/Path", ros.header(ros.time(0), "map")
     poses = [
         ros.make("geometry_msgs/msg/PoseStamped", header=head, pose=ros.pose(x, y, 0.0, 1.0))
@@ -53,19 +46,19 @@ class PretendedStack:
 
     identity = StackIdentity("jazzy", "rmw_fastrtps_cpp")
 
-    def __init__(self, *, dies_after: int = 10**9, command: bytes = b"") -> None:
-        self.setups: list[LinkSetup] = []
-        self.cycles: queue.Queue[Cycle] = queue.Queue()
+    def __init__(self, *, dies_after=10**9, command=b""):
+        self.setups = []
+        self.cycles = queue.Queue()
         self.closed = threading.Event()
         self._dies_after, self._count, self._command = dies_after, 0, command
 
-    def accept(self, timeout: float = 0.1) -> bool:
+    def accept(self, timeout=0.1):
         return True
 
-    def set_up(self, setup: LinkSetup) -> None:
+    def set_up(self, setup):
         self.setups.append(setup)
 
-    def cycle(self, cycle: Cycle) -> CycleAnswer:
+    def cycle(self, cycle):
         self._count += 1
         if self._count > self._dies_after:
             raise LinkLost("the relay has gone")
@@ -80,48 +73,44 @@ class PretendedStack:
         )
         return CycleAnswer(None, 1, True, False, said)
 
-    def readiness(self) -> Readiness:
+    def readiness(self):
         return Readiness({}, False, STAMPED, {})
 
-    def send_goal(
-        self, goal: int, poses: tuple[tuple[float, float, float], ...], frame: str, time: int
-    ) -> None:
+    def send_goal(self, goal, poses, frame, time):
         raise AssertionError("nobody asked for a goal")
 
-    def cancel_goals(self) -> None:
+    def cancel_goals(self):
         raise AssertionError("nobody asked for a goal")
 
-    def graph(self) -> Graph:
+    def graph(self):
         return Graph((), (), ())
 
-    def parameters(self, node: str, names: tuple[str, ...]) -> dict[str, object]:
+    def parameters(self, node, names):
         return {}
 
-    def request_state(self, node: str, transition: str) -> None:
+    def request_state(self, node, transition):
         pass
 
-    def close(self) -> None:
+    def close(self):
         self.closed.set()
 
-    def heard(self, count: int) -> list[Cycle]:
+    def heard(self, count):
         return [self.cycles.get(timeout=DEADLINE) for _ in range(count)]
 
 
-def kept_plan(kept: Kept) -> list[Any]:
+def kept_plan(kept):
     return list(ros.deserialize(kept.of("/plan")[-1][1], KINDS["/plan"]).poses)
 
 
 @pytest.fixture
-def simulation(campaigns: Path) -> LiveSimulation:
+def simulation(campaigns):
     return LiveSimulation(*demo_spec(demo_submission(campaigns)), speed=4.0)
 
 
-def bridged(
-    simulation: LiveSimulation, *stacks: PretendedStack, settings: Ros2Settings | None = None
-) -> Iterator[RosBridge]:
+def bridged(simulation, *stacks, settings=None):
     waiting = iter(stacks)
 
-    def listen() -> PretendedStack:
+    def listen():
         try:
             return next(waiting)
         except StopIteration:
@@ -136,7 +125,7 @@ def bridged(
         bridge.close()
 
 
-def test_a_stack_hears_a_robot_and_moves_it(simulation: LiveSimulation) -> None:
+def test_a_stack_hears_a_robot_and_moves_it(simulation):
     stack, kept = PretendedStack(), Kept()
     simulation.add_outlet(kept)
     for bridge in bridged(simulation, stack):
@@ -184,7 +173,7 @@ def test_a_stack_hears_a_robot_and_moves_it(simulation: LiveSimulation) -> None:
         assert simulation.status.driver == "ROS 2"
 
 
-def test_names_are_those_of_the_stack(simulation: LiveSimulation) -> None:
+def test_names_are_those_of_the_stack(simulation):
     settings = read_settings(
         {
             "launch": "somebody's",
@@ -205,7 +194,7 @@ def test_names_are_those_of_the_stack(simulation: LiveSimulation) -> None:
         assert "/map" not in kinds
 
 
-def test_ros_time_goes_on_when_the_world_begins_anew(simulation: LiveSimulation) -> None:
+def test_ros_time_goes_on_when_the_world_begins_anew(simulation):
     stack = PretendedStack()
     for _ in bridged(simulation, stack):
         times = [cycle.time for cycle in stack.heard(10)]
@@ -217,7 +206,7 @@ def test_ros_time_goes_on_when_the_world_begins_anew(simulation: LiveSimulation)
         assert max(b - a for a, b in itertools.pairwise(times)) >= 1_000_000_000
 
 
-def test_a_stack_that_goes_may_come_again(simulation: LiveSimulation) -> None:
+def test_a_stack_that_goes_may_come_again(simulation):
     first, second = PretendedStack(dies_after=5), PretendedStack()
     for bridge in bridged(simulation, first, second):
         assert first.closed.wait(DEADLINE)
@@ -227,26 +216,26 @@ def test_a_stack_that_goes_may_come_again(simulation: LiveSimulation) -> None:
     assert second.closed.is_set()
 
 
-def test_commands_that_are_none_are_told(simulation: LiveSimulation) -> None:
+def test_commands_that_are_none_are_told(simulation):
     stack = PretendedStack(command=b"\x00\x01\x00\x00nonsense")
     for bridge in bridged(simulation, stack):
         stack.heard(3)
         assert "/cmd_vel: a damaged" in bridge.state
 
 
-def test_a_stack_that_comes_late_is_told_where_the_robot_is(simulation: LiveSimulation) -> None:
+def test_a_stack_that_comes_late_is_told_where_the_robot_is(simulation):
     moved = threading.Event()
     start = simulation.spec.mission.start
 
     class Driving(Kept):
-        def status(self, status: LiveStatus) -> None:
+        def status(self, status):
             simulation.command(Twist2(0.5, 0.0, 0.0), "a test")
             seen = simulation.view
             if seen is not None and math.hypot(seen.pose.x - start.x, seen.pose.y - start.y) > 0.5:
                 moved.set()
 
     class Late(PretendedStack):
-        def accept(self, timeout: float = 0.1) -> bool:
+        def accept(self, timeout=0.1):
             return moved.wait(timeout)
 
     simulation.watched = True
@@ -258,8 +247,8 @@ def test_a_stack_that_comes_late_is_told_where_the_robot_is(simulation: LiveSimu
         assert math.hypot(at.x - start.x, at.y - start.y) > 0.4
 
 
-def test_that_nobody_can_listen_is_said_at_once(simulation: LiveSimulation) -> None:
-    def listen() -> PretendedStack:
+def test_that_nobody_can_listen_is_said_at_once(simulation):
+    def listen():
         raise LinkLost("the folder is not there")
 
     with pytest.raises(LinkLost, match="folder"):

@@ -1,11 +1,8 @@
 """A live world: by the clock, obeying, without any promise but that nobody waits."""
 
-from __future__ import annotations
-
 import math
 import threading
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +11,7 @@ from mcap.reader import make_reader
 from daemon.live.simulation import LiveSimulation
 from daemon.model import ros_messages as ros
 from daemon.model.spec import SutReference
-from daemon.model.status import Submission
-from daemon.model.sut import Briefing, Decision, Observation, Progress
+from daemon.model.sut import Decision, Progress
 from daemon.run import SceneMismatchError, execute
 from daemon.stacks.registry import make_sut
 from daemon.trace.messages import KINDS
@@ -24,20 +20,20 @@ from tests.daemon.live.worlds import DEADLINE, HandClock, Kept, demo_spec, demo_
 
 
 @pytest.fixture(scope="module")
-def demo(campaigns: Path) -> Submission:
+def demo(campaigns):
     return demo_submission(campaigns)
 
 
-def world(demo: Submission, **options: object) -> tuple[LiveSimulation, HandClock, Kept]:
+def world(demo, **options):
     clock, kept = HandClock(), Kept()
     spec, scene = demo_spec(demo)
-    simulation = LiveSimulation(spec, scene, clock=clock, **options)  # type: ignore[arg-type]
+    simulation = LiveSimulation(spec, scene, clock=clock, **options)
     simulation.add_outlet(kept)
     simulation.step()
     return simulation, clock, kept
 
 
-def poses(kept: Kept) -> list[tuple[float, float]]:
+def poses(kept):
     found = []
     for _, payload in kept.of("/ground_truth"):
         at = ros.deserialize(payload, KINDS["/ground_truth"]).pose.pose.position
@@ -45,7 +41,7 @@ def poses(kept: Kept) -> list[tuple[float, float]]:
     return found
 
 
-def test_a_world_nobody_commands_is_that_of_an_idle_run(demo: Submission, tmp_path: Path) -> None:
+def test_a_world_nobody_commands_is_that_of_an_idle_run(demo, tmp_path):
     simulation, clock, kept = world(demo)
     # Unevenly, and with a pause: how the clock goes must not show.
     for seconds in (0.013, 0.4, 0.07, 1.0):
@@ -58,7 +54,7 @@ def test_a_world_nobody_commands_is_that_of_an_idle_run(demo: Submission, tmp_pa
     spec, scene = demo_spec(demo)
     execute(replace(spec, limit=6.0), scene, trace_path=tmp_path / "run.mcap")
     with (tmp_path / "run.mcap").open("rb") as file:
-        recorded: dict[str, list[tuple[int, bytes]]] = {}
+        recorded = {}
         for _, channel, message in make_reader(file).iter_messages():
             recorded.setdefault(channel.topic, []).append((message.log_time, message.data))
     assert len(recorded["/scan"]) > 50
@@ -72,7 +68,7 @@ def test_a_world_nobody_commands_is_that_of_an_idle_run(demo: Submission, tmp_pa
     assert set(frames) >= {one for one in recorded["/tf"] if one[0] % 100_000_000 == 0}
 
 
-def test_it_keeps_to_the_clock_and_to_its_speed(demo: Submission) -> None:
+def test_it_keeps_to_the_clock_and_to_its_speed(demo):
     simulation, clock, kept = world(demo)
     go(simulation, clock, 2.0)
     assert simulation.status.time == pytest.approx(2.0, abs=0.011)
@@ -93,11 +89,11 @@ def test_it_keeps_to_the_clock_and_to_its_speed(demo: Submission) -> None:
     assert kept.last == simulation.status
 
 
-def test_time_that_cannot_be_made_up_is_given_up_and_that_is_told(demo: Submission) -> None:
+def test_time_that_cannot_be_made_up_is_given_up_and_that_is_told(demo):
     simulation, clock, _ = world(demo)
     clock.now += 1000.0
 
-    def passing() -> float:
+    def passing():
         clock.now += 0.01  # computing takes time
         return clock.now
 
@@ -112,7 +108,7 @@ def test_time_that_cannot_be_made_up_is_given_up_and_that_is_told(demo: Submissi
     assert simulation.status.reached == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_command_moves_the_robot_until_the_drive_times_out(demo: Submission) -> None:
+def test_a_command_moves_the_robot_until_the_drive_times_out(demo):
     simulation, clock, kept = world(demo)
     timeout = simulation.spec.robot.drive.timeout
     assert timeout > 0.0
@@ -135,7 +131,7 @@ def test_a_command_moves_the_robot_until_the_drive_times_out(demo: Submission) -
     assert stamp >= 1_000_000_000
 
 
-def test_what_is_commanded_while_it_stands_is_forgotten(demo: Submission) -> None:
+def test_what_is_commanded_while_it_stands_is_forgotten(demo):
     simulation, clock, kept = world(demo)
     simulation.pause(True)
     simulation.command(Twist2(0.2, 0.0, 0.0), "a test")
@@ -147,7 +143,7 @@ def test_what_is_commanded_while_it_stands_is_forgotten(demo: Submission) -> Non
         simulation.command(Twist2(math.nan, 0.0, 0.0), "a test")
 
 
-def test_after_a_reset_it_is_the_same_world(demo: Submission) -> None:
+def test_after_a_reset_it_is_the_same_world(demo):
     simulation, clock, kept = world(demo)
     simulation.command(Twist2(0.2, 0.0, 0.0), "a test")
     go(simulation, clock, 2.0)
@@ -165,7 +161,7 @@ def test_after_a_reset_it_is_the_same_world(demo: Submission) -> None:
     assert first[0][0] == "/map"
 
 
-def test_a_system_inside_drives_and_a_command_holds_it(demo: Submission) -> None:
+def test_a_system_inside_drives_and_a_command_holds_it(demo):
     spec, scene = demo_spec(demo)
     clock, kept = HandClock(), Kept()
     spec = replace(spec, sut=SutReference("pilot", "pilot", {}))
@@ -193,17 +189,17 @@ def test_a_system_inside_drives_and_a_command_holds_it(demo: Submission) -> None
 class Crashing:
     period, needs_ground_truth = 0.05, True
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing):
         pass
 
-    def update(self, observation: Observation) -> Decision:
+    def update(self, observation):
         assert observation.ground_truth is not None
         if observation.time > 0.5:
             raise RuntimeError("no more")
         return Decision(Twist2(0.1, 0.0, 0.0), Progress(0, 0, "active"))
 
 
-def test_a_system_that_crashes_is_told_of_and_the_world_goes_on(demo: Submission) -> None:
+def test_a_system_that_crashes_is_told_of_and_the_world_goes_on(demo):
     spec, scene = demo_spec(demo)
     clock, kept = HandClock(), Kept()
     simulation = LiveSimulation(spec, scene, clock=clock, sut=Crashing)
@@ -218,13 +214,13 @@ def test_a_system_that_crashes_is_told_of_and_the_world_goes_on(demo: Submission
     assert simulation.status.driver == "a test"
 
 
-def test_in_a_thread_it_runs_until_the_context_is_left(demo: Submission) -> None:
+def test_in_a_thread_it_runs_until_the_context_is_left(demo):
     spec, scene = demo_spec(demo)
     simulation = LiveSimulation(spec, scene, speed=1000.0)
     reached = threading.Event()
 
     class Waits(Kept):
-        def send(self, topic: str, now: int, payload: bytes) -> None:
+        def send(self, topic, now, payload):
             if now > 2_000_000_000:
                 reached.set()
 
@@ -235,7 +231,7 @@ def test_in_a_thread_it_runs_until_the_context_is_left(demo: Submission) -> None
     assert thread.failure is None
 
 
-def test_what_it_refuses(demo: Submission) -> None:
+def test_what_it_refuses(demo):
     spec, scene = demo_spec(demo)
     with pytest.raises(SceneMismatchError):
         LiveSimulation(replace(spec, scene="0" * 64), scene)

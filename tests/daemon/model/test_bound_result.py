@@ -1,7 +1,5 @@
 """Results are bounded: evidence goes first, then verdicts, the outcome never."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from daemon.model.spec import LARGEST_RESULT, LeadingMargin, RunResult, bound_result
@@ -12,13 +10,13 @@ from tests.daemon.batch.samples import make_result, make_spec
 RESULT = make_result(make_spec(), outcome=Outcome.FAIL)
 
 
-def test_a_usual_result_is_as_it_was() -> None:
+def test_a_usual_result_is_as_it_was():
     many = replace(RESULT, verdicts=RESULT.verdicts * 500, note="\N{GRINNING FACE}" * 1000)
     assert bound_result(RESULT) is RESULT
     assert bound_result(many) is many
 
 
-def test_long_evidence_is_cut_and_verdicts_stay() -> None:
+def test_long_evidence_is_cut_and_verdicts_stay():
     evidence = Evidence(time=3.0, value=0.1, object="door " * 1000, note="\x01" * LARGEST_RESULT)
     verdict = replace(RESULT.verdicts[0], evidence=evidence)
     bound = bound_result(replace(RESULT, verdicts=(verdict,) * 3, note="y" * LARGEST_RESULT))
@@ -29,14 +27,14 @@ def test_long_evidence_is_cut_and_verdicts_stay() -> None:
     assert bound_result(bound) is bound
 
 
-def test_too_many_verdicts_are_left_out_and_counted() -> None:
+def test_too_many_verdicts_are_left_out_and_counted():
     bound = bound_result(replace(RESULT, verdicts=RESULT.verdicts * 5000))
     assert len(codec.to_json(bound)) <= LARGEST_RESULT
     assert (bound.outcome, bound.verdicts) == (Outcome.FAIL, ())
     assert "5000 verdicts were left out" in bound.note
 
 
-def test_leading_margins_survive_what_is_cut() -> None:
+def test_leading_margins_survive_what_is_cut():
     leads = (
         LeadingMargin("clear", -0.01, "m", "door " * 1000, "w3"),
         LeadingMargin("calm", None, ""),
@@ -58,7 +56,7 @@ def test_leading_margins_survive_what_is_cut() -> None:
     assert len(codec.to_json(bound_result(many))) <= LARGEST_RESULT
 
 
-def test_what_was_stored_before_there_were_leading_margins_still_reads() -> None:
+def test_what_was_stored_before_there_were_leading_margins_still_reads():
     old = codec.to_json(RESULT).replace(b',"leads":[]', b"")
     assert b"leads" not in old
     assert codec.from_json(RunResult, old) == RESULT

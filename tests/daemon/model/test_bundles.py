@@ -1,9 +1,6 @@
 """Files sent as one value: what leads elsewhere or is no bundle is refused as a whole."""
 
-from __future__ import annotations
-
 import base64
-from pathlib import Path
 
 import pytest
 
@@ -11,7 +8,7 @@ from daemon.model.bundles import read_bundle, unpack_bundle
 from daemon.model.search import BundledFile
 
 
-def coded(data: bytes) -> str:
+def coded(data):
     return base64.b64encode(data).decode()
 
 
@@ -31,13 +28,13 @@ def coded(data: bytes) -> str:
         "a/" * 50 + "b",
     ],
 )
-def test_paths_that_lead_elsewhere_are_refused(path: str, tmp_path: Path) -> None:
+def test_paths_that_lead_elsewhere_are_refused(path, tmp_path):
     with pytest.raises(ValueError, match="no path"):
         unpack_bundle((BundledFile(path, coded(b"x")),), tmp_path / "there")
     assert not (tmp_path / "there").exists()
 
 
-def test_what_no_bundle_is_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+def test_what_no_bundle_is_is_refused_before_anything_is_written(tmp_path):
     there = tmp_path / "there"
     good = BundledFile("a", coded(b"x"))
     for files, said in (
@@ -52,7 +49,7 @@ def test_what_no_bundle_is_is_refused_before_anything_is_written(tmp_path: Path)
         assert not there.exists()
 
 
-def test_what_is_unpacked_is_its_owners_alone(tmp_path: Path) -> None:
+def test_what_is_unpacked_is_its_owners_alone(tmp_path):
     unpack_bundle((BundledFile("a/b.yaml", coded(b"x: 1\n")),), tmp_path / "there")
     file = tmp_path / "there" / "a" / "b.yaml"
     assert file.read_bytes() == b"x: 1\n"

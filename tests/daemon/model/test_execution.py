@@ -4,7 +4,6 @@ import os
 import platform
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -26,14 +25,14 @@ work(sys.argv[1], slots=1, executor="tests.daemon.batch.fake_run:execute")
 
 
 @pytest.fixture
-def foreign(tmp_path: Path) -> Path:
+def foreign(tmp_path):
     """A folder in which somebody keeps modules that have our names."""
     for name in ("daemon", "templates", "scenario_tui"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('somebody else')")
     return tmp_path
 
 
-def test_a_module_in_the_current_folder_is_never_taken_for_ours(foreign: Path) -> None:
+def test_a_module_in_the_current_folder_is_never_taken_for_ours(foreign):
     words = ("-m", "daemon", "--help")
     theirs = subprocess.run([sys.executable, *words], cwd=foreign, capture_output=True, text=True)
     assert "somebody else" in theirs.stderr
@@ -42,7 +41,7 @@ def test_a_module_in_the_current_folder_is_never_taken_for_ours(foreign: Path) -
     assert "serve" in ours.stdout
 
 
-def test_a_fork_server_is_ours_too(foreign: Path, tmp_path: Path) -> None:
+def test_a_fork_server_is_ours_too(foreign, tmp_path):
     """Also when its parent, like the ``scenario`` command, was not started with ``-P``."""
     script = foreign / "scripts" / "command.py"
     script.parent.mkdir()
@@ -58,7 +57,7 @@ def test_a_fork_server_is_ours_too(foreign: Path, tmp_path: Path) -> None:
         assert finished(client, 1)
 
 
-def test_what_children_inherit_is_what_there_was(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_children_inherit_is_what_there_was(monkeypatch):
     monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
     with safe_fork_server():
         assert os.environ["PYTHONSAFEPATH"]
@@ -70,7 +69,7 @@ def test_what_children_inherit_is_what_there_was(monkeypatch: pytest.MonkeyPatch
     assert os.environ["PYTHONSAFEPATH"] == "1"
 
 
-def test_a_machine_is_told_by_its_processor_and_cores_and_not_by_its_name() -> None:
+def test_a_machine_is_told_by_its_processor_and_cores_and_not_by_its_name():
     said = machine_text()
     assert f"{available_cores()} core" in said
     assert platform.python_version() in said

@@ -1,7 +1,5 @@
 """What is compiled for which system, and that loading alone compiles nothing."""
 
-from __future__ import annotations
-
 from importlib import import_module
 
 import pytest
@@ -20,16 +18,16 @@ ROS = "daemon.stacks.ros1"
 
 
 @kernel
-def doubled(x: float) -> float:
+def doubled(x):
     return 2.0 * x
 
 
 @kernel
-def quadrupled(x: float) -> float:
+def quadrupled(x):
     return doubled(doubled(x))
 
 
-def test_only_what_a_system_calls_is_loaded() -> None:
+def test_only_what_a_system_calls_is_loaded():
     dwa = {"move_base": {"base_local_planner": "dwa_local_planner/DWAPlannerROS"}}
     assert kernel_rooms("idle", {}) == RUN_ROOMS
     assert kernel_rooms("pilot", {}) == (*RUN_ROOMS, "daemon.stacks.pilot")
@@ -43,19 +41,19 @@ def test_only_what_a_system_calls_is_loaded() -> None:
 
 
 @pytest.mark.parametrize("room", [*RUN_ROOMS, *SYSTEM_ROOMS])
-def test_every_room_can_be_warmed_up(room: str) -> None:
+def test_every_room_can_be_warmed_up(room):
     assert callable(import_module(room).warm_up)
 
 
-def test_loading_only_refuses_to_compile_and_leaves_the_kernel_usable() -> None:
+def test_loading_only_refuses_to_compile_and_leaves_the_kernel_usable():
     # As on a machine that has never compiled them.
-    quadrupled._cache.load_overload = lambda *_: None  # type: ignore[attr-defined]
-    doubled._cache.load_overload = lambda *_: None  # type: ignore[attr-defined]
+    quadrupled._cache.load_overload = lambda *_: None
+    doubled._cache.load_overload = lambda *_: None
     with loading_only(), pytest.raises(NotCompiledError, match="quadrupled"):
         quadrupled(1.0)
     assert count_kernels([__name__]) == 2
     assert count_ready_kernels([__name__]) == 0
-    counts: list[int] = []
+    counts = []
     with counting_compiled(counts.append):
         assert quadrupled(1.0) == 4.0
     assert counts == [1, 2]

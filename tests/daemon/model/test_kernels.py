@@ -1,7 +1,5 @@
 """Machine code on disk: it is used again, and not when something compiled into it has changed."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -35,16 +33,14 @@ for total in (by_name, by_module):
 """
 
 
-def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_constant_changed(
-    tmp_path: Path,
-) -> None:
+def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_constant_changed(tmp_path):
     callee, caller = tmp_path / "callee.py", tmp_path / "caller.py"
     caller.write_text(CALLER)
     root = str(Path(__file__).parents[3])
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([root, str(tmp_path)])}
     environment.pop("NUMBA_CACHE_DIR", None)
 
-    def run(factor: int, limit: int) -> list[int]:
+    def run(factor, limit):
         callee.write_text(CALLEE.format(factor=factor, limit=limit))
         command = [sys.executable, "-B", str(caller)]
         done = subprocess.run(

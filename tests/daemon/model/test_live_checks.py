@@ -1,11 +1,8 @@
 """What is told of runs that go on is read where it can be drawn, whoever has sent it."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -44,7 +41,7 @@ FAR = 1e300
 REFUSED = "values|moment|waypoints|points|covariance|bytes|entries|lines|signal"
 
 
-def changed(value: Any, path: str, new: object) -> bytes:
+def changed(value, path, new):
     """Return the JSON of a value with something else at ``path``."""
     document = json.loads(codec.to_json(value))
     *way, last = (int(step) if step.isdigit() else step for step in path.split("."))
@@ -55,12 +52,12 @@ def changed(value: Any, path: str, new: object) -> bytes:
     return json.dumps(document).encode()
 
 
-def test_a_run_is_told_by_every_waypoint_that_a_mission_may_have() -> None:
+def test_a_run_is_told_by_every_waypoint_that_a_mission_may_have():
     done = replace(JUDGEMENT, reached=tuple(map(float, range(MOST_WAYPOINTS))))
     assert unpack_judgement(pack_judgement(done)) == done
 
 
-def test_what_runs_tell_is_read() -> None:
+def test_what_runs_tell_is_read():
     assert read_snapshot(codec.to_json(SNAPSHOT)) == SNAPSHOT
     assert unpack_judgement(pack_judgement(JUDGEMENT)) == JUDGEMENT
 
@@ -73,7 +70,7 @@ def test_what_runs_tell_is_read() -> None:
         ("contacts", [10**400, 0]), ("plan", [0] * 10_000), ("waiting", "x" * 10_000),
     ],
 )  # fmt: skip
-def test_a_snapshot_that_no_run_tells_is_refused(path: str, value: object) -> None:
+def test_a_snapshot_that_no_run_tells_is_refused(path, value):
     told = changed(SNAPSHOT, f"snapshot.{path}", value)
     with pytest.raises(ValueError, match=REFUSED):
         read_snapshot(told)
@@ -91,13 +88,13 @@ def test_a_snapshot_that_no_run_tells_is_refused(path: str, value: object) -> No
         ("signals.0.against", [[0.0, FAR]]), ("signals.0.against", [[0.0, 1.0]] * 4),
     ],
 )  # fmt: skip
-def test_a_judgement_that_no_run_is_told_by_is_refused(path: str, value: object) -> None:
+def test_a_judgement_that_no_run_is_told_by_is_refused(path, value):
     told = zlib.compress(changed(JUDGEMENT, path, value))
     with pytest.raises(ValueError, match=REFUSED):
         unpack_judgement(told)
 
 
-def test_of_a_judgement_that_is_too_long_what_fits_is_told() -> None:
+def test_of_a_judgement_that_is_too_long_what_fits_is_told():
     long = replace(VERDICT, evidence=Evidence(1.0, note="x" * LARGEST_JUDGEMENT))
     told = unpack_judgement(
         pack_judgement(replace(JUDGEMENT, verdicts=(ProvisionalVerdict(long),)))

@@ -1,9 +1,6 @@
 """What runs share travels and is kept once; nobody can tell afterwards."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -17,42 +14,42 @@ from daemon.model.packed_submission import (
     submission_digest,
 )
 from daemon.model.spec import RunSpec
-from daemon.model.status import CampaignOrigin, Submission
+from daemon.model.status import CampaignOrigin
 from grammars.text import codec
 from tests.daemon.batch.samples import make_spec, submission_of
 
 
 @pytest.fixture(scope="module")
-def submission(campaigns: Path) -> Submission:
+def submission(campaigns):
     """Systems under test of several kinds, doors that differ from repeat to repeat."""
     return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
 
 
-def test_on_the_bus_nothing_of_it_is_lost(submission: Submission) -> None:
+def test_on_the_bus_nothing_of_it_is_lost(submission):
     spare = replace(submission, runs=submission.runs[:1], reserve=submission.runs[1:])
     for one in (submission, spare):
         travelled = codec.from_json(PackedSubmission, codec.to_json(pack_submission(one)))
         assert submission_digest(travelled) == written_digest(one)
 
 
-def written_digest(submission: Submission) -> str:
+def written_digest(submission):
     """The digest of a submission written out, without where it was written."""
     plain = codec.to_plain(submission)
     del plain["origin"]
     return codec.digest(plain)
 
 
-def test_from_another_commit_it_is_the_same_submission(submission: Submission) -> None:
+def test_from_another_commit_it_is_the_same_submission(submission):
     there = replace(submission, origin=CampaignOrigin("c.yaml", "0" * 64, 3, "f" * 40, "main"))
     packed = codec.from_json(PackedSubmission, codec.to_json(pack_submission(there)))
     assert packed.origin == there.origin
     assert submission_digest(packed) == submission_digest(pack_submission(submission))
 
 
-def test_digests_are_those_of_what_is_written_out(submission: Submission) -> None:
+def test_digests_are_those_of_what_is_written_out(submission):
     odd = replace(submission.runs[0], scenario='S "1" ä', limit=1e-7, seed=2**63, behaviours=())
     for one in (submission, replace(submission, runs=(odd,), reserve=submission.runs[:2])):
-        told: list[tuple[object, str]] = []
+        told = []
         packed = pack_submission(one)
         found = submission_digest(packed, lambda *pair, to=told: to.append(pair))
         assert found == submission_digest(packed) == written_digest(one)
@@ -60,13 +57,13 @@ def test_digests_are_those_of_what_is_written_out(submission: Submission) -> Non
         assert digests == [run.digest for run in one.runs]
 
 
-def test_equal_parts_are_there_once_whoever_made_them() -> None:
+def test_equal_parts_are_there_once_whoever_made_them():
     specs = [make_spec(repeat) for repeat in range(50)]
     packed_form = pack_submission(submission_of("c", *specs))
     assert (len(packed_form.cells), len(packed_form.scripts), len(packed_form.runs)) == (1, 1, 50)
 
 
-def test_a_hundred_thousand_runs_fit_into_one_submission(submission: Submission) -> None:
+def test_a_hundred_thousand_runs_fit_into_one_submission(submission):
     runs = len(submission.runs)
     per_run = (len(codec.to_json(pack_submission(_repeated(submission, 20)))) - 50_000) / (
         20 * runs
@@ -74,7 +71,7 @@ def test_a_hundred_thousand_runs_fit_into_one_submission(submission: Submission)
     assert 100_000 * per_run < LARGEST_SUBMISSION
 
 
-def _repeated(submission: Submission, times: int) -> Submission:
+def _repeated(submission, times):
     runs = tuple(
         replace(run, repeat=k, seed=run.seed - k) for k in range(times) for run in submission.runs
     )
@@ -82,14 +79,14 @@ def _repeated(submission: Submission, times: int) -> Submission:
 
 
 @pytest.mark.parametrize("packed", [(9, 0, 0, 0), (0, 9, 0, 0)])
-def test_a_number_for_nothing_is_refused(packed: tuple[int, int, int, int]) -> None:
+def test_a_number_for_nothing_is_refused(packed):
     packed_form = pack_submission(submission_of("c", make_spec()))
     text = codec.to_json(packed_form).replace(b"[0,0,0,0]", str(list(packed)).encode())
     with pytest.raises(ValueError, match="no cell"):
         submission_digest(codec.from_json(PackedSubmission, text))
 
 
-def test_the_ledger_gives_back_what_was_submitted(submission: Submission, tmp_path: Path) -> None:
+def test_the_ledger_gives_back_what_was_submitted(submission, tmp_path):
     db = connect(tmp_path / "ledger.db")
     book, reader = LedgerWriter(db), LedgerReader(db, StatePaths(tmp_path))
     book.submit(submission, 1.0)
@@ -102,7 +99,7 @@ def test_the_ledger_gives_back_what_was_submitted(submission: Submission, tmp_pa
     db.close()
 
 
-def test_runs_of_ledgers_that_wrote_them_out_are_read(tmp_path: Path) -> None:
+def test_runs_of_ledgers_that_wrote_them_out_are_read(tmp_path):
     db = connect(tmp_path / "ledger.db")
     spec = make_spec(7)
     LedgerWriter(db).submit(submission_of("c", spec), 1.0)

@@ -13,18 +13,16 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.proposals import Proposal, ProposalRow
 from daemon.model.run_state import RunState
-from daemon.model.search import BundledFile, SearchTask
+from daemon.model.search import BundledFile
 from daemon.model.search_answer import SearchAnswer, ShrunkScenario
-from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot, TraceInfo
+from daemon.model.spec import LeadingMargin, RunSpec, TraceInfo
 from daemon.model.verdicts import Outcome
-from daemon.search.execution.runs import Runs
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.samples import SCENE, make_result, make_spec
@@ -43,7 +41,7 @@ class FakeCandidate:
     scene: Scene
 
 
-def search(folder: Path, name: str, task: SearchTask, runs: Runs) -> SearchAnswer:
+def search(folder, name, task, runs):
     """Propose ``task.runs`` points in the window and repeat the first one."""
     file = folder / name
     asked = json.loads(file.read_text())
@@ -72,31 +70,22 @@ def search(folder: Path, name: str, task: SearchTask, runs: Runs) -> SearchAnswe
     return replace(answer_of(task, task.runs), ended="budget", shrunk=shrunk)
 
 
-def idle(folder: Path, name: str, task: SearchTask, runs: Runs) -> SearchAnswer:
+def idle(folder, name, task, runs):
     """Propose nothing, for as long as the process lasts."""
     threading.Event().wait()
     raise AssertionError
 
 
-def answer_of(task: SearchTask, explored: int) -> SearchAnswer:
+def answer_of(task, explored):
     return SearchAnswer("", explored, explored, 0, 0, 0, 0, 0, 0, None, sentences=("so far",))
 
 
-def learn(learnt: str, row: ProposalRow) -> str:
+def learn(learnt, row):
     margin = row.leads[0].margin if row.leads else None
     return hashlib.sha256(f"{learnt} {margin}".encode()).hexdigest()
 
 
-def issue(
-    task: SearchTask,
-    runs: Runs,
-    position: int,
-    number: int,
-    repeat: int,
-    learnt: str,
-    asked: dict[str, object],
-    phase: Phase = "explore",
-) -> None:
+def issue(task, runs, position, number, repeat, learnt, asked, phase="explore"):
     drawn = hashlib.sha256(f"{number} {learnt}".encode()).digest()
     value = round(40.0 + 40.0 * drawn[0] / 255.0, 1)
     parameters = asked.get("parameters", {})
@@ -109,32 +98,32 @@ def issue(
 class LocalRuns:
     """Executes runs at once, in this process: what every other way must agree with."""
 
-    def __init__(self, make: Callable[[RunSpec], RunResult] | None = None) -> None:
+    def __init__(self, make=None):
         self._make = make or (lambda spec: result_of(spec, leads=True))
-        self.digests: list[tuple[int, str]] = []
-        self._rows: list[ProposalRow] = []
+        self.digests = []
+        self._rows = []
 
-    def issue(self, proposal: Proposal, candidate: Candidate) -> None:
+    def issue(self, proposal, candidate):
         spec = candidate.spec
         self.digests.append((proposal.position, spec.digest))
         result = self._make(spec)
         row = ProposalRow(proposal, "", "", spec.digest, RunState.DONE, result.outcome)
         self._rows.append(replace(row, verdicts=result.verdicts, leads=result.leads))
 
-    def issued(self, position: int) -> Proposal | None:
+    def issued(self, position):
         return None
 
-    def result(self, position: int) -> ProposalRow:
+    def result(self, position):
         return self._rows[position]
 
-    def report(self, phase: Phase, note: str, answer: SearchAnswer) -> None:
+    def report(self, phase, note, answer):
         """Nobody listens."""
 
-    def elapsed(self) -> float:
+    def elapsed(self):
         return 0.0
 
 
-def result_of(spec: RunSpec, *, leads: bool) -> RunResult:
+def result_of(spec, *, leads):
     margin = (spec.sut.parameters["value"] - 50.0) / 10.0 + spec.repeat
     outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
     result = make_result(spec, outcome=outcome, margin=margin)
@@ -142,15 +131,7 @@ def result_of(spec: RunSpec, *, leads: bool) -> RunResult:
     return replace(result, leads=(lead,) if leads else ())
 
 
-def execute(
-    spec: RunSpec,
-    scene: Scene,
-    *,
-    trace_path: Path,
-    on_progress: Callable[[Snapshot], None] | None = None,
-    interest: Callable[[], str] | None = None,
-    leads: bool = False,
-) -> RunResult:
+def execute(spec, scene, *, trace_path, on_progress=None, interest=None, leads=False):
     """Execute a run: ``until`` there is this file, if its parameters name one."""
     gate = spec.sut.parameters.get("until", "")
     while gate and not Path(gate).exists():

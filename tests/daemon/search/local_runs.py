@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TypeAlias
 
 from daemon.analysis.blame import SLOTS, Candidate, run_forked
 from daemon.model.proposals import Phase, Proposal, ProposalRow
@@ -15,12 +14,12 @@ from daemon.model.search_answer import SearchAnswer
 from daemon.model.spec import RunResult
 from daemon.run import execute
 
-BatchExecutor: TypeAlias = Callable[[Sequence[Candidate]], list[RunResult | None]]
+BatchExecutor = Callable[[Sequence[Candidate]], list[RunResult | None]]
 """Executes runs at the same time; ``None`` for one that left no result."""
-ReportCallback: TypeAlias = Callable[[Phase, str, SearchAnswer], None]
+ReportCallback = Callable[[Phase, str, SearchAnswer], None]
 
 
-def execute_with_leads(candidates: Sequence[Candidate]) -> list[RunResult | None]:
+def execute_with_leads(candidates):
     """Execute runs at the same time, each in a forked process, with leading margins."""
     return run_forked(candidates, partial(execute, leads=True))
 
@@ -43,7 +42,7 @@ class LocalRuns:
     _waiting: list[tuple[int, Candidate]] = field(default_factory=list)
     _rows: dict[int, ProposalRow] = field(default_factory=dict)
 
-    def issue(self, proposal: Proposal, candidate: Candidate) -> None:
+    def issue(self, proposal, candidate):
         """Take a run into the queue, or the result that is there."""
         if proposal.position != len(self.proposals):
             raise ValueError(f"run {len(self.proposals)} comes before {proposal.position}")
@@ -55,11 +54,11 @@ class LocalRuns:
         else:
             self._waiting.append((proposal.position, candidate))
 
-    def issued(self, position: int) -> Proposal | None:
+    def issued(self, position):
         """Return nothing: there was no life before this one."""
-        return None
+        return
 
-    def result(self, position: int) -> ProposalRow:
+    def result(self, position):
         """Execute what is before a run, and the run, and return it."""
         while position not in self._rows:
             batch, self._waiting = self._waiting[: self.slots], self._waiting[self.slots :]
@@ -70,18 +69,16 @@ class LocalRuns:
                 self._settle(at, candidate, result, cached=False)
         return self._rows[position]
 
-    def report(self, phase: Phase, note: str, answer: SearchAnswer) -> None:
+    def report(self, phase, note, answer):
         """Hand it on to whoever wants to know."""
         if self.on_report is not None:
             self.on_report(phase, note, answer)
 
-    def elapsed(self) -> float:
+    def elapsed(self):
         """Return the wall clock since the beginning [s]."""
         return time.monotonic() - self.started
 
-    def _settle(
-        self, position: int, candidate: Candidate, result: RunResult | None, *, cached: bool
-    ) -> None:
+    def _settle(self, position, candidate, result, *, cached):
         spec, proposal = candidate.spec, self.proposals[position]
         row = ProposalRow(
             proposal, f"{position:06d}", spec.label, self.digests[position], RunState.LOST

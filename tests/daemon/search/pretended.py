@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
 
-from daemon.analysis.blame import Candidate, RunCase
+from daemon.analysis.blame import Candidate
 from daemon.model.proposals import ObjectiveValue
-from daemon.model.search import OracleScale, Point, PointValue, SearchParameter, SearchTask
+from daemon.model.search import OracleScale, Point, SearchParameter, SearchTask
 from daemon.model.search_answer import PointResult
 from daemon.model.spec import LeadingMargin, OracleText, RunResult, Timing, TraceInfo
 from daemon.model.verdicts import Evidence, Outcome, Verdict
@@ -17,21 +16,19 @@ from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.samples import SCENE, make_spec
 from tests.daemon.search.local_runs import LocalRuns
 
-ORACLE: Final = "keeps-clear"
+ORACLE = "keeps-clear"
 MarginFunction = Callable[[Point, int], float | None]
 """The margin [m] of a point in a repeat: ``None`` for a run whose system crashes."""
 
 
-def seconds(
-    name: str, written: PointValue | None = 5.0, low: float = 0.0, high: float = 10.0
-) -> SearchParameter:
+def seconds(name, written=5.0, low=0.0, high=10.0):
     key = name.partition(".")[2]
     return SearchParameter(name, "behaviours", 0, key, "s", low, high, 0.01, False, written=written)
 
 
-def make_task(*parameters: SearchParameter, **more: Any) -> SearchTask:
+def make_task(*parameters, **more):
     scales = (OracleScale(ORACLE, 1.0, "m"),)
-    options: dict[str, Any] = {"method": "halton", "runs": 20} | more
+    options = {"method": "halton", "runs": 20} | more
     return SearchTask("s", "busy", "pilot", ORACLE, scales, parameters, **options)
 
 
@@ -45,24 +42,24 @@ class PretendedCase:
     near: Callable[[Point], str] = lambda _: "door"
     executed: list[str] = field(default_factory=list)
 
-    def candidate(self, point: Point, number: int, repeat: int = 0) -> Candidate:
+    def candidate(self, point, number, repeat=0):
         if self.refuses(point):
             raise InputError.at(Where("flat.fpm"), "a wall is in the way")
         spec = make_spec(repeat, scenario=self.task.scenario_of(number), point=json.dumps(point))
         return Candidate(replace(spec, oracles=(OracleText(ORACLE, "always(...)"),)), SCENE)
 
-    def run_case(self, point: Point, number: int) -> RunCase:
+    def run_case(self, point, number):
         raise NotImplementedError("a pretended run has no layers to take away")
 
-    def found_text(self, result: PointResult, *, comment: str, why: str = "") -> str:
+    def found_text(self, result, *, comment, why=""):
         lines = "".join(f"# {line}\n" for line in comment.splitlines())
         name = self.task.scenario_of(result.number)
         return f"{lines}scenarios: {name} {list(result.values)}\n"
 
-    def execute(self, candidates: Sequence[Candidate]) -> list[RunResult | None]:
+    def execute(self, candidates):
         return [self._result(candidate) for candidate in candidates]
 
-    def _result(self, candidate: Candidate) -> RunResult:
+    def _result(self, candidate):
         spec = candidate.spec
         self.executed.append(spec.digest)
         point = tuple(json.loads(spec.sut.parameters["point"]))
@@ -78,13 +75,11 @@ class PretendedCase:
         lead = LeadingMargin(ORACLE, margin, "m", about)
         return RunResult(spec.digest, outcome, (verdict,), "finished", *common, leads=(lead,))
 
-    def runs(self, slots: int = 2, **more: Any) -> LocalRuns:
+    def runs(self, slots=2, **more):
         return LocalRuns(slots=slots, executor=self.execute, **more)
 
 
-def made_result(
-    values: Point, margin: float | None, number: int = 0, near: str = "door"
-) -> PointResult:
+def made_result(values, margin, number=0, near="door"):
     """What a run of a point says; without a margin it is an error."""
     if margin is None:
         return PointResult(number, number, values, Outcome.ERROR, None, None, "", "", "")

@@ -1,45 +1,26 @@
 """Searches without a scenario: parameters, and functions instead of runs."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
-from daemon.model.search import ANY, Point, PointValue, SearchParameter, SearchTask
-from daemon.search.methods import MethodProposal, SearchMethod, make_method
+from daemon.model.search import ANY, SearchParameter, SearchTask
+from daemon.search.methods import make_method
 from daemon.search.space import SearchSpace
 
 
-def ranged(
-    name: str = "a",
-    low: float = 0.0,
-    high: float = 10.0,
-    step: float = 0.01,
-    *,
-    unit: str = "s",
-    log: bool = False,
-    written: PointValue | None = 5.0,
-) -> SearchParameter:
+def ranged(name="a", low=0.0, high=10.0, step=0.01, *, unit="s", log=False, written=5.0):
     return SearchParameter(name, "behaviours", 0, name, unit, low, high, step, log, written=written)
 
 
-def chosen(name: str, *choices: PointValue) -> SearchParameter:
+def chosen(name, *choices):
     return SearchParameter(name, "behaviours", 0, name, choices=choices, written=choices[0])
 
 
-def search_task(*parameters: SearchParameter, **more: Any) -> SearchTask:
+def search_task(*parameters, **more):
     return SearchTask("s", "scenario", "", ANY, (), parameters, **more)
 
 
-def searched(
-    task: SearchTask,
-    worth: Callable[[Point], float | None],
-    runs: int,
-    method: SearchMethod | None = None,
-) -> list[tuple[MethodProposal, float | None]]:
+def searched(task, worth, runs, method=None):
     """Search without a simulator; results are learnt as late as the window allows."""
     method = method or make_method(task, SearchSpace(task))
-    done: list[tuple[MethodProposal, float | None]] = []
+    done = []
     for n in range(runs):
         ready = n - task.window
         if ready >= 0:

@@ -1,29 +1,21 @@
 """Searches in a daemon: the same runs whoever is killed, and an end that people are told of."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import signal
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
 
-from daemon.batch.client import Client
 from daemon.batch.paths import StatePaths
 from daemon.campaign import bundle_campaign, load_campaign
 from daemon.model.bundles import unpack_bundle
-from daemon.model.search import SearchSubmission
-from daemon.model.search_answer import SearchRow
-from daemon.model.spec import LeadingMargin, RunResult, RunSpec
+from daemon.model.spec import LeadingMargin
 from daemon.search.coordinator import run_program
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import TASK, make_result, make_search, make_submission
 from tests.daemon.search.fake_search import CONFIRMED, LocalRuns, search
 
@@ -52,16 +44,16 @@ FAKE = "tests.daemon.search.fake_search"
 RUNS = 30
 
 
-def searching(state: Path, slots: int = 1) -> AbstractContextManager[DaemonPart]:
+def searching(state, slots=1):
     return daemon_at(state, slots, executor=f"{FAKE}:execute", searcher=f"{FAKE}:search")
 
 
-def sought(campaign: str, runs: int = RUNS, **asked: Any) -> SearchSubmission:
+def sought(campaign, runs=RUNS, **asked):
     return make_search(campaign, {"campaign.yaml": json.dumps(asked)}, runs=runs)
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[int, str]]:
+def undisturbed(tmp_path_factory):
     """Positions and digests of the runs of a search, without any daemon."""
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "campaign.yaml").write_text("{}")
@@ -72,33 +64,30 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[int, str
     return runs.digests
 
 
-def digests(client: Client, campaign: str = "s") -> list[tuple[int, str]]:
+def digests(client, campaign="s"):
     return [(row.proposal.position, row.digest) for row in client.proposals(campaign)]
 
 
-def ended(client: Client, campaign: str = "s") -> SearchRow:
-    def look() -> SearchRow | None:
+def ended(client, campaign="s"):
+    def look():
         row = client.search_row(campaign)
         assert row is not None
         return None if row.state == "running" else row
 
-    found: SearchRow = eventually(look)
-    return found
+    return eventually(look)
 
 
-def coordinators(daemon: DaemonPart) -> list[int]:
+def coordinators(daemon):
     return [line["pid"] for line in daemon.noted("search coordinator started")]
 
 
-def settled(client: Client, campaign: str = "s") -> int:
+def settled(client, campaign="s"):
     row = client.campaign(campaign)
     assert row is not None
     return row.done
 
 
-def test_a_search_goes_on_with_the_same_runs_whatever_is_killed(
-    tmp_path: Path, undisturbed: list[tuple[int, str]]
-) -> None:
+def test_a_search_goes_on_with_the_same_runs_whatever_is_killed(tmp_path, undisturbed):
     with searching(tmp_path / "state") as daemon:
         with daemon.client() as client:
             client.submit_search(sought("s"))
@@ -128,14 +117,12 @@ def test_a_search_goes_on_with_the_same_runs_whatever_is_killed(
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(tmp_path_factory):
     with searching(tmp_path_factory.mktemp("searching") / "state", slots=4) as part:
         yield part
 
 
-def test_the_runs_of_a_search_do_not_depend_on_how_many_workers_there_are(
-    daemon: DaemonPart, undisturbed: list[tuple[int, str]]
-) -> None:
+def test_the_runs_of_a_search_do_not_depend_on_how_many_workers_there_are(daemon, undisturbed):
     with daemon.client() as client:
         client.submit(make_submission("plain", 1, value=50.0))
         eventually(lambda: settled(client, "plain"))
@@ -161,9 +148,7 @@ def test_the_runs_of_a_search_do_not_depend_on_how_many_workers_there_are(
         assert client.overview().troubles == ()
 
 
-def test_a_search_that_is_cancelled_goes_on_where_it_was(
-    daemon: DaemonPart, tmp_path: Path
-) -> None:
+def test_a_search_that_is_cancelled_goes_on_where_it_was(daemon, tmp_path):
     gate = tmp_path / "gate"
     with daemon.client() as client:
         client.submit_search(sought("halted", 12, parameters={"until": str(gate)}))
@@ -180,9 +165,7 @@ def test_a_search_that_is_cancelled_goes_on_where_it_was(
         client.delete(("halted",))
 
 
-def test_a_search_that_is_deleted_and_submitted_again_begins_anew(
-    daemon: DaemonPart, tmp_path: Path
-) -> None:
+def test_a_search_that_is_deleted_and_submitted_again_begins_anew(daemon, tmp_path):
     gate = tmp_path / "gate"
     ended_before = len(daemon.noted("local worker ended"))
     with daemon.client() as client:
@@ -201,7 +184,7 @@ def test_a_search_that_is_deleted_and_submitted_again_begins_anew(
         client.delete(("anew",))
 
 
-def test_what_ends_a_search_is_told(daemon: DaemonPart) -> None:
+def test_what_ends_a_search_is_told(daemon):
     with daemon.client() as client:
         client.submit_search(sought("broken", **{"raise": "no such thing"}))
         client.submit_search(sought("narrow", refuse="too narrow"))
@@ -213,9 +196,7 @@ def test_what_ends_a_search_is_told(daemon: DaemonPart) -> None:
     assert "RuntimeError: no such thing" in StatePaths(daemon.state).search_log.read_text()
 
 
-def test_a_search_that_proposes_otherwise_than_before_fails(
-    daemon: DaemonPart, tmp_path: Path
-) -> None:
+def test_a_search_that_proposes_otherwise_than_before_fails(daemon, tmp_path):
     gate = tmp_path / "gate"
     with daemon.client() as client:
         client.submit_search(sought("changed", count=True, parameters={"until": str(gate)}))
@@ -229,7 +210,7 @@ def test_a_search_that_proposes_otherwise_than_before_fails(
         client.delete(("changed",))
 
 
-def test_a_search_is_given_up_that_ends_its_process_again_and_again(daemon: DaemonPart) -> None:
+def test_a_search_is_given_up_that_ends_its_process_again_and_again(daemon):
     with daemon.client() as client:
         client.submit_search(sought("deadly", die=9))
         row = ended(client, "deadly")
@@ -241,12 +222,12 @@ def test_a_search_is_given_up_that_ends_its_process_again_and_again(daemon: Daem
         assert campaign.finished
 
 
-def keeping_clear(spec: RunSpec) -> RunResult:
+def keeping_clear(spec):
     lead = LeadingMargin("keeps-clear", 0.25, "m")
     return replace(make_result(spec), leads=(lead,))
 
 
-def test_the_program_of_a_search_is_run_on_its_files(campaigns: Path, tmp_path: Path) -> None:
+def test_the_program_of_a_search_is_run_on_its_files(campaigns, tmp_path):
     own = Path(shutil.copytree(campaigns / "demo", tmp_path / "demo")) / "tiny.yaml"
     own.write_text(TINY)
     (task,) = load_campaign(own).searches

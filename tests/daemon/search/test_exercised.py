@@ -1,7 +1,5 @@
 """Which parts of its space a search has tried."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -18,7 +16,7 @@ from tests.daemon.search.pretended import PretendedCase, make_task, seconds
 LEADING = SearchParameter("doors.leading", "behaviours", 0, "leading", choices=("a", "b", "c"))
 
 
-def test_each_point_counts_once_in_the_part_of_its_value() -> None:
+def test_each_point_counts_once_in_the_part_of_its_value():
     task = make_task(seconds("doors.opens"), LEADING, runs=16, confirm=3, then=("nearest",))
     case = PretendedCase(task, lambda point, _: 0.5 - 0.1 * float(point[0]))
     runs = case.runs()
@@ -38,7 +36,7 @@ def test_each_point_counts_once_in_the_part_of_its_value() -> None:
     assert (leading.range, len(leading.counts)) == ("a, b, c", 3)
 
 
-def test_what_is_outside_of_the_range_or_not_run_is_in_no_part() -> None:
+def test_what_is_outside_of_the_range_or_not_run_is_in_no_part():
     task = make_task(seconds("doors.opens", written=12.0), runs=4, confirm=0, then=())
     case = PretendedCase(task, lambda point, _: 1.0)
     runs = case.runs()
@@ -52,7 +50,7 @@ def test_what_is_outside_of_the_range_or_not_run_is_in_no_part() -> None:
     assert exercised_space(row, waiting).points == 0
 
 
-def test_positions_of_logarithmic_ranges_have_equal_ratios() -> None:
+def test_positions_of_logarithmic_ranges_have_equal_ratios():
     noise = SearchParameter("robot.noise", "robot", 0, "noise", "m", 0.01, 0.04, log=True)
     assert position_in_range(noise, 0.02) == pytest.approx(0.5)
     assert position_in_range(replace(noise, log=False), 0.025) == pytest.approx(0.5)

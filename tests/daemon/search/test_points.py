@@ -1,7 +1,5 @@
 """How far points are from the scenario as written."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest
@@ -27,7 +25,7 @@ LEADING = SearchParameter(
 )
 
 
-def test_changes_are_shares_of_their_ranges() -> None:
+def test_changes_are_shares_of_their_ranges():
     assert change_size(A, 7.5) == pytest.approx(0.25)
     assert change_size(NOISE, 0.04) == pytest.approx(0.5), "by its logarithm"
     assert change_size(LEADING, "two") == 1.0
@@ -37,17 +35,17 @@ def test_changes_are_shares_of_their_ranges() -> None:
     assert taken_back(task, (7.5, 0.04, "two"), (0, 2)) == (5.0, 0.04, "one")
 
 
-def test_sums_of_steps_are_as_written() -> None:
+def test_sums_of_steps_are_as_written():
     assert changed_parameters(make_task(seconds("doors.a", 0.3)), (0.1 + 0.2,)) == ()
 
 
-def test_what_is_written_nowhere_does_not_change() -> None:
+def test_what_is_written_nowhere_does_not_change():
     task = make_task(seconds("doors.a", None))
     assert changed_parameters(task, (3.0,)) == ()
     assert taken_back(task, (3.0,), (0,)) == (3.0,)
 
 
-def test_there_is_nothing_between_neighbours_and_choices() -> None:
+def test_there_is_nothing_between_neighbours_and_choices():
     assert value_between(A, 5.0, 5.01) is None
     assert value_between(A, 5.0, 5.02) == 5.01
     assert value_between(LEADING, "one", "two") is None
@@ -56,7 +54,7 @@ def test_there_is_nothing_between_neighbours_and_choices() -> None:
 
 
 @given(st.integers(0, 1000), st.integers(0, 1000))
-def test_halving_ends_at_neighbouring_steps(failing: int, passing: int) -> None:
+def test_halving_ends_at_neighbouring_steps(failing, passing):
     low, high = 0.01 * failing, 0.01 * passing
     halvings = 0
     while (value := value_between(A, low, high)) is not None:

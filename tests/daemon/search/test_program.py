@@ -1,16 +1,9 @@
 """A search as a whole, its runs being functions of their points."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
-from daemon.analysis.blame import Candidate
-from daemon.model.proposals import Phase, Proposal, ProposalRow
-from daemon.model.search import Point
-from daemon.model.search_answer import SearchAnswer
 from daemon.search.program import ERRORS_IN_A_ROW, SearchStoppedError, run_search
 from tests.daemon.search.local_runs import LocalRuns
 from tests.daemon.search.pretended import PretendedCase, make_task, seconds
@@ -19,18 +12,18 @@ KITCHEN = seconds("doors.kitchen_opens", 5.0)
 BEDROOM = seconds("doors.bedroom_opens", 5.0)
 
 
-def comment_of(answer: SearchAnswer) -> str:
+def comment_of(answer):
     lines = answer.found.splitlines()
     return " ".join(line.removeprefix("# ") for line in lines if not line.startswith("scenarios"))
 
 
-def late_kitchen(point: Point, repeat: int) -> float:
+def late_kitchen(point, repeat):
     """Fails where the kitchen opens more than 6 s late."""
     kitchen = float(point[0])
     return 0.1 if kitchen < 5.5 else 6.0 - kitchen
 
 
-def test_the_scenario_as_written_comes_first_and_the_budget_ends_the_search() -> None:
+def test_the_scenario_as_written_comes_first_and_the_budget_ends_the_search():
     case = PretendedCase(make_task(KITCHEN, BEDROOM, runs=12, confirm=0, then=()), late_kitchen)
     runs = case.runs()
     answer = run_search(case, runs)
@@ -44,7 +37,7 @@ def test_the_scenario_as_written_comes_first_and_the_budget_ends_the_search() ->
 
 
 @pytest.mark.parametrize("method", ["halton", "random", "auto"])
-def test_runs_are_the_same_however_many_run_at_a_time(method: str) -> None:
+def test_runs_are_the_same_however_many_run_at_a_time(method):
     lists = []
     for slots in (1, 4):
         case = PretendedCase(make_task(KITCHEN, BEDROOM, runs=24, method=method), late_kitchen)
@@ -54,7 +47,7 @@ def test_runs_are_the_same_however_many_run_at_a_time(method: str) -> None:
     assert lists[0] == lists[1]
 
 
-def test_what_was_found_is_confirmed_brought_near_and_handed_on() -> None:
+def test_what_was_found_is_confirmed_brought_near_and_handed_on():
     case = PretendedCase(make_task(KITCHEN, BEDROOM), late_kitchen)
     runs = case.runs()
     answer = run_search(case, runs)
@@ -75,7 +68,7 @@ def test_what_was_found_is_confirmed_brought_near_and_handed_on() -> None:
     assert [p.position for p in runs.proposals] == list(range(len(runs.proposals)))
 
 
-def test_the_same_search_again_executes_nothing() -> None:
+def test_the_same_search_again_executes_nothing():
     task = make_task(KITCHEN, BEDROOM)
     case, again = PretendedCase(task, late_kitchen), PretendedCase(task, late_kitchen)
     runs = case.runs()
@@ -86,7 +79,7 @@ def test_the_same_search_again_executes_nothing() -> None:
     assert repeated == replace(answer, executed=0, reused=answer.executed)
 
 
-def test_it_stops_at_the_first_failure_and_takes_in_what_is_out() -> None:
+def test_it_stops_at_the_first_failure_and_takes_in_what_is_out():
     task = make_task(KITCHEN, runs=500, stop="failures", failures=1, window=4, then=(), confirm=0)
     case = PretendedCase(task, late_kitchen)
     answer = run_search(case, case.runs())
@@ -95,7 +88,7 @@ def test_it_stops_at_the_first_failure_and_takes_in_what_is_out() -> None:
     assert answer.explored == answer.first.number + 4
 
 
-def test_it_stops_when_nothing_gets_better() -> None:
+def test_it_stops_when_nothing_gets_better():
     task = make_task(KITCHEN, runs=500, stop="settled", window=4)
     case = PretendedCase(task, lambda point, repeat: 0.1)
     answer = run_search(case, case.runs())
@@ -103,15 +96,15 @@ def test_it_stops_when_nothing_gets_better() -> None:
     assert answer.explored == 1 + 20 + 3, "the first, twenty as good, and those that were out"
 
 
-def test_errors_in_a_row_end_it() -> None:
+def test_errors_in_a_row_end_it():
     case = PretendedCase(make_task(KITCHEN, runs=100, window=1), lambda point, repeat: None)
     answer = run_search(case, case.runs())
     assert (answer.ended, answer.errors) == ("errors", ERRORS_IN_A_ROW)
     assert answer.failing_share is None
 
 
-def test_points_that_make_no_run_are_told_and_are_no_errors() -> None:
-    def refuses(point: Point) -> bool:
+def test_points_that_make_no_run_are_told_and_are_no_errors():
+    def refuses(point):
         return float(point[0]) < 4.0
 
     case = PretendedCase(make_task(KITCHEN, runs=30, then=()), late_kitchen, refuses)
@@ -127,13 +120,13 @@ def test_points_that_make_no_run_are_told_and_are_no_errors() -> None:
     )
 
 
-def test_a_small_space_is_exhausted() -> None:
+def test_a_small_space_is_exhausted():
     few = replace(KITCHEN, low=4.98, high=5.02)
     case = PretendedCase(make_task(few, runs=100), late_kitchen)
     assert run_search(case, case.runs()).ended == "exhausted"
 
 
-def test_a_scenario_that_fails_as_written_is_its_own_nearest_failure() -> None:
+def test_a_scenario_that_fails_as_written_is_its_own_nearest_failure():
     case = PretendedCase(make_task(KITCHEN, BEDROOM), lambda point, repeat: -0.25)
     answer = run_search(case, case.runs())
     assert answer.nearest is not None
@@ -144,8 +137,8 @@ def test_a_scenario_that_fails_as_written_is_its_own_nearest_failure() -> None:
     assert answer.nearest.confirmed == answer.confirmed
 
 
-def test_of_a_system_that_is_not_repeatable_the_median_of_three_counts() -> None:
-    def noisy(point: Point, repeat: int) -> float:
+def test_of_a_system_that_is_not_repeatable_the_median_of_three_counts():
+    def noisy(point, repeat):
         return (-1.0, 0.2, 0.3)[repeat % 3]
 
     case = PretendedCase(make_task(KITCHEN, runs=12, repeatable=False), noisy)
@@ -162,18 +155,18 @@ def test_of_a_system_that_is_not_repeatable_the_median_of_three_counts() -> None
 class Limited(LocalRuns):
     """Runs of which no more are executed after a while."""
 
-    def __init__(self, case: PretendedCase, most: int) -> None:
+    def __init__(self, case, most):
         super().__init__(executor=case.execute)
         self.most = most
 
-    def result(self, position: int) -> ProposalRow:
+    def result(self, position):
         if position >= self.most:
             raise SearchStoppedError
         return super().result(position)
 
 
 @pytest.mark.parametrize("most", [3, 18, 24, 30])
-def test_what_was_found_before_it_is_cancelled_is_told(most: int) -> None:
+def test_what_was_found_before_it_is_cancelled_is_told(most):
     case = PretendedCase(make_task(KITCHEN, BEDROOM), late_kitchen)
     with pytest.raises(SearchStoppedError) as caught:
         run_search(case, Limited(case, most))
@@ -187,25 +180,25 @@ def test_what_was_found_before_it_is_cancelled_is_told(most: int) -> None:
 class Resumed(LocalRuns):
     """Runs of a search whose time was over when it went down, begun again much later."""
 
-    def __init__(self, case: PretendedCase, before: Sequence[Proposal]) -> None:
+    def __init__(self, case, before):
         super().__init__(executor=case.execute)
         self.before = before
 
-    def issued(self, position: int) -> Proposal | None:
+    def issued(self, position):
         return self.before[position] if position < len(self.before) else None
 
-    def elapsed(self) -> float:
+    def elapsed(self):
         return 1000.0
 
 
 class Clocked(LocalRuns):
     """Every run takes a second."""
 
-    def elapsed(self) -> float:
+    def elapsed(self):
         return float(len(self.proposals))
 
 
-def test_a_search_that_went_down_after_its_time_issues_the_same_runs_again() -> None:
+def test_a_search_that_went_down_after_its_time_issues_the_same_runs_again():
     task = make_task(KITCHEN, BEDROOM, runs=500, seconds=15.0)
     case = PretendedCase(task, late_kitchen)
     first = Clocked(executor=case.execute)
@@ -221,10 +214,10 @@ def test_a_search_that_went_down_after_its_time_issues_the_same_runs_again() -> 
     assert run_search(case, early).explored == 9
 
 
-def test_reports_tell_how_far_it_is() -> None:
-    told: list[tuple[Phase, str]] = []
+def test_reports_tell_how_far_it_is():
+    told = []
 
-    def listen(phase: Phase, note: str, answer: SearchAnswer) -> None:
+    def listen(phase, note, answer):
         told.append((phase, note))
         assert answer.ended == ""
 
@@ -235,8 +228,8 @@ def test_reports_tell_how_far_it_is() -> None:
     assert phases == ["explore", "confirm", "nearest"]
 
 
-def test_local_runs_that_leave_no_result_are_lost() -> None:
-    def executes_nothing(candidates: Sequence[Candidate]) -> list[None]:
+def test_local_runs_that_leave_no_result_are_lost():
+    def executes_nothing(candidates):
         return [None for _ in candidates]
 
     case = PretendedCase(make_task(KITCHEN, window=1), late_kitchen)
@@ -244,8 +237,8 @@ def test_local_runs_that_leave_no_result_are_lost() -> None:
     assert (answer.ended, answer.errors) == ("errors", 5)
 
 
-def test_a_failure_of_one_noise_gives_way_to_a_larger_change_that_noise_confirms() -> None:
-    def noisy(point: Point, repeat: int) -> float:
+def test_a_failure_of_one_noise_gives_way_to_a_larger_change_that_noise_confirms():
+    def noisy(point, repeat):
         # Noise moves the edge by up to 1 s; the run that is searched has the lowest one.
         return 6.0 + 0.2 * repeat - float(point[0])
 
@@ -269,7 +262,7 @@ def test_a_failure_of_one_noise_gives_way_to_a_larger_change_that_noise_confirms
     assert nearest.sentence in comment_of(answer)
 
 
-def chance_near_and_solid_far(point: Point, repeat: int) -> float:
+def chance_near_and_solid_far(point, repeat):
     """Fails where the kitchen opens late; a little late it does so in the first noise alone."""
     kitchen = float(point[0])
     if kitchen >= 7.5:
@@ -278,7 +271,7 @@ def chance_near_and_solid_far(point: Point, repeat: int) -> float:
 
 
 @pytest.mark.parametrize("slots", [1, 4])
-def test_the_failure_that_is_told_holds_whatever_the_noise(slots: int) -> None:
+def test_the_failure_that_is_told_holds_whatever_the_noise(slots):
     case = PretendedCase(make_task(KITCHEN, BEDROOM, runs=24), chance_near_and_solid_far)
     runs = case.runs(slots)
     answer = run_search(case, runs)
@@ -299,10 +292,8 @@ def test_the_failure_that_is_told_holds_whatever_the_noise(slots: int) -> None:
 
 
 @pytest.mark.parametrize(("confirm", "of"), [(5, 5), (1, 2), (0, 2)])
-def test_where_no_failure_holds_the_sentence_says_that_it_hangs_on_the_noise(
-    confirm: int, of: int
-) -> None:
-    def lucky(point: Point, repeat: int) -> float:
+def test_where_no_failure_holds_the_sentence_says_that_it_hangs_on_the_noise(confirm, of):
+    def lucky(point, repeat):
         return 0.1 if repeat else 6.0 - float(point[0])
 
     case = PretendedCase(make_task(KITCHEN, BEDROOM, confirm=confirm), lucky)
@@ -318,7 +309,7 @@ def test_where_no_failure_holds_the_sentence_says_that_it_hangs_on_the_noise(
     assert nearest.sentence in comment_of(answer)
 
 
-def test_of_a_system_that_is_not_repeatable_the_median_says_what_holds() -> None:
+def test_of_a_system_that_is_not_repeatable_the_median_says_what_holds():
     task = make_task(KITCHEN, runs=60, repeatable=False)
     case = PretendedCase(task, late_kitchen)
     runs = case.runs()

@@ -1,23 +1,19 @@
 """The least of a failure that still fails, its candidates being runs of the search."""
 
-from __future__ import annotations
-
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from daemon.analysis.blame import Candidate
 from daemon.campaign import bundle_campaign, expand, load_campaign
 from daemon.model.bundles import unpack_bundle
-from daemon.model.search_answer import PointResult
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.coordinator import run_program
 from daemon.search.execution.point_runner import PointRunner, RunPurpose
-from daemon.search.preparation.composition import SearchCase, load_search_case
+from daemon.search.preparation.composition import load_search_case
 from daemon.search.program import run_search
 from daemon.search.shrinking import left_out, shrink_failure
 from grammars.model.behaviour import Trigger
@@ -47,10 +43,10 @@ search:
 Rule = Callable[[RunSpec], bool]
 
 
-def judged_by(fails: Rule) -> Callable[[Sequence[Candidate]], list[RunResult | None]]:
+def judged_by(fails):
     """Executes nothing: runs fail keeps-clear by a rule about their specification."""
 
-    def result(candidate: Candidate) -> RunResult:
+    def result(candidate):
         spec = candidate.spec
         margin = -0.02 if fails(spec) else 0.1
         outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
@@ -68,7 +64,7 @@ def judged_by(fails: Rule) -> Callable[[Sequence[Candidate]], list[RunResult | N
 
 
 @pytest.fixture
-def case(tmp_path: Path, campaigns: Path) -> SearchCase:
+def case(tmp_path, campaigns):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     file = tmp_path / "demo" / "tiny.yaml"
@@ -76,7 +72,7 @@ def case(tmp_path: Path, campaigns: Path) -> SearchCase:
     return load_search_case(file, "near")
 
 
-def explored(case: SearchCase, fails: Rule) -> tuple[PointRunner, LocalRuns, PointResult]:
+def explored(case, fails):
     runs = LocalRuns(executor=judged_by(fails))
     points = PointRunner(case, runs)
     begun = points.begin((1.5,), RunPurpose("explore", "halton", guided=False))
@@ -84,8 +80,8 @@ def explored(case: SearchCase, fails: Rule) -> tuple[PointRunner, LocalRuns, Poi
     return points, runs, points.finish(begun)
 
 
-def test_one_door_and_what_it_does_are_left(case: SearchCase, tmp_path: Path) -> None:
-    def fails(spec: RunSpec) -> bool:
+def test_one_door_and_what_it_does_are_left(case, tmp_path):
+    def fails(spec):
         doing = any(b.joint.startswith("kitchen_door") for b in spec.behaviours)
         return doing and any(w.id == "kitchen" for w in spec.mission.waypoints)
 
@@ -114,7 +110,7 @@ def test_one_door_and_what_it_does_are_left(case: SearchCase, tmp_path: Path) ->
     assert [w.id for w in run.mission.waypoints] == ["kitchen"]
 
 
-def test_what_does_not_fail_is_not_shrunk(case: SearchCase) -> None:
+def test_what_does_not_fail_is_not_shrunk(case):
     points, _, passing = explored(case, lambda spec: False)
     shrunk = shrink_failure(points, passing)
     assert shrunk.story == (
@@ -124,7 +120,7 @@ def test_what_does_not_fail_is_not_shrunk(case: SearchCase) -> None:
     assert (shrunk.files, shrunk.runs) == ((), 0)
 
 
-def test_what_was_left_out_is_told(case: SearchCase) -> None:
+def test_what_was_left_out_is_told(case):
     whole = case.run_case((1.5,), 0)
     everything = (*whole.added, *whole.parts(whole.added))
     oracle = whole.spec.oracles[1]
@@ -138,8 +134,8 @@ def test_what_was_left_out_is_told(case: SearchCase) -> None:
     assert left_out(full, whole.candidate(plain, oracle)) == "with fewer values of layers"
 
 
-def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case: SearchCase) -> None:
-    def fails(spec: RunSpec) -> bool:
+def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case):
+    def fails(spec):
         near = {b.distance for b in spec.behaviours if isinstance(b, Trigger)}
         return any(distance > 1.2 for distance in near)
 
@@ -159,10 +155,8 @@ def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case: SearchCas
     assert phases == ["explore", "confirm", "nearest", "shrink"]
 
 
-def test_what_was_handed_on_to_a_daemon_is_shrunk_to_a_campaign(
-    case: SearchCase, tmp_path: Path
-) -> None:
-    def fails(spec: RunSpec) -> bool:
+def test_what_was_handed_on_to_a_daemon_is_shrunk_to_a_campaign(case, tmp_path):
+    def fails(spec):
         return any(b.joint.startswith("kitchen_door") for b in spec.behaviours)
 
     name, files = bundle_campaign(case.folder / "tiny.yaml")

@@ -1,7 +1,5 @@
 """The space of a search: values as written, equal shares, constraints."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,14 +9,14 @@ from daemon.search.space import SearchSpace
 from tests.daemon.search.spaces import chosen, ranged, search_task
 
 
-def test_values_are_multiples_of_the_step_in_the_range() -> None:
+def test_values_are_multiples_of_the_step_in_the_range():
     space = SearchSpace(search_task(ranged(low=0.05, high=0.32, step=0.1)))
     assert [space.at([u])[0] for u in (0.0, 0.33, 0.34, 0.66, 0.67, 1.0)] == [
         0.1, 0.1, 0.2, 0.2, 0.3, 0.3,
     ]  # fmt: skip
 
 
-def test_every_value_is_as_likely_as_any_other() -> None:
+def test_every_value_is_as_likely_as_any_other():
     space = SearchSpace(search_task(ranged(low=1, high=3, step=1), chosen("c", "x", "y")))
     shares = (np.arange(600) + 0.5) / 600
     drawn = [space.at([u, u]) for u in shares]
@@ -26,7 +24,7 @@ def test_every_value_is_as_likely_as_any_other() -> None:
     assert sum(p[1] == "x" for p in drawn) == 300
 
 
-def test_a_point_and_its_place_belong_together() -> None:
+def test_a_point_and_its_place_belong_together():
     space = SearchSpace(
         search_task(
             ranged("a", -1.0, 1.0, 0.001),
@@ -43,13 +41,13 @@ def test_a_point_and_its_place_belong_together() -> None:
     assert space.size == 0
 
 
-def test_the_logarithm_runs_evenly() -> None:
+def test_the_logarithm_runs_evenly():
     space = SearchSpace(search_task(ranged(low=0.01, high=1.0, step=0.001, log=True)))
     assert space.at([0.5]) == (0.1,)
     assert space.unit((0.1,))[0] == pytest.approx(0.5)
 
 
-def test_values_have_no_digits_that_are_not_written() -> None:
+def test_values_have_no_digits_that_are_not_written():
     space = SearchSpace(search_task(ranged(low=-0.3, high=0.3, step=0.1)))
     values = [point[0] for point in space.points()]
     assert [str(value) for value in values] == ["-0.3", "-0.2", "-0.1", "0.0", "0.1", "0.2", "0.3"]
@@ -57,7 +55,7 @@ def test_values_have_no_digits_that_are_not_written() -> None:
     assert value == 0.3333333333
 
 
-def test_what_is_written_is_kept_though_it_lies_outside() -> None:
+def test_what_is_written_is_kept_though_it_lies_outside():
     task = search_task(ranged(low=6.0, high=8.0, written=5.0), chosen("b", "x", "y"))
     space = SearchSpace(task)
     assert space.written == (5.0, "x")
@@ -65,11 +63,11 @@ def test_what_is_written_is_kept_though_it_lies_outside() -> None:
     assert space.unit((5.0, "x")).tolist() == [0.0, 0.25]
 
 
-def test_a_search_of_what_is_written_nowhere_has_no_written_point() -> None:
+def test_a_search_of_what_is_written_nowhere_has_no_written_point():
     assert SearchSpace(search_task(ranged(written=None), ranged("b"))).written is None
 
 
-def test_constraints_compare_what_is_in_different_units() -> None:
+def test_constraints_compare_what_is_in_different_units():
     space = SearchSpace(
         search_task(
             ranged("doors.closes", unit="s"),
@@ -81,7 +79,7 @@ def test_constraints_compare_what_is_in_different_units() -> None:
     assert not space.allowed((60.0, 2.0))
 
 
-def test_points_of_a_small_space_are_all_there() -> None:
+def test_points_of_a_small_space_are_all_there():
     space = SearchSpace(search_task(ranged(low=1, high=2, step=1), chosen("b", "x", "y")))
     assert list(space.points()) == [(1.0, "x"), (1.0, "y"), (2.0, "x"), (2.0, "y")]
     assert space.size == 4
@@ -95,11 +93,11 @@ def test_points_of_a_small_space_are_all_there() -> None:
         (ranged(low=0.0, log=True), "begins above 0"),
     ],
 )
-def test_a_range_that_makes_no_sense_is_told(parameter: object, words: str) -> None:
+def test_a_range_that_makes_no_sense_is_told(parameter, words):
     with pytest.raises(ValueError, match=words):
-        SearchSpace(search_task(parameter))  # type: ignore[arg-type]
+        SearchSpace(search_task(parameter))
 
 
-def test_words_are_not_compared() -> None:
+def test_words_are_not_compared():
     with pytest.raises(ValueError, match='"b" is not varied here'):
         SearchSpace(search_task(ranged(), chosen("b", "x", "y"), constraints=("a < b",)))

@@ -1,19 +1,14 @@
 """Independent ways to compute a laser scan."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pymunk
 
-from daemon.simulator import World
-from grammars.model.geometry import Floats, Pose2
-from grammars.model.robot import Laser
+from grammars.model.geometry import Pose2
 
 
-def world_segments(world: World) -> Floats:
+def world_segments(world):
     """All laser segments in the world frame, shape (n, 4), moving ones at their present place."""
     plane, table = world._scanner(None)._plane, world._bodies.at(world.tick)
     rows = [tuple(row) for row in plane.static.tolist()]
@@ -25,12 +20,12 @@ def world_segments(world: World) -> Floats:
     return np.array(rows).reshape(-1, 4)
 
 
-def ray_angles(laser: Laser, base: Pose2) -> Floats:
+def ray_angles(laser, base):
     """World directions of all rays [rad]."""
     return (base @ laser.mount).yaw + np.linspace(laser.angle_min, laser.angle_max, laser.rays)
 
 
-def cast_by_broadcast(segments: Floats, origin: tuple[float, float], angles: Floats) -> Floats:
+def cast_by_broadcast(segments, origin, angles):
     """Intersect every ray with every segment (closed, no tolerance); inf where none is hit."""
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
     px, py = segments[:, 0] - origin[0], segments[:, 1] - origin[1]
@@ -43,9 +38,7 @@ def cast_by_broadcast(segments: Floats, origin: tuple[float, float], angles: Flo
     return np.where(hit, ranges, np.inf).min(axis=1, initial=np.inf)
 
 
-def cast_by_pymunk(
-    segments: Floats, origin: tuple[float, float], angles: Floats, reach: float
-) -> Floats:
+def cast_by_pymunk(segments, origin, angles, reach):
     """Ask pymunk for the first segment along every ray; inf where none is hit."""
     space = pymunk.Space()
     for x1, y1, x2, y2 in segments.tolist():
@@ -59,9 +52,7 @@ def cast_by_pymunk(
     return ranges
 
 
-def near_an_end(
-    segments: Floats, origin: tuple[float, float], angles: Floats, width: float = 1e-7
-) -> npt.NDArray[np.bool_]:
+def near_an_end(segments, origin, angles, width=1e-7):
     """Rays that pass a segment's end within ``width`` radians: a silhouette, either is right."""
     ends = segments.reshape(-1, 2) - np.array(origin)
     bearings = np.arctan2(ends[:, 1], ends[:, 0])

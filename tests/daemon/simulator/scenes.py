@@ -1,23 +1,20 @@
 """Small hand-built worlds for the tests of the simulator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
 from daemon.simulator import World
-from grammars.model.behaviour import Behaviour
-from grammars.model.geometry import Pose2, Ring
+from grammars.model.geometry import Pose2
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
 from grammars.model.scene import Doorway, Joint, Link, Scene, SceneObject, Solid
 
 
-def box(x1: float, y1: float, x2: float, y2: float) -> Ring:
+def box(x1, y1, x2, y2):
     return ((x1, y1), (x2, y1), (x2, y2), (x1, y2))
 
 
-def wall(name: str, x1: float, y1: float, x2: float, y2: float, z: float = 2.5) -> Solid:
+def wall(name, x1, y1, x2, y2, z=2.5):
     return Solid(name, "wall", box(x1, y1, x2, y2), 0.0, z)
 
 
@@ -29,22 +26,22 @@ ROBOT = Robot(
 )  # fmt: skip
 
 
-def differential(timeout: float = 0.0) -> Robot:
+def differential(timeout=0.0):
     return replace(ROBOT, drive=replace(DRIVE, kind="differential", timeout=timeout))
 
 
 def door(
-    name: str = "door",
-    pose: Pose2 = Pose2(),  # noqa: B008
-    initial: float = 0.0,
+    name="door",
+    pose=Pose2(),  # noqa: B008
+    initial=0.0,
     *,
-    frozen: bool = False,
-    doorway: str = "",
-    friction: float = 0.0,
-    stiffness: float = 0.0,
-    damping: float = 0.0,
-    mass: float = 10.0,
-) -> SceneObject:
+    frozen=False,
+    doorway="",
+    friction=0.0,
+    stiffness=0.0,
+    damping=0.0,
+    mass=10.0,
+):
     """A hinged door: post at the origin, closed leaf along +y, opens towards -x, 0 to 2 rad."""
     post = Link("post", (box(-0.025, -0.025, 0.025, 0.025),), 100.0, 0.0, 2.0)
     leaf = Link("leaf", (box(-0.025, 0.035, 0.025, 0.965),), mass, 0.0, 2.0)
@@ -56,11 +53,11 @@ def door(
 
 
 def sliding_door(
-    name: str = "slider",
-    pose: Pose2 = Pose2(),  # noqa: B008
-    initial: float = 0.0,
-    friction: float = 0.0,
-) -> SceneObject:
+    name="slider",
+    pose=Pose2(),  # noqa: B008
+    initial=0.0,
+    friction=0.0,
+):
     """A panel closed along +y from 0 to 1, which slides towards +y, 0 to 1 m."""
     panel = Link("panel", (box(-0.025, 0.0, 0.025, 1.0),), 10.0, 0.0, 2.0)
     rail = Joint(
@@ -69,7 +66,7 @@ def sliding_door(
     return SceneObject(name, "slider", pose, (panel,), (rail,), (initial,))
 
 
-def folding(name: str, pose: Pose2) -> SceneObject:
+def folding(name, pose):
     """A bi-fold door: leaf ``a`` hinged to the world at the origin, ``b`` to the end of ``a``."""
     a = Link("a", (box(-0.02, 0.0, 0.02, 0.5),), 8.0, 0.0, 2.0)
     b = Link("b", (box(-0.02, 0.5, 0.02, 1.0),), 8.0, 0.0, 2.0)
@@ -78,7 +75,7 @@ def folding(name: str, pose: Pose2) -> SceneObject:
     return SceneObject(name, "folding", pose, (a, b), (fold, root), (0.3, 0.0))
 
 
-def scene(*parts: Solid | SceneObject | Doorway) -> Scene:
+def scene(*parts):
     solids = tuple(p for p in parts if isinstance(p, Solid))
     objects = tuple(p for p in parts if isinstance(p, SceneObject))
     doorways = tuple(p for p in parts if isinstance(p, Doorway))
@@ -86,10 +83,10 @@ def scene(*parts: Solid | SceneObject | Doorway) -> Scene:
 
 
 def world(
-    *parts: Solid | SceneObject | Doorway,
-    robot: Robot = ROBOT,
-    start: Pose2 = Pose2(),  # noqa: B008
-    behaviours: tuple[Behaviour, ...] = (),
-    seed: int = 7,
-) -> World:
+    *parts,
+    robot=ROBOT,
+    start=Pose2(),  # noqa: B008
+    behaviours=(),
+    seed=7,
+):
     return World(scene(*parts), robot, start, behaviours, np.random.SeedSequence(seed))

@@ -1,23 +1,18 @@
-from __future__ import annotations
-
 import math
 
 import pytest
 
-from daemon.simulator import World
 from daemon.simulator._behaviours import RobotProximity
 from grammars.model.behaviour import (
-    Behaviour,
     Hold,
     Jump,
     KeyFrame,
     KeyFrames,
-    Motion,
     Servo,
     Spring,
     Trigger,
 )
-from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 from grammars.model.scene import Doorway
 from tests.daemon.simulator.scenes import box, door, folding, sliding_door, world
 
@@ -25,23 +20,23 @@ AWAY = Pose2(5.0, 0.0, 0.0)
 MOTIONS = (Jump(), Servo(1.0, 40.0), Spring(30.0, 15.0))
 
 
-def frames(motion: Motion, *points: tuple[float, float], joint: str = "d.hinge") -> KeyFrames:
+def frames(motion, *points, joint="d.hinge"):
     return KeyFrames(joint, tuple(KeyFrame(t, q) for t, q in points), motion)
 
 
-def position_at(simulated: World, time: float) -> float:
+def position_at(simulated, time):
     simulated.advance(round(time * 100) - simulated.tick)
     return float(simulated.joint_positions()[0])
 
 
-def test_hold_overrides_where_the_joint_starts() -> None:
+def test_hold_overrides_where_the_joint_starts():
     simulated = world(door("d", AWAY, initial=0.2), behaviours=(Hold("d.hinge", 1.1),))
     simulated.advance(100)
     assert simulated.joint_positions().tolist() == [1.1]
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_every_motion_reaches_its_key_frames(motion: Motion) -> None:
+def test_every_motion_reaches_its_key_frames(motion):
     behaviour = frames(motion, (1.0, 1.4), (8.0, 0.3))
     simulated = world(door("d", AWAY), behaviours=(behaviour,))
     assert position_at(simulated, 1.0) == pytest.approx(0.0, abs=1e-6)
@@ -53,19 +48,19 @@ def test_every_motion_reaches_its_key_frames(motion: Motion) -> None:
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_a_frame_at_time_zero_is_where_the_joint_starts(motion: Motion) -> None:
+def test_a_frame_at_time_zero_is_where_the_joint_starts(motion):
     simulated = world(door("d", AWAY), behaviours=(frames(motion, (0.0, 0.8)),))
     assert simulated.joint_positions().tolist() == pytest.approx([0.8])
     assert position_at(simulated, 1.0) == pytest.approx(0.8, abs=1e-3)
 
 
-def test_a_jump_takes_one_step() -> None:
+def test_a_jump_takes_one_step():
     simulated = world(door("d", AWAY), behaviours=(frames(Jump(), (0.5, 1.7)),))
     assert position_at(simulated, 0.5) == pytest.approx(0.0, abs=1e-9)
     assert position_at(simulated, 0.51) == pytest.approx(1.7, abs=1e-9)
 
 
-def test_frames_out_of_order_are_played_one_a_step() -> None:
+def test_frames_out_of_order_are_played_one_a_step():
     behaviour = frames(Jump(), (1.0, 0.2), (0.7, 1.0), (0.8, 0.4), (1.0, 0.6), (2.0, 1.7))
     simulated = world(door("d", AWAY), behaviours=(behaviour,))
     assert position_at(simulated, 1.0) == pytest.approx(0.0, abs=1e-6)
@@ -77,7 +72,7 @@ def test_frames_out_of_order_are_played_one_a_step() -> None:
     assert times == pytest.approx([1.0, 1.01, 1.02, 1.03, 2.0])
 
 
-def test_a_jumped_door_can_be_pushed_between_frames() -> None:
+def test_a_jumped_door_can_be_pushed_between_frames():
     behaviour = frames(Jump(), (0.0, 0.1), (20.0, 0.1))
     simulated = world(door("d", Pose2(1.0, 0.5, math.pi)), behaviours=(behaviour,))
     simulated.command(Twist2(0.5, 0.0, 0.0))
@@ -86,7 +81,7 @@ def test_a_jumped_door_can_be_pushed_between_frames() -> None:
     assert simulated.pose().x > 1.5
 
 
-def test_a_servo_keeps_its_rate() -> None:
+def test_a_servo_keeps_its_rate():
     simulated = world(
         door("d", AWAY), behaviours=(frames(Servo(0.5, 40.0), (0.0, 0.0), (1.0, 1.5)),)
     )
@@ -97,8 +92,8 @@ def test_a_servo_keeps_its_rate() -> None:
     assert max(trail) < 1.505
 
 
-def test_a_weak_servo_does_not_move_a_robot_that_a_strong_one_pushes() -> None:
-    def pushed(effort: float) -> float:
+def test_a_weak_servo_does_not_move_a_robot_that_a_strong_one_pushes():
+    def pushed(effort):
         simulated = world(
             door("d", Pose2(1.0, -0.5, 0.0), initial=0.0), start=Pose2(0.4, 0.0, 0.0),
             behaviours=(frames(Servo(0.5, effort), (0.2, 1.2)),),
@@ -110,7 +105,7 @@ def test_a_weak_servo_does_not_move_a_robot_that_a_strong_one_pushes() -> None:
     assert pushed(4000.0) < 0.3
 
 
-def test_a_spring_swings_as_its_stiffness_says() -> None:
+def test_a_spring_swings_as_its_stiffness_says():
     behaviour = frames(Spring(5.0), (0.0, 0.7), (0.01, 1.0))
     simulated = world(door("d", AWAY), behaviours=(behaviour,))
     inertia = 10.0 * ((0.93**2 + 0.05**2) / 12.0 + 0.475**2 + 0.025**2)
@@ -118,19 +113,19 @@ def test_a_spring_swings_as_its_stiffness_says() -> None:
     assert position_at(simulated, round(half_period, 2)) == pytest.approx(1.3, abs=0.01)
 
 
-def test_sliding_doors_follow_every_motion() -> None:
+def test_sliding_doors_follow_every_motion():
     for motion in (Jump(), Servo(0.5, 100.0), Spring(100.0, 100.0)):
         behaviour = frames(motion, (0.5, 0.8), joint="s.rail")
         simulated = world(sliding_door("s", Pose2(5.0, 0.0, 0.4)), behaviours=(behaviour,))
         assert position_at(simulated, 8.0) == pytest.approx(0.8, abs=0.02)
 
 
-def near(motion: Motion, **options: object) -> Trigger:
-    values: dict[str, object] = {"start": 0.0, "end": 1.4, "distance": 1.3} | options
-    return Trigger("d.hinge", motion=motion, **values)  # type: ignore[arg-type]
+def near(motion, **options):
+    values = {"start": 0.0, "end": 1.4, "distance": 1.3} | options
+    return Trigger("d.hinge", motion=motion, **values)
 
 
-def approach(*behaviours: Behaviour, start: Pose2 = Pose2(0.0, -0.2, 0.0)) -> World:  # noqa: B008
+def approach(*behaviours, start=Pose2(0.0, -0.2, 0.0)):  # noqa: B008
     """A robot beside a door at x = 3 whose leaf stands away from the robot's way."""
     return world(
         door("d", Pose2(3.0, 0.5, 0.0), doorway="way"),
@@ -140,10 +135,10 @@ def approach(*behaviours: Behaviour, start: Pose2 = Pose2(0.0, -0.2, 0.0)) -> Wo
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_a_trigger_fires_below_its_distance_and_latches(motion: Motion) -> None:
+def test_a_trigger_fires_below_its_distance_and_latches(motion):
     simulated = approach(near(motion))
     simulated.command(Twist2(0.5, 0.0, 0.0))
-    fired: list[tuple[float, float]] = []
+    fired = []
     for _ in range(800):
         pose = simulated.pose()
         distance = math.hypot(pose.x - 2.975, pose.y - 0.525)
@@ -156,7 +151,7 @@ def test_a_trigger_fires_below_its_distance_and_latches(motion: Motion) -> None:
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_before_it_fires_a_trigger_holds_the_start(motion: Motion) -> None:
+def test_before_it_fires_a_trigger_holds_the_start(motion):
     simulated = approach(near(motion, start=0.9))
     assert simulated.joint_positions().tolist() == pytest.approx([0.9])
     simulated.advance(300)
@@ -164,7 +159,7 @@ def test_before_it_fires_a_trigger_holds_the_start(motion: Motion) -> None:
     assert simulated.take_events() == ()
 
 
-def test_exactly_at_the_distance_a_trigger_does_not_fire() -> None:
+def test_exactly_at_the_distance_a_trigger_does_not_fire():
     hinge = (2.975, 0.525)
     for shift, count in ((0.0, 0), (1e-6, 1)):
         start = Pose2(hinge[0], hinge[1] - 1.25 + shift, 0.0)
@@ -173,7 +168,7 @@ def test_exactly_at_the_distance_a_trigger_does_not_fire() -> None:
         assert len(simulated.take_events()) == count
 
 
-def test_a_rearming_trigger_returns_with_hysteresis_and_fires_again() -> None:
+def test_a_rearming_trigger_returns_with_hysteresis_and_fires_again():
     simulated = approach(near(Servo(2.0, 40.0), rearm=1.8))
     for speed in (0.5, -0.5, 0.5):
         simulated.command(Twist2(speed, 0.0, 0.0))
@@ -184,14 +179,14 @@ def test_a_rearming_trigger_returns_with_hysteresis_and_fires_again() -> None:
 
 @pytest.mark.parametrize("of", ["hinge", "foot", "leaf", "doorway"])
 @pytest.mark.parametrize("to", ["base", "footprint"])
-def test_every_kind_of_distance_fires_at_the_same_tick_as_watching_always(of: str, to: str) -> None:
-    def events(*, lazily: bool) -> list[tuple[float, str]]:
+def test_every_kind_of_distance_fires_at_the_same_tick_as_watching_always(of, to):
+    def events(*, lazily):
         simulated = approach(
             near(Servo(1.0, 40.0), of=of, to=to, distance=0.9, rearm=1.1),
             start=Pose2(1.3, -0.3, 0.0),
         )
         if not lazily:
-            simulated._scheduler._way_since_check = lambda: math.inf  # type: ignore[method-assign]
+            simulated._scheduler._way_since_check = lambda: math.inf
         for k in range(240):
             turn = 0.3 * math.cos(0.07 * k)
             simulated.command(Twist2(0.7 * math.cos(0.04 * k), 0.1 * math.sin(0.1 * k), turn))
@@ -204,10 +199,8 @@ def test_every_kind_of_distance_fires_at_the_same_tick_as_watching_always(of: st
 
 
 @pytest.mark.parametrize(("joint", "near"), [("s.rail", 0.7), ("f.root", 1.05), ("f.fold", 0.7)])
-def test_triggers_of_sliding_and_chained_joints_miss_nothing_either(
-    joint: str, near: float
-) -> None:
-    def events(*, lazily: bool) -> list[tuple[float, str]]:
+def test_triggers_of_sliding_and_chained_joints_miss_nothing_either(joint, near):
+    def events(*, lazily):
         behaviour = Trigger(
             joint, 0.0, 0.6, near, Servo(1.0, 60.0), of="leaf", to="footprint", rearm=near + 0.2
         )
@@ -216,7 +209,7 @@ def test_triggers_of_sliding_and_chained_joints_miss_nothing_either(
             start=Pose2(0.8, 0.0, 0.0), behaviours=(behaviour,),
         )  # fmt: skip
         if not lazily:
-            simulated._scheduler._way_since_check = lambda: math.inf  # type: ignore[method-assign]
+            simulated._scheduler._way_since_check = lambda: math.inf
         for k in range(200):
             simulated.command(Twist2(0.7 * math.cos(0.05 * k), 0.0, 0.2 * math.cos(0.1 * k)))
             simulated.advance(12)
@@ -227,7 +220,7 @@ def test_triggers_of_sliding_and_chained_joints_miss_nothing_either(
     assert len(lazy) >= 2
 
 
-def test_a_held_chain_link_follows_its_moving_parent() -> None:
+def test_a_held_chain_link_follows_its_moving_parent():
     behaviour = Trigger("f.fold", 0.8, 0.0, 0.01, Jump())
     simulated = world(folding("f", Pose2(1.0, -0.5, 0.2)), behaviours=(behaviour,))
     simulated.command(Twist2(0.4, 0.0, 0.0))
@@ -237,13 +230,11 @@ def test_a_held_chain_link_follows_its_moving_parent() -> None:
     assert abs(root) > 0.05
 
 
-def test_triggers_are_measured_rarely_while_nothing_can_happen(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_triggers_are_measured_rarely_while_nothing_can_happen(monkeypatch):
     measured = []
     true_distance = RobotProximity.distance
 
-    def counted(self: RobotProximity, base: Pose2, footprint: Floats) -> float:
+    def counted(self, base, footprint):
         measured.append(base)
         return true_distance(self, base, footprint)
 
@@ -254,7 +245,7 @@ def test_triggers_are_measured_rarely_while_nothing_can_happen(
     assert 0 < len(measured) < 60
 
 
-def test_distances_are_measured_from_what_the_trigger_names() -> None:
+def test_distances_are_measured_from_what_the_trigger_names():
     start = Pose2(1.0, 1.0, 0.0)
     measured = {}
     for of in ("hinge", "foot", "leaf", "doorway"):
@@ -277,7 +268,7 @@ def test_distances_are_measured_from_what_the_trigger_names() -> None:
 BLOCKED = Pose2(1.0, 0.5, math.pi)
 
 
-def test_a_jump_into_the_robot_stops_at_it_and_is_reported() -> None:
+def test_a_jump_into_the_robot_stops_at_it_and_is_reported():
     behaviour = frames(Jump(), (0.0, 1.5), (0.5, 0.0))
     simulated = world(
         door("d", BLOCKED, friction=1.0), start=Pose2(0.9, 0.0, 0.0), behaviours=(behaviour,)
@@ -291,14 +282,14 @@ def test_a_jump_into_the_robot_stops_at_it_and_is_reported() -> None:
     assert [c.second for c in simulated.take_contacts()] == ["d.leaf"]
 
 
-def test_a_jump_over_the_robot_to_a_free_place_succeeds() -> None:
+def test_a_jump_over_the_robot_to_a_free_place_succeeds():
     behaviour = frames(Jump(), (0.0, 2.0), (0.5, 0.0))
     simulated = world(door("d", BLOCKED), start=Pose2(1.45, 0.2, 0.0), behaviours=(behaviour,))
     assert position_at(simulated, 0.6) == pytest.approx(0.0, abs=1e-6)
     assert simulated.take_contacts() == ()
 
 
-def test_a_blocked_trigger_jump_completes_when_the_robot_makes_way() -> None:
+def test_a_blocked_trigger_jump_completes_when_the_robot_makes_way():
     behaviour = near(Jump(), start=1.5, end=0.0, distance=5.0)
     simulated = world(door("d", BLOCKED), start=Pose2(0.9, 0.0, 0.0), behaviours=(behaviour,))
     simulated.advance(50)
@@ -323,11 +314,11 @@ def test_a_blocked_trigger_jump_completes_when_the_robot_makes_way() -> None:
         ((near(Jump(), begin=1.0),), "a jump begins at its start"),
     ],
 )
-def test_impossible_behaviours_are_refused(behaviours: tuple[Behaviour, ...], message: str) -> None:
+def test_impossible_behaviours_are_refused(behaviours, message):
     with pytest.raises(ValueError, match=message):
         world(door("d"), behaviours=behaviours)
 
 
-def test_a_frozen_joint_takes_no_behaviour() -> None:
+def test_a_frozen_joint_takes_no_behaviour():
     with pytest.raises(ValueError, match="frozen"):
         world(door("d", frozen=True), behaviours=(Hold("d.hinge", 0.0),))

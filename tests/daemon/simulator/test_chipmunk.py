@@ -1,7 +1,5 @@
 """Chipmunk's own functions are what pymunk's public properties and steps are, in worlds too."""
 
-from __future__ import annotations
-
 import sys
 from types import SimpleNamespace
 
@@ -18,7 +16,7 @@ numbers = st.floats(-1e6, 1e6)
 DIRECT = _chipmunk.find_direct()
 
 
-def test_the_pymunk_that_is_installed_has_the_functions() -> None:
+def test_the_pymunk_that_is_installed_has_the_functions():
     """Fails when a new pymunk has moved them: runs then take a tenth longer, and nothing else.
 
     What to do: find the functions of ``_chipmunk.BodyFunctions`` in the new version
@@ -29,9 +27,7 @@ def test_the_pymunk_that_is_installed_has_the_functions() -> None:
 
 
 @given(numbers, numbers, numbers, numbers, numbers, numbers)
-def test_reading_and_writing_is_that_of_the_properties(
-    x: float, y: float, yaw: float, vx: float, vy: float, spin: float
-) -> None:
+def test_reading_and_writing_is_that_of_the_properties(x, y, yaw, vx, vy, spin):
     assert DIRECT is not None
     bodies = [pymunk.Body(2.0, 3.0), pymunk.Body(2.0, 3.0)]
     spaces = [pymunk.Space(), pymunk.Space()]
@@ -59,7 +55,7 @@ def test_reading_and_writing_is_that_of_the_properties(
     assert found[0] == (*bodies[0].position, *bodies[0].velocity, bodies[0].angle, spin)
 
 
-def test_a_sleeping_body_is_seen_to_sleep_and_woken_by_writing() -> None:
+def test_a_sleeping_body_is_seen_to_sleep_and_woken_by_writing():
     assert DIRECT is not None
     for use in (DIRECT, _chipmunk.PUBLIC):
         space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
@@ -73,7 +69,7 @@ def test_a_sleeping_body_is_seen_to_sleep_and_woken_by_writing() -> None:
         assert not use.is_sleeping(handle)
 
 
-def test_a_world_is_the_same_by_pymunk_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_world_is_the_same_by_pymunk_alone(monkeypatch):
     """With doors, contacts, triggers and jumps: callbacks reach Python in either kind of step."""
     direct = digest(5)
     names = _chipmunk.BodyFunctions._fields
@@ -84,9 +80,7 @@ def test_a_world_is_the_same_by_pymunk_alone(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("lib", [None, SimpleNamespace(cpSpaceStep=print)])
-def test_a_pymunk_that_keeps_them_elsewhere_is_used_by_its_properties(
-    monkeypatch: pytest.MonkeyPatch, lib: object
-) -> None:
+def test_a_pymunk_that_keeps_them_elsewhere_is_used_by_its_properties(monkeypatch, lib):
     module = None if lib is None else SimpleNamespace(lib=lib)
     monkeypatch.setitem(sys.modules, "pymunk._chipmunk_cffi", module)
     assert _chipmunk.find_direct() is None

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import hashlib
 import math
 import os
@@ -17,7 +15,7 @@ from tests.daemon.simulator.scenes import ROBOT, door, scene, sliding_door, wall
 PROGRAM = "from tests.daemon.simulator.test_determinism import digest; print(digest(3))"
 
 
-def digest(seed: int) -> str:
+def digest(seed):
     """Hash everything a run produces."""
     from dataclasses import replace
 
@@ -48,12 +46,12 @@ def digest(seed: int) -> str:
     return state.hexdigest()
 
 
-def another_hash_seed() -> str:
+def another_hash_seed():
     """A seed of hashes that this process does not have."""
     return "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
 
 
-def test_two_processes_compute_the_same_floats() -> None:
+def test_two_processes_compute_the_same_floats():
     # One of them is this one.
     environment = os.environ | {"PYTHONHASHSEED": another_hash_seed()}
     done = subprocess.run(
@@ -63,7 +61,7 @@ def test_two_processes_compute_the_same_floats() -> None:
     assert done.stdout.strip() == digest(3)
 
 
-def test_the_seed_matters_and_is_not_used_up() -> None:
+def test_the_seed_matters_and_is_not_used_up():
     assert digest(3) == digest(3)
     assert digest(3) != digest(4)
     seed = np.random.SeedSequence(5)

@@ -1,15 +1,11 @@
 """Behaviours that say when they are due do what they do when they are asked at every tick."""
 
-from __future__ import annotations
-
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.simulator import World
 from grammars.model.behaviour import (
-    Behaviour,
     JointActs,
     Jump,
     KeyFrame,
@@ -62,7 +58,7 @@ walks = st.builds(
 some = st.tuples(*(st.none() | of for of in (key_frames, triggers, reactions, walks)))
 
 
-def build(behaviours: tuple[Behaviour, ...]) -> World:
+def build(behaviours):
     return world(
         door("timed", Pose2(4.0, 2.0, 0.0)), door("near", Pose2(2.0, 0.5, 0.0)),
         door("told", Pose2(0.0, 0.2, math.pi)), person(), wall("end", 2.6, -2.0, 2.8, 2.0),
@@ -70,16 +66,13 @@ def build(behaviours: tuple[Behaviour, ...]) -> World:
     )  # fmt: skip
 
 
-def state(now: World) -> tuple[object, ...]:
+def state(now):
     joints = (now.joint_positions().tobytes(), now.joint_velocities().tobytes())
     return now.pose(), now.twist(), *joints, now.take_events(), now.take_contacts()
 
 
-@settings(max_examples=25, deadline=None)
 @given(some, st.integers(1, 9), st.integers(0, TICKS))
-def test_asking_at_every_tick_changes_nothing(
-    drawn: tuple[Behaviour | None, ...], every: int, leg: int
-) -> None:
+def test_asking_at_every_tick_changes_nothing(drawn, every, leg):
     behaviours = tuple(b for b in drawn if b is not None)
     now, asked = build(behaviours), build(behaviours)
     for each in (now, asked):
@@ -97,7 +90,7 @@ def test_asking_at_every_tick_changes_nothing(
         assert state(now) == state(asked)
 
 
-def test_nothing_is_due_when_nothing_is_left_to_happen() -> None:
+def test_nothing_is_due_when_nothing_is_left_to_happen():
     now = world(door("timed", Pose2(4.0, 2.0, 0.0)), behaviours=(
         KeyFrames("timed.hinge", (KeyFrame(0.1, 1.0), KeyFrame(0.3, 0.0)), Servo()),
     ))  # fmt: skip

@@ -3,17 +3,14 @@
 Figures derived from the plugins' settings: a spring of 0.5 N m/rad on 0.30 kg m^2.
 """
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from daemon.simulator import World
 from grammars.floorplan import load_floorplan
-from grammars.model.behaviour import Behaviour, Jump, KeyFrame, KeyFrames, Spring, Trigger
+from grammars.model.behaviour import Jump, KeyFrame, KeyFrames, Spring, Trigger
 from grammars.model.geometry import Pose2, Twist2
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
@@ -27,13 +24,13 @@ QUARTER = 0.5 * math.pi * math.sqrt(INERTIA / 0.5)
 FAR = Pose2(-10.0, 0.0, 0.0)
 
 
-def leaf(behaviour: Behaviour, *, start: Pose2 = FAR, pose: Pose2 = Pose2()) -> World:  # noqa: B008
+def leaf(behaviour, *, start=FAR, pose=Pose2()):  # noqa: B008
     return world(
         door("d", pose, mass=1.0), robot=IMPOSED, start=start, behaviours=(behaviour,)
     )  # fmt: skip
 
 
-def angles(simulated: World, seconds: float) -> list[float]:
+def angles(simulated, seconds):
     """The angle of the door at every tick of some seconds, from now on."""
     found = []
     for _ in range(round(seconds * 100)):
@@ -42,15 +39,15 @@ def angles(simulated: World, seconds: float) -> list[float]:
     return found
 
 
-def triggered(**options: float | None) -> Trigger:
-    return Trigger("d.hinge", 1.4, 0.0, 1.3, Spring(0.5), of="foot", **options)  # type: ignore[arg-type]
+def triggered(**options):
+    return Trigger("d.hinge", 1.4, 0.0, 1.3, Spring(0.5), of="foot", **options)
 
 
-def test_the_quarter_period_is_that_of_the_published_door() -> None:
+def test_the_quarter_period_is_that_of_the_published_door():
     assert pytest.approx(1.22, abs=0.01) == QUARTER
 
 
-def test_a_door_at_rest_falls_shut_in_a_quarter_of_a_period() -> None:
+def test_a_door_at_rest_falls_shut_in_a_quarter_of_a_period():
     simulated = leaf(triggered(), start=Pose2(1.28, 0.0, 0.0))
     trail = angles(simulated, 3.0)
     assert trail[0] == 1.4
@@ -59,7 +56,7 @@ def test_a_door_at_rest_falls_shut_in_a_quarter_of_a_period() -> None:
     assert max(abs(angle) for angle in trail[shut + 5 :]) < 0.1  # the stop gives way a little
 
 
-def test_a_door_at_rest_stays_so_until_the_robot_is_nearer_than_its_distance() -> None:
+def test_a_door_at_rest_stays_so_until_the_robot_is_nearer_than_its_distance():
     # As close_on_approach_era.scenery has it; the robot comes straight towards the foot.
     simulated = leaf(triggered(), start=Pose2(0.0, -20.0, math.pi / 2))
     simulated.command(Twist2(0.2298, 0.0, 0.0))
@@ -78,7 +75,7 @@ def test_a_door_at_rest_stays_so_until_the_robot_is_nearer_than_its_distance() -
     assert shut / 100 == pytest.approx(1.22, abs=0.03)
 
 
-def test_a_door_at_rest_is_not_fixed_where_it_rests() -> None:
+def test_a_door_at_rest_is_not_fixed_where_it_rests():
     # A distance less than the published one, at which it would have begun to fall shut before.
     behaviour = Trigger("d.hinge", 1.4, 0.0, 0.2, Spring(0.5), of="foot")
     simulated = leaf(behaviour, start=Pose2(-0.7, 1.2, -math.pi / 2))
@@ -88,7 +85,7 @@ def test_a_door_at_rest_is_not_fixed_where_it_rests() -> None:
     assert {contact.second for contact in simulated.take_contacts()} == {"d.leaf"}
 
 
-def test_it_falls_shut_from_any_angle_in_the_same_time() -> None:
+def test_it_falls_shut_from_any_angle_in_the_same_time():
     for start in (0.8, 2.0):
         behaviour = Trigger("d.hinge", start, 0.0, 1.3, Spring(0.5), of="foot")
         trail = angles(leaf(behaviour, start=Pose2(1.28, 0.0, 0.0)), 2.0)
@@ -96,7 +93,7 @@ def test_it_falls_shut_from_any_angle_in_the_same_time() -> None:
         assert shut / 100 == pytest.approx(1.22, abs=0.03)
 
 
-def test_a_door_that_begins_shut_is_thrown_to_its_stop_and_swings_for_ever() -> None:
+def test_a_door_that_begins_shut_is_thrown_to_its_stop_and_swings_for_ever():
     trail = angles(leaf(triggered(begin=0.0)), 120.0)
     assert trail[0] == 0.0
     passed = next(k for k, angle in enumerate(trail) if angle >= 1.4)
@@ -111,7 +108,7 @@ def test_a_door_that_begins_shut_is_thrown_to_its_stop_and_swings_for_ever() -> 
     assert period == pytest.approx(4.0 * QUARTER, abs=0.02)
 
 
-def test_the_distance_counts_from_the_foot_of_the_post() -> None:
+def test_the_distance_counts_from_the_foot_of_the_post():
     simulated = leaf(triggered(), start=Pose2(0.0, -2.0, 0.0))
     simulated.command(Twist2(0.0, 0.5098, 0.0))
     while not (events := simulated.take_events()):
@@ -125,7 +122,7 @@ def test_the_distance_counts_from_the_foot_of_the_post() -> None:
     assert simulated.joint_positions()[0] == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_jumped_door_hangs_loose_until_its_next_key_frame() -> None:
+def test_a_jumped_door_hangs_loose_until_its_next_key_frame():
     frames = (KeyFrame(1.0, 1.7), KeyFrame(20.0, 0.0))
     behaviour = KeyFrames("d.hinge", frames, Jump())
     # Open at 1.7 rad the leaf stands across the way of a robot that comes along the corridor.
@@ -140,9 +137,7 @@ def test_a_jumped_door_hangs_loose_until_its_next_key_frame() -> None:
     assert simulated.joint_positions()[0] == 0.0
 
 
-def test_the_published_doors_jump_when_their_files_say_and_as_they_are_listed(
-    campaigns: Path,
-) -> None:
+def test_the_published_doors_jump_when_their_files_say_and_as_they_are_listed(campaigns):
     folder = campaigns / "ortega2024"
     layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors_s2", "doors_timed_era")]
     scene = compile_scene(load_floorplan(folder / "building_c.fpm"), layers)
@@ -150,7 +145,7 @@ def test_the_published_doors_jump_when_their_files_say_and_as_they_are_listed(
     behaviours = resolve_behaviours(scene, layers, seed=seed, limit=1800.0).behaviours
     simulated = World(scene, IMPOSED, Pose2(), behaviours, seed)
 
-    def after(time: float) -> list[float]:
+    def after(time):
         """The angles of doors 1 to 11 once the step that begins then is over."""
         simulated.advance(round(time * 100) + 1 - simulated.tick)
         return [float(angle) for angle in simulated.joint_positions()]

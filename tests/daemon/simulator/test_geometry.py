@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -15,14 +13,14 @@ from daemon.simulator._physics import (
     ring_array,
     transform_array,
 )
-from grammars.model.geometry import Pose2, Ring
+from grammars.model.geometry import Pose2
 from tests.daemon.simulator.scenes import box
 
 coordinates = st.floats(-5.0, 5.0).map(lambda v: round(v, 6))
 
 
 @st.composite
-def convex_rings(draw: st.DrawFn) -> Ring:
+def convex_rings(draw):
     """A polygon inscribed in an ellipse, in either direction of turning."""
     count = draw(st.integers(3, 8))
     x, y = draw(coordinates), draw(coordinates)
@@ -34,30 +32,30 @@ def convex_rings(draw: st.DrawFn) -> Ring:
 
 
 @given(a=convex_rings(), b=convex_rings())
-def test_distance_of_convex_polygons(a: Ring, b: Ring) -> None:
+def test_distance_of_convex_polygons(a, b):
     expected = shapely.distance(shapely.Polygon(a), shapely.Polygon(b))
     assert convex_distance(ring_array(a), ring_array(b)) == pytest.approx(expected, abs=1e-9)
 
 
 @given(a=convex_rings(), x=coordinates, y=coordinates)
-def test_distance_of_a_point(a: Ring, x: float, y: float) -> None:
+def test_distance_of_a_point(a, x, y):
     expected = shapely.distance(shapely.Polygon(a), shapely.Point(x, y))
     assert convex_distance(np.array([[x, y]]), ring_array(a)) == pytest.approx(expected, abs=1e-9)
 
 
-def test_distance_of_two_points() -> None:
+def test_distance_of_two_points():
     assert convex_distance(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]])) == 5.0
 
 
 @given(ring=convex_rings())
-def test_area_and_centroid(ring: Ring) -> None:
+def test_area_and_centroid(ring):
     polygon = shapely.Polygon(ring)
     area, centroid = area_and_centroid(ring)
     assert area == pytest.approx(polygon.area, rel=1e-6)
     assert centroid == pytest.approx((polygon.centroid.x, polygon.centroid.y), abs=1e-6)
 
 
-def test_mass_properties_of_a_beam_in_two_pieces_are_those_of_the_beam() -> None:
+def test_mass_properties_of_a_beam_in_two_pieces_are_those_of_the_beam():
     mass, centre, moment = mass_properties(
         [(box(1.0, 0.0, 2.0, 0.2), 3.0), (box(2.0, 0.0, 3.0, 0.2), 3.0)]
     )
@@ -66,6 +64,6 @@ def test_mass_properties_of_a_beam_in_two_pieces_are_those_of_the_beam() -> None
     assert moment == pytest.approx(6.0 * (2.0**2 + 0.2**2) / 12.0)
 
 
-def test_arrays_transform_like_rings() -> None:
+def test_arrays_transform_like_rings():
     pose, ring = Pose2(1.0, -2.0, 0.7), box(0.0, 0.0, 1.0, 2.0)
     np.testing.assert_allclose(transform_array(pose, ring_array(ring)), pose.apply_ring(ring))

@@ -1,15 +1,12 @@
 """A base whose velocity is imposed, held to a plain integration a millisecond at a time."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.simulator import World
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Drive, OdometryNoise
@@ -24,11 +21,11 @@ IMPOSED = replace(ROBOT, drive=DRIVE, odometry=ODOMETRY)
 WALL = wall("wall", 2.0, -5.0, 2.05, 5.0)
 
 
-def less(value: float, loss: float) -> float:
+def less(value, loss):
     return math.copysign(max(0.0, abs(value) - loss), value)
 
 
-def euler(start: Pose2, twist: Twist2, seconds: float) -> Pose2:
+def euler(start, twist, seconds):
     """Integrate as the planar-move plugin and its physics do: a step of 1 ms after the other."""
     x, y, yaw = start.x, start.y, start.yaw
     for _ in range(round(seconds * 1000)):
@@ -39,20 +36,17 @@ def euler(start: Pose2, twist: Twist2, seconds: float) -> Pose2:
     return Pose2(x, y, yaw)
 
 
-def gap(first: Pose2, second: Pose2) -> float:
+def gap(first, second):
     return math.hypot(first.x - second.x, first.y - second.y)
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     yaw=st.floats(-math.pi, math.pi),
     vx=st.floats(-0.25, 0.25),
     vy=st.sampled_from([0.0, 0.005, -0.11]),
     wz=st.one_of(st.just(0.0), st.floats(-2.75, 2.75)),
 )
-def test_a_constant_command_is_followed_to_a_millimetre(
-    yaw: float, vx: float, vy: float, wz: float
-) -> None:
+def test_a_constant_command_is_followed_to_a_millimetre(yaw, vx, vy, wz):
     start, twist = Pose2(0.3, -0.2, yaw), Twist2(vx, vy, wz)
     simulated = world(robot=IMPOSED, start=start)
     simulated.command(twist)
@@ -64,7 +58,7 @@ def test_a_constant_command_is_followed_to_a_millimetre(
     )
 
 
-def test_commands_act_at_once_and_hold_without_limit() -> None:
+def test_commands_act_at_once_and_hold_without_limit():
     simulated = world(robot=IMPOSED)
     simulated.command(Twist2(5.0098, -3.0098, 0.0))
     simulated.advance(1)
@@ -73,7 +67,7 @@ def test_commands_act_at_once_and_hold_without_limit() -> None:
     assert simulated.pose().x == pytest.approx(50.0)
 
 
-def test_the_ground_takes_its_share_along_each_axis_of_the_world() -> None:
+def test_the_ground_takes_its_share_along_each_axis_of_the_world():
     simulated = world(robot=IMPOSED, start=Pose2(0.0, 0.0, math.radians(55.0)))
     simulated.command(Twist2(0.22, 0.0, 0.0))
     simulated.advance(100)
@@ -84,7 +78,7 @@ def test_the_ground_takes_its_share_along_each_axis_of_the_world() -> None:
     assert simulated.pose() == held
 
 
-def test_the_twist_is_that_of_the_motion() -> None:
+def test_the_twist_is_that_of_the_motion():
     simulated = world(robot=replace(IMPOSED, drive=replace(DRIVE, friction_loss=0.0)))
     simulated.command(Twist2(0.2, -0.1, 1.047))
     for _ in range(50):
@@ -93,7 +87,7 @@ def test_the_twist_is_that_of_the_motion() -> None:
         assert (twist.vx, twist.vy, twist.wz) == pytest.approx((0.2, -0.1, 1.0), abs=1e-9)
 
 
-def test_limits_and_a_time_out_bind_when_they_are_given() -> None:
+def test_limits_and_a_time_out_bind_when_they_are_given():
     drive = replace(DRIVE, max_vx=0.5, timeout=0.1, friction_loss=0.0, kind="differential")
     simulated = world(robot=replace(IMPOSED, drive=drive))
     simulated.command(Twist2(2.0, 1.0, 0.0))
@@ -101,7 +95,7 @@ def test_limits_and_a_time_out_bind_when_they_are_given() -> None:
     assert simulated.pose() == Pose2(pytest.approx(0.05), pytest.approx(0.0), 0.0)
 
 
-def test_a_wall_stops_it_and_lets_it_go_at_once() -> None:
+def test_a_wall_stops_it_and_lets_it_go_at_once():
     simulated = world(WALL, robot=IMPOSED)
     simulated.command(Twist2(1.0, 0.0, 0.0))
     deepest = 0.0
@@ -117,12 +111,11 @@ def test_a_wall_stops_it_and_lets_it_go_at_once() -> None:
     assert simulated.pose().x == pytest.approx(1.65 - 0.5, abs=0.02)
 
 
-@settings(max_examples=25, deadline=None)
 @given(
     yaw=st.floats(-math.pi, math.pi),
     vx=st.floats(-1.0, 1.0), vy=st.floats(-1.0, 1.0), wz=st.floats(-2.75, 2.75),
 )  # fmt: skip
-def test_it_never_leaves_a_room_of_thin_walls(yaw: float, vx: float, vy: float, wz: float) -> None:
+def test_it_never_leaves_a_room_of_thin_walls(yaw, vx, vy, wz):
     thin = 0.05
     simulated = world(
         wall("e", 1.0, -1.0, 1.0 + thin, 1.0), wall("w", -1.0 - thin, -1.0, -1.0, 1.0),
@@ -136,7 +129,7 @@ def test_it_never_leaves_a_room_of_thin_walls(yaw: float, vx: float, vy: float, 
         assert all(max(abs(x), abs(y)) < 1.0 + 0.025 for x, y in corners)
 
 
-def facing_a_door(*behaviours: Hold) -> World:
+def facing_a_door(*behaviours):
     """A closed leaf of 1 kg from (1, 0) to (1, 1), which swings away from the robot."""
     leaf = door("d", Pose2(1.0, 0.5, math.pi), mass=1.0)
     simulated = world(leaf, robot=IMPOSED, behaviours=behaviours)
@@ -145,20 +138,20 @@ def facing_a_door(*behaviours: Hold) -> World:
     return simulated
 
 
-def test_it_pushes_a_free_door_without_slowing_down() -> None:
+def test_it_pushes_a_free_door_without_slowing_down():
     simulated = facing_a_door()
     assert simulated.pose().x == pytest.approx(0.22 * 8.0, abs=0.01)
     assert simulated.joint_positions()[0] > 0.8
     assert {contact.second for contact in simulated.take_contacts()} == {"d.leaf"}
 
 
-def test_a_held_door_is_a_wall() -> None:
+def test_a_held_door_is_a_wall():
     simulated = facing_a_door(Hold("d.hinge", 0.0))
     assert simulated.pose().x + 0.35 == pytest.approx(1.0 - 0.025, abs=0.002)
     assert simulated.joint_positions()[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_it_stands_where_nothing_is_commanded_even_when_a_door_hits_it() -> None:
+def test_it_stands_where_nothing_is_commanded_even_when_a_door_hits_it():
     leaf = door("d", Pose2(1.0, 0.5, math.pi), 1.5, mass=1.0, stiffness=5.0)
     simulated = world(leaf, robot=IMPOSED, start=Pose2(0.9, 0.0, 0.0))
     simulated.advance(1000)
@@ -169,7 +162,7 @@ def test_it_stands_where_nothing_is_commanded_even_when_a_door_hits_it() -> None
     assert simulated.pose().x == pytest.approx(-0.1, abs=0.02)
 
 
-def test_odometry_is_the_true_pose_at_its_own_instant_and_the_mean_twist_before() -> None:
+def test_odometry_is_the_true_pose_at_its_own_instant_and_the_mean_twist_before():
     start, twist = Pose2(2.0, 1.0, 0.4), Twist2(0.22, 0.0, 1.0)
     simulated = world(robot=IMPOSED, start=start)
     first = simulated.odometry()

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -7,12 +5,10 @@ import numpy as np
 import pymunk
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from daemon.simulator import World
 from grammars.model.geometry import Pose2, Twist2
-from grammars.model.robot import Laser
 from grammars.model.scene import Link, SceneObject, Solid
 from tests.daemon.simulator.reference import (
     cast_by_broadcast,
@@ -35,11 +31,11 @@ ROOM = (
 )
 
 
-def room(laser: Laser, start: Pose2 = Pose2(), seed: int = 7) -> World:  # noqa: B008
+def room(laser, start=Pose2(), seed=7):  # noqa: B008
     return world(*ROOM, robot=replace(ROBOT, laser=laser), start=start, seed=seed)
 
 
-def inside_something(simulated: World, point: tuple[float, float]) -> bool:
+def inside_something(simulated, point):
     place = shapely.Point(point)
     walls = [shapely.Polygon(part.polygon) for part in ROOM if isinstance(part, Solid)]
     links = [s for s in simulated._space.shapes if isinstance(s, pymunk.Poly)]
@@ -62,9 +58,8 @@ lasers = st.builds(
 poses = st.builds(Pose2, st.floats(-4.5, 4.5), st.floats(-3.5, 3.5), st.floats(-10.0, 10.0))
 
 
-@settings(max_examples=60, deadline=None)
 @given(laser=lasers, start=poses)
-def test_every_ray_is_exact_from_every_pose(laser: Laser, start: Pose2) -> None:
+def test_every_ray_is_exact_from_every_pose(laser, start):
     simulated = room(laser, start)
     segments, angles = world_segments(simulated), ray_angles(laser, start)
     sensor = start @ laser.mount
@@ -77,7 +72,7 @@ def test_every_ray_is_exact_from_every_pose(laser: Laser, start: Pose2) -> None:
     np.testing.assert_allclose(ranges[sure], expected[sure], rtol=0.0, atol=1e-9)
 
 
-def test_ranges_equal_those_of_pymunk_rays() -> None:
+def test_ranges_equal_those_of_pymunk_rays():
     laser = replace(LASER, angle_min=-2.4, angle_max=2.4, rays=241)
     for yaw in np.linspace(0.1, 6.0, 9).tolist():
         start = Pose2(0.4, -0.6, yaw)
@@ -92,17 +87,16 @@ def test_ranges_equal_those_of_pymunk_rays() -> None:
         )
 
 
-@settings(max_examples=40, deadline=None)
 @given(start=st.builds(Pose2, st.floats(-1.5, 0.5), st.floats(-1.5, 0.5)), corner=st.integers(0, 2))
-def test_no_ray_slips_through_a_corner(start: Pose2, corner: int) -> None:
-    x, y = ROOM[4].polygon[corner]  # type: ignore[union-attr]
+def test_no_ray_slips_through_a_corner(start, corner):
+    x, y = ROOM[4].polygon[corner]
     bearing = math.atan2(y - start.y, x - start.x)
     laser = replace(LASER, mount=Pose2(), angle_min=bearing, angle_max=bearing + 1.0, rays=3)
     ranges, _ = room(laser, start).true_ranges()
     assert ranges[0] <= math.hypot(x - start.x, y - start.y) + 1e-6
 
 
-def test_clockwise_polygons_are_seen_like_counter_clockwise_ones() -> None:
+def test_clockwise_polygons_are_seen_like_counter_clockwise_ones():
     ring = box(1.0, -1.0, 1.2, 1.0)
     for polygon in (ring, ring[::-1]):
         link = Link("block", (polygon,), 5.0, 0.0, 1.0)
@@ -112,7 +106,7 @@ def test_clockwise_polygons_are_seen_like_counter_clockwise_ones() -> None:
         assert world(solid).true_ranges()[0][30] == pytest.approx(0.7)
 
 
-def test_first_and_last_ray_of_a_full_turn_agree() -> None:
+def test_first_and_last_ray_of_a_full_turn_agree():
     laser = replace(LASER, mount=Pose2(), angle_min=-math.pi, angle_max=math.pi, rays=361)
     square = replace(ROBOT, laser=laser)
     around = world(*(wall("box", -2.0, -2.0, -1.0, 2.0),), robot=square)
@@ -122,7 +116,7 @@ def test_first_and_last_ray_of_a_full_turn_agree() -> None:
     assert ids[0] == ids[-1] == around.owners.index("box")
 
 
-def test_hits_are_named_by_owner() -> None:
+def test_hits_are_named_by_owner():
     laser = replace(LASER, mount=Pose2(), angle_min=0.0, angle_max=math.pi, rays=3)
     simulated = world(
         wall("east", 2.0, -1.0, 2.2, 1.0), door("d", Pose2(-0.5, 2.0, math.pi / 2)),
@@ -134,7 +128,7 @@ def test_hits_are_named_by_owner() -> None:
     assert (ids[2], ranges[2]) == (-1, math.inf)
 
 
-def test_the_scan_plane_passes_over_low_and_under_high_things() -> None:
+def test_the_scan_plane_passes_over_low_and_under_high_things():
     low = Solid("sill", "wall", box(1.0, -1.0, 1.2, 1.0), 0.0, 0.3)
     high = Solid("lintel", "wall", box(1.5, -1.0, 1.7, 1.0), 0.31, 2.5)
     table = Link("top", (box(1.8, -1.0, 2.0, 1.0),), 5.0, 0.7, 0.75)
@@ -145,7 +139,7 @@ def test_the_scan_plane_passes_over_low_and_under_high_things() -> None:
     assert ranges[30] == pytest.approx(2.2 - 0.3)
 
 
-def test_a_moving_leaf_is_seen_where_it_is() -> None:
+def test_a_moving_leaf_is_seen_where_it_is():
     simulated = world(door("d", Pose2(1.0, 0.5, math.pi)))
     before = simulated.true_ranges()[0][30]
     assert before == pytest.approx(1.0 - 0.025 - 0.3)
@@ -162,7 +156,7 @@ def test_a_moving_leaf_is_seen_where_it_is() -> None:
     )
 
 
-def test_a_sweep_from_where_nothing_has_moved_is_the_one_a_fresh_laser_takes() -> None:
+def test_a_sweep_from_where_nothing_has_moved_is_the_one_a_fresh_laser_takes():
     """Cast once, reported again: with the noise of the next scan, and never for too long."""
     laser = replace(LASER, noise=0.02, dropout=0.1)
     here, elsewhere = room(laser), room(laser)
@@ -177,7 +171,7 @@ def test_a_sweep_from_where_nothing_has_moved_is_the_one_a_fresh_laser_takes() -
     assert not np.array_equal(here.scan(), here.scan())
 
 
-def test_special_values_follow_rep_117() -> None:
+def test_special_values_follow_rep_117():
     laser = replace(LASER, mount=Pose2(), angle_min=0.0, angle_max=math.pi, rays=3, range_min=0.5)
     simulated = world(
         wall("near", 0.4, -0.1, 0.5, 0.1), wall("far", -4.2, -1.0, -4.0, 1.0),
@@ -187,7 +181,7 @@ def test_special_values_follow_rep_117() -> None:
     assert simulated.scan().dtype == np.float32
 
 
-def test_noise_is_gaussian_and_clamped_to_the_range() -> None:
+def test_noise_is_gaussian_and_clamped_to_the_range():
     laser = replace(LASER, noise=0.02, rays=400, angle_min=-0.9, angle_max=0.9, range_max=4.51)
     simulated = room(laser)
     truth, _ = simulated.true_ranges()
@@ -202,13 +196,13 @@ def test_noise_is_gaussian_and_clamped_to_the_range() -> None:
     assert abs(lag_one) < 0.02
 
 
-def test_rays_drop_out_at_the_given_rate() -> None:
+def test_rays_drop_out_at_the_given_rate():
     simulated = room(replace(LASER, dropout=0.1, rays=500))
     lost = np.isnan([simulated.scan() for _ in range(100)]).mean()
     assert lost == pytest.approx(0.1, abs=0.005)
 
 
-def test_noise_does_not_depend_on_what_is_seen() -> None:
+def test_noise_does_not_depend_on_what_is_seen():
     laser = replace(LASER, noise=0.01, dropout=0.05, mount=Pose2())
     robot = replace(ROBOT, laser=laser)
     near = world(wall("w", 2.0, -50.0, 2.2, 50.0), robot=robot)
@@ -223,14 +217,14 @@ def test_noise_does_not_depend_on_what_is_seen() -> None:
     np.testing.assert_allclose(noise_a, noise_b, atol=1e-5)
 
 
-def test_looking_at_true_ranges_draws_no_noise() -> None:
+def test_looking_at_true_ranges_draws_no_noise():
     laser = replace(LASER, noise=0.01)
     plain, curious = room(laser), room(laser)
     curious.true_ranges()
     np.testing.assert_array_equal(plain.scan(), curious.scan())
 
 
-def test_a_return_that_is_too_near_is_minus_infinite_or_clamped() -> None:
+def test_a_return_that_is_too_near_is_minus_infinite_or_clamped():
     laser = replace(LASER, mount=Pose2(), range_min=0.5, noise=0.0)
     for too_near, expected in (("infinite", -np.inf), ("clamped", 0.5)):
         simulated = world(
@@ -246,12 +240,12 @@ REAR = replace(
 )
 
 
-def with_lasers(*lasers: Laser, start: Pose2 = Pose2()) -> World:  # noqa: B008
+def with_lasers(*lasers, start=Pose2()):  # noqa: B008
     robot = replace(ROBOT, laser=lasers[0], other_lasers=lasers[1:])
     return world(*ROOM, robot=robot, start=start)
 
 
-def test_each_laser_sees_from_where_it_is_mounted() -> None:
+def test_each_laser_sees_from_where_it_is_mounted():
     start = Pose2(0.4, -0.3, 0.8)
     both = with_lasers(FRONT, REAR, start=start)
     for laser in (FRONT, REAR):
@@ -263,7 +257,7 @@ def test_each_laser_sees_from_where_it_is_mounted() -> None:
     np.testing.assert_array_equal(both.true_ranges()[0], both.true_ranges("front")[0])
 
 
-def test_another_laser_leaves_the_noise_of_the_first_alone() -> None:
+def test_another_laser_leaves_the_noise_of_the_first_alone():
     alone, both = with_lasers(FRONT), with_lasers(FRONT, REAR)
     turned = with_lasers(REAR, FRONT)
     for _ in range(3):
@@ -276,7 +270,7 @@ def test_another_laser_leaves_the_noise_of_the_first_alone() -> None:
         both.scan("left")
 
 
-def test_lasers_at_other_heights_meet_other_things() -> None:
+def test_lasers_at_other_heights_meet_other_things():
     low, high = replace(LASER, name="low", z=0.2), replace(LASER, name="high", z=1.2)
     simulated = world(
         wall("step", 2.0, -9.0, 2.2, 9.0, z=0.5), wall("end", 4.0, -9.0, 4.2, 9.0),

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 import zlib
 from dataclasses import replace
@@ -12,7 +10,7 @@ from grammars.model.robot import OdometryNoise
 from tests.daemon.simulator.scenes import ROBOT, wall, world
 
 
-def test_odometry_without_noise_is_the_true_motion_from_the_start() -> None:
+def test_odometry_without_noise_is_the_true_motion_from_the_start():
     start = Pose2(3.0, -2.0, 2.5)
     simulated = world(start=start)
     simulated.command(Twist2(0.5, 0.2, 0.3))
@@ -25,13 +23,13 @@ def test_odometry_without_noise_is_the_true_motion_from_the_start() -> None:
         assert sample.time == simulated.time
 
 
-def test_a_sample_before_the_first_step_is_the_origin() -> None:
+def test_a_sample_before_the_first_step_is_the_origin():
     noisy = replace(ROBOT, odometry=OdometryNoise(20.0, 0.1, 0.1, 0.1))
     sample = world(robot=noisy).odometry()
     assert (sample.time, sample.pose, sample.twist) == (0.0, Pose2(), Twist2())
 
 
-def errors(noise: OdometryNoise, twist: Twist2, ticks: int, every: int) -> np.ndarray:
+def errors(noise, twist, ticks, every):
     """Odometry pose errors at the end of many runs, in the true frame."""
     rows = []
     for seed in range(150):
@@ -46,14 +44,14 @@ def errors(noise: OdometryNoise, twist: Twist2, ticks: int, every: int) -> np.nd
 
 
 @pytest.mark.parametrize("every", [5, 25])
-def test_noise_grows_with_the_root_of_the_way_at_any_rate(every: int) -> None:
+def test_noise_grows_with_the_root_of_the_way_at_any_rate(every):
     noise = OdometryNoise(20.0, 0.03, 0.0, 0.0)
     spread = errors(noise, Twist2(0.5, 0.0, 0.0), 400, every).std(axis=0)
     assert spread[0] == pytest.approx(0.03 * math.sqrt(1.87), rel=0.2)
     assert spread[1:] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
-def test_driving_straight_drifts_and_turning_errs_in_yaw() -> None:
+def test_driving_straight_drifts_and_turning_errs_in_yaw():
     straight = errors(OdometryNoise(20.0, 0.0, 0.0, 0.02), Twist2(0.5, 0.0, 0.0), 300, 5)
     assert straight[:, 2].std() == pytest.approx(0.02 * math.sqrt(1.37), rel=0.2)
     turning = errors(OdometryNoise(20.0, 0.0, 0.05, 0.0), Twist2(0.0, 0.0, 1.0), 300, 5)
@@ -61,7 +59,7 @@ def test_driving_straight_drifts_and_turning_errs_in_yaw() -> None:
     assert turning[:, :2].std() == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_robot_that_stands_has_perfect_odometry() -> None:
+def test_a_robot_that_stands_has_perfect_odometry():
     noisy = replace(ROBOT, odometry=OdometryNoise(20.0, 0.1, 0.1, 0.1))
     simulated = world(wall("w", 3.0, -1.0, 3.1, 1.0), robot=noisy)
     for _ in range(20):
@@ -69,7 +67,7 @@ def test_a_robot_that_stands_has_perfect_odometry() -> None:
         assert simulated.odometry().pose == Pose2()
 
 
-def test_the_errors_are_two_normal_numbers_a_sample_from_one_stream() -> None:
+def test_the_errors_are_two_normal_numbers_a_sample_from_one_stream():
     """However many are drawn at a time: the second of each sample is seen in the yaw."""
     noise = OdometryNoise(20.0, 0.05, 0.03, 0.02)
     simulated = world(robot=replace(ROBOT, odometry=noise))
@@ -87,5 +85,5 @@ def test_the_errors_are_two_normal_numbers_a_sample_from_one_stream() -> None:
         last = sample.pose
 
 
-def _stream_of(name: str) -> np.random.SeedSequence:
+def _stream_of(name):
     return np.random.SeedSequence(7, spawn_key=(zlib.crc32(name.encode()),))

@@ -1,13 +1,10 @@
 """Joints react, once, to the mission and to each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from daemon.simulator import World
 from grammars.model.behaviour import (
-    Event,
     JointActs,
     Jump,
     KeyFrame,
@@ -25,11 +22,11 @@ AWAY = Pose2(5.0, 5.0, 0.0)
 OTHER = Pose2(0.0, -6.0, 0.0)
 
 
-def closes(event: Event, delay: float = 0.0, joint: str = "door.hinge") -> Reaction:
+def closes(event, delay=0.0, joint="door.hinge"):
     return Reaction(joint, 1.5, 0.0, event, Jump(), delay)
 
 
-def test_a_leg_that_begins_moves_a_door_after_its_delay() -> None:
+def test_a_leg_that_begins_moves_a_door_after_its_delay():
     now = world(door(), start=AWAY, behaviours=(closes(LegBegins(2), 0.5),))
     now.progress(0, 0)
     now.advance(100)
@@ -43,7 +40,7 @@ def test_a_leg_that_begins_moves_a_door_after_its_delay() -> None:
     assert (event.time, event.source, event.text) == (1.5, "door.hinge", "reacts: to 0")
 
 
-def test_the_first_leg_begins_with_the_first_news_of_the_mission() -> None:
+def test_the_first_leg_begins_with_the_first_news_of_the_mission():
     now = world(door(), start=AWAY, behaviours=(closes(LegBegins(1)),))
     now.advance(10)
     assert now.joint_positions()[0] == pytest.approx(1.5)
@@ -52,7 +49,7 @@ def test_the_first_leg_begins_with_the_first_news_of_the_mission() -> None:
     assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_waypoint_reached_moves_a_door() -> None:
+def test_a_waypoint_reached_moves_a_door():
     behaviours = (closes(WaypointReached("b")),)
     now = World(scene(door()), ROBOT, AWAY, behaviours, np.random.SeedSequence(1), ("a", "b", "b"))
     now.progress(1, 1)
@@ -65,12 +62,12 @@ def test_a_waypoint_reached_moves_a_door() -> None:
     assert len(now.take_events()) == 1
 
 
-def test_a_waypoint_the_mission_does_not_have_is_refused() -> None:
+def test_a_waypoint_the_mission_does_not_have_is_refused():
     with pytest.raises(ValueError, match="no waypoint 'x'"):
         world(door(), behaviours=(closes(WaypointReached("x")),))
 
 
-def test_doors_fire_one_after_another() -> None:
+def test_doors_fire_one_after_another():
     first = Trigger("other.hinge", 0.0, 1.0, 1.0, Jump())
     second = closes(JointActs(("other.hinge",), "fires"), 0.2)
     third = closes(JointActs(("door.hinge",), "fires"), 0.0, "last.hinge")
@@ -85,7 +82,7 @@ def test_doors_fire_one_after_another() -> None:
     assert now.joint_positions()[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-6)
 
 
-def test_a_joint_that_starts_to_move_is_noticed_whatever_moves_it() -> None:
+def test_a_joint_that_starts_to_move_is_noticed_whatever_moves_it():
     behaviours = (
         KeyFrames("other.hinge", (KeyFrame(1.0, 1.0),), Servo(1.0, 40.0)),
         closes(JointActs(("other.hinge",), "moves")),
@@ -97,7 +94,7 @@ def test_a_joint_that_starts_to_move_is_noticed_whatever_moves_it() -> None:
     assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_pushed_door_starts_to_move() -> None:
+def test_a_pushed_door_starts_to_move():
     behaviours = (closes(JointActs(("other.hinge",), "moves")),)
     now = world(door(), door("other", OTHER), start=Pose2(1.0, -5.5, 0.0), behaviours=behaviours)
     now.command(Twist2(-0.5, 0.0, 0.0))
@@ -105,7 +102,7 @@ def test_a_pushed_door_starts_to_move() -> None:
     assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_held_door_never_starts_to_move() -> None:
+def test_a_held_door_never_starts_to_move():
     frozen = door("other", OTHER, frozen=True)
     now = world(door(), frozen, behaviours=(closes(JointActs(("other.hinge",), "moves")),))
     now.advance(50)

@@ -1,11 +1,7 @@
 """Systems under test that plug in: loaded by entry point, held to the protocol."""
 
-from __future__ import annotations
-
 import sys
 from importlib.metadata import EntryPoint
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -38,7 +34,7 @@ def number(parameters):
 
 
 @pytest.fixture
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def plugged(tmp_path, monkeypatch):
     (tmp_path / "their_stack.py").write_text(STACK)
     (tmp_path / "their_imports.py").write_text("import a_module_nobody_has\n")
     (tmp_path / "their_syntax.py").write_text("def make(:\n")
@@ -54,7 +50,7 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     group = registry.ENTRY_POINT_GROUP
     known = [EntryPoint(name, value, group) for name, value in objects.items()]
 
-    def entry_points(**wanted: Any) -> list[EntryPoint]:
+    def entry_points(**wanted):
         return [entry for entry in known if entry.matches(**wanted)]
 
     monkeypatch.setattr(registry, "entry_points", entry_points)
@@ -63,7 +59,7 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         sys.modules.pop(name, None)
 
 
-def test_a_stack_of_ones_own_is_made_with_its_parameters(plugged) -> None:
+def test_a_stack_of_ones_own_is_made_with_its_parameters(plugged):
     assert make_sut("stack", {"speed": 1.0}).period == 0.05
     with pytest.raises(ValueError, match='no parameter "sped"'):
         make_sut("stack", {"sped": 1.0})
@@ -80,12 +76,12 @@ def test_a_stack_of_ones_own_is_made_with_its_parameters(plugged) -> None:
         ("stak", 'no system under test of kind "stak": did you mean "stack"?'),
     ],
 )
-def test_a_stack_that_cannot_be_had_is_explained(plugged, kind: str, words: str) -> None:
+def test_a_stack_that_cannot_be_had_is_explained(plugged, kind, words):
     with pytest.raises(ValueError, match=words):
         make_sut(kind, {})
 
 
 @pytest.mark.parametrize("period", [0, 0.0, -0.1, 0.033, float("nan"), float("inf"), "0.1", True])
-def test_a_period_is_a_positive_multiple_of_a_tick(plugged, period: object) -> None:
+def test_a_period_is_a_positive_multiple_of_a_tick(plugged, period):
     with pytest.raises(ValueError, match="period"):
         make_sut("stack", {"period": period})

@@ -1,11 +1,8 @@
 """Systems under test that plug in, tried in a child: whatever they do there is told in words."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -21,13 +18,13 @@ PATIENCE = 60.0
 
 
 @pytest.fixture(autouse=True)
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def plugged(tmp_path, monkeypatch):
     install_plugins(tmp_path, monkeypatch)
     yield
     sys.modules.pop(MODULE, None)
 
 
-def test_a_sound_stack_has_nothing_said_about_it_and_is_not_loaded_here() -> None:
+def test_a_sound_stack_has_nothing_said_about_it_and_is_not_loaded_here():
     found = check_parameters("plain", {})
     assert (found.problems, found.without_effect) == ((), ())
     assert MODULE not in sys.modules
@@ -44,13 +41,13 @@ def test_a_sound_stack_has_nothing_said_about_it_and_is_not_loaded_here() -> Non
         ("factory-has-no-words", "ValueError without a word"),
     ],
 )
-def test_what_a_factory_does_is_a_finding(kind: str, words: str) -> None:
+def test_what_a_factory_does_is_a_finding(kind, words):
     with pytest.raises(ValueError, match=words):
         check_parameters(kind, {})
 
 
 @pytest.mark.parametrize("kind", ["factory-hangs", "import-hangs"])
-def test_what_hangs_is_a_finding_and_says_where(kind: str) -> None:
+def test_what_hangs_is_a_finding_and_says_where(kind):
     with pytest.raises(ValueError, match=r"was not made within 3 s \(.*\.py:\d+\)") as caught:
         check_plugged(partial(make_sut, kind), "theirs", {}, patience=3.0)
     assert "what takes longer belongs into start()" in str(caught.value)
@@ -59,20 +56,20 @@ def test_what_hangs_is_a_finding_and_says_where(kind: str) -> None:
         assert any(f"{MODULE}.py:{number})" in str(caught.value) for number in (line - 1, line))
 
 
-def test_what_a_factory_prints_is_a_finding(capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_a_factory_prints_is_a_finding(capfd):
     (problem,) = check_parameters("factory-prints", {}).problems
     assert 'prints while it is made: "loading weights" and 1 more' in problem.message
     assert "events of a Decision" in problem.hint
     assert capfd.readouterr() == ("", "")
 
 
-def test_parameters_and_kinds_keep_their_own_errors() -> None:
+def test_parameters_and_kinds_keep_their_own_errors():
     wrong = ParameterFinding(("speed", 0), "is negative", "write a positive one")
 
-    def refuse(_: object) -> None:
+    def refuse(_):
         raise ParameterError([wrong])
 
-    def miss(_: object) -> None:
+    def miss(_):
         raise SutMissing("not installed here")
 
     with pytest.raises(ParameterError) as caught:
@@ -82,10 +79,10 @@ def test_parameters_and_kinds_keep_their_own_errors() -> None:
         check_plugged(miss, "theirs", {}, patience=PATIENCE)
 
 
-def test_an_answer_does_not_wait_for_what_a_factory_has_started(tmp_path: Path) -> None:
+def test_an_answer_does_not_wait_for_what_a_factory_has_started(tmp_path):
     started = tmp_path / "started"
 
-    def start(_: object) -> None:
+    def start(_):
         if os.fork() == 0:
             started.write_text(str(os.getpid()))
             while True:

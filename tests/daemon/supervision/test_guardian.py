@@ -1,14 +1,11 @@
 """The process above that of a run, with real processes."""
 
-from __future__ import annotations
-
 import faulthandler
 import multiprocessing
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -24,7 +21,7 @@ ROOT = Path(__file__).parents[3]
 CONTEXT = multiprocessing.get_context("fork")
 
 
-def guarded(folder: Path, run: Callable[[], object]) -> None:
+def guarded(folder, run):
     faulthandler.disable()  # pytest's would tell of crashes that are meant
     guard(folder / "output")
     leave_process(folder / "left")
@@ -32,7 +29,7 @@ def guarded(folder: Path, run: Callable[[], object]) -> None:
     run()
 
 
-def left(folder: Path) -> list[psutil.Process]:
+def left(folder):
     """What a run has left behind that is still there, and the run itself."""
     numbers = [*(folder / "left").read_text().split(), (folder / "run").read_text()]
     found = []
@@ -52,9 +49,7 @@ def left(folder: Path) -> list[psutil.Process]:
     ],
     ids=["returns", "exits", "crashes", "is killed"],
 )
-def test_it_ends_as_the_run_does_and_nothing_is_left(
-    tmp_path: Path, run: Callable[[], object], code: int
-) -> None:
+def test_it_ends_as_the_run_does_and_nothing_is_left(tmp_path, run, code):
     process = CONTEXT.Process(target=guarded, args=(tmp_path, run))
     process.start()
     process.join(60.0)
@@ -62,7 +57,7 @@ def test_it_ends_as_the_run_does_and_nothing_is_left(
     assert left(tmp_path) == []
 
 
-def test_a_run_is_ended_by_its_guardian(tmp_path: Path) -> None:
+def test_a_run_is_ended_by_its_guardian(tmp_path):
     process = CONTEXT.Process(target=guarded, args=(tmp_path, signal.pause))
     process.start()
     eventually(lambda: (tmp_path / "run").exists())
@@ -70,7 +65,7 @@ def test_a_run_is_ended_by_its_guardian(tmp_path: Path) -> None:
     assert left(tmp_path) == []
 
 
-def test_a_run_ends_with_who_has_started_it(tmp_path: Path) -> None:
+def test_a_run_ends_with_who_has_started_it(tmp_path):
     program = (
         "import signal, sys\nfrom pathlib import Path\n"
         "from tests.daemon.supervision.test_guardian import CONTEXT, guarded\n"
@@ -84,7 +79,7 @@ def test_a_run_ends_with_who_has_started_it(tmp_path: Path) -> None:
     eventually(lambda: left(tmp_path) == [])
 
 
-def print_much(last: str) -> None:
+def print_much(last):
     for number in range(40):
         rest = f"{number:_>{2**20 - 1}}\n".encode()
         while rest:
@@ -93,7 +88,7 @@ def print_much(last: str) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_what_is_printed_is_bounded_and_its_end_survives_a_kill(tmp_path: Path) -> None:
+def test_what_is_printed_is_bounded_and_its_end_survives_a_kill(tmp_path):
     words = "the last words"
     process = CONTEXT.Process(target=guarded, args=(tmp_path, lambda: print_much(words)))
     process.start()
@@ -106,9 +101,7 @@ def test_what_is_printed_is_bounded_and_its_end_survives_a_kill(tmp_path: Path) 
     assert found.count(b" bytes left out ...]") == 1
 
 
-def test_a_guardian_that_is_stopped_does_not_keep_a_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_guardian_that_is_stopped_does_not_keep_a_run(tmp_path, monkeypatch):
     monkeypatch.setattr("daemon.supervision.guardian.KILL_LIMIT", 0.1)
     process = CONTEXT.Process(target=guard_and_wait, args=(tmp_path,))
     process.start()
@@ -119,7 +112,7 @@ def test_a_guardian_that_is_stopped_does_not_keep_a_run(
     eventually(lambda: not psutil.pid_exists(int(run)) or not alive([psutil.Process(int(run))]))
 
 
-def guard_and_wait(folder: Path) -> None:
+def guard_and_wait(folder):
     guard()
     (folder / "run").write_text(str(os.getpid()))
     signal.pause()

@@ -1,9 +1,5 @@
 """What processes print: valid at any moment, bounded, its first and its last part kept."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from daemon.supervision.output_file import OutputFile
@@ -11,13 +7,13 @@ from daemon.supervision.output_file import OutputFile
 MOST = OutputFile.HEAD + OutputFile.TAIL
 
 
-def stream(length: int) -> bytes:
+def stream(length):
     """Bytes of which no two parts are alike."""
     return b"".join(b"%07d\n" % number for number in range(length // 8 + 1))[:length]
 
 
 @pytest.mark.parametrize("piece", [1 << 16, 1000 * 1000])
-def test_it_holds_the_first_and_the_last_part_at_any_moment(tmp_path: Path, piece: int) -> None:
+def test_it_holds_the_first_and_the_last_part_at_any_moment(tmp_path, piece):
     path, data = tmp_path / "output.txt", stream(3 * MOST)
     file = OutputFile(path)
     for start in range(0, len(data), piece):
@@ -35,7 +31,7 @@ def test_it_holds_the_first_and_the_last_part_at_any_moment(tmp_path: Path, piec
     file.close()
 
 
-def test_a_file_of_another_kind_is_read_in_part(tmp_path: Path) -> None:
+def test_a_file_of_another_kind_is_read_in_part(tmp_path):
     path = tmp_path / "output.txt"
     assert OutputFile.read(path) == b""
     path.write_bytes(stream(5 * MOST))

@@ -1,14 +1,10 @@
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from tests.daemon.trace.recordings import record
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory):
     """A complete trace of twelve seconds: one full chunk of each kind and a short one."""
     path = tmp_path_factory.mktemp("trace") / "run.mcap"
     record(path)

@@ -9,10 +9,7 @@ from __future__ import annotations
 import itertools
 import zlib
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 from mcap import records
 from mcap.data_stream import RecordBuilder
@@ -34,15 +31,15 @@ class _File:
     last: int = 0
 
 
-def complaints(path: Path) -> list[str]:
+def complaints(path):
     """Return everything that is wrong with a file, in words."""
     return list(_complaints(path))
 
 
-def _complaints(path: Path) -> Iterator[str]:
+def _complaints(path):
     found, summary, ended = _File(), [], False
-    offsets: dict[int, tuple[int, int]] = {}
-    expected: set[tuple[int, int, int]] = set()
+    offsets = {}
+    expected = set()
     data = path.read_bytes()
     with path.open("rb") as stream:
         at = 8
@@ -96,9 +93,7 @@ def _complaints(path: Path) -> Iterator[str]:
     yield from _summary(found, summary, offsets)
 
 
-def _chunk(
-    found: _File, chunk: records.Chunk, expected: set[tuple[int, int, int]]
-) -> Iterator[str]:
+def _chunk(found, chunk, expected):
     """Check the records in a chunk; ``expected`` takes what its indexes have to say."""
     times, at = [], 0
     for record in breakup_chunk(chunk, validate_crc=True):
@@ -126,16 +121,14 @@ def _chunk(
         yield "a chunk that says other times"
 
 
-def _encoded(record: Any) -> bytes:
+def _encoded(record):
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
 
 
-def _summary(
-    found: _File, summary: list[Any], offsets: dict[int, tuple[int, int]]
-) -> Iterator[str]:
-    by_kind: dict[type, list[Any]] = {}
+def _summary(found, summary, offsets):
+    by_kind = {}
     for record in summary:
         by_kind.setdefault(type(record), []).append(record)
     for kind, known in ((records.Schema, found.schemas), (records.Channel, found.channels)):

@@ -1,14 +1,11 @@
 """A small but complete run to record: every signal, values that only come back if they are kept."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference, TraceInfo
+from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
@@ -36,7 +33,7 @@ MISSION = Mission(
 )
 
 
-def door(number: int, *, frozen: bool = False) -> SceneObject:
+def door(number, *, frozen=False):
     leaf = ((0.0, 0.0), (0.9, 0.0), (0.9, 0.04), (0.0, 0.04))
     post = ((-0.1, 0.0), (0.0, 0.0), (0.0, 0.1), (-0.1, 0.1))
     return SceneObject(
@@ -50,7 +47,7 @@ def door(number: int, *, frozen: bool = False) -> SceneObject:
     )
 
 
-def scene(doors: int = 3) -> Scene:
+def scene(doors=3):
     wall = ((0.0, 0.0), (20.0, 0.0), (20.0, -0.2), (0.0, -0.2))
     column = ((4.0, 1.0), (4.3, 1.0), (4.3, 1.3), (4.0, 1.3))
     return Scene(
@@ -62,7 +59,7 @@ def scene(doors: int = 3) -> Scene:
     )
 
 
-def specification(world: Scene, **changes: object) -> RunSpec:
+def specification(world, **changes):
     spec = RunSpec(
         campaign="demo",
         scenario="S1",
@@ -77,7 +74,7 @@ def specification(world: Scene, **changes: object) -> RunSpec:
         seed=7,
         limit=60.0,
     )
-    return replace(spec, **changes)  # type: ignore[arg-type]
+    return replace(spec, **changes)
 
 
 GRID = OccupancyGrid(0.05, -1.0, -2.0, np.arange(60, dtype=np.int8).reshape(6, 10))
@@ -86,24 +83,24 @@ GRID = OccupancyGrid(0.05, -1.0, -2.0, np.arange(60, dtype=np.int8).reshape(6, 1
 COSTS = np.arange(256, dtype=np.uint8).reshape(8, 32)
 
 
-def particles_at(time: float) -> np.ndarray:
+def particles_at(time):
     return np.array([[time, -1.5, 0.3], [time + 0.25, 2.0, -3.1]])
 
 
-def pose_at(time: float) -> Pose2:
+def pose_at(time):
     return Pose2(1.0 + 0.4 * time, 2.0 + math.sin(time), math.remainder(1.3 * time, math.tau))
 
 
-def twist_at(time: float) -> Twist2:
+def twist_at(time):
     return Twist2(0.4 * math.cos(time), 0.1, -0.2 * time)
 
 
-def odometry_at(time: float) -> Odometry:
+def odometry_at(time):
     pose = pose_at(time)
     return Odometry(time, Pose2(pose.x + 0.01, pose.y - 0.02, pose.yaw), twist_at(time))
 
 
-def joints_at(time: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+def joints_at(time, count):
     """Joints rest until second 2.5, then the first one turns for a second."""
     moved = min(max(time - 2.5, 0.0), 1.0)
     positions, velocities = np.full(count, 0.4), np.zeros(count)
@@ -112,17 +109,17 @@ def joints_at(time: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     return positions, velocities
 
 
-def covariance_at(time: float) -> np.ndarray:
+def covariance_at(time):
     return np.arange(9.0).reshape(3, 3) + time
 
 
-def ranges_at(time: float) -> np.ndarray:
+def ranges_at(time):
     ranges = np.linspace(1.0, 2.0 + time, RAYS, dtype=np.float32)
     ranges[3], ranges[4] = np.inf, np.nan
     return ranges
 
 
-def record_until(trace: TraceWriter, seconds: float, joints: int) -> None:
+def record_until(trace, seconds, joints):
     """Drive for some seconds at 20 Hz."""
     trace.static(GRID)
     for step in range(round(seconds * 20) + 1):
@@ -149,7 +146,7 @@ def record_until(trace: TraceWriter, seconds: float, joints: int) -> None:
     trace.contact(seconds, "robot", "door-0/leaf", (1.1, 2.1), (0.6, 0.8), 0.002)
 
 
-def record(path: Path, *, seconds: float = 12.0, doors: int = 3) -> TraceInfo:
+def record(path, *, seconds=12.0, doors=3):
     world = scene(doors)
     with TraceWriter(path, specification(world), world, versions={"numpy": "2"}) as trace:
         record_until(trace, seconds, doors)

@@ -1,21 +1,16 @@
 """A trace read while it is written: what it says is what the file will say."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from daemon.model.spec import TraceInfo
 from daemon.model.sut import Progress
 from daemon.trace import Trace, TraceError, TraceWriter, read_trace
 from tests.daemon.trace.recordings import record, record_until, scene, specification
 
 
-def same(one: Any, other: Any) -> bool:
+def same(one, other):
     if isinstance(one, np.ndarray):
         return bool(np.array_equal(one, other))
     if is_dataclass(one):
@@ -24,24 +19,24 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def differing(one: Trace, other: Trace) -> list[str]:
+def differing(one, other):
     names = [field.name for field in fields(Trace) if field.name not in ("path", "versions")]
     return [name for name in names if not same(getattr(one, name), getattr(other, name))]
 
 
-def record_looking(path: Path, times: tuple[float, ...]) -> tuple[TraceInfo, list[Trace]]:
+def record_looking(path, times):
     """Record as :func:`record` does, but read the trace again and again."""
     world, found, left = scene(), [], list(times)
     with TraceWriter(path, specification(world), world, versions={"numpy": "2"}) as trace:
         clock = trace.clock
 
-        def look(time: float) -> None:
+        def look(time):
             while left and left[0] <= time:
                 del left[0]
                 found.append(trace.so_far())
             clock(time)
 
-        trace.clock = look  # type: ignore[method-assign]
+        trace.clock = look
         record_until(trace, 12.0, 3)
         trace.progress(12.0, Progress(3, 3, "succeeded"))
         trace.event(12.0, "run", "over", level="warn")
@@ -49,9 +44,7 @@ def record_looking(path: Path, times: tuple[float, ...]) -> tuple[TraceInfo, lis
         return trace.close("finished", "all waypoints reached"), found
 
 
-def test_the_last_look_says_what_the_file_says_and_changes_none_of_its_bytes(
-    tmp_path: Path,
-) -> None:
+def test_the_last_look_says_what_the_file_says_and_changes_none_of_its_bytes(tmp_path):
     alone = record(tmp_path / "alone.mcap")
     watched, found = record_looking(tmp_path / "run.mcap", (0.0, 1.0, 2.6, 9.95, 10.0, 11.0))
     assert watched.sha256 == alone.sha256
@@ -62,7 +55,7 @@ def test_the_last_look_says_what_the_file_says_and_changes_none_of_its_bytes(
 
 
 @pytest.mark.parametrize("at", [1.0, 2.6, 10.0, 11.5])
-def test_a_look_in_between_sees_everything_until_then(tmp_path: Path, at: float) -> None:
+def test_a_look_in_between_sees_everything_until_then(tmp_path, at):
     _, (seen, end) = record_looking(tmp_path / "run.mcap", (at,))
     assert not seen.complete
     assert seen.problems == ()
@@ -83,7 +76,7 @@ def test_a_look_in_between_sees_everything_until_then(tmp_path: Path, at: float)
         assert np.array_equal(ours, theirs)
 
 
-def test_what_another_has_written_there_is_refused(tmp_path: Path) -> None:
+def test_what_another_has_written_there_is_refused(tmp_path):
     world = scene()
     with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
         record_until(trace, 1.0, 3)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -18,33 +16,33 @@ from tests.daemon.trace.recordings import scene
 ANGLES = st.floats(-3.0, 3.0)
 
 
-def world_of(item: SceneObject) -> Scene:
+def world_of(item):
     return Scene("world", (), (), (), (item,))
 
 
-def object_with(*joints: Joint) -> SceneObject:
+def object_with(*joints):
     ring = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.1))
     links = tuple(Link(j.child, (ring,), 1.0, 0.0, 1.0) for j in joints)
     return SceneObject("item", "thing", Pose2(2.0, -1.0, 0.7), links, joints, (0.0,) * len(joints))
 
 
-def pose_of(row: np.ndarray) -> Pose2:
+def pose_of(row):
     x, y, qz, qw = row.tolist()
     return Pose2(x, y, 2.0 * math.atan2(qz, qw))
 
 
-def assert_same(found: Pose2, expected: Pose2) -> None:
+def assert_same(found, expected):
     assert found.x == pytest.approx(expected.x, abs=1e-12)
     assert found.y == pytest.approx(expected.y, abs=1e-12)
     assert math.remainder(found.yaw - expected.yaw, math.tau) == pytest.approx(0.0, abs=1e-12)
 
 
-def about(x: float, y: float, angle: float) -> Pose2:
+def about(x, y, angle):
     return Pose2(x, y) @ Pose2(0.0, 0.0, angle) @ Pose2(-x, -y)
 
 
 @given(ANGLES, ANGLES)
-def test_a_folding_door_turns_leaf_on_leaf(first: float, second: float) -> None:
+def test_a_folding_door_turns_leaf_on_leaf(first, second):
     item = object_with(
         Joint("b", "revolute", "inner", "outer", (1.0, 0.2), (1.0, 0.0), -3.0, 3.0),
         Joint("a", "revolute", "world", "inner", (0.1, 0.0), (1.0, 0.0), -3.0, 3.0),
@@ -58,7 +56,7 @@ def test_a_folding_door_turns_leaf_on_leaf(first: float, second: float) -> None:
 
 
 @given(st.floats(-2.0, 2.0), ANGLES)
-def test_a_drawer_slides_along_its_axis_and_carries_its_lid(along: float, angle: float) -> None:
+def test_a_drawer_slides_along_its_axis_and_carries_its_lid(along, angle):
     item = object_with(
         Joint("slide", "prismatic", "world", "drawer", (0.0, 0.0), (0.6, 0.8), -2.0, 2.0),
         Joint("lid", "revolute", "drawer", "lid", (0.0, 0.5), (1.0, 0.0), -3.0, 3.0),
@@ -77,7 +75,7 @@ def test_a_drawer_slides_along_its_axis_and_carries_its_lid(along: float, angle:
     )
 )
 @np.errstate(invalid="ignore")
-def test_poses_have_the_bits_of_a_plain_calculation(positions: np.ndarray) -> None:
+def test_poses_have_the_bits_of_a_plain_calculation(positions):
     hinge = Joint("a", "revolute", "world", "leaf", (0.1, -0.3), (1.0, 0.0), -3.0, 3.0)
     slide = Joint("s", "prismatic", "world", "wing", (0.0, 0.0), (0.6, 0.8), -2.0, 2.0)
     lid = Joint("b", "revolute", "wing", "lid", (1.0, 0.2), (1.0, 0.0), -3.0, 3.0)
@@ -102,11 +100,11 @@ def test_poses_have_the_bits_of_a_plain_calculation(positions: np.ndarray) -> No
         assert poses[:, i].tobytes() == expected.tobytes()
 
 
-def test_only_links_that_joints_move_are_listed_and_frozen_objects_are_not() -> None:
+def test_only_links_that_joints_move_are_listed_and_frozen_objects_are_not():
     assert MovingLinks.of(scene()).names == ("door-0/leaf", "door-1/leaf")
 
 
-def test_columns_of_frozen_objects_are_skipped_over() -> None:
+def test_columns_of_frozen_objects_are_skipped_over():
     world = scene()
     world = replace(world, objects=world.objects[2:] + world.objects[:2])
     links = MovingLinks.of(world)
@@ -115,7 +113,7 @@ def test_columns_of_frozen_objects_are_skipped_over() -> None:
     assert pose_of(poses[0, 1]).yaw == pytest.approx(0.3 + 0.5)
 
 
-def test_joints_that_form_a_loop_are_refused() -> None:
+def test_joints_that_form_a_loop_are_refused():
     item = object_with(
         Joint("a", "revolute", "y", "x", (0.0, 0.0), (1.0, 0.0), -1.0, 1.0),
         Joint("b", "revolute", "x", "y", (0.0, 0.0), (1.0, 0.0), -1.0, 1.0),

@@ -1,9 +1,5 @@
 """Layouts write exactly the bytes rosbags would."""
 
-from __future__ import annotations
-
-from typing import Literal
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from daemon.model import ros_messages as ros
 from daemon.model.sut import CostmapPicture
 from daemon.trace import encode_costmap, encode_path, layouts, messages
-from daemon.trace.layouts import HEADER, MessageLayout, stamps
+from daemon.trace.layouts import HEADER, stamps
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.trace.recordings import ROBOT
 
@@ -32,7 +28,7 @@ LAYOUTS = {
 }
 
 
-def random_columns(layout: MessageLayout, count: int) -> dict[str, np.ndarray]:
+def random_columns(layout, count):
     random = np.random.default_rng(5)
     empty = np.zeros(count, layout.record)
     columns = {
@@ -48,7 +44,7 @@ def random_columns(layout: MessageLayout, count: int) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_every_message_is_what_rosbags_serializes(name: str) -> None:
+def test_every_message_is_what_rosbags_serializes(name):
     layout = LAYOUTS[name]
     kind = messages.KINDS[layout.topic]
     times = np.array([0, 50_000_000, 2_147_483_647_999_999_999], np.int64)
@@ -60,7 +56,7 @@ def test_every_message_is_what_rosbags_serializes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_values_land_in_the_fields_they_are_named_after(name: str) -> None:
+def test_values_land_in_the_fields_they_are_named_after(name):
     layout = LAYOUTS[name]
     columns = random_columns(layout, 2)
     records = layout.view(layout.encode(1, np.array([3, 4]), columns))
@@ -70,7 +66,7 @@ def test_values_land_in_the_fields_they_are_named_after(name: str) -> None:
             np.testing.assert_array_equal(records[field], expected)
 
 
-def test_odometry_fields_are_read_back_by_rosbags() -> None:
+def test_odometry_fields_are_read_back_by_rosbags():
     layout = LAYOUTS["odometry"]
     columns = {name: np.array([float(i)]) for i, name in enumerate(layout.names)}
     row = layout.encode(1, np.array([12_500_000_000]), columns)[0]
@@ -83,7 +79,7 @@ def test_odometry_fields_are_read_back_by_rosbags() -> None:
     assert found == [float(columns[n][0]) for n in ("x", "y", "qz", "qw", "vx", "vy", "wz")]
 
 
-def test_covariances_lie_where_ros_expects_x_y_and_yaw() -> None:
+def test_covariances_lie_where_ros_expects_x_y_and_yaw():
     layout = LAYOUTS["estimate"]
     columns = {name: np.array([0.0]) for name in layout.names}
     columns |= {f"c{i}": np.array([i + 1.0]) for i in range(9)}
@@ -96,7 +92,7 @@ def test_covariances_lie_where_ros_expects_x_y_and_yaw() -> None:
     assert np.count_nonzero(full) == 9
 
 
-def test_a_layout_refuses_bytes_of_another_message() -> None:
+def test_a_layout_refuses_bytes_of_another_message():
     odom, truth = LAYOUTS["odometry"], LAYOUTS["ground truth"]
     rows = odom.encode(1, np.array([1, 2]), random_columns(odom, 2))
     assert odom.fits(rows).all()
@@ -111,7 +107,7 @@ def test_a_layout_refuses_bytes_of_another_message() -> None:
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1))
-def test_a_stamp_is_seconds_and_nanoseconds(time: int) -> None:
+def test_a_stamp_is_seconds_and_nanoseconds(time):
     raw = stamps(np.array([time])).tobytes()
     seconds, rest = divmod(time, 10**9)
     assert raw == seconds.to_bytes(4, "little") + rest.to_bytes(4, "little")
@@ -120,7 +116,7 @@ def test_a_stamp_is_seconds_and_nanoseconds(time: int) -> None:
 @given(
     arrays(np.float64, st.tuples(st.integers(0, 40), st.just(2))), st.integers(0, 2**31 * 10**9 - 1)
 )
-def test_a_path_is_what_rosbags_serializes(points: np.ndarray, now: int) -> None:
+def test_a_path_is_what_rosbags_serializes(points, now):
     data = encode_path(now, points)
     message = ros.deserialize(data, "nav_msgs/msg/Path")
     assert ros.serialize(message, "nav_msgs/msg/Path") == data
@@ -132,7 +128,7 @@ def test_a_path_is_what_rosbags_serializes(points: np.ndarray, now: int) -> None
 
 
 @pytest.mark.parametrize("frame", ["map", "odom"])
-def test_a_costmap_is_what_rosbags_serializes(frame: Literal["map", "odom"]) -> None:
+def test_a_costmap_is_what_rosbags_serializes(frame):
     cells = np.arange(256, dtype=np.uint8).reshape(8, 32)[:, :31]
     now = 2_147_483_647_999_999_999
     data = encode_costmap(now, CostmapPicture(0.0, frame, 0.05, -1.25, 7.0, cells))
@@ -143,6 +139,6 @@ def test_a_costmap_is_what_rosbags_serializes(frame: Literal["map", "odom"]) -> 
     assert ros.serialize(expected, "nav_msgs/msg/OccupancyGrid") == data
 
 
-def test_a_path_must_be_a_list_of_points() -> None:
+def test_a_path_must_be_a_list_of_points():
     with pytest.raises(ValueError, match="shape"):
         encode_path(0, np.zeros((4, 3)))

@@ -1,12 +1,9 @@
 """What was recorded comes back; what cannot be trusted is said so, never half believed."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import struct
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +19,6 @@ from daemon.model.sut import Estimate, Odometry, Progress
 from daemon.trace import (
     JointSamples,
     ProgressRecord,
-    Trace,
     TraceDifference,
     TraceError,
     TraceWriter,
@@ -51,12 +47,11 @@ BY_BLOCKS = Path(__file__).with_name("by_blocks.mcap")
 """Three seconds as they were recorded while the messages of a chunk lay channel by channel."""
 
 RELAXED = settings(
-    max_examples=50,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 )
 
 
-def test_every_signal_comes_back_as_it_was_recorded(recorded: Path) -> None:
+def test_every_signal_comes_back_as_it_was_recorded(recorded):
     trace = read_trace(recorded, scans=True)
     time = trace.ground_truth.time
     np.testing.assert_array_equal(time, np.arange(241) / 20)
@@ -84,7 +79,7 @@ def test_every_signal_comes_back_as_it_was_recorded(recorded: Path) -> None:
     assert (scans.ranges.dtype, scans.laser) == (np.float32, "")
 
 
-def test_records_come_back_in_the_order_of_their_times(recorded: Path) -> None:
+def test_records_come_back_in_the_order_of_their_times(recorded):
     trace = read_trace(recorded)
     assert [(c.second, c.point, c.normal, c.depth) for c in trace.contacts] == [
         ("door-0/leaf", (1.0, 2.0), (0.0, -1.0), 0.003),
@@ -104,7 +99,7 @@ def test_records_come_back_in_the_order_of_their_times(recorded: Path) -> None:
     assert trace.events[-1].level == "warn"
 
 
-def test_a_trace_says_what_was_run_and_how_it_ended(recorded: Path) -> None:
+def test_a_trace_says_what_was_run_and_how_it_ended(recorded):
     trace = read_trace(recorded)
     assert trace.scene == scene()
     assert trace.spec == specification(scene())
@@ -115,7 +110,7 @@ def test_a_trace_says_what_was_run_and_how_it_ended(recorded: Path) -> None:
     assert trace.scans is None
 
 
-def test_joint_states_left_out_are_given_back_by_interpolation(recorded: Path) -> None:
+def test_joint_states_left_out_are_given_back_by_interpolation(recorded):
     joints = read_trace(recorded).joints
     assert len(joints.time) < 60
     every = np.arange(241) / 20
@@ -126,7 +121,7 @@ def test_joint_states_left_out_are_given_back_by_interpolation(recorded: Path) -
 
 
 @given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
-def test_thinned_joint_states_interpolate_to_all_of_them(positions: list[float]) -> None:
+def test_thinned_joint_states_interpolate_to_all_of_them(positions):
     samples = JointSamples(1)
     for step, position in enumerate(positions):
         samples.add(step * 50_000_000, np.array([position]), np.zeros(1))
@@ -138,7 +133,7 @@ def test_thinned_joint_states_interpolate_to_all_of_them(positions: list[float])
 
 
 @given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
-def test_joint_states_are_the_same_however_they_are_handed_over(positions: list[float]) -> None:
+def test_joint_states_are_the_same_however_they_are_handed_over(positions):
     fresh, changed, kept = JointSamples(1), JointSamples(1), JointSamples(1)
     velocity = np.zeros(1)
     buffer, arrays = np.zeros(1), {position: np.array([position]) for position in positions}
@@ -160,7 +155,7 @@ def test_joint_states_are_the_same_however_they_are_handed_over(positions: list[
 
 @given(st.floats(-math.pi, math.pi, exclude_min=True))
 @RELAXED
-def test_a_heading_comes_back_wrapped(tmp_path: Path, yaw: float) -> None:
+def test_a_heading_comes_back_wrapped(tmp_path, yaw):
     trace = written(tmp_path, lambda w: w.ground_truth(0.0, Pose2(0.0, 0.0, yaw), Twist2()))
     found = trace.ground_truth.yaw[0]
     assert -math.pi < found <= math.pi
@@ -179,13 +174,13 @@ def test_a_heading_comes_back_wrapped(tmp_path: Path, yaw: float) -> None:
         Progress(3, 3, "aborted"),
     ],
 )
-def test_progress_comes_back(tmp_path: Path, progress: Progress) -> None:
+def test_progress_comes_back(tmp_path, progress):
     trace = written(tmp_path, lambda writer: writer.progress(0.0, progress))
     (found,) = trace.progress
     assert Progress(found.current, found.reached, found.state) == progress
 
 
-def written(folder: Path, fill: Callable[[TraceWriter], None]) -> Trace:
+def written(folder, fill):
     world = scene()
     path = folder / "run.mcap"
     with TraceWriter(path, specification(world), world) as writer:
@@ -194,7 +189,7 @@ def written(folder: Path, fill: Callable[[TraceWriter], None]) -> Trace:
     return read_trace(path)
 
 
-def drive(writer: TraceWriter, times: list[float], x: float = 0.0) -> None:
+def drive(writer, times, x=0.0):
     for time in times:
         writer.ground_truth(time, Pose2(x, 0.0, 0.0), Twist2())
 
@@ -225,13 +220,11 @@ def drive(writer: TraceWriter, times: list[float], x: float = 0.0) -> None:
         ),
     ],
 )
-def test_a_doubtful_recording_says_what_is_wrong(
-    tmp_path: Path, fill: Callable[[TraceWriter], None], problem: str
-) -> None:
+def test_a_doubtful_recording_says_what_is_wrong(tmp_path, fill, problem):
     assert problem in written(tmp_path, fill).problems
 
 
-def test_an_estimate_that_is_not_a_number_is_the_robots_problem(tmp_path: Path) -> None:
+def test_an_estimate_that_is_not_a_number_is_the_robots_problem(tmp_path):
     lost = Estimate(0.0, Pose2(1.0, 2.0, math.inf), np.full((3, 3), np.nan))
     trace = written(tmp_path, lambda w: (drive(w, [0.0]), w.estimate(lost)))
     assert trace.problems == ()
@@ -239,18 +232,18 @@ def test_an_estimate_that_is_not_a_number_is_the_robots_problem(tmp_path: Path) 
     assert np.isnan(trace.estimate.covariance).all()
 
 
-def rewritten(source: Path, target: Path, **options: object) -> Path:
+def rewritten(source, target, **options):
     """The same messages in time order, by the mcap library: what other tools make of a trace."""
     with source.open("rb") as stream, target.open("wb") as out:
         reader = make_reader(stream)
-        writer = Writer(out, **options)  # type: ignore[arg-type]
+        writer = Writer(out, **options)
         writer.start("ros2", "another tool")
         for attachment in reader.iter_attachments():
             writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
         for metadata in reader.iter_metadata():
             writer.add_metadata(metadata.name, metadata.metadata)
-        schemas: dict[str, int] = {}
-        channels: dict[str, int] = {}
+        schemas = {}
+        channels = {}
         for schema, channel, message in reader.iter_messages():
             if schema.name not in schemas:
                 schemas[schema.name] = writer.register_schema(
@@ -275,9 +268,7 @@ def rewritten(source: Path, target: Path, **options: object) -> Path:
         {"index_types": IndexType.NONE},
     ],
 )
-def test_a_trace_rewritten_by_other_tools_reads_the_same(
-    recorded: Path, tmp_path: Path, options: dict[str, object]
-) -> None:
+def test_a_trace_rewritten_by_other_tools_reads_the_same(recorded, tmp_path, options):
     one = read_trace(recorded, scans=True)
     other = read_trace(rewritten(recorded, tmp_path / "other.mcap", **options), scans=True)
     assert other.complete
@@ -295,7 +286,7 @@ def test_a_trace_rewritten_by_other_tools_reads_the_same(
     np.testing.assert_array_equal(other.scans[0].ranges, one.scans[0].ranges)
 
 
-def test_plans_come_back_when_they_are_asked_for(recorded: Path) -> None:
+def test_plans_come_back_when_they_are_asked_for(recorded):
     assert read_trace(recorded).plans == ()
     plans = read_trace(recorded, plans=True).plans
     assert [plan.time for plan in plans] == [0.0, *(float(t) for t in range(2, 13, 2))]
@@ -304,7 +295,7 @@ def test_plans_come_back_when_they_are_asked_for(recorded: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 57])
-def test_paths_of_any_length_are_read_back(count: int) -> None:
+def test_paths_of_any_length_are_read_back(count):
     points = np.arange(2.0 * count).reshape(count, 2)
     payload = encode_path(3, points)
     np.testing.assert_array_equal(decode_path(payload), points)
@@ -313,7 +304,7 @@ def test_paths_of_any_length_are_read_back(count: int) -> None:
             decode_path(wrong)
 
 
-def usable(path: Path, data: bytes) -> Trace | None:
+def usable(path, data):
     """Read damaged bytes: a trace, or nothing but a :class:`TraceError`."""
     path.write_bytes(data)
     try:
@@ -325,9 +316,7 @@ def usable(path: Path, data: bytes) -> Trace | None:
 
 @given(st.data())
 @RELAXED
-def test_a_file_cut_anywhere_yields_its_prefix_or_an_error(
-    recorded: Path, tmp_path: Path, data: st.DataObject
-) -> None:
+def test_a_file_cut_anywhere_yields_its_prefix_or_an_error(recorded, tmp_path, data):
     whole = recorded.read_bytes()
     at = data.draw(st.integers(0, len(whole) - 1))
     trace = usable(tmp_path / "cut.mcap", whole[:at])
@@ -342,9 +331,7 @@ def test_a_file_cut_anywhere_yields_its_prefix_or_an_error(
 
 @given(st.data())
 @RELAXED
-def test_damaged_bytes_never_escape_and_never_change_a_pose(
-    recorded: Path, tmp_path: Path, data: st.DataObject
-) -> None:
+def test_damaged_bytes_never_escape_and_never_change_a_pose(recorded, tmp_path, data):
     damaged = bytearray(recorded.read_bytes())
     for _ in range(data.draw(st.integers(1, 3))):
         damaged[data.draw(st.integers(0, len(damaged) - 1))] ^= data.draw(st.integers(1, 255))
@@ -355,7 +342,7 @@ def test_damaged_bytes_never_escape_and_never_change_a_pose(
 
 
 @pytest.fixture(scope="module")
-def unprotected(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def unprotected(recorded, tmp_path_factory):
     """A trace without compression and checksums: damage gets through to the messages."""
     path = tmp_path_factory.mktemp("unprotected") / "run.mcap"
     plain = {"compression": CompressionType.NONE, "enable_crcs": False}
@@ -364,9 +351,7 @@ def unprotected(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> byt
 
 @given(st.data())
 @RELAXED
-def test_damage_that_no_checksum_shows_never_escapes(
-    unprotected: bytes, tmp_path: Path, data: st.DataObject
-) -> None:
+def test_damage_that_no_checksum_shows_never_escapes(unprotected, tmp_path, data):
     damaged = bytearray(unprotected)
     for _ in range(data.draw(st.integers(1, 20))):
         at = data.draw(st.integers(0, len(damaged) - 1))
@@ -377,12 +362,12 @@ def test_damage_that_no_checksum_shows_never_escapes(
 @given(st.binary(max_size=300))
 @example(b"")
 @RELAXED
-def test_foreign_bytes_are_an_error_that_names_the_file(tmp_path: Path, data: bytes) -> None:
+def test_foreign_bytes_are_an_error_that_names_the_file(tmp_path, data):
     for content in (data, b"\x89MCAP0\r\n" + data):
         assert usable(tmp_path / "foreign.mcap", content) is None
 
 
-def test_errors_say_what_is_wrong_and_what_to_do(tmp_path: Path) -> None:
+def test_errors_say_what_is_wrong_and_what_to_do(tmp_path):
     with pytest.raises(TraceError, match=r"missing\.mcap: cannot be read"):
         read_trace(tmp_path / "missing.mcap")
     with pytest.raises(TraceError, match="cannot be read"):
@@ -396,29 +381,29 @@ def test_errors_say_what_is_wrong_and_what_to_do(tmp_path: Path) -> None:
     assert issubclass(TraceError, InputError)
 
 
-def test_a_file_without_its_end_is_incomplete(recorded: Path, tmp_path: Path) -> None:
+def test_a_file_without_its_end_is_incomplete(recorded, tmp_path):
     trace = usable(tmp_path / "t.mcap", recorded.read_bytes()[:-3])
     assert trace is not None
     assert not trace.complete
     assert "end of the file is missing" in trace.note
 
 
-def mcap(*parts: bytes) -> bytes:
+def mcap(*parts):
     return b"\x89MCAP0\r\n" + b"".join(parts)
 
 
-def rec(opcode: int, content: bytes) -> bytes:
+def rec(opcode, content):
     return struct.pack("<BQ", opcode, len(content)) + content
 
 
-def chunk(data: bytes, *, size: int | None = None, method: bytes = b"zstd") -> bytes:
+def chunk(data, *, size=None, method=b"zstd"):
     packed = zstandard.compress(data) if method == b"zstd" else data
     head = struct.pack("<QQQI", 0, 0, len(data) if size is None else size, zlib.crc32(data))
     named = struct.pack("<I", len(method)) + method
     return rec(6, head + named + struct.pack("<Q", len(packed)) + packed)
 
 
-def prefix_of(path: Path) -> bytes:
+def prefix_of(path):
     """Everything of a trace before its first chunk."""
     data, at = path.read_bytes(), 8
     while data[at] != 6:
@@ -426,8 +411,8 @@ def prefix_of(path: Path) -> bytes:
     return data[:at]
 
 
-def channel_records(topic: str, kind: str) -> bytes:
-    def text(value: str) -> bytes:
+def channel_records(topic, kind):
+    def text(value):
         return struct.pack("<I", len(value)) + value.encode()
 
     schema = struct.pack("<H", 1) + text(kind) + text("ros2msg") + text("")
@@ -435,7 +420,7 @@ def channel_records(topic: str, kind: str) -> bytes:
     return rec(3, schema) + rec(4, channel)
 
 
-def message(payload: bytes) -> bytes:
+def message(payload):
     return rec(5, struct.pack("<HIQQ", 1, 0, 0, 0) + payload)
 
 
@@ -459,7 +444,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_records_end_the_readable_prefix(recorded: Path, tmp_path: Path, name: str) -> None:
+def test_hostile_records_end_the_readable_prefix(recorded, tmp_path, name):
     trace = usable(tmp_path / "hostile.mcap", prefix_of(recorded) + HOSTILE[name])
     if trace is not None:
         assert not trace.complete
@@ -481,9 +466,7 @@ def test_hostile_records_end_the_readable_prefix(recorded: Path, tmp_path: Path,
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_hostile_messages_are_an_error(
-    recorded: Path, tmp_path: Path, topic: str, kind: str, payload: bytes
-) -> None:
+def test_hostile_messages_are_an_error(recorded, tmp_path, topic, kind, payload):
     body = chunk(channel_records(topic, kind) + message(payload))
     path = tmp_path / "hostile.mcap"
     path.write_bytes(prefix_of(recorded) + body)
@@ -491,9 +474,7 @@ def test_hostile_messages_are_an_error(
         read_trace(path, scans=True)
 
 
-def test_files_and_contents_beyond_the_limits_are_refused(
-    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_and_contents_beyond_the_limits_are_refused(recorded, tmp_path, monkeypatch):
     # Files that really are too large would be of gigabytes: the limits are lowered instead.
     reader = "daemon.trace._mcap_reader"
     monkeypatch.setattr(f"{reader}.RUN_LIMIT", 5)
@@ -507,8 +488,8 @@ def test_files_and_contents_beyond_the_limits_are_refused(
         read_trace(recorded)
 
 
-def test_another_scene_or_another_specification_is_noticed(recorded: Path, tmp_path: Path) -> None:
-    def attachment(name: str, data: bytes) -> bytes:
+def test_another_scene_or_another_specification_is_noticed(recorded, tmp_path):
+    def attachment(name, data):
         named = struct.pack("<I", len(name)) + name.encode() + struct.pack("<I", 0)
         content = struct.pack("<QQ", 0, 0) + named + struct.pack("<Q", len(data)) + data
         return rec(9, content + bytes(4))
@@ -527,7 +508,7 @@ def test_another_scene_or_another_specification_is_noticed(recorded: Path, tmp_p
         read_trace(path)
 
 
-def test_a_specification_of_another_version_is_an_error(tmp_path: Path) -> None:
+def test_a_specification_of_another_version_is_an_error(tmp_path):
     path = tmp_path / "old.mcap"
     record(path, seconds=0.5)
     out = tmp_path / "new.mcap"
@@ -544,19 +525,17 @@ def test_a_specification_of_another_version_is_an_error(tmp_path: Path) -> None:
         read_trace(out)
 
 
-def test_nothing_that_is_not_wanted_is_decompressed(
-    recorded: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened: list[int] = []
+def test_nothing_that_is_not_wanted_is_decompressed(recorded, monkeypatch):
+    opened = []
     real = zstandard.ZstdDecompressor
 
     class Counting:
         """Counts what is decompressed."""
 
-        def __init__(self) -> None:
+        def __init__(self):
             self._real = real()
 
-        def stream_reader(self, data: bytes) -> zstandard.ZstdDecompressionReader:
+        def stream_reader(self, data):
             opened.append(1)
             return self._real.stream_reader(data)
 
@@ -569,9 +548,7 @@ def test_nothing_that_is_not_wanted_is_decompressed(
     assert len(opened) == 1
 
 
-def test_traces_from_before_messages_were_in_order_read_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_traces_from_before_messages_were_in_order_read_the_same(tmp_path, monkeypatch):
     record(tmp_path / "now.mcap", seconds=3.0)
     before = read_trace(BY_BLOCKS, scans=True, plans=True)
     now = read_trace(tmp_path / "now.mcap", scans=True, plans=True)
@@ -599,9 +576,7 @@ def test_traces_from_before_messages_were_in_order_read_the_same(
     )
 
 
-def test_an_index_that_leaves_messages_out_or_is_wrong_is_not_believed(
-    recorded: Path, tmp_path: Path
-) -> None:
+def test_an_index_that_leaves_messages_out_or_is_wrong_is_not_believed(recorded, tmp_path):
     whole, data = read_trace(recorded), bytearray(recorded.read_bytes())
     for wrong in (b"\x00" * 8, b"\xff" * 8, struct.pack("<q", 1 << 40)):
         at, changed = 8, bytearray(data)

@@ -1,10 +1,5 @@
 """A copy of a trace says when its run began, and can have all its stamps by that clock."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -17,18 +12,18 @@ BEGUN = 1_760_000_000.25
 FIRST = round(BEGUN * 1e9)
 
 
-def contents(path: Path) -> list[tuple[str, int, bytes]]:
+def contents(path):
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         return [(c.topic, m.log_time, m.data) for _, c, m in reader.iter_messages()]
 
 
-def metadata(path: Path) -> dict[str, dict[str, str]]:
+def metadata(path):
     with path.open("rb") as stream:
         return {each.name: each.metadata for each in make_reader(stream).iter_metadata()}
 
 
-def stamps(message: Any) -> list[int]:
+def stamps(message):
     """All times in a decoded message, in nanoseconds."""
     if hasattr(message, "nanosec") and "Time" in type(message).__name__:
         return [message.sec * 10**9 + message.nanosec]
@@ -38,7 +33,7 @@ def stamps(message: Any) -> list[int]:
     return [stamp for name in names for stamp in stamps(getattr(message, name))]
 
 
-def test_a_copy_is_the_trace_and_when_it_was_recorded(recorded: Path, tmp_path: Path) -> None:
+def test_a_copy_is_the_trace_and_when_it_was_recorded(recorded, tmp_path):
     copy = tmp_path / "deep" / "run.wall.mcap"
     copy_with_wall_clock(recorded, copy, BEGUN, worker="host-1")
     assert [path.name for path in copy.parent.iterdir()] == ["run.wall.mcap"]
@@ -58,9 +53,7 @@ def test_a_copy_is_the_trace_and_when_it_was_recorded(recorded: Path, tmp_path: 
     np.testing.assert_array_equal(other.ground_truth.x, one.ground_truth.x)
 
 
-def test_stamps_by_the_wall_clock_are_those_of_every_message(
-    recorded: Path, tmp_path: Path
-) -> None:
+def test_stamps_by_the_wall_clock_are_those_of_every_message(recorded, tmp_path):
     copy = tmp_path / "run.wall.mcap"
     copy_with_wall_clock(recorded, copy, BEGUN, stamps=True)
     assert complaints(copy) == []
@@ -82,7 +75,7 @@ def test_stamps_by_the_wall_clock_are_those_of_every_message(
     assert {"/tf", "/tf_static", "/odom", "/scan", "/plan", "/events", "/clock"} < set(topics)
 
 
-def test_a_copy_with_other_stamps_is_not_judged(recorded: Path, tmp_path: Path) -> None:
+def test_a_copy_with_other_stamps_is_not_judged(recorded, tmp_path):
     copy = tmp_path / "run.wall.mcap"
     copy_with_wall_clock(recorded, copy, BEGUN, stamps=True)
     with pytest.raises(TraceError, match="a copy for players"):

@@ -1,7 +1,5 @@
 """The file is what ROS tools expect, the same every time, and never half a file by its name."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -12,7 +10,6 @@ import sys
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -53,7 +50,7 @@ COUNTS = {
 }  # fmt: skip
 
 
-def decoded(path: Path) -> list[tuple[str, float, Any]]:
+def decoded(path):
     """All messages by the reference reader and decoder, checksums verified, in time order."""
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -63,15 +60,15 @@ def decoded(path: Path) -> list[tuple[str, float, Any]]:
         ]
 
 
-def on(path: Path, topic: str) -> list[Any]:
+def on(path, topic):
     return [message for name, _, message in decoded(path) if name == topic]
 
 
-def yaw(orientation: Any) -> float:
+def yaw(orientation):
     return 2.0 * math.atan2(orientation.z, orientation.w)
 
 
-def test_rosbags_opens_the_file_as_a_ros2_bag(recorded: Path) -> None:
+def test_rosbags_opens_the_file_as_a_ros2_bag(recorded):
     with AnyReader([recorded]) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections}
         found = Counter(connection.topic for connection, _, _ in reader.messages())
@@ -99,11 +96,11 @@ def test_rosbags_opens_the_file_as_a_ros2_bag(recorded: Path) -> None:
     }
 
 
-def test_nothing_in_the_file_is_for_a_doctor_to_complain_about(recorded: Path) -> None:
+def test_nothing_in_the_file_is_for_a_doctor_to_complain_about(recorded):
     assert complaints(recorded) == []
 
 
-def test_the_doctor_sees_what_is_out_of_order_or_damaged(recorded: Path, tmp_path: Path) -> None:
+def test_the_doctor_sees_what_is_out_of_order_or_damaged(recorded, tmp_path):
     found = complaints(Path(__file__).with_name("by_blocks.mcap"))
     assert "a message of 0 on /odom follows one of 3000000000" in found
     assert "no checksum of the data" in found
@@ -114,7 +111,7 @@ def test_the_doctor_sees_what_is_out_of_order_or_damaged(recorded: Path, tmp_pat
         complaints(tmp_path / "damaged.mcap")
 
 
-def test_a_player_that_reads_a_pipe_gets_messages_in_order(tmp_path: Path) -> None:
+def test_a_player_that_reads_a_pipe_gets_messages_in_order(tmp_path):
     """Plans that wait, states that repeat and estimates that come late, over chunk boundaries."""
     world, path = scene(), tmp_path / "run.mcap"
     with TraceWriter(path, specification(world), world) as trace:
@@ -137,7 +134,7 @@ def test_a_player_that_reads_a_pipe_gets_messages_in_order(tmp_path: Path) -> No
     assert times == sorted(times)
 
 
-def test_what_is_recorded_so_far_has_what_waits_for_its_chunk(tmp_path: Path) -> None:
+def test_what_is_recorded_so_far_has_what_waits_for_its_chunk(tmp_path):
     world = scene()
     with TraceWriter(tmp_path / "asked.mcap", specification(world), world) as trace:
         trace.static(GRID)
@@ -157,7 +154,7 @@ def test_what_is_recorded_so_far_has_what_waits_for_its_chunk(tmp_path: Path) ->
     assert complaints(tmp_path / "asked.mcap") == []
 
 
-def test_verdicts_lie_behind_the_recording_for_any_reader(tmp_path: Path) -> None:
+def test_verdicts_lie_behind_the_recording_for_any_reader(tmp_path):
     world, path = scene(), tmp_path / "run.mcap"
     with TraceWriter(path, specification(world), world) as trace:
         record_until(trace, 3.0, 3)
@@ -175,9 +172,7 @@ def test_verdicts_lie_behind_the_recording_for_any_reader(tmp_path: Path) -> Non
     assert read_trace(path).ended == "finished"
 
 
-def test_the_reference_reader_finds_every_message_in_order_with_its_checksum(
-    recorded: Path,
-) -> None:
+def test_the_reference_reader_finds_every_message_in_order_with_its_checksum(recorded):
     messages = decoded(recorded)
     counts = Counter(topic for topic, _, _ in messages)
     assert {t: n for t, n in counts.items() if t not in ("/tf", "/joint_states")} == COUNTS
@@ -194,7 +189,7 @@ def test_the_reference_reader_finds_every_message_in_order_with_its_checksum(
         assert names == ["run", "versions", "outcome"]
 
 
-def test_poses_scans_and_joints_have_the_values_that_were_recorded(recorded: Path) -> None:
+def test_poses_scans_and_joints_have_the_values_that_were_recorded(recorded):
     for topic, time, message in decoded(recorded):
         if topic == "/ground_truth":
             pose, twist = pose_at(time), twist_at(time)
@@ -213,8 +208,8 @@ def test_poses_scans_and_joints_have_the_values_that_were_recorded(recorded: Pat
             np.testing.assert_array_equal(message.position, joints_at(time, 3)[0])
 
 
-def test_transforms_put_the_estimate_where_the_estimator_said(recorded: Path) -> None:
-    frames: dict[str, Pose2] = {}
+def test_transforms_put_the_estimate_where_the_estimator_said(recorded):
+    frames = {}
     checked = 0
     for topic, time, message in decoded(recorded):
         if topic == "/tf":
@@ -232,7 +227,7 @@ def test_transforms_put_the_estimate_where_the_estimator_said(recorded: Path) ->
     assert frames["door-0/leaf"].yaw == pytest.approx(1.4)
 
 
-def test_an_estimate_is_matched_with_the_odometry_of_its_own_time(tmp_path: Path) -> None:
+def test_an_estimate_is_matched_with_the_odometry_of_its_own_time(tmp_path):
     world = scene()
     with TraceWriter(tmp_path / "t.mcap", specification(world), world) as trace:
         for time in (0.0, 0.1, 0.2):
@@ -248,7 +243,7 @@ def test_an_estimate_is_matched_with_the_odometry_of_its_own_time(tmp_path: Path
     assert offsets == [(1.0, 2.0), (pytest.approx(4.9), 1.0)]
 
 
-def test_viewers_get_map_footprint_fixed_frames_and_the_building(recorded: Path) -> None:
+def test_viewers_get_map_footprint_fixed_frames_and_the_building(recorded):
     (grid,) = on(recorded, "/map")
     assert (grid.info.width, grid.info.height) == (10, 6)
     assert (grid.info.origin.position.x, grid.info.origin.position.y) == (-1.0, -2.0)
@@ -273,7 +268,7 @@ def test_viewers_get_map_footprint_fixed_frames_and_the_building(recorded: Path)
     assert labels == [w.id for w in MISSION.waypoints]
 
 
-def test_the_mission_is_one_goal_per_waypoint_and_one_for_all(recorded: Path) -> None:
+def test_the_mission_is_one_goal_per_waypoint_and_one_for_all(recorded):
     statuses = on(recorded, "/mission/status")
     codes = [[int(goal.status) for goal in s.status_list] for s in statuses]
     assert codes == [[2, 1, 1, 2], [4, 2, 1, 2], [4, 4, 2, 2], [4, 4, 4, 4]]
@@ -287,14 +282,14 @@ def test_the_mission_is_one_goal_per_waypoint_and_one_for_all(recorded: Path) ->
     assert yaws == pytest.approx([1.5, 0.0, -3.0])
 
 
-def test_an_unchanged_plan_is_written_once(recorded: Path) -> None:
+def test_an_unchanged_plan_is_written_once(recorded):
     plans = [
         [(p.pose.position.x, p.pose.position.y) for p in m.poses] for m in on(recorded, "/plan")
     ]
     assert [plan[-1] for plan in plans] == [(float(x), 5.0) for x in range(7)]
 
 
-def plans(path: Path) -> list[tuple[float, int, float]]:
+def plans(path):
     """Time, number of points and x of the last point of every recorded plan."""
     return [
         (time, len(message.poses), message.poses[-1].pose.position.x)
@@ -303,9 +298,7 @@ def plans(path: Path) -> list[tuple[float, int, float]]:
     ]
 
 
-def test_of_plans_that_change_all_the_time_the_latest_of_each_second_is_kept(
-    tmp_path: Path,
-) -> None:
+def test_of_plans_that_change_all_the_time_the_latest_of_each_second_is_kept(tmp_path):
     world, path = scene(), tmp_path / "run.mcap"
     with TraceWriter(path, specification(world), world) as trace:
         trace.static(GRID)
@@ -319,7 +312,7 @@ def test_of_plans_that_change_all_the_time_the_latest_of_each_second_is_kept(
     assert [x for _, _, x in plans(path)] == pytest.approx(expected, abs=1e-3)
 
 
-def test_long_plans_are_thinned_between_their_ends(tmp_path: Path) -> None:
+def test_long_plans_are_thinned_between_their_ends(tmp_path):
     world, path = scene(), tmp_path / "run.mcap"
     points = np.stack([np.arange(2344) * 0.025, np.zeros(2344)], axis=1)
     with TraceWriter(path, specification(world), world) as trace:
@@ -333,7 +326,7 @@ def test_long_plans_are_thinned_between_their_ends(tmp_path: Path) -> None:
     assert 400 < len(xs) <= 501
 
 
-def test_particles_are_poses_in_the_map(recorded: Path) -> None:
+def test_particles_are_poses_in_the_map(recorded):
     for topic, time, message in decoded(recorded):
         if topic == "/particlecloud":
             assert message.header.frame_id == "map"
@@ -345,7 +338,7 @@ def test_particles_are_poses_in_the_map(recorded: Path) -> None:
     )
 
 
-def test_paths_of_any_length_are_written_as_one_by_one(tmp_path: Path) -> None:
+def test_paths_of_any_length_are_written_as_one_by_one(tmp_path):
     world, path = scene(), tmp_path / "run.mcap"
     given = [np.arange(2.0 * n).reshape(n, 2) / 7 for n in (3, 0, 1, 12)]
     with TraceWriter(path, specification(world), world) as trace:
@@ -359,19 +352,19 @@ def test_paths_of_any_length_are_written_as_one_by_one(tmp_path: Path) -> None:
     assert found == [encode_path(i * second, p / 2.0) for i, p in enumerate(given)]
 
 
-def test_what_is_no_number_is_refused_when_it_is_commanded(tmp_path: Path) -> None:
+def test_what_is_no_number_is_refused_when_it_is_commanded(tmp_path):
     world = scene()
     with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
         for nothing in (None, "0.5"):
             with pytest.raises(TypeError):
-                trace.command(0.0, Twist2(nothing, 0.0, 0.0))  # type: ignore[arg-type]
-        trace.command(0.0, Twist2(np.float32(0.5), 1, 0.0))  # type: ignore[arg-type]
+                trace.command(0.0, Twist2(nothing, 0.0, 0.0))
+        trace.command(0.0, Twist2(np.float32(0.5), 1, 0.0))
         trace.close("limit")
     command = read_trace(tmp_path / "run.mcap").command
     assert (command.vx.tolist(), command.vy.tolist()) == ([0.5], [1.0])
 
 
-def test_costmaps_are_published_as_costmap_2d_does(recorded: Path) -> None:
+def test_costmaps_are_published_as_costmap_2d_does(recorded):
     message = on(recorded, "/move_base/local_costmap/costmap")[3]
     assert message.header.frame_id == "odom"
     assert (message.info.width, message.info.height) == (32, 8)
@@ -382,7 +375,7 @@ def test_costmaps_are_published_as_costmap_2d_does(recorded: Path) -> None:
     assert np.all(np.diff(costs[:255]) >= 0)
 
 
-def test_the_same_calls_leave_the_same_bytes_in_any_process(recorded: Path, tmp_path: Path) -> None:
+def test_the_same_calls_leave_the_same_bytes_in_any_process(recorded, tmp_path):
     script = (
         "import sys; from pathlib import Path; from tests.daemon.trace.recordings import record; "
         "print(record(Path(sys.argv[1])).sha256)"
@@ -397,7 +390,7 @@ def test_the_same_calls_leave_the_same_bytes_in_any_process(recorded: Path, tmp_
     assert done.stdout.strip() == hashlib.sha256(recorded.read_bytes()).hexdigest()
 
 
-def test_closing_reports_the_file_as_it_is(tmp_path: Path) -> None:
+def test_closing_reports_the_file_as_it_is(tmp_path):
     info = record(tmp_path / "run.mcap", seconds=1.0)
     data = (tmp_path / "run.mcap").read_bytes()
     assert (info.sha256, info.size) == (hashlib.sha256(data).hexdigest(), len(data))
@@ -405,10 +398,10 @@ def test_closing_reports_the_file_as_it_is(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["run.mcap"]
 
 
-def test_an_exception_leaves_a_readable_partial_file(tmp_path: Path) -> None:
+def test_an_exception_leaves_a_readable_partial_file(tmp_path):
     world = scene()
 
-    def fail() -> None:
+    def fail():
         with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
             record_until(trace, 3.0, 3)
             raise RuntimeError("the engine broke")
@@ -423,7 +416,7 @@ def test_an_exception_leaves_a_readable_partial_file(tmp_path: Path) -> None:
     assert trace.problems == ()
 
 
-def test_a_killed_writer_leaves_a_readable_partial_file(tmp_path: Path) -> None:
+def test_a_killed_writer_leaves_a_readable_partial_file(tmp_path):
     script = (
         "import os, signal, sys; from pathlib import Path\n"
         "from daemon.trace import TraceWriter\n"
@@ -444,13 +437,13 @@ def test_a_killed_writer_leaves_a_readable_partial_file(tmp_path: Path) -> None:
     assert trace.scans[0].time[-1] == pytest.approx(18.7)
 
 
-def test_a_new_writer_replaces_what_a_dead_one_left(tmp_path: Path) -> None:
+def test_a_new_writer_replaces_what_a_dead_one_left(tmp_path):
     (tmp_path / ("run.mcap" + PARTIAL)).write_bytes(b"rubbish")
     record(tmp_path / "run.mcap", seconds=1.0)
     assert read_trace(tmp_path / "run.mcap").complete
 
 
-def test_two_writers_of_one_trace_do_not_pass_off_each_others_file(tmp_path: Path) -> None:
+def test_two_writers_of_one_trace_do_not_pass_off_each_others_file(tmp_path):
     world = scene()
     path = tmp_path / "run.mcap"
     with (
@@ -465,7 +458,7 @@ def test_two_writers_of_one_trace_do_not_pass_off_each_others_file(tmp_path: Pat
     assert read_trace(path).complete
 
 
-def test_values_that_cannot_be_recorded_are_refused(tmp_path: Path) -> None:
+def test_values_that_cannot_be_recorded_are_refused(tmp_path):
     world = scene()
     with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
         for time in (-0.1, math.nan, math.inf, 2.0**31):
@@ -474,7 +467,7 @@ def test_values_that_cannot_be_recorded_are_refused(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match="ranges"):
             trace.scan(0.0, np.zeros(7, np.float32))
         with pytest.raises(ValueError, match="ranges"):
-            trace.scan(0.0, np.zeros(90))  # type: ignore[arg-type]
+            trace.scan(0.0, np.zeros(90))
         with pytest.raises(ValueError, match="joint states"):
             trace.joints(0.0, np.zeros(2), np.zeros(2))
         with pytest.raises(ValueError, match="covariance"):
@@ -488,7 +481,7 @@ def test_values_that_cannot_be_recorded_are_refused(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match="level"):
             trace.event(0.0, "a", "b", level="loud")
         with pytest.raises(ValueError, match="mission"):
-            trace.progress(0.0, Progress(0, 0, "lost"))  # type: ignore[arg-type]
+            trace.progress(0.0, Progress(0, 0, "lost"))
         trace.event(0.0, "sut", "not text: \udc80")
         trace.event(0.0, "sut", "long" * 1_000_000)
         trace.close("limit", "\udcff")
@@ -499,13 +492,13 @@ def test_values_that_cannot_be_recorded_are_refused(tmp_path: Path) -> None:
     assert trace_read.note == "\\udcff"
 
 
-def test_a_scene_that_is_not_the_specified_one_is_refused(tmp_path: Path) -> None:
+def test_a_scene_that_is_not_the_specified_one_is_refused(tmp_path):
     with pytest.raises(ValueError, match="specified"):
         TraceWriter(tmp_path / "run.mcap", specification(scene(1)), scene(2))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_world_without_objects_can_be_recorded(tmp_path: Path) -> None:
+def test_a_world_without_objects_can_be_recorded(tmp_path):
     world = scene(0)
     with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
         trace.static(GRID)
@@ -524,7 +517,7 @@ REAR = replace(ROBOT.laser, name="rear", mount=Pose2(-0.2, 0.1, math.pi), z=0.4,
 TWO_LASERS = replace(ROBOT, laser=FRONT, other_lasers=(REAR,))
 
 
-def record_two_lasers(path: Path) -> None:
+def record_two_lasers(path):
     world = scene()
     with TraceWriter(path, specification(world, robot=TWO_LASERS), world) as trace:
         trace.static(GRID)
@@ -541,7 +534,7 @@ def record_two_lasers(path: Path) -> None:
         trace.close("finished", "")
 
 
-def test_each_laser_has_a_topic_and_a_frame(tmp_path: Path) -> None:
+def test_each_laser_has_a_topic_and_a_frame(tmp_path):
     path = tmp_path / "run.mcap"
     record_two_lasers(path)
     messages = decoded(path)
@@ -557,7 +550,7 @@ def test_each_laser_has_a_topic_and_a_frame(tmp_path: Path) -> None:
     assert yaw(where.rotation) == pytest.approx(math.pi)
 
 
-def test_scans_of_each_laser_come_back(tmp_path: Path) -> None:
+def test_scans_of_each_laser_come_back(tmp_path):
     path = tmp_path / "run.mcap"
     record_two_lasers(path)
     trace = read_trace(path, scans=True)

@@ -1,7 +1,5 @@
 """The extension for VS Code: what it declares is there, and it shows what the check finds."""
 
-from __future__ import annotations
-
 import io
 import json
 import re
@@ -11,7 +9,6 @@ import sys
 import zipfile
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -22,16 +19,16 @@ from grammars.text.diagnostics import Diagnostic, Severity, Where
 from scenario_tui.text.diagnostics import render_diagnostic
 
 VSCODE = Path(grammars.editor.__file__).parent / "vscode"
-PACKAGE: dict[str, Any] = json.loads((VSCODE / "package.json").read_text(encoding="utf-8"))
+PACKAGE = json.loads((VSCODE / "package.json").read_text(encoding="utf-8"))
 CONTRIBUTES = PACKAGE["contributes"]
 
 
-def packed() -> dict[str, bytes]:
+def packed():
     with zipfile.ZipFile(io.BytesIO(pack_extension())) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-def test_the_packed_extension_holds_every_file_it_speaks_of() -> None:
+def test_the_packed_extension_holds_every_file_it_speaks_of():
     named = [PACKAGE["main"]]
     named += [lang["configuration"] for lang in CONTRIBUTES["languages"]]
     named += [grammar["path"] for grammar in CONTRIBUTES["grammars"]]
@@ -41,7 +38,7 @@ def test_the_packed_extension_holds_every_file_it_speaks_of() -> None:
     assert {"[Content_Types].xml", "extension/package.json", "extension/README.md"} <= set(files)
 
 
-def test_the_manifest_is_that_of_the_package() -> None:
+def test_the_manifest_is_that_of_the_package():
     manifest = ElementTree.fromstring(packed()["extension.vsixmanifest"])
     space = {"v": "http://schemas.microsoft.com/developer/vsx-schema/2011"}
     identity = manifest.find("v:Metadata/v:Identity", space)
@@ -54,15 +51,15 @@ def test_the_manifest_is_that_of_the_package() -> None:
     assert {Path(name).suffix for name in packed()} - {".xml"} <= endings
 
 
-def test_the_extension_has_the_version_of_the_project() -> None:
+def test_the_extension_has_the_version_of_the_project():
     assert PACKAGE["version"] == version("scenario-tui")
 
 
-def test_packing_twice_gives_the_same_bytes() -> None:
+def test_packing_twice_gives_the_same_bytes():
     assert pack_extension() == pack_extension()
 
 
-def test_scopes_and_endings_are_those_of_the_grammars() -> None:
+def test_scopes_and_endings_are_those_of_the_grammars():
     for entry in CONTRIBUTES["grammars"]:
         grammar = json.loads((VSCODE / entry["path"]).read_text(encoding="utf-8"))
         assert grammar["scopeName"] == entry["scopeName"]
@@ -72,7 +69,7 @@ def test_scopes_and_endings_are_those_of_the_grammars() -> None:
 
 @pytest.mark.parametrize("severity", list(Severity))
 @pytest.mark.parametrize("column", [0, 5])
-def test_the_problem_matcher_reads_what_the_check_prints(severity: Severity, column: int) -> None:
+def test_the_problem_matcher_reads_what_the_check_prints(severity, column):
     (pattern,) = CONTRIBUTES["problemPatterns"]
     found = Diagnostic(Where("a b/flat.fpm", 7, column), "no wall: 9", "walls are 0-5", severity)
     lines = render_diagnostic(found).plain.splitlines()
@@ -92,9 +89,7 @@ def test_the_problem_matcher_reads_what_the_check_prints(severity: Severity, col
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 
 
-def hosted(
-    folder: Path, file: Path, language: str, command: str, trust: str = "trusted"
-) -> dict[str, Any]:
+def hosted(folder, file, language, command, trust="trusted"):
     """Run the extension in a stand-in of VS Code on one file; return what it showed."""
     host = Path(__file__).with_name("extension_host.js")
     arguments = [VSCODE / "extension.js", folder, file, language, command, trust]
@@ -106,12 +101,11 @@ def hosted(
         timeout=240,
         start_new_session=True,
     )
-    answer: dict[str, Any] = json.loads(done.stdout)
-    return answer
+    return json.loads(done.stdout)
 
 
 @needs_node
-def test_problems_appear_in_the_file_they_are_in(tmp_path: Path) -> None:
+def test_problems_appear_in_the_file_they_are_in(tmp_path):
     layer = tmp_path / "doors.scenery"
     layer.write_text("kitchen_door stays open\nkitchen_door stys closed\n")
     command = str(Path(sys.executable).with_name("scenario"))
@@ -125,7 +119,7 @@ def test_problems_appear_in_the_file_they_are_in(tmp_path: Path) -> None:
 
 
 @needs_node
-def test_a_missing_command_is_explained_in_the_output(tmp_path: Path) -> None:
+def test_a_missing_command_is_explained_in_the_output(tmp_path):
     layer = tmp_path / "doors.scenery"
     layer.write_text("kitchen_door stays open\n")
     answer = hosted(tmp_path, layer, "scenery", "./nowhere/scenario")
@@ -134,7 +128,7 @@ def test_a_missing_command_is_explained_in_the_output(tmp_path: Path) -> None:
 
 
 @needs_node
-def test_nothing_is_run_in_folders_that_are_not_trusted(tmp_path: Path) -> None:
+def test_nothing_is_run_in_folders_that_are_not_trusted(tmp_path):
     layer = tmp_path / "doors.scenery"
     layer.write_text("kitchen_door stys open\n")
     answer = hosted(tmp_path, layer, "scenery", "./nowhere/scenario", "untrusted")
@@ -143,7 +137,7 @@ def test_nothing_is_run_in_folders_that_are_not_trusted(tmp_path: Path) -> None:
 
 
 @needs_node
-def test_yaml_files_of_others_are_left_alone(tmp_path: Path) -> None:
+def test_yaml_files_of_others_are_left_alone(tmp_path):
     other = tmp_path / "compose.yaml"
     other.write_text("robot: unknown\n")
     answer = hosted(tmp_path, other, "yaml", "./nowhere/scenario")
@@ -151,7 +145,7 @@ def test_yaml_files_of_others_are_left_alone(tmp_path: Path) -> None:
 
 
 @needs_node
-def test_campaigns_are_offered_as_tasks(tmp_path: Path) -> None:
+def test_campaigns_are_offered_as_tasks(tmp_path):
     other = tmp_path / "notes.txt"
     other.write_text("")
     answer = hosted(tmp_path, other, "plaintext", "scenario")

@@ -1,14 +1,11 @@
 """The TextMate grammars know every word of the languages and colour what is written as meant."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import pytest
 
 from grammars.editor import literals
-from tests.grammars.editor.textmate import SYNTAXES, Token, grammar, tokens
+from tests.grammars.editor.textmate import SYNTAXES, grammar, tokens
 
 COLOURED = ("keyword", "support", "constant.language", "variable.language")
 
@@ -47,7 +44,7 @@ CONTEXT = {
 ORACLE_WORDS = ("and", "or", "not", "when", "within", "until", "on", "leg")
 
 
-def example(language: str, word: str) -> str:
+def example(language, word):
     """Return the word where the language has it."""
     if (language, word) in CONTEXT:
         return CONTEXT[language, word]
@@ -58,7 +55,7 @@ def example(language: str, word: str) -> str:
     }.get(language, f"a {word} b")
 
 
-def words_of(language: str) -> list[str]:
+def words_of(language):
     """Return every word the textX grammar spells out, once."""
     rules = literals(*LANGUAGES[language])
     return sorted({w for words in rules.values() for w in words if w[0].isalpha()})
@@ -67,25 +64,25 @@ def words_of(language: str) -> list[str]:
 @pytest.mark.parametrize(
     ("language", "word"), [(lang, word) for lang in LANGUAGES for word in words_of(lang)]
 )
-def test_every_keyword_of_a_language_is_coloured(language: str, word: str) -> None:
+def test_every_keyword_of_a_language_is_coloured(language, word):
     found = [t for t in tokens(example(language, word), language) if t.text == word]
     assert found, f"{SYNTAXES / language}.tmLanguage.json: {word!r} is no token of its own"
     assert any(scope in found[0] for scope in COLOURED), found[0]
 
 
-def test_the_words_of_a_grammar_are_read_without_its_comments() -> None:
+def test_the_words_of_a_grammar_are_read_without_its_comments():
     rules = literals("grammars.oracle", "oracle.tx")
     assert rules["TemporalOperator"] == ("always", "never", "eventually")
     assert "p95" in rules["StatisticOperator"]
     assert all("0.35" not in word for words in rules.values() for word in words)
 
 
-def shipped(campaigns: Path) -> list[Path]:
+def shipped(campaigns):
     files = [p for end in ("fpm", "scenery", "variation") for p in campaigns.glob(f"*/*.{end}")]
     return sorted(files)
 
 
-def test_every_character_of_the_shipped_files_is_in_one_token(campaigns: Path) -> None:
+def test_every_character_of_the_shipped_files_is_in_one_token(campaigns):
     files = shipped(campaigns)
     assert {p.suffix for p in files} >= {".fpm", ".scenery"}
     for path in files:
@@ -97,25 +94,25 @@ def test_every_character_of_the_shipped_files_is_in_one_token(campaigns: Path) -
         assert rebuilt == lines
 
 
-def test_nothing_but_white_space_stays_plain_in_the_shipped_files(campaigns: Path) -> None:
+def test_nothing_but_white_space_stays_plain_in_the_shipped_files(campaigns):
     for path in shipped(campaigns):
         found = tokens(path.read_text(), path.suffix[1:])
         plain = {t.text.strip() for t in found if len(t.scopes) == 1}
         assert plain <= {""}, path
 
 
-def test_all_numbers_of_the_shipped_files_are_numbers(campaigns: Path) -> None:
+def test_all_numbers_of_the_shipped_files_are_numbers(campaigns):
     for path in shipped(campaigns):
         for token in tokens(path.read_text(), path.suffix[1:]):
             if re.fullmatch(r"[-+]?\d[\d.]*", token.text):
                 assert "constant.numeric" in token, (path, token)
 
 
-def scoped(text: str, language: str) -> dict[str, Token]:
+def scoped(text, language):
     return {t.text: t for t in tokens(text, language)}
 
 
-def test_a_floor_plan_shows_definitions_references_and_units() -> None:
+def test_a_floor_plan_shows_definitions_references_and_units():
     found = scoped(
         "Entryway door:  // in the hall\n    location: in: hall.walls[1] and this.walls[0]\n"
         "        translation: x: -1.7 m, z: door_middle",
@@ -132,7 +129,7 @@ def test_a_floor_plan_shows_definitions_references_and_units() -> None:
     assert "variable.other.reference" in found["door_middle"]
 
 
-def test_a_sentence_of_scenery_shows_who_does_what() -> None:
+def test_a_sentence_of_scenery_shows_who_does_what():
     found = scoped(
         "kitchen_door is a hinged_door in kitchen_doorway, hinge left, opening into kitchen\n"
         "all doors go from open to closed when the robot is within 1.2 m of their doorway,\n"
@@ -152,21 +149,21 @@ def test_a_sentence_of_scenery_shows_who_does_what() -> None:
     assert "keyword.other.unit" in found["N m"]
 
 
-def test_names_that_begin_like_keywords_are_names() -> None:
+def test_names_that_begin_like_keywords_are_names():
     for name in ("opening_time", "atrium", "isle", "minute_hand", "x2"):
         assert "variable.other" in scoped(f"a stays {name}", "scenery")[name]
     assert "variable.other" in scoped("wrt: walls_of_glass", "fpm")["walls_of_glass"]
     assert "variable.other" in scoped("never(time-close > 1)", "oracle")["time-close"]
 
 
-def test_parts_may_be_called_like_keywords() -> None:
+def test_parts_may_be_called_like_keywords():
     found = tokens("joint hinge revolute from post to leaf\nstate open: hinge 95 deg", "scenery")
     called = [t for t in found if t.text in ("hinge", "leaf")]
     assert len(called) == 3
     assert not any("keyword" in t for t in called)
 
 
-def test_a_variation_shows_targets_draws_and_ranges() -> None:
+def test_a_variation_shows_targets_draws_and_ranges():
     found = scoped(
         'import "flat.fpm"\nlet slack = uniform(0 m .. 0.25 m)\n'
         "hall.pillar: { location.translation.x: normal(mean=1.6, std=0.5) }\n"
@@ -184,7 +181,7 @@ def test_a_variation_shows_targets_draws_and_ranges() -> None:
     assert "keyword.other.unit" in found["m^2"]
 
 
-def test_an_oracle_shows_operators_signals_and_limits() -> None:
+def test_an_oracle_shows_operators_signals_and_limits():
     found = scoped("max(door-17.angle) <= 0.8 m/s when not contact and speed > 5 %", "oracle")
     assert "support.function" in found["max"]
     assert "variable.other.signal" in found["door-17.angle"]
@@ -195,7 +192,7 @@ def test_an_oracle_shows_operators_signals_and_limits() -> None:
     assert "keyword.other.unit" in found["%"]
 
 
-def test_oracle_lines_are_coloured_inside_yaml(campaigns: Path) -> None:
+def test_oracle_lines_are_coloured_inside_yaml(campaigns):
     for path in sorted(campaigns.glob("*/*.oracles.yaml")):
         lines = [x for x in path.read_text().splitlines() if x and not x.startswith("#")]
         for line in lines:
@@ -206,11 +203,11 @@ def test_oracle_lines_are_coloured_inside_yaml(campaigns: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["name: max", "about: always be kind", "x: [max, min]"])
-def test_other_yaml_is_left_alone(line: str) -> None:
+def test_other_yaml_is_left_alone(line):
     assert not [t for t in tokens(line, "oracles.injection") if "meta.embedded" in t]
 
 
-def test_oracles_are_not_looked_for_inside_oracles() -> None:
+def test_oracles_are_not_looked_for_inside_oracles():
     # Without its own scope left out, the injection matches again where it began, for ever.
     selector = grammar("oracles.injection")["injectionSelector"]
     assert selector.startswith("L:source.yaml")
@@ -218,12 +215,12 @@ def test_oracles_are_not_looked_for_inside_oracles() -> None:
         assert f" - {left_out}" in selector
 
 
-def test_a_comment_behind_an_oracle_is_left_to_yaml() -> None:
+def test_a_comment_behind_an_oracle_is_left_to_yaml():
     found = tokens("a: never(contact)  # not even gently", "oracles.injection")
     assert [t.text for t in found if "meta.embedded" in t] == ["never", "(", "contact", ")"]
 
 
-def test_scopes_end_with_their_language() -> None:
+def test_scopes_end_with_their_language():
     for path in sorted(SYNTAXES.glob("*.json")):
         language = path.name.removesuffix(".tmLanguage.json")
         if language == "oracles.injection":

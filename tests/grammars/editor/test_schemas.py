@@ -1,13 +1,9 @@
 """The published JSON Schemas are those of the models, and agree with them on what people write."""
 
-from __future__ import annotations
-
 import functools
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
@@ -27,37 +23,37 @@ MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
 
 
 @functools.cache
-def validator(kind: str) -> Draft202012Validator:
+def validator(kind):
     schema = json.loads((SCHEMAS / f"{kind}.schema.json").read_text(encoding="utf-8"))
     Draft202012Validator.check_schema(schema)
     return Draft202012Validator(schema)
 
 
-def problems(kind: str, text: str) -> list[str]:
+def problems(kind, text):
     """Return where each problem stands, as a path."""
     data = parse_yaml(text, "file.yaml").data
     return [error.json_path for error in validator(kind).iter_errors(data)]
 
 
-def files(campaigns: Path) -> list[Path]:
+def files(campaigns):
     found = sorted(campaigns.glob("*/*.yaml"))
     assert len(found) >= 9
     return found
 
 
 @pytest.mark.parametrize("kind", list(FileKind))
-def test_the_published_schema_is_that_of_the_models(kind: FileKind) -> None:
+def test_the_published_schema_is_that_of_the_models(kind):
     published = (SCHEMAS / kind.file).read_text(encoding="utf-8")
     assert published == schema_text(schema_of(kind)), (
         "the models have changed: scenario schema -o grammars/editor/schemas"
     )
 
 
-def test_no_schema_is_published_that_nothing_makes() -> None:
+def test_no_schema_is_published_that_nothing_makes():
     assert {p.name for p in SCHEMAS.iterdir()} == {kind.file for kind in FileKind}
 
 
-def test_every_shipped_file_names_its_schema_and_follows_it(campaigns: Path) -> None:
+def test_every_shipped_file_names_its_schema_and_follows_it(campaigns):
     for path in files(campaigns):
         first = path.read_text(encoding="utf-8").partition("\n")[0]
         named = MODELINE.fullmatch(first)
@@ -68,7 +64,7 @@ def test_every_shipped_file_names_its_schema_and_follows_it(campaigns: Path) -> 
         assert [f"{path}: {e.json_path}: {e.message}" for e in errors] == []
 
 
-def test_every_key_is_described(campaigns: Path) -> None:
+def test_every_key_is_described(campaigns):
     for kind in ("campaign", "robot", "sut"):
         schema = validator(kind).schema
         bodies = [schema, *schema["$defs"].values()]
@@ -167,7 +163,7 @@ parameters:
 """
 
 
-def test_parameters_of_ros_are_known_by_section() -> None:
+def test_parameters_of_ros_are_known_by_section():
     assert problems("sut", ROS) == []
     assert problems("sut", ROS.replace("kind: ros", "like: other")) == []
 
@@ -194,12 +190,12 @@ def test_parameters_of_ros_are_known_by_section() -> None:
         ("kind: ros\n", "", "$"),
     ],
 )
-def test_wrong_parameters_of_ros_are_found_by_editors(old: str, new: str, path: str) -> None:
+def test_wrong_parameters_of_ros_are_found_by_editors(old, new, path):
     assert problems("sut", ROS.replace(old, new)) == [path]
 
 
 @pytest.mark.parametrize("kind", GOOD)
-def test_what_may_be_written_is_accepted(kind: str) -> None:
+def test_what_may_be_written_is_accepted(kind):
     assert problems(kind, GOOD[kind]) == []
 
 
@@ -244,27 +240,23 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("kind", "right", "wrong", "place"), MISTAKES)
-def test_a_usual_mistake_is_refused_where_it_stands(
-    kind: str, right: str, wrong: str, place: str
-) -> None:
+def test_a_usual_mistake_is_refused_where_it_stands(kind, right, wrong, place):
     assert right in GOOD[kind]
     assert place in problems(kind, GOOD[kind].replace(right, wrong, 1))
 
 
 @pytest.mark.parametrize("kind", GOOD)
-def test_readers_take_what_schemas_accept(kind: str, tmp_path: Path) -> None:
+def test_readers_take_what_schemas_accept(kind, tmp_path):
     read(kind, GOOD[kind], tmp_path)
 
 
 @pytest.mark.parametrize(("kind", "right", "wrong", "place"), MISTAKES)
-def test_readers_refuse_what_schemas_refuse(
-    kind: str, right: str, wrong: str, place: str, tmp_path: Path
-) -> None:
+def test_readers_refuse_what_schemas_refuse(kind, right, wrong, place, tmp_path):
     with pytest.raises(InputError):
         read(kind, GOOD[kind].replace(right, wrong, 1), tmp_path)
 
 
-def read(kind: str, text: str, folder: Path) -> None:
+def read(kind, text, folder):
     """Read a file as the program does; a campaign without its layers."""
     path = folder / f"mine.{kind}.yaml"
     path.write_text(text, encoding="utf-8")
@@ -282,11 +274,11 @@ def read(kind: str, text: str, folder: Path) -> None:
         load[kind](path)
 
 
-def test_systems_that_plug_in_have_parameters_of_their_own() -> None:
+def test_systems_that_plug_in_have_parameters_of_their_own():
     assert problems("sut", "sut: nav\nkind: nav2\nparameters: {anything: [1, 2]}") == []
 
 
-def _patterns(node: Any) -> Iterator[str]:
+def _patterns(node):
     if isinstance(node, dict):
         if isinstance(node.get("pattern"), str):
             yield node["pattern"]
@@ -298,7 +290,7 @@ def _patterns(node: Any) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("kind", list(FileKind))
-def test_expressions_keep_to_what_javascript_understands(kind: FileKind) -> None:
+def test_expressions_keep_to_what_javascript_understands(kind):
     for pattern in _patterns(validator(kind.value).schema):
         assert not re.search(r"\(\?[^:=!]|[*+?}]\+|\\[^\w.+*^$?()\[\]{}|/\\]", pattern), pattern
 
@@ -332,12 +324,12 @@ frames: null
         ("ready: amcl", "mission: dock", ["$.mission"]),
     ],
 )
-def test_keys_of_a_ros2_stack(written: str, instead: str, where: list[str]) -> None:
+def test_keys_of_a_ros2_stack(written, instead, where):
     assert written in ROS2_STACK
     assert problems("sut", ROS2_STACK.replace(written, instead)) == where
 
 
-def test_other_kinds_have_no_keys_of_a_ros2_stack() -> None:
+def test_other_kinds_have_no_keys_of_a_ros2_stack():
     assert problems("sut", "sut: a\nkind: pilot\nlaunch: x\n") == ["$.launch"]
     assert problems("sut", "sut: a\nkind: ros2\nlaunch: x\nparameters: {a: 1}\n") == [
         "$.parameters"

@@ -1,7 +1,5 @@
 """The expressions that stand for quantities in schemas agree with the reader of quantities."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
@@ -37,7 +35,7 @@ NUMBERS = st.one_of(
 )
 
 
-def reads(text: str, dimension: str) -> bool:
+def reads(text, dimension):
     try:
         read_as(text, dimension)
     except ValueError:
@@ -46,22 +44,20 @@ def reads(text: str, dimension: str) -> bool:
 
 
 @pytest.mark.parametrize("dimension", sorted(QUANTITY_EXAMPLES))
-def test_examples_are_read_and_match(dimension: str) -> None:
+def test_examples_are_read_and_match(dimension):
     assert reads(QUANTITY_EXAMPLES[dimension], dimension)
     assert re.search(quantity_pattern(dimension), QUANTITY_EXAMPLES[dimension])
 
 
 @given(NUMBERS, st.sampled_from(UNITS))
-def test_what_the_reader_takes_matches(number: str, unit: tuple[str, str]) -> None:
+def test_what_the_reader_takes_matches(number, unit):
     text = f"{number} {unit[1]}"
     assert reads(text, unit[0])
     assert re.search(quantity_pattern(unit[0]), text)
 
 
 @given(NUMBERS, st.sampled_from(UNITS), st.sampled_from(sorted(QUANTITY_EXAMPLES)))
-def test_what_matches_with_one_or_two_units_is_read(
-    number: str, unit: tuple[str, str], dimension: str
-) -> None:
+def test_what_matches_with_one_or_two_units_is_read(number, unit, dimension):
     text = f"{number} {unit[1]}"
     factors = len(re.split(r"[\s*/]+", unit[1]))
     if factors < 3 and re.search(quantity_pattern(dimension), text):
@@ -69,11 +65,11 @@ def test_what_matches_with_one_or_two_units_is_read(
 
 
 @pytest.mark.parametrize("text", ["3", "", "m", "3 m m", "3 s", "three m", "3 m/s", "3, m"])
-def test_what_is_no_length_does_not_match(text: str) -> None:
+def test_what_is_no_length_does_not_match(text):
     assert not re.search(quantity_pattern("length"), text)
 
 
-def test_signs_and_zeros_are_refused_where_they_mean_nothing() -> None:
+def test_signs_and_zeros_are_refused_where_they_mean_nothing():
     positive = quantity_pattern("length", signed=False, nonzero=True)
     assert re.search(positive, "0.05 m")
     assert re.search(positive, "1e-3 m")
@@ -82,7 +78,7 @@ def test_signs_and_zeros_are_refused_where_they_mean_nothing() -> None:
     assert re.search(quantity_pattern("length", signed=False), "0 m")
 
 
-def test_a_ratio_is_a_percentage_or_nothing_but_a_number() -> None:
+def test_a_ratio_is_a_percentage_or_nothing_but_a_number():
     for text in ("5 %", "5%", "0.05", "95 percent"):
         assert reads(text, "ratio")
         assert re.search(quantity_pattern("ratio"), text)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ class Token:
     text: str
     scopes: Scopes
 
-    def __contains__(self, scope: str) -> bool:
+    def __contains__(self, scope):
         return any(s == scope or s.startswith(f"{scope}.") for s in self.scopes)
 
 
@@ -34,23 +33,22 @@ class _Frame:
     scopes: Scopes
 
 
-def grammar(language: str) -> dict[str, Any]:
+def grammar(language):
     """Return the grammar in ``<language>.tmLanguage.json``."""
-    loaded: dict[str, Any] = json.loads((SYNTAXES / f"{language}.tmLanguage.json").read_text())
-    return loaded
+    return json.loads((SYNTAXES / f"{language}.tmLanguage.json").read_text())
 
 
-def tokens(text: str, language: str) -> list[Token]:
+def tokens(text, language):
     """Tokenize ``text``; every character but line breaks is in exactly one token."""
     rules = grammar(language)
     stack = [_Frame(rules, (rules["scopeName"],))]
-    found: list[Token] = []
+    found = []
     for number, line in enumerate(text.splitlines(), start=1):
         found += _line(number, line, rules, stack)
     return found
 
 
-def _line(number: int, line: str, rules: dict[str, Any], stack: list[_Frame]) -> Iterator[Token]:
+def _line(number, line, rules, stack):
     at, plain = 0, 0
     while at <= len(line):
         frame = stack[-1]
@@ -75,12 +73,10 @@ def _line(number: int, line: str, rules: dict[str, Any], stack: list[_Frame]) ->
         yield Token(number, plain, line[plain:], stack[-1].scopes)
 
 
-def _next(
-    line: str, at: int, rules: dict[str, Any], frame: _Frame
-) -> tuple[re.Match[str] | None, dict[str, Any] | None]:
+def _next(line, at, rules, frame):
     """Return the leftmost match, the first rule winning; rule ``None`` is the end of the frame."""
-    best: re.Match[str] | None = None
-    winner: dict[str, Any] | None = None
+    best = None
+    winner = None
     if "end" in frame.rule:
         best = re.compile(frame.rule["end"]).search(line, at)
     for rule in _flat(frame.rule.get("patterns", ()), rules):
@@ -90,7 +86,7 @@ def _next(
     return best, winner
 
 
-def _flat(patterns: Any, rules: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _flat(patterns, rules):
     for pattern in patterns:
         include = pattern.get("include")
         if include is None and "patterns" in pattern and "begin" not in pattern:
@@ -104,9 +100,7 @@ def _flat(patterns: Any, rules: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield from _flat(other["patterns"], other)
 
 
-def _captured(
-    number: int, match: re.Match[str], rule: dict[str, Any], outer: Scopes
-) -> Iterator[Token]:
+def _captured(number, match, rule, outer):
     scopes = outer + ((rule["name"],) if "name" in rule else ())
     captures = rule.get("captures", {})
     at = match.start()

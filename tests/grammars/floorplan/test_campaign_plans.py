@@ -1,15 +1,12 @@
 """The floor plans that come with the campaigns."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import pytest
 import shapely
 
-from grammars.floorplan import FloorPlan, frames, load_floorplan
-from grammars.model.geometry import Point2, Pose2
+from grammars.floorplan import frames, load_floorplan
+from grammars.model.geometry import Pose2
 
 # Ortega et al. 2024: doors of the experiments as found in their worlds (x, y, yaw of the door in
 # the world) and in a wall frame of the floor plan (wall, x, y, quarter turns).
@@ -63,16 +60,16 @@ ROOMS = [
 
 
 @pytest.fixture(scope="module")
-def building(campaigns: Path) -> FloorPlan:
+def building(campaigns):
     return load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
 
 
 @pytest.fixture(scope="module")
-def flat(campaigns: Path) -> FloorPlan:
+def flat(campaigns):
     return load_floorplan(campaigns / "demo" / "flat.fpm")
 
 
-def clear_floor(plan: FloorPlan) -> shapely.Geometry:
+def clear_floor(plan):
     """Where a robot can be: spaces and doorways less walls and features."""
     open_to = shapely.union_all(
         [shapely.Polygon(s.outline) for s in plan.spaces]
@@ -94,7 +91,7 @@ def clear_floor(plan: FloorPlan) -> shapely.Geometry:
     return open_to.difference(shapely.union_all(solid))
 
 
-def component(floor: shapely.Geometry, point: Point2, radius: float) -> shapely.Geometry:
+def component(floor, point, radius):
     """Return the floor a disc of ``radius`` can reach from ``point`` with its centre."""
     reachable = floor.buffer(-radius)
     (part,) = (p for p in shapely.get_parts(reachable) if p.contains(shapely.Point(point)))
@@ -102,18 +99,14 @@ def component(floor: shapely.Geometry, point: Point2, radius: float) -> shapely.
 
 
 @pytest.mark.parametrize(("world", "local"), DOORS)
-def test_doors_of_the_experiments_stand_where_they_stood(
-    building: FloorPlan, world: tuple[float, ...], local: tuple[str, float, float, int]
-) -> None:
+def test_doors_of_the_experiments_stand_where_they_stood(building, world, local):
     wall, x, y, quarters = local
     pose = frames(building)[f"{wall}-frame"] @ Pose2(x, y, quarters * math.pi / 2)
     assert (pose.x, pose.y, pose.yaw) == pytest.approx(world, abs=1e-6)
 
 
 @pytest.mark.parametrize(("place", "name"), DOORWAYS.items())
-def test_doors_of_the_experiments_stand_in_their_doorways(
-    building: FloorPlan, place: tuple[str, float], name: str
-) -> None:
+def test_doors_of_the_experiments_stand_in_their_doorways(building, place, name):
     (local,) = (local for _, local in DOORS if (local[0], local[1]) == place)
     pose = frames(building)[f"{local[0]}-frame"] @ Pose2(local[1], local[2], local[3] * math.pi / 2)
     leaf = shapely.Polygon(
@@ -123,20 +116,18 @@ def test_doors_of_the_experiments_stand_in_their_doorways(
     assert shapely.Polygon(doorway.footprint).contains(leaf)
 
 
-def test_building_c_has_its_corridor_doorways(building: FloorPlan) -> None:
+def test_building_c_has_its_corridor_doorways(building):
     names = {o.name for o in building.openings if o.name.startswith("left_corridor_doorway_")}
     assert names == {f"left_corridor_doorway_{n}" for n in (1, 2, 3, 4, 5, 11, 12, 14, 15, 16, 17)}
 
 
 @pytest.mark.parametrize(("start", "goals"), [((0.0, 0.0), CORRIDOR), ((44.4, 43.85), ROOMS)])
-def test_every_waypoint_can_be_reached_in_building_c(
-    building: FloorPlan, start: Point2, goals: list[Point2]
-) -> None:
+def test_every_waypoint_can_be_reached_in_building_c(building, start, goals):
     reachable = component(clear_floor(building), start, 0.42)
     assert [p for p in goals if not reachable.contains(shapely.Point(p))] == []
 
 
-def test_building_c_is_closed_but_for_the_corridor_doorways(building: FloorPlan) -> None:
+def test_building_c_is_closed_but_for_the_corridor_doorways(building):
     """Doors 1-11 lead out of the plan; with those doorways shut, one closed floor remains."""
     shut = [o for o in building.openings if o.name.startswith("left_corridor_doorway_")]
     walls = [shapely.Polygon(w.footprint) for w in building.walls]
@@ -151,7 +142,7 @@ def test_building_c_is_closed_but_for_the_corridor_doorways(building: FloorPlan)
     assert inside.distance(hull.boundary) > 0.15
 
 
-def test_building_c_warns_of_openings_cut_into_the_corners_of_walls(building: FloorPlan) -> None:
+def test_building_c_warns_of_openings_cut_into_the_corners_of_walls(building):
     """Some published openings go beyond the corners of their walls, those of the paper's worlds.
 
     The three others of the diagonal take a whole wall away and stay within its outer face.
@@ -180,9 +171,7 @@ SAME = (
 )
 
 
-def test_building_c_agrees_with_the_published_plan(
-    building: FloorPlan, reference_data: Path
-) -> None:
+def test_building_c_agrees_with_the_published_plan(building, reference_data):
     published = load_floorplan(reference_data / "floorplans" / "brsu_building_c_with_doorways.fpm")
     theirs = {wall.id: wall for wall in published.walls}
     assert {wall.id for wall in building.walls} == set(theirs)
@@ -207,7 +196,7 @@ def test_building_c_agrees_with_the_published_plan(
             assert opening.centre == pytest.approx(doorways[opening.name], abs=1e-6)
 
 
-def test_the_flat_is_flawless(flat: FloorPlan) -> None:
+def test_the_flat_is_flawless(flat):
     assert flat.warnings == ()
     assert [s.name for s in flat.spaces] == ["hall", "living_room", "bedroom", "kitchen"]
     widths = {o.name: o.width for o in flat.openings if o.kind == "entryway"}
@@ -218,7 +207,7 @@ def test_the_flat_is_flawless(flat: FloorPlan) -> None:
     assert (bounds[2] - bounds[0], bounds[3] - bounds[1]) == pytest.approx((9.0, 7.0))
 
 
-def test_a_robot_can_visit_every_room_of_the_flat(flat: FloorPlan) -> None:
+def test_a_robot_can_visit_every_room_of_the_flat(flat):
     reachable = component(clear_floor(flat), (0.0, 0.0), 0.42)
     for space in flat.spaces:
         assert reachable.intersection(shapely.Polygon(space.outline)).area > 1.0

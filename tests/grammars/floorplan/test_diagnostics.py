@@ -1,11 +1,9 @@
 """What people are told when a plan cannot be understood."""
 
-from __future__ import annotations
-
 import pytest
 
 from grammars.floorplan import parse_floorplan
-from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.diagnostics import InputError
 
 HEAD = "Floor plan: t\nDefaults: walls: thickness: 0.2 m height: 2.5 m\n"
 HERE = "location: wrt: world of: this"
@@ -13,25 +11,25 @@ RECT = "shape: Rectangle width=4 m, length=2 m"
 ROOM = f"Space a: {RECT} {HERE}\n"
 
 
-def refused(text: str) -> list[Diagnostic]:
+def refused(text):
     with pytest.raises(InputError) as caught:
         parse_floorplan(text, "building.fpm")
     assert str(caught.value)
     return list(caught.value.diagnostics)
 
 
-def first(body: str) -> str:
+def first(body):
     return str(refused(HEAD + body)[0])
 
 
-def test_a_wall_index_out_of_range_tells_the_walls_there_are() -> None:
+def test_a_wall_index_out_of_range_tells_the_walls_there_are():
     text = HEAD + ROOM + f"Space b: {RECT} location:\n    of: this\n    wrt: a.walls[7]"
     assert [str(d) for d in refused(text)] == [
         'building.fpm:6:10: wall index 7: space "a" has walls 0..3'
     ]
 
 
-def test_all_problems_are_reported_at_once() -> None:
+def test_all_problems_are_reported_at_once():
     found = refused(
         HEAD
         + f"Space a: shape: Circle radius=-1 m {HERE} of: this\n"
@@ -54,7 +52,7 @@ def test_all_problems_are_reported_at_once() -> None:
     ]
 
 
-def test_every_element_with_a_syntax_error_is_reported() -> None:
+def test_every_element_with_a_syntax_error_is_reported():
     found = refused(
         HEAD
         + f"Space a: shape: Rectangle width=40 cm, length=2 m {HERE}\n"
@@ -86,7 +84,7 @@ def test_every_element_with_a_syntax_error_is_reported() -> None:
         ),
     ],
 )
-def test_syntax_errors_are_told_in_the_words_of_the_language(text: str, message: str) -> None:
+def test_syntax_errors_are_told_in_the_words_of_the_language(text, message):
     assert message in str(refused(text)[0])
 
 
@@ -106,7 +104,7 @@ def test_syntax_errors_are_told_in_the_words_of_the_language(text: str, message:
         (ROOM + "Default values: walls:", 'are written "Defaults:"'),
     ],
 )
-def test_common_slips_get_a_hint(body: str, hint: str) -> None:
+def test_common_slips_get_a_hint(body, hint):
     assert hint in first(body)
 
 
@@ -158,21 +156,21 @@ def test_common_slips_get_a_hint(body: str, hint: str) -> None:
         ),
     ],
 )
-def test_what_has_no_meaning_is_refused(body: str, message: str) -> None:
+def test_what_has_no_meaning_is_refused(body, message):
     assert any(message in str(d) for d in refused(HEAD + body))
 
 
-def test_defaults_come_first() -> None:
+def test_defaults_come_first():
     found = refused(f"Floor plan: t {ROOM} Defaults: walls: thickness: 1 m height: 2 m")
     assert '"Defaults:" comes too late' in [d.message for d in found]
 
 
-def test_spaced_excludes_a_gap_of_its_own() -> None:
+def test_spaced_excludes_a_gap_of_its_own():
     location = "location: wrt: a.walls[0] of: this.walls[2] spaced translation: y: 1 m"
     assert "exclude each other" in first(ROOM + f"Space b: {RECT} {location}")
 
 
-def test_missing_wall_dimensions_are_reported_per_space() -> None:
+def test_missing_wall_dimensions_are_reported_per_space():
     found = refused(
         f"Floor plan: t Space a: {RECT} {HERE} walls: height: 2 m Space b: {RECT} {HERE}"
     )
@@ -182,7 +180,7 @@ def test_missing_wall_dimensions_are_reported_per_space() -> None:
     ]
 
 
-def test_a_loop_of_placements_is_told_once() -> None:
+def test_a_loop_of_placements_is_told_once():
     rooms = "".join(
         f"Space {name}: {RECT} location: of: this wrt: {against}\n"
         for name, against in [("a", "b"), ("b", "c"), ("c", "b"), ("d", "a")]
@@ -191,7 +189,7 @@ def test_a_loop_of_placements_is_told_once() -> None:
     assert '"b" -> "c" -> "b"' in loop.message
 
 
-def test_a_long_chain_of_rooms_is_placed_without_recursion() -> None:
+def test_a_long_chain_of_rooms_is_placed_without_recursion():
     count = 1500
     rooms = "".join(
         f"Space s{k}: {RECT} location: of: this translation: x: 5 wrt: s{k + 1}\n"

@@ -1,13 +1,10 @@
 """What a plan means: geometry of small plans worked out by hand."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import pytest
 
-from grammars.floorplan import FloorPlan, frames, load_floorplan, parse_floorplan
+from grammars.floorplan import frames, load_floorplan, parse_floorplan
 from grammars.model.geometry import Pose2
 from grammars.text.diagnostics import InputError
 
@@ -26,29 +23,29 @@ CELL = """Space cell:
 """
 
 
-def room(location: str, shape: str = "Rectangle width=2 m, length=1 m", rest: str = "") -> str:
+def room(location, shape="Rectangle width=2 m, length=1 m", rest=""):
     return f"Space room: shape: {shape} location: {location} {rest}\n"
 
 
-def plan(*elements: str) -> FloorPlan:
+def plan(*elements):
     return parse_floorplan(HEAD + CELL + "\n".join(elements), "demo.fpm")
 
 
-def messages(found: FloorPlan) -> list[str]:
+def messages(found):
     return [warning.message for warning in found.warnings]
 
 
-def close(values: object) -> object:
+def close(values):
     return pytest.approx(values, abs=1e-9)
 
 
-def test_a_rectangle_is_clockwise_from_its_left_top_corner() -> None:
+def test_a_rectangle_is_clockwise_from_its_left_top_corner():
     (cell,) = plan().spaces
     assert list(cell.outline) == [close(p) for p in [(2, 2), (4, 2), (4, 0), (2, 0)]]
     assert cell.where.line == 6
 
 
-def test_wall_frames_sit_on_the_inner_edges_and_look_outwards() -> None:
+def test_wall_frames_sit_on_the_inner_edges_and_look_outwards():
     (cell,) = plan().spaces
     poses = [(w.frame.x, w.frame.y, abs(w.frame.yaw)) for w in cell.walls]
     half = math.pi / 2
@@ -57,7 +54,7 @@ def test_wall_frames_sit_on_the_inner_edges_and_look_outwards() -> None:
     assert [w.id for w in cell.walls] == [f"cell-wall-{i}" for i in range(4)]
 
 
-def test_walls_grow_outwards_to_mitred_corners() -> None:
+def test_walls_grow_outwards_to_mitred_corners():
     (cell,) = plan().spaces
     assert list(cell.walls[0].footprint) == [
         close(p) for p in [(1.8, 2.2), (4.2, 2.2), (4, 2), (2, 2)]
@@ -68,7 +65,7 @@ def test_walls_grow_outwards_to_mitred_corners() -> None:
     assert (cell.walls[0].thickness, cell.walls[0].height, cell.walls[0].length) == (0.2, 2.4, 2.0)
 
 
-def test_a_door_is_cut_from_the_inner_face_outwards() -> None:
+def test_a_door_is_cut_from_the_inner_face_outwards():
     found = plan(
         "Entryway door: shape: Rectangle width=0.9 m, height=2.0 m "
         "location: in: cell.walls[0] translation: x: 0.3 m, z: 1.0 m"
@@ -83,7 +80,7 @@ def test_a_door_is_cut_from_the_inner_face_outwards() -> None:
     assert not found.warnings
 
 
-def test_a_tilted_window_turns_clockwise_seen_from_inside() -> None:
+def test_a_tilted_window_turns_clockwise_seen_from_inside():
     found = plan(
         "Window w: shape: Rectangle width=1.0 m, height=0.5 m "
         "location: in: cell.walls[0] translation: z: 1.5 m rotation: y: 90 deg"
@@ -93,7 +90,7 @@ def test_a_tilted_window_turns_clockwise_seen_from_inside() -> None:
     assert (window.width, window.z_min, window.z_max) == (close(0.5), close(1.0), close(2.0))
 
 
-def test_a_polygonal_opening_has_points_in_its_wall() -> None:
+def test_a_polygonal_opening_has_points_in_its_wall():
     text = "Window w: shape: Polygon points: [{}] location: in: cell.walls[0] translation: z: 1 m"
     solid = plan(text.format("(-0.5 m, 0 m, 0 m), (0.5 m, 0 m, 0 m), (0 m, 0 m, 0.8 m)"))
     flat = plan(text.format("(-0.5 m, 0 m), (0.5 m, 0 m), (0 m, 0.8 m)"))
@@ -102,7 +99,7 @@ def test_a_polygonal_opening_has_points_in_its_wall() -> None:
     assert "second number is taken as z" in messages(flat)[0]
 
 
-def test_an_aligned_room_lies_on_the_other_side_of_the_wall() -> None:
+def test_an_aligned_room_lies_on_the_other_side_of_the_wall():
     found = plan(room("wrt: cell.walls[0] of: this.walls[2] translation: x: 0.5 m spaced"))
     placed = found.spaces[1]
     assert (placed.frame.x, placed.frame.y) == close((3.5, 2 + 0.4 + 0.5))
@@ -110,32 +107,32 @@ def test_an_aligned_room_lies_on_the_other_side_of_the_wall() -> None:
     assert placed.walls[2].footprint[0] == close((placed.frame.x + 1.2, placed.frame.y - 0.7))
 
 
-def test_a_room_that_is_not_aligned_lies_on_the_same_side() -> None:
+def test_a_room_that_is_not_aligned_lies_on_the_same_side():
     found = plan(room("wrt: cell.walls[0] of: this.walls[2] not aligned"))
     assert (found.spaces[1].frame.x, found.spaces[1].frame.y) == close((3.0, 1.5))
     assert abs(found.spaces[1].frame.yaw) == close(math.pi)
 
 
-def test_rotation_adds_to_alignment_or_stands_alone() -> None:
+def test_rotation_adds_to_alignment_or_stands_alone():
     turned = plan(room("wrt: cell.walls[0] of: this.walls[2] rotation: z: 10 deg"))
     alone = plan(room("wrt: cell.walls[0] of: this.walls[2] rotation: z: 10 deg not aligned"))
     walls = (turned.spaces[1].walls[2], alone.spaces[1].walls[2])
     assert [abs(w.frame.yaw) for w in walls] == close([math.radians(170), math.radians(10)])
 
 
-def test_spaced_uses_the_thickness_of_both_walls() -> None:
+def test_spaced_uses_the_thickness_of_both_walls():
     found = plan(
         room("wrt: cell.walls[1] of: this.walls[3] spaced", rest="walls: thickness: 0.5 m")
     )
     assert found.spaces[1].outline[0] == close((4.7, 1.5))
 
 
-def test_rooms_can_be_placed_against_rooms_defined_later() -> None:
+def test_rooms_can_be_placed_against_rooms_defined_later():
     found = parse_floorplan(HEAD + room("wrt: cell of: this.walls[1] translation: y: 5 m") + CELL)
     assert (found.spaces[0].frame.x, found.spaces[0].frame.y) == close((3.0, 5.0))
 
 
-def test_features_stand_against_their_space_its_walls_or_other_spaces() -> None:
+def test_features_stand_against_their_space_its_walls_or_other_spaces():
     column = "Column {}: shape: Rectangle width=0.4 m, length=0.2 m height: 1 m location: {}"
     found = plan(
         "features: ",
@@ -151,7 +148,7 @@ def test_features_stand_against_their_space_its_walls_or_other_spaces() -> None:
     assert a.footprint[0] == close((3.4, 0.8))
 
 
-def test_a_circle_is_a_clockwise_polygon_of_40_corners() -> None:
+def test_a_circle_is_a_clockwise_polygon_of_40_corners():
     found = plan(room("wrt: world of: this", "Circle radius=1.5 m"))
     outline = found.spaces[1].outline
     assert len(found.spaces[1].walls) == 40
@@ -159,13 +156,13 @@ def test_a_circle_is_a_clockwise_polygon_of_40_corners() -> None:
     assert outline[10] == close((1.5, 0.0))
 
 
-def test_walls_may_be_split_in_line() -> None:
+def test_walls_may_be_split_in_line():
     shape = "Polygon points: [(0 m, 0 m), (0 m, 1 m), (0 m, 2 m), (2 m, 2 m), (2 m, 0 m)]"
     walls = plan(room("wrt: world of: this translation: x: 9 m", shape)).spaces[1].walls
     assert walls[0].footprint[1] == close((8.8, 1.0))
 
 
-def test_values_come_from_variables_units_and_signs() -> None:
+def test_values_come_from_variables_units_and_signs():
     text = HEAD.replace("0.2 m", "-t") + (
         "var t = -0.3 m var a = 0.5 rad var m = 4 m "
         "Space s: shape: Rectangle width=m, length=2 location: "
@@ -177,7 +174,7 @@ def test_values_come_from_variables_units_and_signs() -> None:
     assert space.walls[0].length == close(4.0)
 
 
-def test_layout_comments_and_keywords_as_names_mean_nothing() -> None:
+def test_layout_comments_and_keywords_as_names_mean_nothing():
     text = (
         "Floor plan:features// x\nSpace Space:shape:Rectangle width=1,length=1 "
         "location:spaced//\r\nof:this wrt:worldly.walls[ 0 ]\twalls:height:2 m thickness:1 m "
@@ -190,7 +187,7 @@ def test_layout_comments_and_keywords_as_names_mean_nothing() -> None:
     assert found.openings[0].walls == ("Space-wall-0", "worldly-wall-1")
 
 
-def test_names_are_resolved_by_kind() -> None:
+def test_names_are_resolved_by_kind():
     found = parse_floorplan(
         "Floor plan: cell\nDefaults: walls: thickness: cell height: 2 m\nvar cell = 0.1 m\n"
         + CELL
@@ -199,7 +196,7 @@ def test_names_are_resolved_by_kind() -> None:
     assert found.openings[0].walls == ("cell-wall-0",)
 
 
-def test_equal_feature_names_in_two_spaces_get_scoped_ids() -> None:
+def test_equal_feature_names_in_two_spaces_get_scoped_ids():
     column = "features: Column c: shape: Circle radius=0.1 m height: 1 m location: wrt: this "
     found = plan(column, room("wrt: cell of: this translation: x: 5 m", rest=column))
     assert [f.id for f in found.features] == ["cell-c", "room-c"]
@@ -208,7 +205,7 @@ def test_equal_feature_names_in_two_spaces_get_scoped_ids() -> None:
     assert sum("several spaces" in m for m in messages(found)) == 2
 
 
-def test_every_element_publishes_its_frame() -> None:
+def test_every_element_publishes_its_frame():
     found = plan(
         "features: Divider d: shape: Circle radius=0.1 m height: 1 m location: wrt: this ",
         "Window w: shape: Circle radius=0.1 m location: in: cell.walls[1] translation: z: 1 m",
@@ -228,14 +225,14 @@ def test_every_element_publishes_its_frame() -> None:
         frames(found)["cell-wall-4-frame"]
 
 
-def test_a_plan_is_loaded_from_its_file(tmp_path: Path) -> None:
+def test_a_plan_is_loaded_from_its_file(tmp_path):
     path = tmp_path / "café.fpm"
     path.write_bytes(b"\xef\xbb\xbf" + (HEAD + CELL).replace("\n", "\r\n").encode())
     assert load_floorplan(path) == plan()
     assert load_floorplan(str(path)).spaces[0].where.file == str(path)
 
 
-def test_a_file_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_read_is_reported(tmp_path):
     (tmp_path / "latin.fpm").write_bytes("Floor plan: büro".encode("latin-1"))
     for name, message in [
         ("none.fpm", "no such file"),
@@ -279,13 +276,13 @@ DOOR = "Entryway e: shape: Rectangle width=1 m, height=2 m location: in: {}"
         ),
     ],
 )  # fmt: skip
-def test_what_is_suspicious_is_accepted_with_a_warning(elements: list[str], message: str) -> None:
+def test_what_is_suspicious_is_accepted_with_a_warning(elements, message):
     found = plan(*elements)
     assert any(message in warning for warning in messages(found))
     assert all(w.where.file == "demo.fpm" and w.where.line >= 6 for w in found.warnings)
 
 
-def test_touching_rooms_and_fitting_doors_raise_no_warning() -> None:
+def test_touching_rooms_and_fitting_doors_raise_no_warning():
     found = plan(
         room("wrt: cell.walls[0] of: this.walls[2] spaced"),
         DOOR.format("cell.walls[0] and room.walls[2] translation: x: -0.4 m, z: 1 m"),
@@ -294,7 +291,7 @@ def test_touching_rooms_and_fitting_doors_raise_no_warning() -> None:
     assert found.openings[0].depth == close(0.4)
 
 
-def test_variables_defined_twice_matter_only_when_used() -> None:
+def test_variables_defined_twice_matter_only_when_used():
     text = HEAD + "var a = 1 m\nvar a = 2 m\n" + CELL
     assert "already defined in line 6" in parse_floorplan(text).warnings[0].message
     with pytest.raises(InputError, match="not unique: defined in lines 6 and 7"):

@@ -1,19 +1,16 @@
 """Properties that hold for every plan: walls, placements, and how bad input is answered."""
 
-from __future__ import annotations
-
 import math
-import random
 import re
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from grammars.floorplan import FloorPlan, parse_floorplan
-from grammars.model.geometry import Floats, Point2, Pose2, Ring
+from grammars.floorplan import parse_floorplan
+from grammars.model.geometry import Pose2
 from grammars.text.diagnostics import InputError
 
 LENGTHS = st.floats(0.5, 20.0).map(lambda v: round(v, 3))
@@ -22,11 +19,11 @@ ANGLES = st.floats(-math.pi, math.pi).map(lambda v: round(v, 4))
 THICKNESS = st.floats(0.05, 0.8).map(lambda v: round(v, 3))
 
 
-def polygon(ring: Ring) -> str:
+def polygon(ring):
     return "Polygon points: [" + ", ".join(f"({x!r} m, {y!r} m)" for x, y in ring) + "]"
 
 
-def one_room(ring: Ring, thickness: float, pose: Pose2) -> FloorPlan:
+def one_room(ring, thickness, pose):
     return parse_floorplan(
         f"Floor plan: p Space s: shape: {polygon(ring)} location: wrt: world of: this "
         f"translation: x: {pose.x!r}, y: {pose.y!r} rotation: z: {pose.yaw!r} rad "
@@ -35,7 +32,7 @@ def one_room(ring: Ring, thickness: float, pose: Pose2) -> FloorPlan:
 
 
 @st.composite
-def convex_rings(draw: st.DrawFn) -> Ring:
+def convex_rings(draw):
     """Corners on an ellipse, clockwise, none closer than half a metre to the next."""
     count = draw(st.integers(3, 9))
     shares = draw(st.lists(st.floats(0.4, 1.0), min_size=count, max_size=count))
@@ -47,11 +44,8 @@ def convex_rings(draw: st.DrawFn) -> Ring:
 poses = st.builds(Pose2, OFFSETS, OFFSETS, ANGLES)
 
 
-@settings(deadline=None)
 @given(convex_rings(), THICKNESS, poses)
-def test_walls_of_a_convex_room_fill_the_mitred_offset(
-    ring: Ring, thickness: float, pose: Pose2
-) -> None:
+def test_walls_of_a_convex_room_fill_the_mitred_offset(ring, thickness, pose):
     plan = one_room(ring, thickness, pose)
     walls = [shapely.Polygon(wall.footprint) for wall in plan.walls]
     floor = shapely.Polygon(plan.spaces[0].outline)
@@ -63,9 +57,8 @@ def test_walls_of_a_convex_room_fill_the_mitred_offset(
     assert sum(wall.area for wall in walls) == pytest.approx(offset.area - floor.area)
 
 
-@settings(deadline=None)
 @given(convex_rings(), THICKNESS, poses)
-def test_a_wall_is_a_trapezoid_in_its_own_frame(ring: Ring, thickness: float, pose: Pose2) -> None:
+def test_a_wall_is_a_trapezoid_in_its_own_frame(ring, thickness, pose):
     for wall in one_room(ring, thickness, pose).walls:
         outer_start, outer_end, end, start = wall.frame.inverse().apply_ring(wall.footprint)
         assert start == pytest.approx((-wall.length / 2, 0.0), abs=1e-9)
@@ -73,26 +66,24 @@ def test_a_wall_is_a_trapezoid_in_its_own_frame(ring: Ring, thickness: float, po
         assert (outer_start[1], outer_end[1]) == pytest.approx((thickness, thickness))
 
 
-@settings(deadline=None)
 @given(convex_rings(), THICKNESS, poses)
-def test_a_plan_moves_rigidly_with_its_anchor(ring: Ring, thickness: float, pose: Pose2) -> None:
+def test_a_plan_moves_rigidly_with_its_anchor(ring, thickness, pose):
     still, moved = one_room(ring, thickness, Pose2()), one_room(ring, thickness, pose)
     for before, after in zip(still.walls, moved.walls, strict=True):
         expected = np.array(pose.apply_ring(before.footprint))
         assert np.allclose(after.footprint, expected, atol=1e-9)
 
 
-def matrix(x: float, y: float, yaw: float) -> Floats:
+def matrix(x, y, yaw):
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, x], [s, c, y], [0.0, 0.0, 1.0]])
 
 
-def wall_matrix(width: float, length: float, wall: int) -> Floats:
+def wall_matrix(width, length, wall):
     middles = [(0.0, length / 2), (width / 2, 0.0), (0.0, -length / 2), (-width / 2, 0.0)]
     return matrix(*middles[wall], [0.0, -math.pi / 2, math.pi, math.pi / 2][wall])
 
 
-@settings(deadline=None)
 @given(
     st.tuples(LENGTHS, LENGTHS, THICKNESS, st.integers(0, 3)),
     st.tuples(LENGTHS, LENGTHS, THICKNESS, st.integers(0, 3)),
@@ -101,14 +92,7 @@ def wall_matrix(width: float, length: float, wall: int) -> Floats:
     st.booleans(),
     st.booleans(),
 )
-def test_a_placement_is_the_product_of_its_transforms(
-    first: tuple[float, float, float, int],
-    second: tuple[float, float, float, int],
-    pose: Pose2,
-    offset: tuple[float, float, float],
-    spaced: bool,
-    aligned: bool,
-) -> None:
+def test_a_placement_is_the_product_of_its_transforms(first, second, pose, offset, spaced, aligned):
     x, y, yaw = offset[0], 0.0 if spaced else offset[1], offset[2]
     rooms = [
         f"Space {name}: shape: Rectangle width={w!r}, length={h!r} location: {{}} "
@@ -135,11 +119,8 @@ def test_a_placement_is_the_product_of_its_transforms(
     assert np.allclose(matrix(frame.x, frame.y, frame.yaw), expected, atol=1e-9)
 
 
-@settings(deadline=None)
 @given(LENGTHS, LENGTHS, THICKNESS, THICKNESS, OFFSETS, st.integers(0, 3), st.integers(0, 3))
-def test_spaced_rooms_touch_and_never_overlap(
-    width: float, length: float, thin: float, thick: float, x: float, one: int, other: int
-) -> None:
+def test_spaced_rooms_touch_and_never_overlap(width, length, thin, thick, x, one, other):
     room = " Space {}: shape: Rectangle width={}, length={} location: {} walls: thickness: {}"
     facing = f"wrt: a.walls[{one}] of: this.walls[{other}] spaced translation: x: {x!r}"
     plan = parse_floorplan(
@@ -205,7 +186,7 @@ STRAYS = [
 ]  # fmt: skip
 
 
-def answers(text: str) -> None:
+def answers(text):
     """A text is either a finite plan or refused with places and messages; nothing else."""
     try:
         plan = parse_floorplan(text, "fuzz.fpm")
@@ -217,19 +198,18 @@ def answers(text: str) -> None:
             assert 1 <= diagnostic.where.line <= lines
             assert diagnostic.where.column >= 1
         return
-    corners: list[Point2] = [corner for wall in plan.walls for corner in wall.footprint]
+    corners = [corner for wall in plan.walls for corner in wall.footprint]
     corners += [corner for feature in plan.features for corner in feature.footprint]
     corners += [corner for opening in plan.openings for corner in opening.footprint]
     assert np.isfinite(corners).all()
 
 
-def test_the_seed_of_the_mutations_is_a_plan() -> None:
+def test_the_seed_of_the_mutations_is_a_plan():
     assert len(parse_floorplan(SEED).spaces) == 2
 
 
-@settings(max_examples=20)
 @given(st.randoms(use_true_random=False), st.integers(1, 4))
-def test_a_damaged_plan_is_answered_never_crashed_on(rng: random.Random, damages: int) -> None:
+def test_a_damaged_plan_is_answered_never_crashed_on(rng, damages):
     tokens = list(TOKENS)
     for _ in range(damages):
         at, other = rng.randrange(len(tokens)), rng.randrange(len(tokens))
@@ -247,16 +227,14 @@ def test_a_damaged_plan_is_answered_never_crashed_on(rng: random.Random, damages
     answers("".join(tokens))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.text(max_size=60), st.integers(0, len(SEED)))
-def test_any_text_in_a_plan_is_answered(text: str, at: int) -> None:
+def test_any_text_in_a_plan_is_answered(text, at):
     assume("\n" not in text)
     answers(SEED[:at] + text + SEED[at:])
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=8))
-def test_any_polygon_is_a_room_or_refused(points: list[Point2]) -> None:
+def test_any_polygon_is_a_room_or_refused(points):
     text = f"Floor plan: p Space s: shape: {polygon(tuple(points))} location: wrt: world of: this "
     answers(text + "walls: thickness: 0.1 height: 2")
     try:

@@ -1,17 +1,13 @@
 """Agreement with the published tool on its own plans and on small inputs (reference data)."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from grammars.floorplan import FloorPlan, Opening, load_floorplan, parse_floorplan
-from grammars.model.geometry import Pose2
+from grammars.floorplan import load_floorplan, parse_floorplan
 from grammars.text.diagnostics import InputError
 
 DATA = os.environ.get("SCENARIO_REFERENCE_DATA", "")
@@ -53,7 +49,7 @@ REFUSED_HERE = {
 }
 
 
-def assert_close(ours: Any, theirs: Any, what: str) -> None:
+def assert_close(ours, theirs, what):
     flat_ours, flat_theirs = _flat(ours), _flat(theirs)
     assert len(flat_ours) == len(flat_theirs), what
     assert (
@@ -61,18 +57,18 @@ def assert_close(ours: Any, theirs: Any, what: str) -> None:
     ), what
 
 
-def _flat(value: Any) -> list[float]:
+def _flat(value):
     if isinstance(value, int | float):
         return [float(value)]
     return [number for item in value for number in _flat(item)]
 
 
-def assert_same_frame(frame: Pose2, golden: dict[str, Any]) -> None:
+def assert_same_frame(frame, golden):
     assert_close((frame.x, frame.y), (golden["x"], golden["y"]), golden["name"])
     assert abs(math.remainder(frame.yaw - golden["yaw"], math.tau)) < 1e-6, golden["name"]
 
 
-def assert_same_opening(opening: Opening, golden: dict[str, Any]) -> None:
+def assert_same_opening(opening, golden):
     rotation = golden["frame"]["T_world"]
     assert_close(
         (opening.frame.x, opening.frame.y, opening.z), [row[3] for row in rotation[:3]], "origin"
@@ -84,7 +80,7 @@ def assert_same_opening(opening: Opening, golden: dict[str, Any]) -> None:
     assert_close(opening.near + opening.far, golden["polyhedron"], "prism")
 
 
-def assert_matches(plan: FloorPlan, golden: dict[str, Any]) -> None:
+def assert_matches(plan, golden):
     assert plan.name == golden["name"]
     assert [s.name for s in plan.spaces] == [s["name"] for s in golden["spaces"]]
     features = list(plan.features)
@@ -114,18 +110,18 @@ def assert_matches(plan: FloorPlan, golden: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("path", PLANS, ids=lambda p: p.stem)
-def test_a_published_plan_has_its_published_geometry(path: Path) -> None:
+def test_a_published_plan_has_its_published_geometry(path):
     golden = json.loads((ROOT / "goldens" / f"{path.stem}.json").read_text())
     assert_matches(load_floorplan(path), golden)
 
 
 @pytest.mark.parametrize("path", SYNTHETIC, ids=lambda p: p.stem)
-def test_a_small_plan_has_its_measured_geometry(path: Path) -> None:
+def test_a_small_plan_has_its_measured_geometry(path):
     assert_matches(load_floorplan(path), json.loads(path.with_suffix(".json").read_text()))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c["label"])
-def test_an_input_gets_the_verdict_of_the_specification(case: dict[str, Any]) -> None:
+def test_an_input_gets_the_verdict_of_the_specification(case):
     label = case["label"]
     accept = label in ACCEPTED_HERE or (case["parses"] and label not in REFUSED_HERE)
     if accept:
@@ -136,7 +132,7 @@ def test_an_input_gets_the_verdict_of_the_specification(case: dict[str, Any]) ->
         assert all(d.where.line >= 1 and d.message for d in caught.value.diagnostics)
 
 
-def test_every_deliberate_deviation_is_one() -> None:
+def test_every_deliberate_deviation_is_one():
     verdicts = {case["label"]: case["parses"] for case in CASES}
     assert not [label for label in ACCEPTED_HERE if verdicts[label]]
     assert not [label for label in REFUSED_HERE if not verdicts[label]]

@@ -1,14 +1,8 @@
 """Models as they were published in 2023, with the faults those have, made from models of ours."""
 
-from __future__ import annotations
-
 import json
 import math
-from pathlib import Path
-from typing import Any
 
-from grammars.floorplan import FloorPlan
-from grammars.model.geometry import Point2, Pose2
 from tests.grammars.jsonld.samples import ROB2B
 
 _OLD = "https://hbrs-sesame.github.io/metamodels/"
@@ -23,7 +17,7 @@ _FIRST_CONTEXT = {
     "shape": {"@id": "fp:shape", "@type": "@id"},
     **{word: f"fp:{word}" for word in ("Wall", "Space", "FloorPlan", "Polygon")},
 }
-CONTEXTS: dict[str, list[Any]] = {
+CONTEXTS = {
     "skeleton": [
         {"geom": f"{ROB2B}geometry/structural-entities#"},
         f"{ROB2B}geometry/structural-entities.json",
@@ -42,7 +36,7 @@ CONTEXTS: dict[str, list[Any]] = {
     ],
     "floorplan": [{"floorplan": f"{_OLD}floorplan#"}, f"{_OLD}floor-plan/floor-plan.json"],
 }
-_FIRST_CONTEXTS: dict[str, list[Any]] = {
+_FIRST_CONTEXTS = {
     name: [_FIRST_CONTEXT, *(part for part in parts if isinstance(part, str) and ROB2B in part)]
     for name, parts in CONTEXTS.items()
 }
@@ -51,8 +45,8 @@ _FIRST_CONTEXTS: dict[str, list[Any]] = {
 class _Plan:
     """The nodes of the files, in the order and with the identifiers of their time."""
 
-    def __init__(self, plan: FloorPlan) -> None:
-        self.files: dict[str, list[Any]] = {name: [] for name in CONTEXTS}
+    def __init__(self, plan):
+        self.files = {name: [] for name in CONTEXTS}
         self._frame("world", "world")
         for space in plan.spaces:
             name, own = space.name, space.frame.inverse()
@@ -81,7 +75,7 @@ class _Plan:
         whole = {"@id": f"floorplan:{plan.name}", "@type": "FloorPlan", "spaces": spaces}
         self.files["floorplan"].append(whole)
 
-    def _frame(self, frame: str, point: str) -> None:
+    def _frame(self, frame, point):
         origin = f"geom:{'world-origin' if frame == 'world' else f'point-{point}'}"
         id = "geom:world-frame" if frame == "world" else f"geom:frame-{frame}"
         self.files["skeleton"] += [
@@ -89,13 +83,13 @@ class _Plan:
             {"@id": id, "@type": "Frame", "origin": origin},
         ]
 
-    def _earlier(self, frame: str) -> str:
+    def _earlier(self, frame):
         if frame == "world-frame" or "-wall-" in frame:
             stem = frame.removesuffix("-frame")
             return f"geom:{frame}" if frame == "world-frame" else f"geom:frame-{stem}"
         return f"geom:frame-center-{frame.removesuffix('-frame')}"
 
-    def _pose(self, id: str, of: str, wrt: str, seen: str, pose: Pose2) -> None:
+    def _pose(self, id, of, wrt, seen, pose):
         relation = {"@id": f"geor:{id}", "@type": "Pose", "of": of, "with-respect-to": wrt}
         numbers = {"theta": math.degrees(pose.yaw), "x": pose.x, "y": pose.y}
         types = ["PoseReference", "PoseCoordinate", "VectorXY"]
@@ -104,7 +98,7 @@ class _Plan:
         self.files["spatial_relations"].append(relation)
         self.files["coordinate"].append(coordinate)
 
-    def _outline(self, name: str, points: list[str], ring: list[Point2], frame: str) -> None:
+    def _outline(self, name, points, ring, frame):
         ids = [f"geom:{point}" for point in points]
         polygon = {"@id": f"polytope:polygon-{name}", "@type": "Polygon", "points": ids}
         self.files["shape"].append(polygon)
@@ -120,7 +114,7 @@ class _Plan:
             coordinate |= {"with-respect-to": wrt, "as-seen-by": f"geom:frame-{frame}"}
             self.files["coordinate"].append(coordinate | {"unit": "M", "x": x, "y": y})
 
-    def _elements(self, plan: FloorPlan, name: str, walls: int) -> None:
+    def _elements(self, plan, name, walls):
         ids = [f"floorplan:space-{name}-wall-{k}" for k in range(walls)]
         features = [
             {
@@ -135,7 +129,7 @@ class _Plan:
             {"@id": id, "@type": "Wall", "shape": f"polytope:polygon-{name}-wall-{k}"}
             for k, id in enumerate(ids)
         ]
-        space: dict[str, Any] = {"@id": f"floorplan:space-{name}", "@type": "Space", "walls": ids}
+        space = {"@id": f"floorplan:space-{name}", "@type": "Space", "walls": ids}
         space["shape"] = f"polytope:polygon-{name}"
         # Features have a shape whose corners no file places.
         if features:
@@ -147,7 +141,7 @@ class _Plan:
         self.files["floorplan"] += [*features, space]
 
 
-def write_plan(plan: FloorPlan, folder: Path, *, first: bool = False) -> Path:
+def write_plan(plan, folder, *, first=False):
     """Write a plan as in December 2023, or as the ``first`` files of June of that year."""
     folder.mkdir(parents=True)
     for name, nodes in _Plan(plan).files.items():

@@ -1,15 +1,11 @@
 """What published tools do with JSON-LD: PyLD by its defaults, rdflib, poses walked by name."""
 
-from __future__ import annotations
-
 import json
 import math
 import warnings
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rdflib import RDF, Graph, URIRef
 
 from grammars.jsonld import vocabulary as contexts
@@ -23,7 +19,7 @@ LIMIT = 10
 ROB2B_GEOMETRY = ("coordinates", "structural-entities", "spatial-relations")
 
 
-def local_context(address: str, options: Any = None) -> dict[str, Any]:
+def local_context(address, options=None):
     """Serve our context for a published address, as a document loader of PyLD."""
     context = contexts.context_for(address, set())
     return {
@@ -34,14 +30,14 @@ def local_context(address: str, options: Any = None) -> dict[str, Any]:
     }
 
 
-def by_pyld(data: Any) -> Graph:
+def by_pyld(data):
     """Return what PyLD reads by its default limits, contexts from here instead of the network."""
     jsonld = pytest.importorskip("pyld").jsonld
     options = {"format": "application/n-quads", "documentLoader": local_context}
     return Graph().parse(data=jsonld.to_rdf(data, options), format="nt")
 
 
-def inlined(data: Any) -> Any:
+def inlined(data):
     """Return a document with our contexts in the place of the published ones."""
     parts = [
         contexts.context_for(part, set()) if isinstance(part, str) else part
@@ -50,7 +46,7 @@ def inlined(data: Any) -> Any:
     return data | {"@context": parts}
 
 
-def by_rdflib(data: Any) -> Graph:
+def by_rdflib(data):
     """Return what rdflib reads: of terms scoped to types, those of the first type of a node."""
     with warnings.catch_warnings():
         # Its own parser makes graphs of a class it calls deprecated.
@@ -58,7 +54,7 @@ def by_rdflib(data: Any) -> Graph:
         return Graph().parse(data=json.dumps(inlined(data)), format="json-ld")
 
 
-def compact(graph: Graph, plan: str) -> Any:
+def compact(graph, plan):
     """Return the graph of a plan as one document, in the way ``transform`` writes it."""
     jsonld = pytest.importorskip("pyld").jsonld
     contexts_of_plans = [
@@ -74,14 +70,14 @@ def compact(graph: Graph, plan: str) -> Any:
     return jsonld.compact(expanded, {"@context": contexts_of_plans}, options)
 
 
-def said(graph: Graph) -> dict[str, Any]:
+def said(graph):
     """Return what a graph says of each node that has a name.
 
     Numbers are as JSON-LD's 16 digits have them; nodes without a name stand where they are used.
     """
     nodes = nodes_of(graph).by_id
 
-    def settled(value: Any) -> Any:
+    def settled(value):
         if isinstance(value, tuple):
             return tuple(settled(item) for item in value)
         if isinstance(value, str) and value.startswith("_:"):
@@ -89,7 +85,7 @@ def said(graph: Graph) -> dict[str, Any]:
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         return f"{value:.12g}" if is_number else value
 
-    def of_node(id: str) -> Any:
+    def of_node(id):
         node = nodes[id]
         verbs = sorted(node.values)
         return (
@@ -100,13 +96,13 @@ def said(graph: Graph) -> dict[str, Any]:
     return {id: of_node(id) for id in nodes if not id.startswith("_:")}
 
 
-def walked_by_name(graph: Graph) -> dict[str, tuple[float, float, float]]:
+def walked_by_name(graph):
     """Return points in the world as scenery_builder finds them.
 
     It goes from frame to frame along poses whichever way they point, and turns a pose round when
     the identifier of the next one has "wall" in it more than once, unless it is of an opening.
     """
-    around: dict[Any, list[tuple[Any, Any]]] = {}
+    around = {}
     for pose, _, frame in graph.triples((None, URIRef(REL["of"]), None)):
         other = graph.value(pose, URIRef(REL["with-respect-to"]))
         around.setdefault(frame, []).append((pose, other))
@@ -117,7 +113,7 @@ def walked_by_name(graph: Graph) -> dict[str, tuple[float, float, float]]:
     for each in _coordinates(graph, "Position"):
         frame = graph.value(each, URIRef(COORD["as-seen-by"]))
         position = graph.value(each, URIRef(COORD["of-position"]))
-        at: NDArray[Any] = np.array([*_numbers(graph, each, "x", "y", "z"), 1.0])
+        at = np.array([*_numbers(graph, each, "x", "y", "z"), 1.0])
         poses = _path(around, frame, world)
         for pose, after in zip(poses, [*poses[1:], ""], strict=True):
             matrix = _matrix(*_numbers(graph, numbers[pose], "x", "y", "z", "alpha"))
@@ -131,21 +127,21 @@ def walked_by_name(graph: Graph) -> dict[str, tuple[float, float, float]]:
     return found
 
 
-def _coordinates(graph: Graph, kind: str) -> Any:
+def _coordinates(graph, kind):
     return graph.subjects(RDF.type, URIRef(COORD[f"{kind}Coordinate"]))
 
 
-def _numbers(graph: Graph, node: Any, *names: str) -> list[float]:
+def _numbers(graph, node, *names):
     return [float(str(graph.value(node, URIRef(COORD[name])) or 0)) for name in names]
 
 
-def _matrix(x: float, y: float, z: float, alpha: float) -> NDArray[Any]:
+def _matrix(x, y, z, alpha):
     c, s = math.cos(alpha), math.sin(alpha)
     return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
 
 
-def _path(around: dict[Any, list[tuple[Any, Any]]], start: Any, goal: Any) -> list[Any]:
-    came: dict[Any, tuple[Any, Any]] = {start: (None, None)}
+def _path(around, start, goal):
+    came = {start: (None, None)}
     queue = [start]
     for node in queue:
         for pose, other in around[node]:

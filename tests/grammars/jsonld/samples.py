@@ -1,9 +1,5 @@
 """JSON-LD as others write it: a door and a cupboard with a drawer, in the published vocabulary."""
 
-from __future__ import annotations
-
-from typing import Any
-
 ROB2B = "https://comp-rob2b.github.io/metamodels/"
 SECORO = "https://secorolab.github.io/metamodels/"
 CONTEXTS = [
@@ -24,13 +20,13 @@ PLAN = "https://secorolab.github.io/models/floorplan/building_c/"
 POSITION = ["JointReference", "JointPosition", "Quantity"]
 
 
-def document(nodes: list[dict[str, Any]]) -> dict[str, Any]:
+def document(nodes):
     """Put nodes into a document with the published contexts."""
     prefixes = {"door": "https://example.org/objects/door/", "fpm": PLAN}
     return {"@context": [*CONTEXTS, prefixes], "@graph": nodes}
 
 
-def frame(name: str, **vectors: str) -> list[dict[str, Any]]:
+def frame(name, **vectors):
     """Return a frame, its origin and its axis vectors."""
     origin = f"door:{name}-origin"
     arrows = [
@@ -42,7 +38,7 @@ def frame(name: str, **vectors: str) -> list[dict[str, Any]]:
     return [{"@id": origin, "@type": ["3D", "Euclidean", "Point"]}, *arrows, node]
 
 
-def pose(of: str, wrt: str, x: float, y: float, z: float, **other: Any) -> list[dict[str, Any]]:
+def pose(of, wrt, x, y, z, **other):
     """Return a pose and its coordinates (identifiers with their prefix)."""
     id = f"{of}-placed"
     numbers = {"unit": ["M", "RAD"], "alpha": 0, "x": x, "y": y, "z": z} | other
@@ -58,7 +54,7 @@ def pose(of: str, wrt: str, x: float, y: float, z: float, **other: Any) -> list[
     ]
 
 
-def body(name: str, size: tuple[float, float, float], mass: float) -> list[dict[str, Any]]:
+def body(name, size, mass):
     """Return everything about a box-shaped link but its frames and members."""
     id = f"door:{name}"
     x, y, z = size
@@ -92,13 +88,13 @@ def body(name: str, size: tuple[float, float, float], mass: float) -> list[dict[
     ]
 
 
-def limit(name: str, joint: str, value: float, unit: str, *types: str) -> dict[str, Any]:
+def limit(name, joint, value, unit, *types):
     """Return a joint position."""
     numbers = {"of-joint": f"door:{joint}", "unit": unit, "value": value}
     return {"@id": f"door:{name}", "@type": [*POSITION, *types], **numbers}
 
 
-def hinged_door() -> list[dict[str, Any]]:
+def hinged_door():
     """A leaf of 0.04 x 0.90 x 2.00 m on a post of 0.06 x 0.06 x 2.02 m, one instance."""
     corridor = "fpm:left_long_corridor-wall-1-frame"
     return [
@@ -173,7 +169,7 @@ def hinged_door() -> list[dict[str, Any]]:
     ]
 
 
-def two_leaves() -> list[dict[str, Any]]:
+def two_leaves():
     """A rail on the wall with two panels that slide apart along x, as in front of a lift."""
     nodes = [*frame("base"), *frame("rail-frame"), *pose("door:rail-frame", "door:base", 0, 0, 2)]
     members = ["door:rail-frame"]
@@ -229,7 +225,7 @@ def two_leaves() -> list[dict[str, Any]]:
     ]
 
 
-def table() -> list[dict[str, Any]]:
+def table():
     """A top with one leg, joined by a joint of a type no context knows to move."""
     return [
         *frame("base"),

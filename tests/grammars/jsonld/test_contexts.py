@@ -1,10 +1,7 @@
 """Our JSON-LD processor against PyLD, and what rdflib alone would lose."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rdflib import URIRef
@@ -27,13 +24,13 @@ PLAN = parse_floorplan(CELL + DOOR)
      document(two_leaves())],
     ids=["coordinate", "floorplan", "door", "lift"],
 )  # fmt: skip
-def test_documents_mean_what_the_standard_says(data: Any) -> None:
+def test_documents_mean_what_the_standard_says(data):
     ours = graph_of(expand(json.loads(json.dumps(data)), "data.json"))
     # Others refer to more contexts than PyLD reads of one document.
     assert said(ours) == said(by_pyld(inlined(data)))
 
 
-def test_every_type_of_a_node_brings_its_terms() -> None:
+def test_every_type_of_a_node_brings_its_terms():
     graph = graph_of(expand(plan_document(PLAN), "plan.json"))
     for term in ("as-seen-by", "x", "y", "z", "of-pose", "alpha"):
         of_poses = set(graph.subjects(None, URIRef(COORD["PoseCoordinate"])))
@@ -41,7 +38,7 @@ def test_every_type_of_a_node_brings_its_terms() -> None:
         assert all((node, URIRef(COORD[term]), None) in graph for node in of_poses), term
 
 
-def test_numbers_keep_every_digit_in_a_graph() -> None:
+def test_numbers_keep_every_digit_in_a_graph():
     value = 0.1 + 0.2
     nodes = expand({"@id": "urn:a:b", "urn:a:p": value}, "x.json")
     ((_, _, literal),) = list(graph_of(nodes))
@@ -61,12 +58,12 @@ def test_numbers_keep_every_digit_in_a_graph() -> None:
         ({"a": "plain"}, "which is no IRI"),
     ],
 )
-def test_contexts_that_cannot_be_read_are_refused(context: Any, message: str) -> None:
+def test_contexts_that_cannot_be_read_are_refused(context, message):
     with pytest.raises(ContextError, match=message):
         JsonLdContext("", "", {}).extended(context, set())
 
 
-def test_our_contexts_are_documents_with_one_context_each() -> None:
+def test_our_contexts_are_documents_with_one_context_each():
     folder = Path(contexts.__file__).with_name("contexts")
     files = sorted(folder.glob("*.json"))
     assert len(files) == 13

@@ -1,18 +1,14 @@
 """Floor plans as JSON-LD: the published files, and the same plan back from them."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys
-from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from grammars.floorplan import FloorPlan, load_floorplan, parse_floorplan
+from grammars.floorplan import load_floorplan, parse_floorplan
 from grammars.jsonld import (
     check_jsonld,
     compose,
@@ -69,13 +65,13 @@ Window skylight:
 """
 
 
-def node(document: dict[str, Any], id: str) -> dict[str, Any]:
-    found: list[dict[str, Any]] = [n for n in document["@graph"] if n["@id"] == id]
+def node(document, id):
+    found = [n for n in document["@graph"] if n["@id"] == id]
     assert len(found) == 1
     return found[0]
 
 
-def test_a_cell_has_the_published_number_of_nodes() -> None:
+def test_a_cell_has_the_published_number_of_nodes():
     counts = {n: len(d["@graph"]) for n, d in plan_documents(parse_floorplan(CELL)).items()}
     assert counts == {
         "skeleton": 48,
@@ -87,7 +83,7 @@ def test_a_cell_has_the_published_number_of_nodes() -> None:
     }
 
 
-def test_a_cell_has_the_published_nodes() -> None:
+def test_a_cell_has_the_published_nodes():
     files = plan_documents(parse_floorplan(CELL))
     assert files["skeleton"]["@context"][0] == {
         "@base": "https://secorolab.github.io/models/floorplan/demo/",
@@ -152,7 +148,7 @@ def test_a_cell_has_the_published_nodes() -> None:
     }
 
 
-def test_an_opening_says_its_walls_depth_and_unit() -> None:
+def test_an_opening_says_its_walls_depth_and_unit():
     files = plan_documents(parse_floorplan(CELL + DOOR))
     opening = node(files["floorplan"], "door")
     assert (opening["voids"], opening["thickness"], opening["unit"]) == (["cell-wall-0"], 0.2, "M")
@@ -163,12 +159,12 @@ def test_an_opening_says_its_walls_depth_and_unit() -> None:
     assert node(files["spatial_relations"], "pose-entryway-door-frame-wrt-cell-wall-0-frame")
 
 
-def corners(element: str, numbers: range) -> list[str]:
+def corners(element, numbers):
     frame = f"entryway-{element}-frame"
     return [f"coord-position-{element}-corner-{k}-wrt-{frame}" for k in numbers]
 
 
-def test_things_with_one_name_get_identifiers_of_their_own() -> None:
+def test_things_with_one_name_get_identifiers_of_their_own():
     plan = parse_floorplan(ODD)
     document = plan_documents(plan)["floorplan"]
     ids = [n["@id"] for n in document["@graph"]]
@@ -176,12 +172,12 @@ def test_things_with_one_name_get_identifiers_of_their_own() -> None:
     assert {"hall", "column-hall", "plan-hall", "hall-pillar", "annex-pillar", "pillar"} <= set(ids)
 
 
-def written(plan: FloorPlan, folder: Path) -> Path:
+def written(plan, folder):
     return write_jsonld(plan, folder)[-1]
 
 
 @pytest.mark.parametrize("text", [CELL, CELL + DOOR, ODD], ids=["cell", "door", "odd"])
-def test_a_plan_comes_back_bit_by_bit(text: str, tmp_path: Path) -> None:
+def test_a_plan_comes_back_bit_by_bit(text, tmp_path):
     plan = parse_floorplan(text, "plan.fpm")
     for source in (written(plan, tmp_path), tmp_path):
         back = load_floorplan_jsonld(source)
@@ -191,7 +187,7 @@ def test_a_plan_comes_back_bit_by_bit(text: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["demo/flat", "ortega2024/building_c"])
-def test_a_campaigns_plan_comes_back_from_a_graph(campaigns: Path, name: str) -> None:
+def test_a_campaigns_plan_comes_back_from_a_graph(campaigns, name):
     plan = load_floorplan(campaigns / f"{name}.fpm")
     back, layers = decompose(compose(plan))
     assert back == plan
@@ -199,19 +195,19 @@ def test_a_campaigns_plan_comes_back_from_a_graph(campaigns: Path, name: str) ->
     assert [p.placement for p in back.spaces] == [p.placement for p in plan.spaces]
 
 
-def test_published_plans_come_back(reference_data: Path) -> None:
+def test_published_plans_come_back(reference_data):
     files = sorted(reference_data.rglob("*.fpm"))
     for file in [*files[:4], *files[4::20]]:
         plan = load_floorplan(file)
         assert decompose(compose(plan))[0] == plan, file.name
 
 
-def test_same_plan_same_bytes(tmp_path: Path) -> None:
+def test_same_plan_same_bytes(tmp_path):
     first = written(parse_floorplan(ODD, "a.fpm"), tmp_path / "one").read_bytes()
     assert first == written(parse_floorplan(ODD, "b.fpm"), tmp_path / "two").read_bytes()
 
 
-def old_fashioned(text: str) -> str:
+def old_fashioned(text):
     """Write a plan as the first tools did."""
     text = text.replace("secorolab.github.io/metamodels/floorplan/floorplan.json",
                         "hbrs-sesame.github.io/metamodels/floor-plan/floor-plan.json")  # fmt: skip
@@ -220,7 +216,7 @@ def old_fashioned(text: str) -> str:
                   text).replace('"RAD"', '"degrees"')  # fmt: skip
 
 
-def test_old_ways_of_writing_are_read_with_one_warning_each(tmp_path: Path) -> None:
+def test_old_ways_of_writing_are_read_with_one_warning_each(tmp_path):
     plan = parse_floorplan(ODD.replace("Column hall:", "Column post:"))
     file = written(plan, tmp_path)
     file.write_text(old_fashioned(file.read_text()))
@@ -234,7 +230,7 @@ def test_old_ways_of_writing_are_read_with_one_warning_each(tmp_path: Path) -> N
     assert [f.space for f in back.features] == [f.space for f in plan.features]
 
 
-def test_the_files_of_the_published_tool_are_read(tmp_path: Path) -> None:
+def test_the_files_of_the_published_tool_are_read(tmp_path):
     """It writes keys its contexts lack, openings without a unit, corners of columns without z."""
     plan = parse_floorplan(ODD.replace("Column hall:", "Column post:"))
     for name, document in plan_documents(plan).items():
@@ -254,7 +250,7 @@ def test_the_files_of_the_published_tool_are_read(tmp_path: Path) -> None:
     assert [d for d in check_jsonld(tmp_path) if d.severity is Severity.ERROR] == []
 
 
-def test_old_namespaces_are_read(tmp_path: Path) -> None:
+def test_old_namespaces_are_read(tmp_path):
     plan = parse_floorplan(CELL)
     document = plan_document(plan)
     old = "https://hbrs-sesame.github.io/metamodels/"
@@ -273,14 +269,14 @@ def test_old_namespaces_are_read(tmp_path: Path) -> None:
     assert len(outdated) == 3
 
 
-def test_a_context_nobody_knows_is_refused_without_looking_for_it(tmp_path: Path) -> None:
+def test_a_context_nobody_knows_is_refused_without_looking_for_it(tmp_path):
     file = tmp_path / "far.json"
     file.write_text('{"@context": "https://example.org/metamodels/floorplan.json", "@graph": []}')
     with pytest.raises(InputError, match="nothing is fetched"):
         load_floorplan_jsonld(file)
 
 
-def test_keys_no_context_knows_are_reported(tmp_path: Path) -> None:
+def test_keys_no_context_knows_are_reported(tmp_path):
     document = plan_document(parse_floorplan(CELL))
     node(document, "cell")["colour"] = "blue"
     file = tmp_path / "plan.json"
@@ -307,7 +303,7 @@ def test_keys_no_context_knows_are_reported(tmp_path: Path) -> None:
         (('"world-frame"', '"earth-frame"'), "no frame"),
     ],
 )
-def test_what_is_broken_is_said(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+def test_what_is_broken_is_said(change, message, tmp_path):
     file = written(parse_floorplan(CELL + DOOR), tmp_path)
     text = file.read_text()
     assert change[0] in text
@@ -325,12 +321,9 @@ VALUES = st.sampled_from(
 KEYS = st.sampled_from(["@id", "@type", "of", "x", "points", "@graph", "voids", "@reverse", "a:b"])
 
 
-@settings(
-    max_examples=20,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(st.data())
-def test_mutated_plans_give_diagnostics_and_nothing_else(data: st.DataObject) -> None:
+def test_mutated_plans_give_diagnostics_and_nothing_else(data):
     from grammars.jsonld import expand_text, read_plan, refuse_broken, replace_legacy_terms
 
     document = json.loads(json.dumps(NODES))
@@ -359,9 +352,7 @@ def test_mutated_plans_give_diagnostics_and_nothing_else(data: st.DataObject) ->
             assert error.diagnostics
 
 
-def test_without_shacl_the_rest_is_checked_and_that_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_shacl_the_rest_is_checked_and_that_is_said(tmp_path, monkeypatch):
     for name, document in plan_documents(parse_floorplan(ODD)).items():
         (tmp_path / f"{name}.json").write_text(json.dumps(document))
     monkeypatch.setitem(sys.modules, "pyshacl", None)

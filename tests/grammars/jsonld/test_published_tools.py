@@ -1,15 +1,11 @@
 """What we write is read by published tools: PyLD with its defaults, rdflib, scenery_builder."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import pytest
-from rdflib import Graph, URIRef
+from rdflib import URIRef
 
-from grammars.floorplan import FloorPlan, load_floorplan, parse_floorplan
+from grammars.floorplan import load_floorplan, parse_floorplan
 from grammars.jsonld import (
     expand,
     load_floorplan_jsonld,
@@ -56,7 +52,7 @@ Entryway lobby_doorway:
 """
 
 
-def documents() -> dict[str, Any]:
+def documents():
     """Return everything an export writes, of a plan with doors and a table."""
     plan, objects = two_rooms(), layer(DOORS)
     return {
@@ -71,19 +67,19 @@ DOCUMENTS = documents()
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_pyld_reads_by_its_defaults_what_we_write(name: str) -> None:
+def test_pyld_reads_by_its_defaults_what_we_write(name):
     data = json.loads(json.dumps(DOCUMENTS[name]))
     assert sum(isinstance(part, str) for part in data["@context"]) <= LIMIT
     assert said(by_pyld(data)) == said(graph_of(expand(data, f"{name}.json")))
 
 
 @pytest.mark.parametrize("name", ["coordinate", "plan", "objects"])
-def test_rdflib_loses_nothing_of_what_we_write(name: str) -> None:
+def test_rdflib_loses_nothing_of_what_we_write(name):
     data = json.loads(json.dumps(DOCUMENTS[name]))
     assert said(by_rdflib(data)) == said(by_pyld(data))
 
 
-def test_a_plan_that_scenery_builder_made_compact_is_read(tmp_path: Path) -> None:
+def test_a_plan_that_scenery_builder_made_compact_is_read(tmp_path):
     """One file, its identifiers with the name of the plan in front, and in an order of its own."""
     plan = two_rooms()
     file = tmp_path / "floorplan.fpm.json"
@@ -95,9 +91,9 @@ def test_a_plan_that_scenery_builder_made_compact_is_read(tmp_path: Path) -> Non
         assert world_corners(back)[name] == pytest.approx(corner, abs=1e-9), name
 
 
-def world_corners(plan: FloorPlan) -> dict[str, tuple[float, float, float]]:
+def world_corners(plan):
     """Return the corners of spaces, walls, features and openings by their published name."""
-    found: dict[str, tuple[float, float, float]] = {}
+    found = {}
     for space in plan.spaces:
         found |= {f"{space.name}-corner-{k}": (*p, 0.0) for k, p in enumerate(space.outline)}
     solids = [(wall.id, wall.footprint, wall.height) for wall in plan.walls]
@@ -111,7 +107,7 @@ def world_corners(plan: FloorPlan) -> dict[str, tuple[float, float, float]]:
 
 
 @pytest.mark.parametrize("text", [BY_WALLS, None, "odd"], ids=["by walls", "two rooms", "odd"])
-def test_poses_walked_by_their_names_lead_to_the_world(text: str | None) -> None:
+def test_poses_walked_by_their_names_lead_to_the_world(text):
     # A pose that is tilted is beyond the published tool, which knows turns about z only.
     odd = ODD.replace(" rotation: y: 3 deg", "").replace("Column hall:", "Column post:")
     odd = odd.replace("Entryway pillar", "Entryway passage")
@@ -123,7 +119,7 @@ def test_poses_walked_by_their_names_lead_to_the_world(text: str | None) -> None
         assert walked[name] == pytest.approx(corner, abs=1e-9), name
 
 
-def test_objects_have_their_pose_in_the_world() -> None:
+def test_objects_have_their_pose_in_the_world():
     """From rooms that are placed by a wall at their side, scenery_builder loses the way to it."""
     plan, objects = two_rooms(), layer(DOORS)
     graph = by_pyld(objects_document(plan, [objects]))
@@ -142,7 +138,7 @@ def test_objects_have_their_pose_in_the_world() -> None:
         assert found[name] == pytest.approx(pose, abs=1e-8)
 
 
-def test_near_faces_are_level_to_the_last_digit(campaigns: Path) -> None:
+def test_near_faces_are_level_to_the_last_digit(campaigns):
     """The published mesh generator tells the near face of an opening by ``y == 0.0``."""
     plan = load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
     numbers = {node["@id"]: node for node in plan_documents(plan)["coordinate"]["@graph"]}
@@ -153,7 +149,7 @@ def test_near_faces_are_level_to_the_last_digit(campaigns: Path) -> None:
             assert near["y"] == 0.0
 
 
-def test_bodies_have_what_a_model_for_gazebo_is_made_of() -> None:
+def test_bodies_have_what_a_model_for_gazebo_is_made_of():
     """A frame first among the simplices, moments, one shape for each view, a material."""
     data = json.loads(json.dumps(DOCUMENTS["objects"]))
     frames = {node["@id"] for node in data["@graph"] if "Frame" in node["@type"]}
@@ -170,9 +166,9 @@ def test_bodies_have_what_a_model_for_gazebo_is_made_of() -> None:
             assert float(str(graph.value(inertia, URIRef(DYN[moment])))) > 0.0
 
 
-def test_identifiers_carry_the_words_published_tools_look_for() -> None:
+def test_identifiers_carry_the_words_published_tools_look_for():
     """Prefixes of four letters, ``pose`` in poses, the kind in frames of openings."""
-    graph: Graph = by_pyld(DOCUMENTS["plan"]) + by_pyld(DOCUMENTS["objects"])
+    graph = by_pyld(DOCUMENTS["plan"]) + by_pyld(DOCUMENTS["objects"])
     poses = set(graph.objects(None, URIRef(COORD["of-pose"])))
     assert poses
     assert all("pose" in str(pose) for pose in poses)

@@ -1,20 +1,15 @@
 """Scenery as JSON-LD: objects others wrote, and our own layers back from a composed graph."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.floorplan import FloorPlan, load_floorplan
+from grammars.floorplan import load_floorplan
 from grammars.jsonld import (
     check_jsonld,
     compose,
@@ -23,28 +18,25 @@ from grammars.jsonld import (
     scenery_document,
     validate,
 )
-from grammars.model.scene import Scene
-from grammars.scenery import SceneryLayer, load_scenery
+from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
-from grammars.text.diagnostics import Diagnostic, InputError, Severity
+from grammars.text.diagnostics import InputError, Severity
 from tests.grammars.jsonld.samples import document, hinged_door, table, two_leaves
 from tests.grammars.plans import layer, two_rooms
 
 
 @pytest.fixture(scope="module")
-def building(campaigns: Path) -> FloorPlan:
+def building(campaigns):
     return load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
 
 
-def saved(folder: Path, nodes: list[dict[str, Any]]) -> Path:
+def saved(folder, nodes):
     file = folder / "door.jsonld"
     file.write_text(json.dumps(document(nodes), indent=1))
     return file
 
 
-def test_a_published_door_stands_where_the_reference_puts_it(
-    building: FloorPlan, tmp_path: Path
-) -> None:
+def test_a_published_door_stands_where_the_reference_puts_it(building, tmp_path):
     door = load_scenery_jsonld(saved(tmp_path, hinged_door()))
     scene = compile_scene(building, [door])
     (placed,) = scene.objects
@@ -60,7 +52,7 @@ def test_a_published_door_stands_where_the_reference_puts_it(
     assert validate(compose(building, [door])) == ()
 
 
-def test_two_leaves_slide_apart(tmp_path: Path) -> None:
+def test_two_leaves_slide_apart(tmp_path):
     (lift,) = load_scenery_jsonld(saved(tmp_path, two_leaves())).models
     left, right = lift.joints
     assert (left.parent, left.child, left.axis) == ("rail", "left", (1.0, 0.0))
@@ -70,19 +62,19 @@ def test_two_leaves_slide_apart(tmp_path: Path) -> None:
     assert (panel.z_min, panel.z_max) == pytest.approx((0.035, 1.975))
 
 
-def test_a_table_has_no_moving_joint(tmp_path: Path) -> None:
+def test_a_table_has_no_moving_joint(tmp_path):
     (model,) = load_scenery_jsonld(saved(tmp_path, table())).models
     assert model.joints == ()
     assert [link.name for link in model.links] == ["top", "leg"]
     assert model.links[1].polygons[0][0] == (0.34, 0.74)
 
 
-def without(nodes: list[dict[str, Any]], id: str) -> list[dict[str, Any]]:
+def without(nodes, id):
     assert any(node["@id"] == id for node in nodes)
     return [node for node in nodes if node["@id"] != id]
 
 
-def changed(nodes: list[dict[str, Any]], id: str, **other: Any) -> list[dict[str, Any]]:
+def changed(nodes, id, **other):
     assert any(node["@id"] == id for node in nodes)
     return [node | other if node["@id"] == id else node for node in nodes]
 
@@ -131,9 +123,7 @@ LIMIT = {"of-joint": "door:hinge", "unit": "RAD", "value": -1.0}
         ),
     ],
 )
-def test_what_is_wrong_with_an_object_is_said(
-    nodes: list[dict[str, Any]], message: str, tmp_path: Path
-) -> None:
+def test_what_is_wrong_with_an_object_is_said(nodes, message, tmp_path):
     file = saved(tmp_path, nodes)
     found = [d for d in check_jsonld(file) if message in str(d)]
     assert found, check_jsonld(file)
@@ -143,13 +133,13 @@ def test_what_is_wrong_with_an_object_is_said(
         load_scenery_jsonld(file)
 
 
-def test_values_without_the_type_quantity_are_read_with_a_warning(tmp_path: Path) -> None:
+def test_values_without_the_type_quantity_are_read_with_a_warning(tmp_path):
     nodes = hinged_door()
     for node in nodes:
         if "value" in node:
             node["@type"].remove("Quantity")
     file = saved(tmp_path, nodes)
-    warnings: list[Diagnostic] = []
+    warnings = []
     (joint,) = load_scenery_jsonld(file, warnings).models[0].joints
     assert (joint.lower, joint.upper) == (0.0, 1.9)
     for found in (warnings, check_jsonld(file)):
@@ -157,7 +147,7 @@ def test_values_without_the_type_quantity_are_read_with_a_warning(tmp_path: Path
         assert [d.severity for d in warned] == [Severity.WARNING]
 
 
-def test_states_typed_as_limits_are_not_limits(tmp_path: Path) -> None:
+def test_states_typed_as_limits_are_not_limits(tmp_path):
     nodes = changed(hinged_door(), "door:ajar-angle", **{"@type": LEAF_TYPES})
     file = saved(tmp_path, nodes)
     (joint,) = load_scenery_jsonld(file).models[0].joints
@@ -165,7 +155,7 @@ def test_states_typed_as_limits_are_not_limits(tmp_path: Path) -> None:
     assert any("typed JointLowerLimit" in d.message for d in check_jsonld(file))
 
 
-def test_poses_are_read_against_their_direction(building: FloorPlan, tmp_path: Path) -> None:
+def test_poses_are_read_against_their_direction(building, tmp_path):
     nodes = without(without(hinged_door(), "door:here-placed"), "door:here-placed-numbers")
     wall = "fpm:left_long_corridor-wall-1-frame"
     # The wall seen from the door, the inverse of (20.5, 0.1, -90 deg).
@@ -195,7 +185,7 @@ CAMPAIGNS = {
 
 
 @pytest.mark.parametrize("folder", CAMPAIGNS)
-def test_campaigns_come_back_from_a_graph(campaigns: Path, folder: str) -> None:
+def test_campaigns_come_back_from_a_graph(campaigns, folder):
     name, *names = CAMPAIGNS[folder]
     plan = load_floorplan(campaigns / folder / f"{name}.fpm")
     layers = [load_scenery(campaigns / folder / f"{n}.scenery") for n in names]
@@ -206,12 +196,12 @@ def test_campaigns_come_back_from_a_graph(campaigns: Path, folder: str) -> None:
     assert behaviours(there, back) == behaviours(here, layers)
 
 
-def behaviours(scene: Scene, layers: Sequence[SceneryLayer]) -> Any:
+def behaviours(scene, layers):
     seed = np.random.SeedSequence(3)
     return resolve_behaviours(scene, layers, seed=seed, limit=600.0).behaviours
 
 
-def test_a_layer_comes_back_from_a_file(campaigns: Path, tmp_path: Path) -> None:
+def test_a_layer_comes_back_from_a_file(campaigns, tmp_path):
     plan = load_floorplan(campaigns / "demo" / "flat.fpm")
     doors = load_scenery(campaigns / "demo" / "doors.scenery")
     mood = load_scenery(campaigns / "demo" / "doors_in_your_face.scenery")
@@ -225,9 +215,7 @@ def test_a_layer_comes_back_from_a_file(campaigns: Path, tmp_path: Path) -> None
     assert compile_scene(plan, back).digest == compile_scene(plan, [doors, mood]).digest
 
 
-def test_graphs_that_do_not_say_how_key_frames_are_ordered_are_read(
-    campaigns: Path, tmp_path: Path
-) -> None:
+def test_graphs_that_do_not_say_how_key_frames_are_ordered_are_read(campaigns, tmp_path):
     plan = load_floorplan(campaigns / "demo" / "flat.fpm")
     doors, moving = (
         load_scenery(campaigns / "demo" / f"{name}.scenery") for name in ("doors", "doors_moving")
@@ -270,7 +258,7 @@ bert walks along (0 m, 0 m) of hall, (0.5 m, 1 m) of kitchen, when anna starts t
 """
 
 
-def test_everything_scenery_can_say_comes_back() -> None:
+def test_everything_scenery_can_say_comes_back():
     plan, lively = two_rooms(), layer(LIVELY)
     graph = compose(plan, [lively])
     assert validate(graph) == ()
@@ -283,7 +271,7 @@ def test_everything_scenery_can_say_comes_back() -> None:
     assert behaviours(there, [back]) == behaviours(here, [lively])
 
 
-def test_a_door_that_hangs_the_other_way_is_published_as_its_mirror_image() -> None:
+def test_a_door_that_hangs_the_other_way_is_published_as_its_mirror_image():
     plan = two_rooms()
     doors = layer("way is a hinged_door in kitchen_doorway, hinge left, opening inwards\n")
     graph = compose(plan, [doors])
@@ -292,7 +280,7 @@ def test_a_door_that_hangs_the_other_way_is_published_as_its_mirror_image() -> N
         "SELECT ?x ?yaw ?image WHERE { item:way obj:frame ?f ; obj:of-object ?image . "
         "?p geom-rel:of ?f . ?c geom-coord:of-pose ?p ; geom-coord:x ?x ; geom-coord:alpha ?yaw }"
     )
-    ((x, yaw, image),) = [tuple(map(str, row)) for row in rows]  # type: ignore[union-attr]
+    ((x, yaw, image),) = [tuple(map(str, row)) for row in rows]
     scene = compile_scene(plan, [doors])
     hall = next(s for s in plan.spaces if s.name == "hall")
     local = hall.walls[0].frame.inverse() @ scene.objects[0].pose
@@ -300,7 +288,7 @@ def test_a_door_that_hangs_the_other_way_is_published_as_its_mirror_image() -> N
     assert image.endswith(".mirrored") == scene.objects[0].mirrored
 
 
-def test_a_graph_tells_which_behaviours_are_about_a_door() -> None:
+def test_a_graph_tells_which_behaviours_are_about_a_door():
     text = "way is a hinged_door in kitchen_doorway, hinge left, opening inwards\n"
     mood = layer("every hinged_door stays open\n", "mood", models=False)
     graph = compose(two_rooms(), [layer(text), mood])
@@ -315,9 +303,8 @@ VALUES = st.sampled_from(
 )  # fmt: skip
 
 
-@settings(max_examples=20)
 @given(st.data())
-def test_mutated_scenery_gives_diagnostics_and_nothing_else(data: st.DataObject) -> None:
+def test_mutated_scenery_gives_diagnostics_and_nothing_else(data):
     from grammars.jsonld import expand, read_layers, refuse_broken, replace_legacy_terms
 
     mutated = json.loads(json.dumps(SCENERY))

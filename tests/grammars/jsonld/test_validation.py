@@ -1,10 +1,6 @@
 """Validation after composition: SHACL, and what SHACL cannot say."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import pytest
 from rdflib import RDF, Literal, URIRef
@@ -49,14 +45,14 @@ Space west:
         ("ortega2024", ("building_c", "doors", "doors_random")),
     ],
 )
-def test_campaigns_are_valid(campaigns: Path, folder: str, names: tuple[str, ...]) -> None:
+def test_campaigns_are_valid(campaigns, folder, names):
     plan = load_floorplan(campaigns / folder / f"{names[0]}.fpm")
     layers = [load_scenery(campaigns / folder / f"{name}.scenery") for name in names[1:]]
     assert check_composition(plan, layers) == ()
     assert validate(compose(plan, layers)) == ()
 
 
-def test_one_divider_in_several_rooms_is_found(tmp_path: Path) -> None:
+def test_one_divider_in_several_rooms_is_found(tmp_path):
     """Five dividers with the same names in four spaces send the published tools 50 m astray."""
     document = plan_document(parse_floorplan(SCREENS))
     assert "east-screen" in json.dumps(document)
@@ -69,7 +65,7 @@ def test_one_divider_in_several_rooms_is_found(tmp_path: Path) -> None:
     assert any("<space>-<name>" in text for text in found)
 
 
-def graph_with_door() -> Any:
+def graph_with_door():
     return compose(two_rooms(), [layer(DOORS)])
 
 
@@ -100,9 +96,7 @@ def graph_with_door() -> Any:
         (f"{PLAN}hall-wall-2-frame", RDF.type, None, "which does not exist"),
     ],
 )
-def test_faults_of_a_composed_graph_are_found(
-    subject: str, predicate: str, value: Any, message: str
-) -> None:
+def test_faults_of_a_composed_graph_are_found(subject, predicate, value, message):
     graph = graph_with_door()
     place = (URIRef(subject), URIRef(predicate))
     if value is None:
@@ -114,7 +108,7 @@ def test_faults_of_a_composed_graph_are_found(
     assert any(message in text for text in found), found
 
 
-def test_faults_are_reported_where_the_text_is() -> None:
+def test_faults_are_reported_where_the_text_is():
     graph = graph_with_door()
     limit = URIRef(f"{ITEM}hinged_door.joint.hinge.upper")
     graph.set((limit, URIRef(QUDT["value"]), Literal(-1.0)))
@@ -123,7 +117,7 @@ def test_faults_are_reported_where_the_text_is() -> None:
     assert found == {("objects.scenery", True), ("two_rooms.fpm", True)}
 
 
-def test_frames_of_nowhere_are_found() -> None:
+def test_frames_of_nowhere_are_found():
     graph = graph_with_door()
     pose = URIRef(f"{ITEM}way.frame.pose")
     graph.remove((pose, None, None))
@@ -132,7 +126,7 @@ def test_frames_of_nowhere_are_found() -> None:
     assert "instance way is not connected to the world" in found
 
 
-def test_a_loop_of_poses_is_found() -> None:
+def test_a_loop_of_poses_is_found():
     graph = graph_with_door()
     extra = URIRef(f"{PLAN}again")
     graph.add((extra, RDF.type, URIRef(REL["Pose"])))
@@ -142,14 +136,14 @@ def test_a_loop_of_poses_is_found() -> None:
     assert any("kitchen-wall-1-frame is placed 2 times" in message for message in found)
 
 
-def test_a_broken_list_is_found_and_not_followed() -> None:
+def test_a_broken_list_is_found_and_not_followed():
     graph = graph_with_door()
     head = graph.value(URIRef(f"{PLAN}hall"), URIRef(FP["walls"]))
     graph.set((head, RDF.rest, head))
     assert any("list of the graph is broken" in d.message for d in validate(graph))
 
 
-def test_a_graph_that_went_through_n_triples_is_the_same_scene() -> None:
+def test_a_graph_that_went_through_n_triples_is_the_same_scene():
     from rdflib import Graph
 
     plan, doors = two_rooms(), layer(DOORS)
@@ -159,7 +153,7 @@ def test_a_graph_that_went_through_n_triples_is_the_same_scene() -> None:
     assert [i.name for i in back[0].instances] == ["way"]
 
 
-def test_the_structural_rules_are_those_of_the_shapes() -> None:
+def test_the_structural_rules_are_those_of_the_shapes():
     """After a change of the shapes: ``python -m grammars.jsonld.rdf``."""
     from grammars.jsonld._references import REFERENCES_FILE
     from grammars.jsonld.rdf import references_text

@@ -1,10 +1,5 @@
 """A hut as a walls layer, for tests of what is made of one."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
-from grammars.floorplan import FloorPlan
 from grammars.maps import load_walls
 
 HUT = """\
@@ -38,7 +33,7 @@ object door
 """
 
 
-def hut(folder: Path, *changes: tuple[str, str]) -> FloorPlan:
+def hut(folder, *changes):
     """Return the hut, with some of its words replaced by others."""
     text = HUT
     for old, new in changes:

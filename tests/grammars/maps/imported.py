@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from grammars.floorplan import FloorPlan
-from grammars.maps import ImportedMap, ImportSettings, load_walls, vectorise, walls_text
-from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid
+from grammars.maps import ImportedMap, load_walls, vectorise, walls_text
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid
 
@@ -27,12 +25,7 @@ class Comparison:
     astray: int
 
 
-def compared(
-    grid: OccupancyGrid,
-    folder: Path,
-    rule: MapRule = "centre",
-    settings: ImportSettings | None = None,
-) -> Comparison:
+def compared(grid, folder, rule="centre", settings=None):
     """Import a map, write and read the layer, draw its map, and hold it beside the first."""
     made = vectorise(grid, settings)
     file = folder / "made.walls.yaml"
@@ -50,7 +43,7 @@ def compared(
     return Comparison(made, plan, float(other.mean()), int((other & ~near).sum()))
 
 
-def sampled(drawn: OccupancyGrid, like: OccupancyGrid) -> npt.NDArray[np.int8]:
+def sampled(drawn, like):
     """Return what a map says in the centres of the cells of another one."""
     rows, columns = like.cells.shape
     x = like.x + (np.arange(columns) + 0.5) * like.resolution
@@ -66,15 +59,14 @@ def sampled(drawn: OccupancyGrid, like: OccupancyGrid) -> npt.NDArray[np.int8]:
     return found
 
 
-def within_a_cell(cells: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def within_a_cell(cells):
     """Return the cells and the eight around each."""
     wide = np.pad(cells, 1)
     upright = wide[:-2] | wide[1:-1] | wide[2:]
-    near: npt.NDArray[np.bool_] = upright[:, :-2] | upright[:, 1:-1] | upright[:, 2:]
-    return near
+    return upright[:, :-2] | upright[:, 1:-1] | upright[:, 2:]
 
 
-def painted(rows: int, columns: int, *rectangles: tuple[int, int, int, int, int]) -> OccupancyGrid:
+def painted(rows, columns, *rectangles):
     """Return an unknown map with (row, column, rows, columns, value) painted on it, in order."""
     cells = np.full((rows, columns), UNKNOWN, dtype=np.int8)
     for row, column, height, width, value in rectangles:
@@ -82,7 +74,7 @@ def painted(rows: int, columns: int, *rectangles: tuple[int, int, int, int, int]
     return OccupancyGrid(CELL, -1.0, -2.0, cells)
 
 
-def hexagon_world() -> OccupancyGrid:
+def hexagon_world():
     """Draw a hexagon with nine columns in it, as the world of TurtleBot3 has them."""
     row, column = np.mgrid[0:110, 0:110]
     x, y = (column - 54.5) * CELL, (row - 54.5) * CELL
@@ -97,7 +89,7 @@ def hexagon_world() -> OccupancyGrid:
     return OccupancyGrid(CELL, -2.75, -2.75, cells)
 
 
-def house() -> OccupancyGrid:
+def house():
     """Draw three rooms and a corridor with walls of two cells and three doors of 0.9 m."""
     free, wall = FREE, OCCUPIED
     return painted(
@@ -115,7 +107,7 @@ def house() -> OccupancyGrid:
     )
 
 
-def measured(grid: OccupancyGrid, seed: int = 1) -> OccupancyGrid:
+def measured(grid, seed=1):
     """Return a map as SLAM would have it: walls are ragged, and some cells were never seen."""
     drawn = np.random.default_rng(seed)
     cells = grid.cells.copy()

@@ -1,17 +1,12 @@
 """Buildings from DXF drawings, which ezdxf writes here as architects' programs do."""
 
-from __future__ import annotations
-
 import math
 import os
-from collections.abc import Callable
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-from grammars.maps import DrawingSettings, DrawnBuilding, load_walls, read_drawing, walls_text
+from grammars.maps import DrawingSettings, load_walls, read_drawing, walls_text
 from grammars.text.diagnostics import InputError
 from grammars.text.extras import MissingExtraError
 
@@ -19,24 +14,24 @@ from grammars.text.extras import MissingExtraError
 pytestmark = pytest.mark.skipif(find_spec("ezdxf") is None, reason="needs the extra import")
 
 Line = tuple[float, float, float, float]
-OUTER: list[Line] = [
+OUTER = [
     *[(0, 0, 1, 0), (2, 0, 10, 0), (10, 0, 10, 6), (10, 6, 0, 6), (0, 6, 0, 0)],
     *[(0.3, 0.3, 1, 0.3), (2, 0.3, 9.7, 0.3), (9.7, 0.3, 9.7, 5.7)],
     *[(9.7, 5.7, 6.15, 5.7), (6, 5.7, 0.3, 5.7), (0.3, 5.7, 0.3, 0.3)],
 ]
 """Two lines 30 cm apart, open between x 1 m and 2 m, where nobody drew the jambs."""
-INNER: list[Line] = [
+INNER = [
     *[(6, 5.7, 6, 2.9), (6, 2.9, 6.15, 2.9), (6.15, 2.9, 6.15, 5.7)],
     *[(6, 0.3, 6, 2.0), (6, 2.0, 6.15, 2.0), (6.15, 2.0, 6.15, 0.3)],
 ]
 """A wall 15 cm thick between x 6 m and 6.15 m, with a gap of 90 cm."""
-SINGLE: list[Line] = [(6.15, 3.5, 9.7, 3.5)]
+SINGLE = [(6.15, 3.5, 9.7, 3.5)]
 """One line, and a door that is drawn across it."""
 DOORS = [(6.0, 2.0, 90.0, 1.0), (7.5, 3.5, 0.0, 1.0), (1.0, 0.3, 0.0, 1 / 0.9)]
 """Hinge, turn and scale of blocks 90 cm wide."""
 
 
-def draw(path: Path, *, unit: int = 4, scale: float = 1000.0, at: float = 0.0) -> Any:
+def draw(path, *, unit=4, scale=1000.0, at=0.0):
     """Return a drawing of a house with three rooms, three doors and a column; saved by ``path``."""
     import ezdxf
 
@@ -63,7 +58,7 @@ def draw(path: Path, *, unit: int = 4, scale: float = 1000.0, at: float = 0.0) -
     return drawing
 
 
-def gaps(building: DrawnBuilding) -> list[tuple[tuple[float, ...], float]]:
+def gaps(building):
     """Return start and end of every entryway in centimetres, and the depth of its wall [m]."""
     return [
         (tuple(round(100 * v) for v in (*door.start, *door.end)), round(door.depth, 3))
@@ -72,13 +67,13 @@ def gaps(building: DrawnBuilding) -> list[tuple[tuple[float, ...], float]]:
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> DrawnBuilding:
+def house(tmp_path_factory):
     path = tmp_path_factory.mktemp("house") / "My house.dxf"
     draw(path)
     return read_drawing(path)
 
 
-def test_walls_rooms_and_doorways_are_found(house: DrawnBuilding, tmp_path: Path) -> None:
+def test_walls_rooms_and_doorways_are_found(house, tmp_path):
     assert house.name == "My_house"
     assert gaps(house) == [
         # Leaves swing to the right of the way: west, north and north.
@@ -107,34 +102,32 @@ def test_walls_rooms_and_doorways_are_found(house: DrawnBuilding, tmp_path: Path
     ]
 
 
-def bounds(ring: Any) -> tuple[float, float, float, float]:
+def bounds(ring):
     xs, ys = zip(*ring, strict=True)
     return min(xs), min(ys), max(xs), max(ys)
 
 
-def round_cm(value: float) -> int:
+def round_cm(value):
     return round(100 * value)
 
 
 @pytest.mark.parametrize(
     ("unit", "scale", "given"), [(6, 1.0, ""), (1, 1 / 0.0254, ""), (0, 100.0, "cm"), (4, 1.0, "m")]
 )
-def test_units_are_those_of_the_file_or_given(
-    unit: int, scale: float, given: str, house: DrawnBuilding, tmp_path: Path
-) -> None:
+def test_units_are_those_of_the_file_or_given(unit, scale, given, house, tmp_path):
     draw(tmp_path / "house.dxf", unit=unit, scale=scale)
     assert gaps(read_drawing(tmp_path / "house.dxf", DrawingSettings(unit=given))) == gaps(house)
 
 
-def test_coordinates_of_a_country_are_moved(house: DrawnBuilding, tmp_path: Path) -> None:
+def test_coordinates_of_a_country_are_moved(house, tmp_path):
     draw(tmp_path / "house.dxf", unit=6, scale=1.0, at=5_600_000.0)
     moved = read_drawing(tmp_path / "house.dxf")
     assert gaps(moved) == gaps(house)
     assert "was moved by (-5.6e+06 m, -5.6e+06 m)" in moved.warnings[0].message
 
 
-def spoil(change: Callable[[Any], object]) -> Callable[[Path], None]:
-    def made(path: Path) -> None:
+def spoil(change):
+    def made(path):
         drawing = draw(path)
         change(drawing)
         drawing.saveas(path)
@@ -142,7 +135,7 @@ def spoil(change: Callable[[Any], object]) -> Callable[[Path], None]:
     return made
 
 
-def leave_open(drawing: Any) -> None:
+def leave_open(drawing):
     """Leave a hut of one line with two gaps."""
     space = drawing.modelspace()
     space.delete_all_entities()
@@ -170,15 +163,13 @@ def leave_open(drawing: Any) -> None:
         (spoil(lambda d: d.modelspace().delete_all_entities()), {}, "it holds no lines"),
     ],
 )  # fmt: skip
-def test_what_is_no_building_is_refused_with_a_remedy(
-    make: Callable[[Path], object], settings: dict[str, Any], message: str, tmp_path: Path
-) -> None:
+def test_what_is_no_building_is_refused_with_a_remedy(make, settings, message, tmp_path):
     make(tmp_path / "house.dxf")
     with pytest.raises(InputError, match=message):
         read_drawing(tmp_path / "house.dxf", DrawingSettings(**settings))
 
 
-def test_arcs_of_walls_are_flattened_within_a_tolerance(tmp_path: Path) -> None:
+def test_arcs_of_walls_are_flattened_within_a_tolerance(tmp_path):
     import ezdxf
 
     drawing = ezdxf.new("R2010", units=6)
@@ -198,7 +189,7 @@ def test_arcs_of_walls_are_flattened_within_a_tolerance(tmp_path: Path) -> None:
     assert len(room.area.outline) < 100
 
 
-def test_blocks_are_looked_into_and_windows_close_walls(tmp_path: Path) -> None:
+def test_blocks_are_looked_into_and_windows_close_walls(tmp_path):
     import ezdxf
 
     drawing = ezdxf.new("R2010", units=6)
@@ -206,7 +197,7 @@ def test_blocks_are_looked_into_and_windows_close_walls(tmp_path: Path) -> None:
     window = drawing.blocks.new("Window_1200")
     window.add_line((0, 0), (1.2, 0))
     window.add_line((0, 0.2), (1.2, 0.2))
-    rows: list[Line] = [(0, 0, 1, 0), (2.2, 0, 5, 0), (0.2, 0.2, 1, 0.2), (2.2, 0.2, 4.8, 0.2)]
+    rows = [(0, 0, 1, 0), (2.2, 0, 5, 0), (0.2, 0.2, 1, 0.2), (2.2, 0.2, 4.8, 0.2)]
     for x0, y0, x1, y1 in rows:
         storey.add_line((x0, y0), (x1, y1), dxfattribs={"layer": "WALLS"})
     rest = [(5, 0), (5, 4), (0, 4), (0, 0)], [(4.8, 0.2), (4.8, 3.8), (0.2, 3.8), (0.2, 0.2)]
@@ -225,7 +216,7 @@ def test_blocks_are_looked_into_and_windows_close_walls(tmp_path: Path) -> None:
     assert [corners for corners, _ in gaps(found)] == [(1490, 1200, 1490, 1280)]
 
 
-def test_doors_beside_walls_are_told(tmp_path: Path) -> None:
+def test_doors_beside_walls_are_told(tmp_path):
     drawing = draw(tmp_path / "house.dxf")
     drawing.modelspace().add_blockref("Door_90", (4000, 1500))
     drawing.saveas(tmp_path / "house.dxf")
@@ -233,9 +224,7 @@ def test_doors_beside_walls_are_told(tmp_path: Path) -> None:
     assert 'the block "Door_90" at [4.00, 1.50] lies in no wall' in said
 
 
-def test_without_the_extra_it_is_said_what_installs_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_extra_it_is_said_what_installs_it(tmp_path, monkeypatch):
     draw(tmp_path / "house.dxf")
     monkeypatch.setitem(__import__("sys").modules, "ezdxf", None)
     with pytest.raises(MissingExtraError, match=r"scenario-tui\[import\]"):

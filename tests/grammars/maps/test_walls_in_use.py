@@ -1,11 +1,8 @@
 """What is made of a walls layer: scenes with doors, maps, artefacts, campaigns, JSON-LD."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +11,11 @@ from shapely.geometry import Polygon
 
 from daemon.analysis.coverage import room_cells
 from daemon.campaign import examine, load_campaign
-from grammars.floorplan import FloorPlan
 from grammars.jsonld import check_jsonld, load_floorplan_jsonld, plan_document
 from grammars.maps import load_walls
 from grammars.model.free_space import FreeSpace
 from grammars.model.geometry import Pose2
-from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN
 from grammars.model.scene import Region, Scene
 from grammars.preflight import check_scene
 from grammars.scenery import parse_scenery
@@ -36,16 +32,16 @@ from tests.grammars.maps.houses import DOOR, HUT, hut
 
 
 @pytest.fixture(scope="module")
-def plan(tmp_path_factory: pytest.TempPathFactory) -> FloorPlan:
+def plan(tmp_path_factory):
     return hut(tmp_path_factory.mktemp("hut"))
 
 
 @pytest.fixture(scope="module")
-def scene(plan: FloorPlan) -> Scene:
+def scene(plan):
     return compile_scene(plan)
 
 
-def test_walls_become_convex_pieces_that_cover_them(plan: FloorPlan, scene: Scene) -> None:
+def test_walls_become_convex_pieces_that_cover_them(plan, scene):
     walls = shapely.union_all([Polygon(f.footprint, f.holes) for f in plan.features])
     pieces = [Polygon(solid.polygon) for solid in scene.solids]
     assert shapely.union_all(pieces).symmetric_difference(walls).area < 1e-6
@@ -62,7 +58,7 @@ def test_walls_become_convex_pieces_that_cover_them(plan: FloorPlan, scene: Scen
     assert check_scene(scene) == ()
 
 
-def test_jagged_walls_of_many_corners_are_cut_in_pieces(plan: FloorPlan) -> None:
+def test_jagged_walls_of_many_corners_are_cut_in_pieces(plan):
     random = np.random.default_rng(3)
     holes = []
     for k in range(12):
@@ -81,7 +77,7 @@ def test_jagged_walls_of_many_corners_are_cut_in_pieces(plan: FloorPlan) -> None
     assert len(pieces) < 1200
 
 
-def test_holes_count_in_digests_only_where_there_are_some(scene: Scene) -> None:
+def test_holes_count_in_digests_only_where_there_are_some(scene):
     assert "holes" not in codec.to_plain(Region("room", ((0, 0), (1, 0), (1, 1))))
     assert [("holes" in region) for region in codec.to_plain(scene)["regions"]] == [True, False]
     assert codec.from_json(Scene, codec.to_json(scene), exactly=True) == scene
@@ -98,7 +94,7 @@ def test_holes_count_in_digests_only_where_there_are_some(scene: Scene) -> None:
         ("hinge left, opening into kitchen", 1.0, "kitchen"),
     ],
 )
-def test_doors_hang_in_gaps(words: str, hinge: float, tip: str, plan: FloorPlan) -> None:
+def test_doors_hang_in_gaps(words, hinge, tip, plan):
     layer = parse_scenery(f"{DOOR}\nfront is a door in gap, {words}", "doors.scenery")
     scene = compile_scene(plan, [layer])
     (door,) = scene.objects
@@ -114,7 +110,7 @@ def test_doors_hang_in_gaps(words: str, hinge: float, tip: str, plan: FloorPlan)
     assert [d for d in check_scene(scene) if "starts inside" in d.message] == []
 
 
-def test_a_space_on_both_sides_of_a_gap_is_no_way_to_open(tmp_path: Path) -> None:
+def test_a_space_on_both_sides_of_a_gap_is_no_way_to_open(tmp_path):
     around = [[0, 0], [10, 0], [10, 4], [0, 4]]
     text = f"walls: one\nspaces:\n  office: {{outline: {around}}}\nstanding:\n"
     text += "  - outline: [[5, 0], [5.2, 0], [5.2, 1], [5, 1]]\n"
@@ -130,12 +126,10 @@ def test_a_space_on_both_sides_of_a_gap_is_no_way_to_open(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("rule", ["outline", "touch", "centre"])
-def test_holes_are_unknown_on_maps_unless_something_stands_there(
-    rule: MapRule, scene: Scene
-) -> None:
+def test_holes_are_unknown_on_maps_unless_something_stands_there(rule, scene):
     grid = occupancy_grid(scene, laser_height=0.3, rule=rule)
 
-    def at(x: float, y: float) -> int:
+    def at(x, y):
         row, column = ((v - o) / grid.resolution for v, o in ((y, grid.y), (x, grid.x)))
         return int(grid.cells[int(row), int(column)])
 
@@ -144,7 +138,7 @@ def test_holes_are_unknown_on_maps_unless_something_stands_there(
     assert at(2.22, 1.22) == at(6.12, 3.02) == OCCUPIED
 
 
-def test_floor_is_counted_without_holes(scene: Scene) -> None:
+def test_floor_is_counted_without_holes(scene):
     hall = scene.regions[0]
     grid = occupancy_grid(scene, laser_height=0.3, rule="centre")
     assert room_cells(grid, hall).sum() * 0.05**2 == pytest.approx(24 - 0.5, abs=0.05)
@@ -155,7 +149,7 @@ def test_floor_is_counted_without_holes(scene: Scene) -> None:
     )
 
 
-def test_geojson_has_holes_as_interior_rings(plan: FloorPlan) -> None:
+def test_geojson_has_holes_as_interior_rings(plan):
     features = {f["id"]: f for f in feature_collection(plan)["features"]}
     shapes = {id: shapely.from_geojson(json.dumps(f["geometry"])) for id, f in features.items()}
     assert all(shape.is_valid for shape in shapes.values())
@@ -166,7 +160,7 @@ def test_geojson_has_holes_as_interior_rings(plan: FloorPlan) -> None:
         assert turns == [True] + [False] * (len(rings) - 1)
 
 
-def test_jsonld_reads_back(plan: FloorPlan, tmp_path: Path) -> None:
+def test_jsonld_reads_back(plan, tmp_path):
     path = tmp_path / "hut.jsonld"
     path.write_text(json.dumps(plan_document(plan)), encoding="utf-8")
     again = load_floorplan_jsonld(path)
@@ -176,7 +170,7 @@ def test_jsonld_reads_back(plan: FloorPlan, tmp_path: Path) -> None:
     assert check_jsonld(path) == ()
 
 
-def test_all_artefacts_can_be_made(plan: FloorPlan, scene: Scene, tmp_path: Path) -> None:
+def test_all_artefacts_can_be_made(plan, scene, tmp_path):
     world = ArtefactWorld("hut", scene, plan)
     kinds = ["picture", "sdf", "mesh", "tasks", "launch", "foxglove", "map", "geojson"]
     made = export(world, kinds, tmp_path).made
@@ -197,7 +191,7 @@ scenarios:
 """
 
 
-def test_campaigns_take_a_layer_for_a_floor_plan(campaigns: Path, tmp_path: Path) -> None:
+def test_campaigns_take_a_layer_for_a_floor_plan(campaigns, tmp_path):
     (tmp_path / "hut.walls.yaml").write_text(HUT)
     (tmp_path / "doors.scenery").write_text(
         f"{DOOR}\nfront is a door in gap, hinge left, opening inwards"
@@ -218,7 +212,7 @@ def test_campaigns_take_a_layer_for_a_floor_plan(campaigns: Path, tmp_path: Path
         load_campaign(path)
 
 
-def test_check_says_what_a_layer_holds(tmp_path: Path) -> None:
+def test_check_says_what_a_layer_holds(tmp_path):
     (tmp_path / "hut.walls.yaml").write_text(HUT)
     about, found = check_file(tmp_path / "hut.walls.yaml")
     assert (about, found) == ("walls layer with 2 spaces, 2 walls, 1 entryway", ())

@@ -1,9 +1,5 @@
 """Walls layers: read, written, refused with the place of what is wrong."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from grammars.maps import (
@@ -19,7 +15,7 @@ from grammars.text.diagnostics import InputError
 from tests.grammars.maps.houses import hut
 
 
-def test_a_layer_becomes_a_plan(tmp_path: Path) -> None:
+def test_a_layer_becomes_a_plan(tmp_path):
     plan = hut(tmp_path)
     assert [space.name for space in plan.spaces] == ["hall", "kitchen"]
     assert plan.spaces[0].holes[0][2] == (2.5, 1.5)
@@ -37,7 +33,7 @@ def test_a_layer_becomes_a_plan(tmp_path: Path) -> None:
     assert plan.warnings == ()
 
 
-def test_what_is_written_reads_back(tmp_path: Path) -> None:
+def test_what_is_written_reads_back(tmp_path):
     plan = hut(tmp_path)
     building = DrawnBuilding(
         "hut",
@@ -56,7 +52,7 @@ def test_what_is_written_reads_back(tmp_path: Path) -> None:
     assert [f.height for f in again.features] == [2.5, 1.0]
 
 
-def test_corners_are_written_as_finely_as_it_takes(tmp_path: Path) -> None:
+def test_corners_are_written_as_finely_as_it_takes(tmp_path):
     """Rounded to millimetres, this hole would lie across its outline."""
     hole = ((0.0002, 0.1), (0.3, 0.1), (0.3, 0.2), (0.0004, 0.2))
     area = Area(((-0.0002, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0003, 0.15)), (hole,))
@@ -89,9 +85,7 @@ def test_corners_are_written_as_finely_as_it_takes(tmp_path: Path) -> None:
         ("[6.2, 4]]\nst", "[6.2, .inf]]\nst", 10, "finite"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_where_it_stands(
-    old: str, new: str, line: int, message: str, tmp_path: Path
-) -> None:
+def test_what_is_wrong_is_said_where_it_stands(old, new, line, message, tmp_path):
     with pytest.raises(InputError) as refused:
         hut(tmp_path, (old, new))
     found = refused.value.diagnostics
@@ -106,5 +100,5 @@ def test_what_is_wrong_is_said_where_it_stands(
         ("from: [6.1, 1], to: [6.1, 2]", "from: [20, 1], to: [20, 2]", "leads to no space"),
     ],
 )
-def test_what_is_suspicious_is_warned_of(old: str, new: str, message: str, tmp_path: Path) -> None:
+def test_what_is_suspicious_is_warned_of(old, new, message, tmp_path):
     assert message in " ".join(d.message for d in hut(tmp_path, (old, new)).warnings)

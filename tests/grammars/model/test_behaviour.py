@@ -1,11 +1,8 @@
 """Where behaviours put joints at the start."""
 
-from __future__ import annotations
-
 import pytest
 
 from grammars.model.behaviour import (
-    Behaviour,
     Hold,
     Jump,
     KeyFrame,
@@ -27,7 +24,7 @@ SCENE = Scene("house", (), (), (), (DOOR,))
 NAME = "door.hinge"
 
 
-def frames(*pairs: tuple[float, float]) -> KeyFrames:
+def frames(*pairs):
     return KeyFrames(NAME, tuple(KeyFrame(time, position) for time, position in pairs), Jump())
 
 
@@ -43,13 +40,11 @@ def frames(*pairs: tuple[float, float]) -> KeyFrames:
         (Reaction(NAME, 0.6, 1.1, LegBegins(2), Jump()), 0.6, (0.6, 1.1)),
     ],
 )
-def test_a_behaviour_says_where_its_joint_starts_and_is_sent(
-    behaviour: Hold | KeyFrames | Trigger | Reaction, start: float, positions: tuple[float, ...]
-) -> None:
+def test_a_behaviour_says_where_its_joint_starts_and_is_sent(behaviour, start, positions):
     assert start_positions(SCENE, [behaviour]) == {NAME: start}
     assert behaviour.positions == positions
 
 
 @pytest.mark.parametrize("behaviours", [[], [Walk("someone", ((0.0, 0.0), (1.0, 0.0)), 1.0)]])
-def test_joints_without_a_behaviour_start_as_the_scene_says(behaviours: list[Behaviour]) -> None:
+def test_joints_without_a_behaviour_start_as_the_scene_says(behaviours):
     assert start_positions(SCENE, behaviours) == SCENE.initial_joints == {NAME: 0.4}

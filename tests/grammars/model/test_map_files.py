@@ -1,13 +1,8 @@
 """Maps as files: what is written reads back, and what ``map_server`` makes of others."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -28,7 +23,7 @@ SIDES = st.integers(1, 12)
 
 
 @st.composite
-def grids(draw: st.DrawFn, values: tuple[int, ...]) -> OccupancyGrid:
+def grids(draw, values):
     rows, columns = draw(SIDES), draw(SIDES)
     size = rows * columns
     cells = draw(st.lists(st.sampled_from(values), min_size=size, max_size=size))
@@ -36,16 +31,13 @@ def grids(draw: st.DrawFn, values: tuple[int, ...]) -> OccupancyGrid:
     return OccupancyGrid(draw(st.floats(0.001, 10.0)), draw(FINITE), draw(FINITE), array)
 
 
-def same(one: OccupancyGrid, other: OccupancyGrid) -> bool:
+def same(one, other):
     places = (one.resolution, one.x, one.y) == (other.resolution, other.x, other.y)
     return places and np.array_equal(one.cells, other.cells)
 
 
-@settings(deadline=None)
 @given(grids((FREE, OCCUPIED, UNKNOWN)) | grids(tuple(range(-1, 101))))
-def test_what_is_written_reads_back_the_same(
-    tmp_path_factory: pytest.TempPathFactory, grid: OccupancyGrid
-) -> None:
+def test_what_is_written_reads_back_the_same(tmp_path_factory, grid):
     _, meta = write_map(grid, tmp_path_factory.mktemp("map") / "room", laser_height=0.3)
     read = read_map(meta)
     assert same(read, grid)
@@ -53,7 +45,7 @@ def test_what_is_written_reads_back_the_same(
     assert same(unpack_map(pack_map(grid)), grid)
 
 
-def room(folder: Path, pixels: bytes = b"P5 2 1 255\n\x00\xfe", **changes: str) -> Path:
+def room(folder, pixels=b"P5 2 1 255\n\x00\xfe", **changes):
     (folder / "room.pgm").write_bytes(pixels)
     keys = META | changes
     path = folder / "room.yaml"
@@ -73,9 +65,7 @@ def room(folder: Path, pixels: bytes = b"P5 2 1 255\n\x00\xfe", **changes: str) 
         ({"mode": "raw", "negate": "1"}, {255: 0, 155: 100, 154: -1, 0: -1}),
     ],
 )
-def test_pixels_mean_what_they_mean_to_map_server(
-    tmp_path: Path, changes: dict[str, str], expected: dict[int, int]
-) -> None:
+def test_pixels_mean_what_they_mean_to_map_server(tmp_path, changes, expected):
     image = b"P5\n%d 1\n255\n" % len(expected) + bytes(expected)
     grid = read_map(room(tmp_path, image, **changes))
     assert grid.cells.tolist() == [list(expected.values())]
@@ -93,13 +83,13 @@ def test_pixels_mean_what_they_mean_to_map_server(
         b"P5 3 2 5\n" + bytes([0, 5, 4, 0, 0, 5]),
     ],
 )
-def test_the_top_row_of_an_image_is_the_last_of_the_map(tmp_path: Path, image: bytes) -> None:
+def test_the_top_row_of_an_image_is_the_last_of_the_map(tmp_path, image):
     cells = read_map(room(tmp_path, image)).cells
     assert cells.tolist()[1][:2] == [OCCUPIED, FREE]
     assert cells.tolist()[0] == [OCCUPIED, OCCUPIED, FREE]
 
 
-def test_an_image_lies_beside_the_file_that_names_it(tmp_path: Path) -> None:
+def test_an_image_lies_beside_the_file_that_names_it(tmp_path):
     (tmp_path / "images").mkdir()
     path = room(tmp_path, image="images/plain.pgm")
     (tmp_path / "room.pgm").rename(tmp_path / "images" / "plain.pgm")
@@ -137,14 +127,12 @@ def test_an_image_lies_beside_the_file_that_names_it(tmp_path: Path) -> None:
         (b"", {"negate": "2"}, "negate"),
     ],
 )
-def test_what_is_no_map_is_refused_with_its_place(
-    tmp_path: Path, image: bytes, changes: dict[str, str], complaint: str
-) -> None:
+def test_what_is_no_map_is_refused_with_its_place(tmp_path, image, changes, complaint):
     with pytest.raises(InputError, match=f"(?s){complaint}"):
         read_map(room(tmp_path, image or b"P5 2 1 255\n\x00\xfe", **changes))
 
 
-def test_keys_of_other_readers_are_left_alone(tmp_path: Path) -> None:
+def test_keys_of_other_readers_are_left_alone(tmp_path):
     assert read_map(room(tmp_path, laser_height="0.7")).cells.shape == (1, 2)
 
 
@@ -159,12 +147,12 @@ def test_keys_of_other_readers_are_left_alone(tmp_path: Path) -> None:
         b'{"resolution":0.05,"x":0.0,"y":0.0,"rows":0,"columns":1}\n',
     ],
 )
-def test_what_is_no_packed_map_is_refused(data: bytes) -> None:
+def test_what_is_no_packed_map_is_refused(data):
     with pytest.raises(ValueError, match="."):
         unpack_map(data)
 
 
-def test_published_maps_are_read(reference_data: Path) -> None:
+def test_published_maps_are_read(reference_data):
     for name in ("kitchen", "hbrs"):
         grid = read_map(reference_data / "maps" / f"{name}.yaml")
         grey = np.flipud(np.asarray(Image.open(reference_data / "maps" / f"{name}.pgm")))
@@ -172,7 +160,7 @@ def test_published_maps_are_read(reference_data: Path) -> None:
         assert np.array_equal(grid.cells, expected)
 
 
-def shades(mode: str, values: list[Any]) -> Image.Image:
+def shades(mode, values):
     image = Image.new(mode, (len(values), 1))
     image.putdata(values)
     return image
@@ -196,22 +184,20 @@ def shades(mode: str, values: list[Any]) -> Image.Image:
         (shades("L", [0, 254]).convert("P"), {"negate": "1"}, [0, 100]),
     ],
 )
-def test_a_png_means_what_it_means_to_map_server(
-    tmp_path: Path, image: Image.Image, changes: dict[str, str], expected: list[int]
-) -> None:
+def test_a_png_means_what_it_means_to_map_server(tmp_path, image, changes, expected):
     path = room(tmp_path, image="room.png", **changes)
     image.save(tmp_path / "room.png")
     assert read_map(path).cells.tolist() == [expected]
 
 
-def test_a_turned_map_is_read_for_import(tmp_path: Path) -> None:
+def test_a_turned_map_is_read_for_import(tmp_path):
     saved = read_saved_map(room(tmp_path, origin="[1, 2, 0.5]"))
     assert (saved.grid.x, saved.grid.y, saved.yaw) == (1.0, 2.0, 0.5)
     assert saved.grid.cells.tolist() == [[OCCUPIED, FREE]]
     assert not saved.warnings
 
 
-def test_unknown_cells_that_nav2_would_load_as_free_are_told(tmp_path: Path) -> None:
+def test_unknown_cells_that_nav2_would_load_as_free_are_told(tmp_path):
     image = b"P5 4 1 255\n\x00\xcd\xfe\xfe"
     (warning,) = read_saved_map(room(tmp_path, image, free_thresh="0.25")).warnings
     assert "room.yaml:6:1: warning: 25% of the cells are grey 205" in str(warning)

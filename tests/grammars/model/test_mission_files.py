@@ -1,5 +1,4 @@
 import math
-from pathlib import Path
 
 import pytest
 
@@ -8,13 +7,13 @@ from grammars.model.mission_files import load_mission
 from grammars.text.diagnostics import InputError
 
 
-def write(folder: Path, text: str) -> Path:
+def write(folder, text):
     path = folder / "file.yaml"
     path.write_text(text)
     return path
 
 
-def test_a_mission_reads_task_files_of_navigation_stacks(tmp_path: Path) -> None:
+def test_a_mission_reads_task_files_of_navigation_stacks(tmp_path):
     text = "waypoints:\n  - {id: a, x: 1, y: 2, yaw: 0.5, z: 0}\n  - {x: 3.5, y: -1}\n"
     mission, _ = load_mission(write(tmp_path, text))
     assert mission.start == Pose2()
@@ -24,7 +23,7 @@ def test_a_mission_reads_task_files_of_navigation_stacks(tmp_path: Path) -> None
     ]
 
 
-def test_a_mission_takes_units_too(tmp_path: Path) -> None:
+def test_a_mission_takes_units_too(tmp_path):
     text = "start: {x: 50 cm, y: 0, yaw: 90 deg}\nwaypoints: [{x: 1 m, y: 2 m}]\n"
     mission, _ = load_mission(write(tmp_path, text))
     assert mission.start.x == pytest.approx(0.5)
@@ -32,12 +31,12 @@ def test_a_mission_takes_units_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", [".nan", ".inf", "north", "3 s", "true"])
-def test_a_coordinate_that_is_no_length_is_refused(tmp_path: Path, value: str) -> None:
+def test_a_coordinate_that_is_no_length_is_refused(tmp_path, value):
     with pytest.raises(InputError, match=r"file\.yaml:1:\d+: x: "):
         load_mission(write(tmp_path, f"waypoints: [{{x: {value}, y: 0}}]"))
 
 
-def test_the_published_missions_load(reference_data: Path) -> None:
+def test_the_published_missions_load(reference_data):
     lengths = {
         path.name: len(load_mission(path)[0].waypoints)
         for path in sorted((reference_data / "missions").glob("*.yaml"))

@@ -1,5 +1,4 @@
 import math
-from pathlib import Path
 
 import pytest
 
@@ -30,13 +29,13 @@ TWO_LASERS = ROBOT.replace(
 )
 
 
-def write(folder: Path, text: str) -> Path:
+def write(folder, text):
     path = folder / "file.yaml"
     path.write_text(text)
     return path
 
 
-def test_a_robot_file_is_read_into_si_units(tmp_path: Path) -> None:
+def test_a_robot_file_is_read_into_si_units(tmp_path):
     robot = load_robot(write(tmp_path, ROBOT))
     assert robot.name == "box"
     assert robot.footprint[0] == pytest.approx((0.3, 0.2))
@@ -44,7 +43,7 @@ def test_a_robot_file_is_read_into_si_units(tmp_path: Path) -> None:
     assert robot.drive.timeout == 0.0
 
 
-def test_a_round_robot_is_a_polygon_on_its_circle(tmp_path: Path) -> None:
+def test_a_round_robot_is_a_polygon_on_its_circle(tmp_path):
     text = ROBOT.replace("length: 0.6 m, width: 0.4 m", "radius: 0.3 m")
     ring = load_robot(write(tmp_path, text)).footprint
     assert ring[0] == (0.3, 0.0)
@@ -52,7 +51,7 @@ def test_a_round_robot_is_a_polygon_on_its_circle(tmp_path: Path) -> None:
     assert len(set(ring)) == 32
 
 
-def test_footprint_corners_come_out_counter_clockwise(tmp_path: Path) -> None:
+def test_footprint_corners_come_out_counter_clockwise(tmp_path):
     corners = "corners: [[0 m, 0 m], [0 m, 1 m], [1 m, 1 m], [1 m, 0 m]]"
     text = ROBOT.replace("length: 0.6 m, width: 0.4 m", corners)
     ring = load_robot(write(tmp_path, text)).footprint
@@ -82,12 +81,12 @@ def test_footprint_corners_come_out_counter_clockwise(tmp_path: Path) -> None:
         ("odometry:", "lasers: []\nodometry:", "lasers"),
     ],
 )
-def test_a_wrong_robot_value_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_a_wrong_robot_value_is_refused(tmp_path, old, new, message):
     with pytest.raises(InputError, match=message):
         load_robot(write(tmp_path, ROBOT.replace(old, new)))
 
 
-def test_several_lasers_are_told_apart_by_their_names(tmp_path: Path) -> None:
+def test_several_lasers_are_told_apart_by_their_names(tmp_path):
     robot = load_robot(write(tmp_path, TWO_LASERS))
     assert [laser.name for laser in robot.lasers] == ["rear", "front"]
     assert robot.laser is robot.lasers[0]
@@ -107,20 +106,18 @@ def test_several_lasers_are_told_apart_by_their_names(tmp_path: Path) -> None:
         ("robot: box", "robot: box\nlaser: {mount: {x: 0 m}}", "laser"),
     ],
 )
-def test_lasers_without_a_name_of_their_own_are_refused(
-    tmp_path: Path, old: str, new: str, message: str
-) -> None:
+def test_lasers_without_a_name_of_their_own_are_refused(tmp_path, old, new, message):
     with pytest.raises(InputError, match=message):
         load_robot(write(tmp_path, TWO_LASERS.replace(old, new)))
 
 
-def test_a_robot_without_a_laser_is_refused(tmp_path: Path) -> None:
+def test_a_robot_without_a_laser_is_refused(tmp_path):
     text = ROBOT[: ROBOT.index("laser:")] + ROBOT[ROBOT.index("odometry:") :]
     with pytest.raises(InputError, match='give "laser" or, for several, "lasers"'):
         load_robot(write(tmp_path, text))
 
 
-def test_a_robot_with_one_laser_is_written_as_before_lasers_had_names(tmp_path: Path) -> None:
+def test_a_robot_with_one_laser_is_written_as_before_lasers_had_names(tmp_path):
     robot = load_robot(write(tmp_path, ROBOT))
     assert (robot.laser.topic, robot.laser.frame) == ("scan", "laser")
     plain = codec.to_plain(robot)
@@ -130,7 +127,7 @@ def test_a_robot_with_one_laser_is_written_as_before_lasers_had_names(tmp_path: 
 
 
 @pytest.mark.parametrize("names", [("front", "front"), ("", "rear"), ("front", "")])
-def test_a_robot_from_outside_has_lasers_with_names(tmp_path: Path, names: tuple[str, str]) -> None:
+def test_a_robot_from_outside_has_lasers_with_names(tmp_path, names):
     plain = codec.to_plain(load_robot(write(tmp_path, TWO_LASERS)))
     plain["laser"]["name"], plain["other_lasers"][0]["name"] = names
     with pytest.raises(ValueError, match="each of several lasers needs a name of its own"):
@@ -138,20 +135,20 @@ def test_a_robot_from_outside_has_lasers_with_names(tmp_path: Path, names: tuple
 
 
 @pytest.mark.parametrize("name", ["a b", "Front", "../x", "a" * 41, "front\n", "0"])
-def test_a_name_that_no_topic_can_have_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_name_that_no_topic_can_have_is_refused(tmp_path, name):
     plain = codec.to_plain(load_robot(write(tmp_path, TWO_LASERS)))
     plain["laser"]["name"] = name
     with pytest.raises(ValueError, match="no name of a laser"):
         codec.from_plain(Robot, plain)
 
 
-def test_a_dented_footprint_is_refused(tmp_path: Path) -> None:
+def test_a_dented_footprint_is_refused(tmp_path):
     corners = "corners: [[0 m, 0 m], [1 m, 0 m], [0.2 m, 0.2 m], [0 m, 1 m]]"
     with pytest.raises(InputError, match="not convex"):
         load_robot(write(tmp_path, ROBOT.replace("length: 0.6 m, width: 0.4 m", corners)))
 
 
-def test_the_robot_the_paper_simulated_has_no_limits(campaigns: Path) -> None:
+def test_the_robot_the_paper_simulated_has_no_limits(campaigns):
     robot = load_robot(campaigns / "robots" / "robile-planar-move.yaml")
     drive, odometry = robot.drive, robot.odometry
     assert drive.law == "imposed"
@@ -160,7 +157,7 @@ def test_the_robot_the_paper_simulated_has_no_limits(campaigns: Path) -> None:
     assert codec.from_json(Robot, codec.to_json(robot)) == robot
 
 
-def test_the_robot_of_the_paper_has_its_published_size(campaigns: Path) -> None:
+def test_the_robot_of_the_paper_has_its_published_size(campaigns):
     robot = load_robot(campaigns / "robots" / "robile.yaml")
     xs, ys = zip(*robot.footprint, strict=True)
     assert max(xs) - min(xs) == pytest.approx(0.699)

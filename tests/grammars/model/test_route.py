@@ -1,12 +1,10 @@
 """Routes by arc length, and the profile of speed along them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.behaviour import Walk
@@ -28,10 +26,7 @@ points = st.lists(
 
 
 @given(length=st.floats(0.0, 20.0), share=st.floats(0.0, 1.0), speed=positive, rate=positive)
-@settings(max_examples=60, deadline=None)
-def test_a_profile_keeps_its_limits_and_ends_at_rest(
-    length: float, share: float, speed: float, rate: float
-) -> None:
+def test_a_profile_keeps_its_limits_and_ends_at_rest(length, share, speed, rate):
     entry = share * min(speed, math.sqrt(2.0 * rate * length))
     profile = Profile.plan(length, entry, speed, rate)
     assert profile.at(0.0) == pytest.approx((0.0, entry), abs=1e-9)
@@ -46,18 +41,15 @@ def test_a_profile_keeps_its_limits_and_ends_at_rest(
     assert np.diff(ways) == pytest.approx(mean * step, abs=rate * step**2 + 1e-12)
 
 
-def test_a_profile_without_end_cruises() -> None:
+def test_a_profile_without_end_cruises():
     profile = Profile.plan(math.inf, 0.0, 2.0, 1.0)
     assert profile.duration == math.inf
     assert profile.at(1002.0) == pytest.approx((2.0 + 2000.0, 2.0))
 
 
 @given(points, st.sampled_from(["once", "round"]))
-@settings(max_examples=30, deadline=None)
-def test_ways_are_arc_lengths_and_headings_never_jump(
-    corners: list[tuple[float, float]], manner: str
-) -> None:
-    route = Route(Walk("v", tuple(corners), 1.0, manner=manner))  # type: ignore[arg-type]
+def test_ways_are_arc_lengths_and_headings_never_jump(corners, manner):
+    route = Route(Walk("v", tuple(corners), 1.0, manner=manner))
     ways = np.arange(0.0, route.length * (2 if manner == "round" else 1), 0.01)
     track = np.array([(*route.point(w), route.yaw(w)) for w in ways.tolist()])
     steps = np.hypot(*np.diff(track[:, :2], axis=0).T)
@@ -68,7 +60,7 @@ def test_ways_are_arc_lengths_and_headings_never_jump(
     assert np.abs(np.diff(track[:, 2])).max() <= sharpest + 1e-9
 
 
-def test_a_closed_route_turns_once_a_lap() -> None:
+def test_a_closed_route_turns_once_a_lap():
     square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
     route = Route(Walk("v", square, 1.0, manner="round"))
     assert route.length == pytest.approx(8.0)
@@ -77,7 +69,7 @@ def test_a_closed_route_turns_once_a_lap() -> None:
         assert route.point(8.0 * lap + 3.0) == pytest.approx((2.0, 1.0))
 
 
-def test_the_chain_puts_the_body_anywhere() -> None:
+def test_the_chain_puts_the_body_anywhere():
     links, joints = with_planar_chain((Link("body", (), 1.0, 0.0, 1.0),), (), "body")
     mover = SceneObject("v", "v", Pose2(1.0, 2.0, 0.7), links, joints, (0.0, 0.0, 0.0))
     positions = chain_positions(mover, Pose2(-3.0, 4.0), 9.0)
@@ -86,7 +78,7 @@ def test_the_chain_puts_the_body_anywhere() -> None:
     assert math.remainder(there.yaw - 9.0, math.tau) == pytest.approx(0.0)
 
 
-def test_three_joints_of_the_right_names_are_no_planar_chain() -> None:
+def test_three_joints_of_the_right_names_are_no_planar_chain():
     _, joints = with_planar_chain((), (), "body")
     assert is_mover(joints)
     other = Joint("yaw", "prismatic", "y_carrier", "body", (0.0, 0.0), (1.0, 0.0), 0.0, 1.0)

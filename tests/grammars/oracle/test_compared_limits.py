@@ -1,7 +1,5 @@
 """On which side of a constant a signal speaks against an oracle."""
 
-from __future__ import annotations
-
 import pytest
 
 from grammars.oracle import compared_limits, parse_oracle
@@ -35,8 +33,6 @@ from grammars.text.diagnostics import Where
         ("never(contact)", []),
     ],
 )  # fmt: skip
-def test_a_limit_says_which_side_speaks_against_the_oracle(
-    text: str, found: list[tuple[str, float, str]]
-) -> None:
+def test_a_limit_says_which_side_speaks_against_the_oracle(text, found):
     oracle = parse_oracle("it", text, Where("it"))
     assert [(one.signal, one.value, one.against) for one in compared_limits(oracle)] == found

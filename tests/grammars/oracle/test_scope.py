@@ -1,7 +1,5 @@
 """Binding to a scene: the doors an oracle speaks of must be there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -20,15 +18,15 @@ from grammars.oracle import (
 from grammars.text.diagnostics import InputError, Where
 
 
-def leaf(name: str) -> Link:
+def leaf(name):
     return Link(name, (((0.0, 0.0), (1.0, 0.0), (1.0, 0.1)),), 10.0, 0.0, 2.0)
 
 
-def hinge(name: str, child: str, kind: str = "revolute") -> Joint:
-    return Joint(name, kind, "world", child, (0.0, 0.0), (1.0, 0.0), -2.0, 2.0)  # type: ignore[arg-type]
+def hinge(name, child, kind="revolute"):
+    return Joint(name, kind, "world", child, (0.0, 0.0), (1.0, 0.0), -2.0, 2.0)
 
 
-def thing(name: str, *joints: Joint) -> SceneObject:
+def thing(name, *joints):
     links = tuple(leaf(joint.child) for joint in joints)
     return SceneObject(name, "thing", Pose2(), links, joints, (0.0,) * len(joints))
 
@@ -46,7 +44,7 @@ SCENE = Scene(
 SOMEWHERE = Mission("m", Pose2(), (Waypoint("a", 1.0, 0.0),))
 
 
-def findings(text: str, mission: Mission = SOMEWHERE, scene: Scene = SCENE) -> list[str]:
+def findings(text, mission=SOMEWHERE, scene=SCENE):
     oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
     return [str(d) for d in check_references(oracle, scene, mission)]
 
@@ -61,24 +59,24 @@ def findings(text: str, mission: Mission = SOMEWHERE, scene: Scene = SCENE) -> l
         "gate.right.distance",
     ],
 )
-def test_joints_have_signals(name: str) -> None:
+def test_joints_have_signals(name):
     assert name in object_signals(SCENE)
     assert findings(f"max({name})") == []
 
 
-def test_an_unknown_door_is_found_before_any_run() -> None:
+def test_an_unknown_door_is_found_before_any_run():
     (found,) = findings("always(loc.error < 1 m) when door-71.distance < 1.3 m")
     assert found.startswith('o.yaml:1:30: no "door-71.distance" in scene "hall"')
     assert 'did you mean "door-17.distance"?' in found
 
 
 @pytest.mark.parametrize("name", ["gate.position", "gate.left.angle", "door-17.position"])
-def test_a_joint_is_asked_for_what_it_has(name: str) -> None:
+def test_a_joint_is_asked_for_what_it_has(name):
     assert len(findings(f"max({name})")) == 1
 
 
 @pytest.mark.parametrize("name", ["door-17", "door-17.leaf", "gate", "wall-3"])
-def test_clearance_and_contact_can_be_about_one_thing(name: str) -> None:
+def test_clearance_and_contact_can_be_about_one_thing(name):
     assert findings(f"never(contact({name}) or clearance({name}) < 1 m)") == []
 
 
@@ -90,7 +88,7 @@ PLACES = replace(
 
 
 @pytest.mark.parametrize("name", ["door-17", "door-17.leaf", "gate", "wall-3", "kitchen", "way"])
-def test_the_robot_can_be_related_to_things_and_places(name: str) -> None:
+def test_the_robot_can_be_related_to_things_and_places(name):
     assert findings(f"max(distance(robot, {name}))", scene=PLACES) == []
     inside = findings(f"never(in(robot, {name}))", scene=PLACES)
     assert bool(inside) is (name not in ("kitchen", "way"))
@@ -104,13 +102,13 @@ def test_the_robot_can_be_related_to_things_and_places(name: str) -> None:
         ("never(contact(kitchen))", '"kitchen" is a part of the floor, not an object', "gate"),
     ],
 )
-def test_what_is_no_such_thing_is_said(text: str, message: str, hint: str) -> None:
+def test_what_is_no_such_thing_is_said(text, message, hint):
     (found,) = findings(text, scene=PLACES)
     assert message in found
     assert hint in found
 
 
-def test_an_unknown_thing_is_found_before_any_run() -> None:
+def test_an_unknown_thing_is_found_before_any_run():
     (found,) = findings("never(contact(door-18))")
     assert found.startswith('o.yaml:1:15: no "door-18" in scene "hall"')
     assert 'did you mean "door-17"?' in found
@@ -130,18 +128,18 @@ ROUND = Mission("round", Pose2(), tuple(Waypoint(i, 1.0, 0.0) for i in ("a", "ki
         ("a", 'legs 1 and 3 lead to "a": write the number of one'),
     ],
 )
-def test_a_leg_must_be_one_of_the_mission(leg: str, complaint: str) -> None:
+def test_a_leg_must_be_one_of_the_mission(leg, complaint):
     found = findings(f"never(contact) on leg {leg}", ROUND)
     assert len(found) == (1 if complaint else 0)
     assert all(complaint in text for text in found)
 
 
-def test_reaching_an_empty_mission_is_no_requirement() -> None:
+def test_reaching_an_empty_mission_is_no_requirement():
     assert findings("reached(mission, 1 m)") == []
     assert len(findings("reached(mission, 1 m)", Mission("none", Pose2(), ()))) == 1
 
 
-def test_signals_are_listed_wherever_they_stand() -> None:
+def test_signals_are_listed_wherever_they_stand():
     text = "always(abs(loc.error.x) < 1 m or not contact) when speed / elapsed > 0 m/s^2"
     oracle = parse_oracle("it", text, Where("o.yaml"))
     assert [s.name for s in signals_of(oracle)] == ["loc.error.x", "contact", "speed", "elapsed"]
@@ -154,26 +152,26 @@ VISITED = replace(
 
 
 @pytest.mark.parametrize("name", ["visitor.angle", "visitor.position", "visitor.distance"])
-def test_a_mover_is_no_door(name: str) -> None:
+def test_a_mover_is_no_door(name):
     (found,) = findings(f"max({name})", scene=VISITED)
     assert f'visitor is a mover, which has no "{name}"' in found
     assert "distance(robot, visitor); visitor.x.position" in found
 
 
 @pytest.mark.parametrize("name", ["visitor.x", "visitor.y", "visitor.yaw"])
-def test_where_a_mover_is_has_a_name(name: str) -> None:
+def test_where_a_mover_is_has_a_name(name):
     with pytest.raises(InputError, match=r"distance\(robot, visitor\); visitor\.x\.position"):
         findings(f"max({name})")
     assert findings("max(visitor.x.position + visitor.y.position)", scene=VISITED) == []
     assert findings("max(visitor.yaw.angle)", scene=VISITED) == []
 
 
-def test_a_slip_in_a_signal_is_still_one() -> None:
+def test_a_slip_in_a_signal_is_still_one():
     with pytest.raises(InputError, match='did you mean "pose.x"'):
         findings("max(pse.x)")
 
 
-def limits(text: str, *, mirrored: bool) -> list[str]:
+def limits(text, *, mirrored):
     joint = replace(hinge("hinge", "leaf"), lower=-1.9 * mirrored, upper=1.9 * (not mirrored))
     scene = replace(SCENE, objects=(replace(thing("door-17", joint), mirrored=mirrored),))
     oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
@@ -190,7 +188,7 @@ def limits(text: str, *, mirrored: bool) -> list[str]:
         "never(contact) until (-door-17.angle < -80 deg)",
     ],
 )
-def test_what_a_mirrored_door_cannot_come_to_is_warned_of(text: str) -> None:
+def test_what_a_mirrored_door_cannot_come_to_is_warned_of(text):
     assert limits(text, mirrored=False) == []
     (found,) = limits(text, mirrored=True)
     assert "warning: " in found
@@ -211,11 +209,11 @@ def test_what_a_mirrored_door_cannot_come_to_is_warned_of(text: str) -> None:
         "always(1 m >= 2 m or door-71.angle > 5 rad)",
     ],
 )
-def test_what_may_hold_is_not_warned_of(text: str) -> None:
+def test_what_may_hold_is_not_warned_of(text):
     assert limits(text, mirrored=True) == []
 
 
-def test_a_door_that_is_no_mirror_image_has_limits_too() -> None:
+def test_a_door_that_is_no_mirror_image_has_limits_too():
     assert limits("eventually(abs(door-17.angle) > 110 deg)", mirrored=False) == []
     (found,) = limits("eventually(abs(door-17.angle) > 130 deg)", mirrored=False)
     assert "abs(door-17.angle) > 130 deg can never hold: door-17.angle goes from 0 deg" in found

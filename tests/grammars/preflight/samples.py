@@ -1,14 +1,9 @@
 """Objects and missions for the two rooms of :mod:`tests.grammars.plans`, and what is found."""
 
-from __future__ import annotations
-
 import functools
 
-from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.robot import Robot
-from grammars.model.scene import Scene
 from grammars.preflight import check_run
 from grammars.text.diagnostics import Where
 from tests.grammars import plans
@@ -26,12 +21,12 @@ scene_with = functools.cache(plans.scene_with)
 """The two rooms with objects, compiled once for all tests that ask for the same ones."""
 
 
-def mission(*points: tuple[float, float], start: Pose2 | None = None) -> Mission:
+def mission(*points, start=None):
     waypoints = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(points))
     return Mission("m", start or Pose2(), waypoints)
 
 
-def messages(robot: Robot, scene: Scene, task: Mission, *behaviours: Behaviour) -> list[str]:
+def messages(robot, scene, task, *behaviours):
     """Return every finding: its message and hint, with a ``?`` in front of warnings."""
     found = check_run(scene, robot, task, behaviours, where=Where("task.yaml"))
     return [

@@ -1,13 +1,10 @@
 """Doors against their doorways, and objects against each other: what a person sees at once."""
 
-from __future__ import annotations
-
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.behaviour import Jump, KeyFrame, KeyFrames
-from grammars.model.robot import Robot
 from grammars.preflight import check_scene, places_of
 from grammars.scenery.composition import compile_scene
 from tests.grammars.plans import layer, two_rooms
@@ -22,22 +19,22 @@ object {name}
 BLOCK = "object block link body box 0.5 m x 0.5 m from 0 m to 1 m, mass 5 kg\n"
 
 
-def leaf(name: str, width: float, top: float = 1.95) -> str:
+def leaf(name, width, top=1.95):
     return LEAF.format(name=name, width=width, middle=width / 2, top=top)
 
 
-def found(text: str) -> list[str]:
+def found(text):
     """Return what is said of objects in the two rooms: severity, line, message."""
     plan, objects = two_rooms(), layer(text, models="hinged_door" in text)
     diagnostics = check_scene(compile_scene(plan, [objects]), places=places_of([objects], plan))
     return [f"{d.severity} {d.message}" for d in diagnostics if "run into" not in d.message]
 
 
-def test_a_door_that_fits_is_nothing_to_speak_of() -> None:
+def test_a_door_that_fits_is_nothing_to_speak_of():
     assert found(DOOR) == []
 
 
-def test_two_doors_that_fill_one_doorway_are_told_with_both_places() -> None:
+def test_two_doors_that_fill_one_doorway_are_told_with_both_places():
     text = DOOR + "e is a hinged_door in kitchen_doorway, hinge right, opening into kitchen"
     plan, objects = two_rooms(), layer(text)
     (error,) = check_scene(compile_scene(plan, [objects]), places=places_of([objects], plan))
@@ -47,7 +44,7 @@ def test_two_doors_that_fill_one_doorway_are_told_with_both_places() -> None:
     assert (error.where, str(places["d"]) in error.hint) == (places["e"], True)
 
 
-def test_two_doors_on_both_sides_of_one_wall_are_a_warning() -> None:
+def test_two_doors_on_both_sides_of_one_wall_are_a_warning():
     text = leaf("thin", 0.95)
     text += "d is a thin in kitchen_doorway, hinge left, opening into kitchen\n"
     text += "e is a thin in kitchen_doorway, hinge left, opening into hall\n"
@@ -55,7 +52,7 @@ def test_two_doors_on_both_sides_of_one_wall_are_a_warning() -> None:
     assert said.startswith("warning d and e hang in one doorway")
 
 
-def test_a_double_door_is_two_leaves_that_count_together() -> None:
+def test_a_double_door_is_two_leaves_that_count_together():
     half = leaf("half", 0.48)
     both = [f"{n} is a half in kitchen_doorway, hinge {side}, opening into kitchen\n"
             for n, side in (("l", "left"), ("r", "right"))]  # fmt: skip
@@ -75,8 +72,8 @@ def test_a_double_door_is_two_leaves_that_count_together() -> None:
     ],
 )
 def test_leaves_of_a_double_door_in_each_other_are_told_why_and_nothing_else(
-    robile: Robot, width: float, side: str, remedy: str
-) -> None:
+    robile, width, side, remedy
+):
     text = leaf("half", width)
     text += "l is a half in kitchen_doorway, hinge left, opening into kitchen\n"
     text += f"r is a half in kitchen_doorway, hinge {side}, opening into kitchen"
@@ -94,22 +91,21 @@ def test_leaves_of_a_double_door_in_each_other_are_told_why_and_nothing_else(
     assert messages(robile, scene, mission((3, 0)), *moves) == []
 
 
-def test_a_leaf_higher_than_its_doorway_is_told_with_both_heights_and_once() -> None:
+def test_a_leaf_higher_than_its_doorway_is_told_with_both_heights_and_once():
     high = leaf("high", 0.95, top=2.2)
     (said,) = found(high + "d is a high in kitchen_doorway, hinge left, opening into kitchen")
     assert said == "error the leaf of d reaches 2.20 m high, kitchen_doorway only 2.00 m"
 
 
-@settings(max_examples=15, deadline=None)
 @given(st.floats(0.2, 0.99))
-def test_a_gap_is_told_when_it_is_more_than_a_fifth(width: float) -> None:
+def test_a_gap_is_told_when_it_is_more_than_a_fifth(width):
     text = leaf("some", round(width, 3))
     said = found(text + "d is a some in kitchen_doorway, hinge left, opening into kitchen")
     assert bool(said) is (round(width, 3) < 0.8)
 
 
 @pytest.mark.parametrize(("frozen", "severity"), [("", "error"), (", frozen", "warning")])
-def test_objects_in_each_other_are_an_error_where_one_can_move(frozen: str, severity: str) -> None:
+def test_objects_in_each_other_are_an_error_where_one_can_move(frozen, severity):
     text = BLOCK + leaf("door", 1.0)
     text += f"a is a door in hall, x 0 m, y 0 m{frozen}\nb is a block in hall, x 0.9 m, y 0 m"
     (said,) = found(text)
@@ -119,9 +115,8 @@ def test_objects_in_each_other_are_an_error_where_one_can_move(frozen: str, seve
     )
 
 
-@settings(max_examples=15, deadline=None)
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
-def test_blocks_stand_in_each_other_where_their_outlines_do(x: float, y: float) -> None:
+def test_blocks_stand_in_each_other_where_their_outlines_do(x, y):
     x, y = round(x, 2), round(y, 2)
     text = f"{BLOCK}a is a block in hall, x 0 m\nb is a block in hall, x {x} m, y {y} m"
     depth = min(0.5 - abs(x), 0.5 - abs(y))
@@ -130,7 +125,7 @@ def test_blocks_stand_in_each_other_where_their_outlines_do(x: float, y: float) 
         assert bool(found(text)) is (depth > 0.02)
 
 
-def test_what_is_above_another_thing_does_not_stand_in_it() -> None:
+def test_what_is_above_another_thing_does_not_stand_in_it():
     lamp = "object lamp link body box 0.5 m x 0.5 m from 1 m to 2 m, mass 5 kg\n"
     assert found(f"{BLOCK}{lamp}a is a block in hall, x 0 m\nb is a lamp in hall, x 0 m") == []
 
@@ -144,6 +139,6 @@ def test_what_is_above_another_thing_does_not_stand_in_it() -> None:
         ("hall, x 5.1 m", ["warning a stands in hall-wall-1"]),
     ],
 )
-def test_what_touches_no_part_of_the_building_is_told(place: str, said: list[str]) -> None:
+def test_what_touches_no_part_of_the_building_is_told(place, said):
     frame = "at" if place.startswith("world") else "in"
     assert found(f"{BLOCK}a is a block {frame} {place}") == said

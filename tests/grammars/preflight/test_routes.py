@@ -1,24 +1,21 @@
 """Routes of movers: what they may pass, at which height, and what they cover on the way."""
 
-from __future__ import annotations
-
 import pytest
 
 from grammars.model.behaviour import Hold, Walk
-from grammars.model.geometry import Point2, Pose2
-from grammars.model.robot import Robot
+from grammars.model.geometry import Pose2
 from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission, scene_with
 
 TASK = mission((3, -1.5), start=Pose2(-4, -1.5))
 MOVE = "nothing stops a mover but the robot: move the route"
 
 
-def found(robot: Robot, objects: str, *route: Point2, **how: str) -> list[str]:
-    walk = Walk("v", route, 1.0, **how)  # type: ignore[arg-type]
+def found(robot, objects, *route, **how):
+    walk = Walk("v", route, 1.0, **how)
     return messages(robot, scene_with(objects), TASK, walk)
 
 
-def test_who_walks_round_also_goes_from_the_last_point_to_the_first(robile: Robot) -> None:
+def test_who_walks_round_also_goes_from_the_last_point_to_the_first(robile):
     route = ((-3.0, 0.0), (0.5, 0.0), (0.5, 4.0))
     through = "v walks through hall-wall-0 and kitchen-wall-2 (lead the route through a doorway)"
     assert found(robile, PERSON, *route, manner="round") == [through]
@@ -34,13 +31,13 @@ def test_who_walks_round_also_goes_from_the_last_point_to_the_first(robile: Robo
         ("2 m", "3 m", False),
     ],
 )
-def test_what_hangs_above_a_mover_is_not_met(robile: Robot, low: str, high: str, met: bool) -> None:
+def test_what_hangs_above_a_mover_is_not_met(robile, low, high, met):
     board = f"object board link top box 1 m x 1 m from {low} to {high}, mass 9 kg\n"
     texts = found(robile, PERSON + board + "b is a board at hall", (-3.0, 0.2), (3.0, 0.2))
     assert texts == [f"? v walks through b on its way ({MOVE})"] * met
 
 
-def test_what_stands_below_a_mover_is_not_met(robile: Robot) -> None:
+def test_what_stands_below_a_mover_is_not_met(robile):
     flying = PERSON.replace("from 0 m to 1.7 m", "from 1 m to 1.7 m")
     for high, met in (("0.9 m", False), ("1 m", False), ("1.1 m", True)):
         low = f"object low link top box 1 m x 1 m from 0 m to {high}, mass 9 kg\n"
@@ -48,7 +45,7 @@ def test_what_stands_below_a_mover_is_not_met(robile: Robot) -> None:
         assert (texts == [f"? v walks through b on its way ({MOVE})"]) is met
 
 
-def test_who_keeps_a_radius_away_from_a_wall_does_not_brush_it(robile: Robot) -> None:
+def test_who_keeps_a_radius_away_from_a_wall_does_not_brush_it(robile):
     assert found(robile, PERSON, (-3.0, 1.75), (3.0, 1.75)) == []
     brushes = f"? v brushes hall-wall-0 on its way ({MOVE})"
     assert found(robile, PERSON, (-3.0, 1.78), (3.0, 1.78)) == [brushes]
@@ -58,7 +55,7 @@ def test_who_keeps_a_radius_away_from_a_wall_does_not_brush_it(robile: Robot) ->
     ]
 
 
-def test_a_long_body_is_wide_where_it_turns(robile: Robot) -> None:
+def test_a_long_body_is_wide_where_it_turns(robile):
     cart = "mover cart link body box 1 m x 0.3 m from 0 m to 1 m, mass 20 kg\nv is a cart at hall\n"
     assert found(robile, cart, (-3.0, 1.6), (3.0, 1.6)) == []
     sideways = found(robile, cart, (-3.0, 1.6), (3.0, 1.6), facing="sideways")
@@ -66,7 +63,7 @@ def test_a_long_body_is_wide_where_it_turns(robile: Robot) -> None:
     assert found(robile, cart, (-3.0, 1.6), (3.0, 1.6), facing="fixed") == []
 
 
-def test_nothing_is_missed_between_the_points_of_a_long_way(robile: Robot) -> None:
+def test_nothing_is_missed_between_the_points_of_a_long_way(robile):
     pin = "object pin link top box 4 cm x 4 cm from 0 m to 1 m, mass 1 kg\n"
     for x in (-3.1, -1.03, 0.02, 1.07, 3.1):
         texts = found(robile, PERSON + pin + f"b is a pin in hall, x {x} m, y 0.22 m",
@@ -74,13 +71,13 @@ def test_nothing_is_missed_between_the_points_of_a_long_way(robile: Robot) -> No
         assert texts == [f"? v walks through b on its way ({MOVE})"]
 
 
-def test_a_doorway_is_a_room_to_a_mover_and_a_wall_is_not(robile: Robot) -> None:
+def test_a_doorway_is_a_room_to_a_mover_and_a_wall_is_not(robile):
     assert found(robile, PERSON, (0.5, 1.0), (0.5, 2.2), (0.5, 3.0)) == []
     (wrong,) = found(robile, PERSON, (0.5, 1.0), (1.5, 2.1))
     assert wrong == "point 2 of the route of v (1.5, 2.1) is inside of hall-wall-0 (move it)"
 
 
-def test_movers_that_cannot_walk_are_told_apart(robile: Robot) -> None:
+def test_movers_that_cannot_walk_are_told_apart(robile):
     line = ((0.0, 0.0), (1.0, 0.0))
     assert found(robile, DOOR + "v is a slider in way_out, sliding left", *line) == [
         "v cannot walk, it is an object, not a mover"
@@ -91,7 +88,7 @@ def test_movers_that_cannot_walk_are_told_apart(robile: Robot) -> None:
     ]
 
 
-def test_one_body_has_one_behaviour(robile: Robot) -> None:
+def test_one_body_has_one_behaviour(robile):
     scene = scene_with(PERSON)
     walk = Walk("v", ((-4.0, 0.0), (0.0, 0.0)), 1.0)
     assert messages(robile, scene, TASK, Hold("v.x", 0.0), walk) == [
@@ -100,7 +97,7 @@ def test_one_body_has_one_behaviour(robile: Robot) -> None:
     assert messages(robile, scene, TASK, walk, walk)[0] == "v has two behaviours (one must go)"
 
 
-def test_a_door_that_stays_shut_is_walked_through_and_one_that_moves_is_not(robile: Robot) -> None:
+def test_a_door_that_stays_shut_is_walked_through_and_one_that_moves_is_not(robile):
     scene, walk = scene_with(PERSON + DOOR), Walk("v", ((0.5, 1.0), (0.5, 3.0)), 1.0)
     assert messages(robile, scene, TASK, walk) == []
     through = [f"? v walks through d on its way ({MOVE})"]

@@ -1,14 +1,11 @@
 """The least time of a mission: shortest ways through the floor at top speed."""
 
-from __future__ import annotations
-
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.geometry import Pose2
-from grammars.model.robot import Robot
 from grammars.model.scene import Region, Scene
 from grammars.preflight import check_limit
 from grammars.text.diagnostics import Where
@@ -25,15 +22,15 @@ HORSESHOE = Scene(
 )  # fmt: skip
 
 
-def said(robot: Robot, scene: Scene, limit: float, speed: float, *points: tuple[float, float],
-         start: Pose2) -> list[str]:  # fmt: skip
+def said(robot, scene, limit, speed, *points,
+         start):  # fmt: skip
     task = mission(*points, start=start)
     found = check_limit(scene, robot, task, {"pilot": speed}, limit=limit, where=PLACE)
     assert all((d.where, d.severity) == (PLACE, "warning") for d in found)
     return [d.message for d in found]
 
 
-def horseshoe_way(robot: Robot) -> float:
+def horseshoe_way(robot):
     """Return the shortest way from (1, 9) to (5, 9): round two corners, at the robot's radius."""
     radius = min(abs(y) for _, y in robot.footprint)
     # Down to the corner's circle, a quarter round it, and across; twice.
@@ -42,7 +39,7 @@ def horseshoe_way(robot: Robot) -> float:
     return 2.0 * (down + radius * (math.pi - tangent)) + 2.0
 
 
-def test_the_way_round_is_counted_not_the_straight_one(robile: Robot) -> None:
+def test_the_way_round_is_counted_not_the_straight_one(robile):
     start, goal = Pose2(1.0, 9.0), (5.0, 9.0)
     least = horseshoe_way(robile) - 0.5  # near to the waypoint is enough
     (message,) = said(robile, HORSESHOE, 0.98 * least, 1.0, goal, start=start)
@@ -51,11 +48,8 @@ def test_the_way_round_is_counted_not_the_straight_one(robile: Robot) -> None:
     assert said(robile, HORSESHOE, 0.98 * least, 2.0, goal, start=start) == []
 
 
-@settings(max_examples=12, deadline=None)
 @given(x=st.floats(0.5, 1.5), y=st.floats(4.0, 9.0), speed=st.floats(0.1, 2.0))
-def test_a_limit_that_a_driven_way_keeps_is_never_too_short(
-    robile: Robot, x: float, y: float, speed: float
-) -> None:
+def test_a_limit_that_a_driven_way_keeps_is_never_too_short(robile, x, y, speed):
     # Through the middle of the corridors: longer than the shortest way, by not very much.
     driven = (y - 1.0) + math.dist((x, 0), (1, 0)) + 4.0 + (9.0 - 1.0)
     start = Pose2(x, y)
@@ -64,7 +58,7 @@ def test_a_limit_that_a_driven_way_keeps_is_never_too_short(
     assert f"at {speed:.2f} m/s" in message
 
 
-def test_ways_lead_through_doorways(robile: Robot) -> None:
+def test_ways_lead_through_doorways(robile):
     # From hall to kitchen: 1.4 m through the wall, about 4.7 m through the doorway at x = 0.5.
     start, goal = Pose2(-1.5, 1.5), (-1.5, 2.9)
     (message,) = said(robile, scene_with(""), 3.0, 1.0, goal, start=start)
@@ -72,7 +66,7 @@ def test_ways_lead_through_doorways(robile: Robot) -> None:
     assert said(robile, scene_with(""), 5.0, 1.0, goal, start=start) == []
 
 
-def test_a_system_without_a_speed_says_nothing(robile: Robot) -> None:
+def test_a_system_without_a_speed_says_nothing(robile):
     assert said(robile, HORSESHOE, 0.1, math.inf, (5.0, 9.0), start=Pose2(1.0, 9.0)) == []
     task = mission((5.0, 9.0), start=Pose2(1.0, 9.0))
     assert check_limit(HORSESHOE, robile, task, {}, limit=0.1, where=PLACE) == []

@@ -1,11 +1,8 @@
 """Events that never come and triggers out of reach, to the centimetre."""
 
-from __future__ import annotations
-
 import pytest
 
 from grammars.model.behaviour import (
-    Behaviour,
     Hold,
     JointActs,
     Jump,
@@ -16,7 +13,6 @@ from grammars.model.behaviour import (
     Walk,
     WaypointReached,
 )
-from grammars.model.robot import Robot
 from grammars.scenery.composition import compile_scene
 from tests.grammars.plans import layer, two_rooms
 from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission, scene_with
@@ -25,20 +21,20 @@ OTHER = "e is a hinged_door in way_out, hinge left, opening inwards\n"
 TASK = mission((3, 0), (4, 0))
 
 
-def reaction(joint: str, event: JointActs | LegBegins | WaypointReached) -> Reaction:
+def reaction(joint, event):
     # The leaf of the other door opens the other way.
     return Reaction(joint, 1.5 if joint == "d.hinge" else -1.5, 0.0, event, Jump())
 
 
-def fires(*joints: str) -> JointActs:
+def fires(*joints):
     return JointActs(joints, "fires")
 
 
-def moves(*joints: str) -> JointActs:
+def moves(*joints):
     return JointActs(joints, "moves")
 
 
-def found(robot: Robot, *behaviours: Behaviour, objects: str = DOOR + OTHER + PERSON) -> list[str]:
+def found(robot, *behaviours, objects=DOOR + OTHER + PERSON):
     return messages(robot, scene_with(objects), TASK, *behaviours)
 
 
@@ -46,7 +42,7 @@ NEVER = "say what makes it happen, or wait for something else"
 
 
 @pytest.mark.parametrize("leg", [0, 3])
-def test_legs_are_counted_from_one_to_the_last_waypoint(robile: Robot, leg: int) -> None:
+def test_legs_are_counted_from_one_to_the_last_waypoint(robile, leg):
     assert found(robile, reaction("d.hinge", LegBegins(leg))) == [
         f"there is no leg {leg}, mission m has 2 (legs are counted from 1)"
     ]
@@ -54,7 +50,7 @@ def test_legs_are_counted_from_one_to_the_last_waypoint(robile: Robot, leg: int)
         assert found(robile, reaction("d.hinge", LegBegins(there))) == []
 
 
-def test_names_that_are_not_there_are_corrected(robile: Robot) -> None:
+def test_names_that_are_not_there_are_corrected(robile):
     assert found(robile, reaction("d.hinge", WaypointReached("w7"))) == [
         'mission m has no waypoint "w7" (known here: w0, w1)'
     ]
@@ -63,7 +59,7 @@ def test_names_that_are_not_there_are_corrected(robile: Robot) -> None:
     ]
 
 
-def test_what_sets_off_what_is_followed_to_its_end(robile: Robot) -> None:
+def test_what_sets_off_what_is_followed_to_its_end(robile):
     first = Trigger("d.hinge", 1.5, 0.0, 2.0, Servo())
     second = reaction("e.hinge", fires("d.hinge"))
     third = Walk("v", ((-4, -1), (-2, -1)), 1.0, event=fires("e.hinge"))
@@ -78,7 +74,7 @@ def test_what_sets_off_what_is_followed_to_its_end(robile: Robot) -> None:
     assert found(robile, reaction("d.hinge", LegBegins(1)), second, third) == []
 
 
-def test_what_moves_is_a_free_door_or_a_mover_that_walks(robile: Robot) -> None:
+def test_what_moves_is_a_free_door_or_a_mover_that_walks(robile):
     waiting = reaction("d.hinge", moves("e.hinge"))
     assert found(robile, waiting) == []
     never = f"? d.hinge waits for e.hinge to move, which never happens ({NEVER})"
@@ -131,12 +127,12 @@ BEHIND = {
     ],
 )
 def test_a_trigger_fires_only_within_what_the_robot_gets_near_to(
-    robile: Robot, model: str, joint: str, of: str, to: str, nearest: float
-) -> None:
+    robile, model, joint, of, to, nearest
+):
     scene = compile_scene(two_rooms(*NARROW), [layer(BEHIND[model])])
 
-    def asked(distance: float) -> list[str]:
-        trigger = Trigger(f"e.{joint}", 0.0, 1.0, distance, Servo(), of, to)  # type: ignore[arg-type]
+    def asked(distance):
+        trigger = Trigger(f"e.{joint}", 0.0, 1.0, distance, Servo(), of, to)
         return messages(robile, scene, TASK, trigger)
 
     assert asked(nearest + 0.01) == []
@@ -147,7 +143,7 @@ def test_a_trigger_fires_only_within_what_the_robot_gets_near_to(
     )
 
 
-def test_a_doorway_is_measured_from_its_middle(robile: Robot) -> None:
+def test_a_doorway_is_measured_from_its_middle(robile):
     text = "d is a slider in kitchen_doorway, sliding left"
     scene = compile_scene(two_rooms(*NARROW), [layer(text)])
     near = Trigger("d.rail", 0.0, 1.0, 0.2, Servo(), "doorway")
@@ -159,7 +155,7 @@ def test_a_doorway_is_measured_from_its_middle(robile: Robot) -> None:
     assert len(lost) == 1
 
 
-def test_a_trigger_is_reached_through_doors_that_are_not_held(robile: Robot) -> None:
+def test_a_trigger_is_reached_through_doors_that_are_not_held(robile):
     scene = scene_with(DOOR + BEHIND["door"])
     trigger = Trigger("e.hinge", 0.0, 1.0, 0.5, Servo())
     assert messages(robile, scene, TASK, trigger) == []

@@ -1,14 +1,11 @@
 """Where the robot is sent: spots, ways between them, and the doors on the way."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest
 
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
-from grammars.model.robot import Robot
 from grammars.scenery.composition import compile_scene
 from tests.grammars.plans import layer, two_rooms
 from tests.grammars.preflight.samples import DOOR, messages, mission, scene_with
@@ -20,7 +17,7 @@ SECOND = (
 )
 
 
-def test_a_spot_may_be_half_a_width_from_a_wall(robile: Robot) -> None:
+def test_a_spot_may_be_half_a_width_from_a_wall(robile):
     scene = scene_with(DOOR)
     assert messages(robile, scene, mission((3, 1.767), (-3, -1.767))) == []
     assert messages(robile, scene, mission((3, 1.78))) == [
@@ -29,20 +26,20 @@ def test_a_spot_may_be_half_a_width_from_a_wall(robile: Robot) -> None:
     ]
 
 
-def test_a_spot_may_be_in_a_doorway_under_its_lintel(robile: Robot) -> None:
+def test_a_spot_may_be_in_a_doorway_under_its_lintel(robile):
     assert messages(robile, scene_with(""), mission((0.5, 2.2))) == []
     (tall,) = messages(dataclasses.replace(robile, height=2.1), scene_with(""), mission((0.5, 2.2)))
     assert tall.startswith("waypoint w0 is inside of ")
 
 
-def test_a_start_that_touches_a_wall_does_not_stand_in_it(robile: Robot) -> None:
+def test_a_start_that_touches_a_wall_does_not_stand_in_it(robile):
     for x, hits in ((4.65, False), (4.6505, False), (4.66, True)):
         found = messages(robile, scene_with(DOOR), mission((3, 0), start=Pose2(x, 0.0, 0.0)))
         text = "at the start robile stands in hall-wall-1 (move or turn the start)"
         assert found == ([text] if hits else [])
 
 
-def test_posts_make_a_doorway_narrower(robile: Robot) -> None:
+def test_posts_make_a_doorway_narrower(robile):
     half = two_rooms(("width=1 m, height=2 m", "width=0.5 m, height=2 m"))
     assert messages(robile, compile_scene(half), mission((0, 4))) == []
     narrow = (
@@ -63,7 +60,7 @@ def test_posts_make_a_doorway_narrower(robile: Robot) -> None:
     assert messages(robile, beside, mission((0, 4))) == []
 
 
-def test_each_door_that_would_let_the_robot_through_is_named(robile: Robot) -> None:
+def test_each_door_that_would_let_the_robot_through_is_named(robile):
     two = two_rooms(SECOND)
     both = DOOR + DOOR.replace("d is", "e is").replace("kitchen_doorway", "other")
     scene = compile_scene(two, [layer(both)])
@@ -78,7 +75,7 @@ def test_each_door_that_would_let_the_robot_through_is_named(robile: Robot) -> N
     assert [text.split(" cannot")[0] for text in behind] == ["? waypoint w0", "? waypoint w2"]
 
 
-def test_only_what_stays_in_the_way_of_the_robot_blocks(robile: Robot) -> None:
+def test_only_what_stays_in_the_way_of_the_robot_blocks(robile):
     scene = scene_with("l is a lift_door in kitchen_doorway")
     both = (Hold("l.left", 0.0), Hold("l.right", 0.0))
     (found,) = messages(robile, scene, mission((0.5, 4)), *both)
@@ -94,7 +91,7 @@ def test_only_what_stays_in_the_way_of_the_robot_blocks(robile: Robot) -> None:
 
 
 @pytest.mark.parametrize(("gap", "passes"), [(0.45, False), (0.48, True)])
-def test_a_gap_lets_through_what_is_narrower(robile: Robot, gap: float, passes: bool) -> None:
+def test_a_gap_lets_through_what_is_narrower(robile, gap, passes):
     # A column across the kitchen, 4 m wide, leaves the gap at its east end.
     pinched = two_rooms(
         (

@@ -1,63 +1,57 @@
 """Launch files written for a test, and what they come to."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 import pytest
 
-from grammars.roslaunch import Launch, LaunchNode, LaunchSettings, load_launch
+from grammars.roslaunch import LaunchSettings, load_launch
 from grammars.text.diagnostics import InputError, Where
 
 OF_INTEREST = {("move_base", "move_base"), ("amcl", "amcl")}
 
 
-def launch(path: Path, *more: Path, **settings: Any) -> Launch:
+def launch(path, *more, **settings):
     """Load launch files that are named on line 1 of a file."""
     files = [(file, Where("sut.yaml", 1, 1)) for file in (path, *more)]
     said = LaunchSettings(lambda key: Where("sut.yaml", 2, 1), **settings)
     return load_launch(files, said, OF_INTEREST)
 
 
-def write(folder: Path, name: str, body: str) -> Path:
+def write(folder, name, body):
     path = folder / name
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(f"<launch>\n{body}\n</launch>\n")
     return path
 
 
-def package(folder: Path, name: str) -> Path:
+def package(folder, name):
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "package.xml").write_text(f"<package><name>{name}</name></package>\n")
     return folder
 
 
-def started(folder: Path, body: str, **settings: Any) -> Launch:
+def started(folder, body, **settings):
     return launch(write(folder, "a.launch", body), **settings)
 
 
-def node(loaded: Launch, name: str) -> LaunchNode:
+def node(loaded, name):
     (found,) = (one for one in loaded.nodes if one.name == name)
     return found
 
 
-def parameters(loaded: Launch, name: str) -> dict[str, Any]:
+def parameters(loaded, name):
     return {"/".join(path): p.value for path, p in node(loaded, name).parameters.items()}
 
 
-def remaps(loaded: Launch, name: str) -> Mapping[str, str]:
+def remaps(loaded, name):
     return {source: remap.to for source, remap in node(loaded, name).remaps.items()}
 
 
-def errors(folder: Path, body: str, **settings: Any) -> list[str]:
+def errors(folder, body, **settings):
     with pytest.raises(InputError) as caught:
         started(folder, body, **settings)
     return [str(one).replace(f"{folder}/", "") for one in caught.value.diagnostics]
 
 
-def warnings(loaded: Launch, folder: Path) -> list[str]:
+def warnings(loaded, folder):
     return [str(one).replace(f"{folder}/", "") for one in loaded.warnings]
 
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-from grammars.roslaunch import Launch
 from grammars.text.ros_yaml import load_ros_yaml
 from tests.grammars.roslaunch.launched import launch, node, parameters, remaps
 
@@ -46,20 +43,19 @@ ROBOTS = {
 }
 
 
-def load(reference_data: Path, name: str) -> Launch:
+def load(reference_data, name):
     robots = reference_data / "robots"
     robot = ROBOTS[name]
     files = [robots / file for file in robot.files]
     return launch(*files, args=robot.args, env=robot.env, skip=robot.skip)
 
 
-def yaml(reference_data: Path, file: str) -> dict[str, Any]:
-    data: dict[str, Any] = load_ros_yaml(reference_data / "robots" / file)[0].data
-    return data
+def yaml(reference_data, file):
+    return load_ros_yaml(reference_data / "robots" / file)[0].data
 
 
-def flat(tree: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def flat(tree, above=""):
+    found = {}
     for name, value in tree.items():
         found |= (
             flat(value, f"{above}{name}/") if isinstance(value, dict) else {above + name: value}
@@ -68,9 +64,7 @@ def flat(tree: Mapping[str, Any], above: str = "") -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_every_robot_starts_one_move_base_and_one_amcl_that_lack_nothing(
-    reference_data: Path, name: str
-) -> None:
+def test_every_robot_starts_one_move_base_and_one_amcl_that_lack_nothing(reference_data, name):
     loaded = load(reference_data, name)
     kinds = [one.package for one in loaded.nodes]
     assert (kinds.count("move_base"), kinds.count("amcl")) == (1, 1)
@@ -82,7 +76,7 @@ def test_every_robot_starts_one_move_base_and_one_amcl_that_lack_nothing(
 
 
 @pytest.mark.parametrize("model", ["burger", "waffle", "waffle_pi"])
-def test_turtlebot3_has_the_files_of_its_model(reference_data: Path, model: str) -> None:
+def test_turtlebot3_has_the_files_of_its_model(reference_data, model):
     folder = "turtlebot3/turtlebot3_navigation"
     file = reference_data / "robots" / folder / "launch" / "turtlebot3_navigation.launch"
     loaded = launch(file, args={"model": model})
@@ -102,7 +96,7 @@ def test_turtlebot3_has_the_files_of_its_model(reference_data: Path, model: str)
     assert amcl["laser_model_type"] == "likelihood_field"
 
 
-def test_husky_sets_the_size_of_its_local_costmap_in_the_launch_file(reference_data: Path) -> None:
+def test_husky_sets_the_size_of_its_local_costmap_in_the_launch_file(reference_data):
     loaded = load(reference_data, "husky")
     found = parameters(loaded, "/move_base")
     assert (found["local_costmap/width"], found["local_costmap/height"]) == (10.0, 10.0)
@@ -115,7 +109,7 @@ def test_husky_sets_the_size_of_its_local_costmap_in_the_launch_file(reference_d
     assert place.line == 37
 
 
-def test_husky_without_a_map_loads_another_file(reference_data: Path) -> None:
+def test_husky_without_a_map_loads_another_file(reference_data):
     file = reference_data / "robots/husky/husky_navigation/launch/move_base_mapless_demo.launch"
     found = parameters(launch(file), "/move_base")
     assert found["global_costmap/width"] == 100.0
@@ -125,7 +119,7 @@ def test_husky_without_a_map_loads_another_file(reference_data: Path) -> None:
     assert "global_costmap/static_map" not in found
 
 
-def test_fetch_and_freight_differ_by_the_files_of_their_name(reference_data: Path) -> None:
+def test_fetch_and_freight_differ_by_the_files_of_their_name(reference_data):
     for name in ("fetch", "freight"):
         loaded = load(reference_data, name)
         own = yaml(reference_data, f"fetch/fetch_navigation/config/{name}/move_base.yaml")
@@ -134,7 +128,7 @@ def test_fetch_and_freight_differ_by_the_files_of_their_name(reference_data: Pat
         assert remaps(loaded, "/amcl") == {"/scan": "/base_scan"}
 
 
-def test_mir_fills_in_its_files_and_calls_its_node_otherwise(reference_data: Path) -> None:
+def test_mir_fills_in_its_files_and_calls_its_node_otherwise(reference_data):
     loaded = load(reference_data, "mir")
     found = parameters(loaded, "/move_base_node")
     assert found["local_costmap/global_frame"] == "odom_comb"
@@ -151,7 +145,7 @@ def test_mir_fills_in_its_files_and_calls_its_node_otherwise(reference_data: Pat
     assert len({one.arguments for one in servers}) == 1
 
 
-def test_tiago_has_its_planner_from_an_argument_and_amcl_in_degrees(reference_data: Path) -> None:
+def test_tiago_has_its_planner_from_an_argument_and_amcl_in_degrees(reference_data):
     loaded = load(reference_data, "tiago")
     found = parameters(loaded, "/move_base")
     assert found["base_local_planner"] == "dwa_local_planner/DWAPlannerROS"
@@ -161,7 +155,7 @@ def test_tiago_has_its_planner_from_an_argument_and_amcl_in_degrees(reference_da
     assert (amcl["use_map_topic"], amcl["first_map_only"]) == (False, True)
 
 
-def test_turtlebot2_goes_through_links_that_became_text(reference_data: Path) -> None:
+def test_turtlebot2_goes_through_links_that_became_text(reference_data):
     loaded = load(reference_data, "turtlebot2")
     links = [str(one) for one in loaded.warnings if "symbolic link" in one.message]
     assert len(links) == 2
@@ -173,7 +167,7 @@ def test_turtlebot2_goes_through_links_that_became_text(reference_data: Path) ->
     assert loaded.left_out == ("$(find turtlebot_bringup)/launch/3dsensor.launch",)
 
 
-def test_robile_has_a_package_name_other_than_its_folder(reference_data: Path) -> None:
+def test_robile_has_a_package_name_other_than_its_folder(reference_data):
     loaded = load(reference_data, "robile")
     assert parameters(loaded, "/amcl") == {
         "use_map_topic": True, "initial_pose_x": 0.0, "initial_pose_y": 0.0,
@@ -184,7 +178,7 @@ def test_robile_has_a_package_name_other_than_its_folder(reference_data: Path) -
     assert found["controller_frequency"] == 5.0
 
 
-def test_launch_files_nobody_could_start_say_why(reference_data: Path) -> None:
+def test_launch_files_nobody_could_start_say_why(reference_data):
     old = reference_data / "robots/turtlebot2/turtlebot_navigation/launch/graveyard"
     with pytest.raises(Exception, match="arg base has no value here"):
         launch(old / "graveyard_bump_navi_demo.launch")

@@ -1,9 +1,5 @@
 """Launch files that start a node of a package, near another one."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from grammars.roslaunch import launch_files_starting
@@ -12,7 +8,7 @@ AMCL = "<launch><node name='amcl' pkg='amcl' type='amcl'/></launch>"
 
 
 @pytest.fixture
-def package(tmp_path: Path) -> Path:
+def package(tmp_path):
     files = {
         "package.xml": AMCL,
         "demo.launch": "<launch/>",
@@ -30,17 +26,17 @@ def package(tmp_path: Path) -> Path:
     return tmp_path / "robot"
 
 
-def found(package: Path, around: str) -> list[str]:
+def found(package, around):
     paths = launch_files_starting("amcl", package / around)
     return [path.relative_to(package).as_posix() for path in paths]
 
 
-def test_the_whole_package_is_searched_for_nodes_that_are_started(package: Path) -> None:
+def test_the_whole_package_is_searched_for_nodes_that_are_started(package):
     expected = ["launch/amcl.launch", "launch/parts/amcl.launch.xml"]
     assert found(package, "demo.launch") == found(package, "launch/other.launch") == expected
 
 
-def test_without_a_package_only_the_folder_is_searched(package: Path) -> None:
+def test_without_a_package_only_the_folder_is_searched(package):
     (package / "package.xml").unlink()
     assert found(package, "launch/other.launch") == ["launch/amcl.launch"]
     assert found(package, "demo.launch") == []

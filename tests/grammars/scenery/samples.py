@@ -1,7 +1,5 @@
 """Scenery texts that several tests use."""
 
-from __future__ import annotations
-
 DOOR = """
 object hinged_door
     link post  box 5 cm x 5 cm  from 0 m to 1.95 m, mass 100 kg

@@ -1,8 +1,5 @@
-from __future__ import annotations
-
 import math
 import re
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +11,7 @@ from grammars.text.diagnostics import InputError, Where
 from tests.grammars.scenery.samples import BEHAVIOUR, DOOR, EVERYTHING, LIFT, PLACED, SLIDER
 
 
-def test_an_object_model_has_links_joints_and_states() -> None:
+def test_an_object_model_has_links_joints_and_states():
     model = parse_scenery(DOOR, "doors.scenery").models[0]
     post, leaf = model.links
     assert model.name == "hinged_door"
@@ -31,13 +28,13 @@ def test_an_object_model_has_links_joints_and_states() -> None:
     ]
 
 
-def test_a_prismatic_joint_moves_along_a_signed_axis_or_a_direction() -> None:
+def test_a_prismatic_joint_moves_along_a_signed_axis_or_a_direction():
     assert parse_scenery(SLIDER, "s").models[0].joints[0].axis == (-1.0, 0.0)
     turned = parse_scenery(SLIDER.replace("along -x", "along 90 deg"), "s").models[0].joints[0]
     assert turned.axis == pytest.approx((0.0, 1.0))
 
 
-def test_links_may_have_circles_polygons_and_several_shapes() -> None:
+def test_links_may_have_circles_polygons_and_several_shapes():
     text = """
     object cone
         link body polygon (0 m, 0 m), (0 m, 1 m), (1 m, 0 m) and circle radius 10 cm at (2 m, 0 m)
@@ -49,7 +46,7 @@ def test_links_may_have_circles_polygons_and_several_shapes() -> None:
     assert max(x for x, _ in box) == pytest.approx(1.0)
 
 
-def test_instances_stand_in_frames_or_in_entryways() -> None:
+def test_instances_stand_in_frames_or_in_entryways():
     layer = parse_scenery(DOOR + SLIDER + LIFT + PLACED, "doors.scenery")
     kitchen, store, spare, lift = layer.instances
     assert isinstance(kitchen.place, In)
@@ -73,7 +70,7 @@ def test_instances_stand_in_frames_or_in_entryways() -> None:
     assert lift.place.manner == ""
 
 
-def test_sentences_say_what_joints_do() -> None:
+def test_sentences_say_what_joints_do():
     toggles, goes, moves, stays = parse_scenery(BEHAVIOUR, "b.scenery").sentences
     assert isinstance(toggles, Toggles)
     assert toggles.probability == pytest.approx(0.4)
@@ -88,30 +85,30 @@ def test_sentences_say_what_joints_do() -> None:
     assert str(stays.subject) == "lift.left"
 
 
-def test_line_breaks_and_comments_carry_no_meaning() -> None:
+def test_line_breaks_and_comments_carry_no_meaning():
     one_line = " ".join(line.split("//")[0] for line in EVERYTHING.splitlines())
     assert parse_scenery(one_line, "s.scenery") == parse_scenery(
         EVERYTHING.replace("\n", " // remark\n"), "s.scenery"
     )
 
 
-def test_plural_and_singular_mean_the_same() -> None:
+def test_plural_and_singular_mean_the_same():
     one = parse_scenery("every door stays open", "s").sentences[0]
     all_of_them = parse_scenery("all door stay open", "s").sentences[0]
     assert one == all_of_them
 
 
-def test_everything_knows_its_place() -> None:
+def test_everything_knows_its_place():
     layer = parse_scenery("\n\n  door_1 stays at 1 rad\n", "some/layer.scenery")
     assert layer.sentences[0].where == Where("some/layer.scenery", 3, 3)
     assert layer.name == "layer"
 
 
-def test_an_empty_layer_is_a_layer() -> None:
+def test_an_empty_layer_is_a_layer():
     assert parse_scenery("// nothing yet\n", "s").instances == ()
 
 
-def test_a_layer_is_read_from_a_file(tmp_path: Path) -> None:
+def test_a_layer_is_read_from_a_file(tmp_path):
     file = tmp_path / "doors.scenery"
     file.write_text(DOOR, encoding="utf-8")
     assert load_scenery(file).name == "doors"
@@ -119,7 +116,7 @@ def test_a_layer_is_read_from_a_file(tmp_path: Path) -> None:
         load_scenery(tmp_path / "door.scenery")
 
 
-def test_the_examples_of_the_documentation_are_sound() -> None:
+def test_the_examples_of_the_documentation_are_sound():
     paragraphs = (grammars.scenery.__doc__ or "").split("::\n\n")[1:]
     blocks = [re.split(r"\n(?=\S)", paragraph)[0] for paragraph in paragraphs]
     layer = parse_scenery("\n".join(blocks), "doc.scenery")

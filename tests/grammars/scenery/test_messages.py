@@ -1,7 +1,5 @@
 """What people are told when a layer cannot be read."""
 
-from __future__ import annotations
-
 import pytest
 
 from grammars.scenery import parse_scenery
@@ -9,7 +7,7 @@ from grammars.text.diagnostics import InputError
 from tests.grammars.scenery.samples import DOOR, SLIDER
 
 
-def told(text: str) -> str:
+def told(text):
     with pytest.raises(InputError) as caught:
         parse_scenery(text, "d.scenery")
     return str(caught.value)
@@ -121,51 +119,51 @@ MESSAGES = {
 
 
 @pytest.mark.parametrize("text", MESSAGES, ids=lambda text: text[:50])
-def test_messages_say_where_what_and_what_to_do(text: str) -> None:
+def test_messages_say_where_what_and_what_to_do(text):
     assert told(text).startswith(MESSAGES[text])
 
 
-def test_a_hash_is_no_comment() -> None:
+def test_a_hash_is_no_comment():
     assert told("# doors").endswith("comments start with //")
 
 
-def test_states_stay_within_the_limits_of_their_joints() -> None:
+def test_states_stay_within_the_limits_of_their_joints():
     wrong = DOOR.replace("hinge 1.7 rad", "hinge 3 rad")
     assert told(wrong) == (
         "d.scenery:9:25: 3 rad is outside the limits of joint hinge\n    between 0 and 2 rad"
     )
 
 
-def test_states_name_joints_that_exist() -> None:
+def test_states_name_joints_that_exist():
     wrong = SLIDER.replace("open:   rail", "open:   rial")
     assert told(wrong) == 'd.scenery:6:19: there is no joint "rial"\n    did you mean "rail"?'
 
 
-def test_states_use_the_dimension_of_their_joint() -> None:
+def test_states_use_the_dimension_of_their_joint():
     assert "an angle is needed here, 1 m is a length" in told(
         DOOR.replace("hinge 1.7 rad", "hinge 1 m")
     )
 
 
-def test_a_link_is_moved_by_one_joint_only_and_not_by_itself() -> None:
+def test_a_link_is_moved_by_one_joint_only_and_not_by_itself():
     second = "joint again revolute from post to leaf at (0 m, 0 m), between 0 rad and 1 rad\n"
     assert 'link "leaf" is moved by two joints' in told(DOOR + second)
     loop = "joint back revolute from leaf to post at (0 m, 0 m), between 0 rad and 1 rad\n"
     assert "carries itself through its joints" in told(DOOR + loop)
 
 
-def test_a_star_is_not_convex_although_it_turns_one_way() -> None:
+def test_a_star_is_not_convex_although_it_turns_one_way():
     star = "(0 m, 1 m), (0.6 m, -0.8 m), (-0.95 m, 0.3 m), (0.95 m, 0.3 m), (-0.6 m, -0.8 m)"
     assert "not convex" in told(f"object o link a polygon {star} from 0 m to 1 m, mass 1 kg")
 
 
-def test_all_problems_of_a_file_are_reported_at_once_in_order() -> None:
+def test_all_problems_of_a_file_are_reported_at_once_in_order():
     text = "d stays at 5 kg\nd moves to open at 5 m\ngroup a: b\ngroup a: c\n"
     lines = [line for line in told(text).splitlines() if line.startswith("d.scenery")]
     assert [line.split(":")[1] for line in lines] == ["1", "2", "4"]
 
 
-def test_all_missing_units_are_reported_at_once() -> None:
+def test_all_missing_units_are_reported_at_once():
     assert told("d stays at 5\nd moves to 1 at 5").count("a unit is missing") == 3
 
 
@@ -181,5 +179,5 @@ def test_all_missing_units_are_reported_at_once() -> None:
         ("v walks along (0 m, 0 m), (1 m, 0 m)\nd stays at 5", "write 5 m, 5 rad, 5 s, … as is"),
     ],
 )
-def test_the_unit_that_is_expected_is_the_one_to_write(sentence: str, hint: str) -> None:
+def test_the_unit_that_is_expected_is_the_one_to_write(sentence, hint):
     assert f"\n    {hint}" in told(sentence)

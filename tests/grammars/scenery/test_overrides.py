@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from grammars.scenery import configure, parse_scenery
@@ -17,14 +15,14 @@ LAYER = parse_scenery(
 HERE = Where("campaign.yaml", 12, 9)
 
 
-def test_a_campaign_gives_parameters_other_values() -> None:
+def test_a_campaign_gives_parameters_other_values():
     changed = configure(LAYER, {"within": "90 cm"}, HERE)
     assert changed.parameters[0].value.value == pytest.approx(0.9)
     assert LAYER.parameters[0].value.value == 1.3
     assert changed.sentences == LAYER.sentences
 
 
-def test_a_campaign_gives_groups_other_members() -> None:
+def test_a_campaign_gives_groups_other_members():
     assert str(configure(LAYER, {"doors": ["door_3", "door_4"]}).groups[0].members) == (
         "door_3, door_4"
     )
@@ -55,13 +53,13 @@ def test_a_campaign_gives_groups_other_members() -> None:
         ),
     ],
 )
-def test_overrides_that_do_not_fit_are_refused(overrides: dict[str, object], message: str) -> None:
+def test_overrides_that_do_not_fit_are_refused(overrides, message):
     with pytest.raises(InputError) as caught:
         configure(LAYER, overrides, HERE)
     assert str(caught.value) == f"campaign.yaml:12:9: {message}"
 
 
-def test_every_wrong_override_is_reported() -> None:
+def test_every_wrong_override_is_reported():
     with pytest.raises(InputError) as caught:
         configure(LAYER, {"a": 1, "within": "1 kg"}, HERE)
     assert len(caught.value.diagnostics) == 2

@@ -1,7 +1,5 @@
 """Movers, reactions, waiting times, fixed joints and furniture in the scenery language."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -19,25 +17,24 @@ from grammars.scenery.model import (
     OnObject,
     OnWaypoint,
     Reacts,
-    Sentence,
     Walks,
 )
 from grammars.text.diagnostics import InputError
 from tests.grammars.scenery.samples import DOOR, PEOPLE
 
 
-def said(text: str) -> Sentence:
+def said(text):
     (sentence,) = parse_scenery(text, "s.scenery").sentences
     return sentence
 
 
-def told(text: str) -> str:
+def told(text):
     with pytest.raises(InputError) as caught:
         parse_scenery(text, "d.scenery")
     return str(caught.value)
 
 
-def test_a_mover_hangs_on_a_planar_chain() -> None:
+def test_a_mover_hangs_on_a_planar_chain():
     person = parse_scenery(PEOPLE, "p.scenery").models[0]
     assert is_mover(person.joints)
     assert [(j.name, j.kind, j.parent, j.child) for j in person.joints] == [
@@ -54,17 +51,17 @@ def test_a_mover_hangs_on_a_planar_chain() -> None:
     assert (body.x, body.y, body.yaw) == pytest.approx((-3.0, 5.0, math.pi / 2 + 0.5))
 
 
-def test_an_object_is_no_mover() -> None:
+def test_an_object_is_no_mover():
     assert not is_mover(parse_scenery(DOOR, "d.scenery").models[0].joints)
 
 
-def test_a_fixed_joint_leaves_no_room() -> None:
+def test_a_fixed_joint_leaves_no_room():
     table = parse_scenery(PEOPLE, "p.scenery").models[1]
     (glue,) = table.joints
     assert (glue.parent, glue.child, glue.lower, glue.upper) == ("top", "foot", 0.0, 0.0)
 
 
-def test_furniture_stands_in_a_space() -> None:
+def test_furniture_stands_in_a_space():
     table = parse_scenery(PEOPLE, "p.scenery").instances[1]
     assert isinstance(table.place, At)
     assert table.place.inside
@@ -73,7 +70,7 @@ def test_furniture_stands_in_a_space() -> None:
     assert table.place.yaw == pytest.approx(math.radians(30))
 
 
-def test_a_walk_has_a_route_a_pace_and_manners() -> None:
+def test_a_walk_has_a_route_a_pace_and_manners():
     walk = parse_scenery(PEOPLE, "p.scenery").sentences[0]
     assert isinstance(walk, Walks)
     assert [(str(p.frame), p.x, p.y) for p in walk.route] == [
@@ -86,7 +83,7 @@ def test_a_walk_has_a_route_a_pace_and_manners() -> None:
     assert str(walk.yielding) == "1 m"
 
 
-def test_points_are_in_the_frame_named_next() -> None:
+def test_points_are_in_the_frame_named_next():
     walk = said("v walks along (1 m, 0 m), (2 m, 0 m) of a, (3 m, 0 m) of b.walls[2], once")
     assert isinstance(walk, Walks)
     assert [str(p.frame) for p in walk.route] == ["a", "a", "b.walls[2]"]
@@ -98,13 +95,13 @@ def test_points_are_in_the_frame_named_next() -> None:
 @pytest.mark.parametrize(
     ("words", "facing"), [("facing ahead", "ahead"), ("facing sideways", "sideways")]
 )
-def test_a_mover_faces_some_way(words: str, facing: str) -> None:
+def test_a_mover_faces_some_way(words, facing):
     walk = said(f"v walks along (1 m, 0 m), (2 m, 0 m), {words}, not yielding")
     assert isinstance(walk, Walks)
     assert walk.facing == facing
 
 
-def test_a_mover_may_face_an_angle_and_accelerate_as_told() -> None:
+def test_a_mover_may_face_an_angle_and_accelerate_as_told():
     walk = said("v walks along (1 m, 0 m), (2 m, 0 m), facing 30 deg, accelerating at 50 cm/s^2")
     assert isinstance(walk, Walks)
     assert isinstance(walk.facing, Measure)
@@ -123,7 +120,7 @@ def test_a_mover_may_face_an_angle_and_accelerate_as_told() -> None:
         ("door_1.hinge starts to move", OnObject),
     ],
 )
-def test_events_are_read(words: str, kind: type) -> None:
+def test_events_are_read(words, kind):
     sentence = said(f"d goes from open to closed when {words}, after 2 s, by jump")
     assert isinstance(sentence, Reacts)
     assert isinstance(sentence.occasion, kind)
@@ -133,7 +130,7 @@ def test_events_are_read(words: str, kind: type) -> None:
     assert walk.occasion == sentence.occasion
 
 
-def test_names_of_waypoints_may_have_dashes_and_blanks() -> None:
+def test_names_of_waypoints_may_have_dashes_and_blanks():
     for written, name in (("a-1", "a-1"), ('"the 2nd, 3 m on"', "the 2nd, 3 m on"), ("7", "7")):
         sentence = said(f"d goes from open to closed when waypoint {written} is reached")
         assert isinstance(sentence, Reacts)
@@ -149,7 +146,7 @@ def test_names_of_waypoints_may_have_dashes_and_blanks() -> None:
         ("normal with mean 20 s, deviation 5 s", "normal"),
     ],
 )
-def test_waiting_times_have_a_distribution(words: str, kind: str) -> None:
+def test_waiting_times_have_a_distribution(words, kind):
     sentence = said(f"d toggles between open and closed after {words}, from 1 min until 5 min")
     assert isinstance(sentence, Alternates)
     assert sentence.waiting.kind == kind
@@ -201,5 +198,5 @@ MESSAGES = {
 
 
 @pytest.mark.parametrize("text", MESSAGES, ids=lambda text: text[:60])
-def test_messages_say_what_is_wrong(text: str) -> None:
+def test_messages_say_what_is_wrong(text):
     assert told(text).startswith(MESSAGES[text])

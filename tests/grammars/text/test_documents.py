@@ -1,4 +1,3 @@
-from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
@@ -21,18 +20,18 @@ class House(StrictModel):
     owner: Room | None = None
 
 
-def problems(text: str) -> list[str]:
+def problems(text):
     with pytest.raises(InputError) as caught:
         read_model(parse_yaml(text, "house.yaml"), House)
     return [str(d) for d in caught.value.diagnostics]
 
 
-def test_a_good_file_becomes_a_model() -> None:
+def test_a_good_file_becomes_a_model():
     house = read_model(parse_yaml("rooms:\n  a: {name: kitchen, width: 300 cm}\n", "h.yaml"), House)
     assert house.rooms["a"].width == pytest.approx(3.0)
 
 
-def test_all_findings_come_at_once_each_with_its_place() -> None:
+def test_all_findings_come_at_once_each_with_its_place():
     found = problems("rooms:\n  a:\n    name: [1]\n    widht: 3 m\n")
     assert [f.splitlines()[0] for f in found] == [
         "house.yaml:3:5: name: must be text",
@@ -42,7 +41,7 @@ def test_all_findings_come_at_once_each_with_its_place() -> None:
     assert 'did you mean "width"?' in found[2]
 
 
-def test_a_quantity_of_the_wrong_kind_is_explained() -> None:
+def test_a_quantity_of_the_wrong_kind_is_explained():
     assert problems("rooms: {a: {name: x, width: 3 s}}") == [
         'house.yaml:1:22: width: "3 s" is in s, expected a length such as "0.5 m"'
     ]
@@ -71,23 +70,23 @@ def test_a_quantity_of_the_wrong_kind_is_explained() -> None:
         ("a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "h.yaml:2:8: YAML aliases"),
     ],
 )
-def test_broken_yaml_names_line_and_column(text: str, message: str) -> None:
+def test_broken_yaml_names_line_and_column(text, message):
     with pytest.raises(InputError) as caught:
         parse_yaml(text, "h.yaml")
     assert message in str(caught.value)
 
 
-def test_words_stay_words_as_yaml_1_2_has_it() -> None:
+def test_words_stay_words_as_yaml_1_2_has_it():
     assert parse_yaml("on: yes\nno: off\n", "h.yaml").data == {"on": "yes", "no": "off"}
 
 
-def test_a_missing_file_suggests_its_neighbour(tmp_path: Path) -> None:
+def test_a_missing_file_suggests_its_neighbour(tmp_path):
     (tmp_path / "campaign.yaml").write_text("a: 1")
     with pytest.raises(InputError, match='did you mean "campaign.yaml"'):
         load_yaml(tmp_path / "campain.yaml")
 
 
-def test_a_folder_and_a_binary_file_are_refused(tmp_path: Path) -> None:
+def test_a_folder_and_a_binary_file_are_refused(tmp_path):
     with pytest.raises(InputError, match="is a folder"):
         load_yaml(tmp_path)
     (tmp_path / "campaign.yaml").write_text("a: 1")
@@ -99,7 +98,7 @@ def test_a_folder_and_a_binary_file_are_refused(tmp_path: Path) -> None:
 
 
 @given(st.text(alphabet=st.sampled_from("ab:-[]{},'\"\n\t #&*!|>@%01.~?"), max_size=40))
-def test_no_text_raises_anything_but_input_errors(text: str) -> None:
+def test_no_text_raises_anything_but_input_errors(text):
     try:
         parse_yaml(text, "fuzz.yaml")
     except InputError as error:
@@ -113,7 +112,7 @@ class Named(StrictModel):
     some: list[int] = Field(default=[1], min_length=1)
 
 
-def test_findings_are_told_in_the_words_of_the_file() -> None:
+def test_findings_are_told_in_the_words_of_the_file():
     text = "name: ü\nids: {a b: 1, c: 1.5}\nmood: sad\nsome: []\n"
     with pytest.raises(InputError) as caught:
         read_model(parse_yaml(text, "h.yaml"), Named)

@@ -1,16 +1,13 @@
 """Whole or not at all: what stands in a file that is written again, and in the folder beside."""
 
-from __future__ import annotations
-
 import os
-from pathlib import Path
 
 import pytest
 
 from grammars.text.files import move_durably, replacing, write_atomically
 
 
-def test_a_file_is_replaced_as_a_whole_and_nothing_is_left_beside_it(tmp_path: Path) -> None:
+def test_a_file_is_replaced_as_a_whole_and_nothing_is_left_beside_it(tmp_path):
     path = tmp_path / "kept"
     write_atomically(path, b"before")
     with replacing(path, mode=0o400) as temporary:
@@ -21,11 +18,11 @@ def test_a_file_is_replaced_as_a_whole_and_nothing_is_left_beside_it(tmp_path: P
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_fails_leaves_what_was_there(tmp_path, monkeypatch):
     path = tmp_path / "kept"
     write_atomically(path, b"before")
 
-    def full(*_: object) -> None:
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
@@ -35,7 +32,7 @@ def test_what_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.Mo
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_link_to_the_file_itself_goes_too(tmp_path: Path) -> None:
+def test_a_link_to_the_file_itself_goes_too(tmp_path):
     path = tmp_path / "kept"
     path.write_bytes(b"same")
     with replacing(path) as temporary:
@@ -43,7 +40,7 @@ def test_a_link_to_the_file_itself_goes_too(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_file_that_is_complete_gets_its_name(tmp_path: Path) -> None:
+def test_a_file_that_is_complete_gets_its_name(tmp_path):
     (tmp_path / "part").write_bytes(b"all")
     move_durably(tmp_path / "part", tmp_path / "whole")
     assert [path.name for path in tmp_path.iterdir()] == ["whole"]

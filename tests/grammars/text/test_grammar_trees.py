@@ -1,10 +1,7 @@
 """The stored trees of our grammars are what textX reads, and are left alone where they are not."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 from textx import lang, metamodel_from_file
@@ -17,19 +14,19 @@ GRAMMARS = sorted(Path(grammars.__file__).parent.rglob("*.tx"))
 
 
 @pytest.mark.parametrize("grammar", GRAMMARS, ids=lambda grammar: grammar.stem)
-def test_the_stored_tree_of_a_grammar_is_what_textx_reads(grammar: Path) -> None:
+def test_the_stored_tree_of_a_grammar_is_what_textx_reads(grammar):
     remedy = "write it anew: python -m tests.language_docs"
     assert tree_file(grammar).read_text("utf-8") == tree_text(grammar), remedy
 
 
 @pytest.fixture
-def readings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def readings(monkeypatch):
     """The grammars that textX reads itself."""
-    read: list[str] = []
+    read = []
     usual = lang.ParserPython
 
-    class Parser(usual):  # type: ignore[misc, valid-type]
-        def parse(self, text: str, *more: object) -> object:
+    class Parser(usual):
+        def parse(self, text, *more):
             read.append(text)
             return super().parse(text, *more)
 
@@ -38,7 +35,7 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return read
 
 
-def _described(metamodel: Any) -> dict[str, list[tuple[object, ...]]]:
+def _described(metamodel):
     """Return what a language is made of: the attributes of its nodes."""
     return {
         cls.__name__: [
@@ -49,7 +46,7 @@ def _described(metamodel: Any) -> dict[str, list[tuple[object, ...]]]:
     }
 
 
-def test_a_stored_tree_is_taken_for_the_grammar(readings: list[str]) -> None:
+def test_a_stored_tree_is_taken_for_the_grammar(readings):
     grammar = next(one for one in GRAMMARS if one.stem == "floorplan")
     stored = load_metamodel(grammar)
     assert readings == []
@@ -59,7 +56,7 @@ def test_a_stored_tree_is_taken_for_the_grammar(readings: list[str]) -> None:
     assert _described(stored) == _described(read)
 
 
-def test_a_grammar_that_was_changed_is_read(readings: list[str], tmp_path: Path) -> None:
+def test_a_grammar_that_was_changed_is_read(readings, tmp_path):
     (copy,) = (Path(shutil.copy(one, tmp_path)) for one in GRAMMARS if one.stem == "oracle")
     original = next(one for one in GRAMMARS if one.stem == "oracle")
     shutil.copy(tree_file(original), tree_file(copy))

@@ -1,7 +1,5 @@
 """Inequalities between named quantities: read into sums, refused with what is wrong."""
 
-from __future__ import annotations
-
 import pytest
 
 from grammars.text.inequalities import LONGEST, read_inequality
@@ -33,18 +31,18 @@ UNITS = {
         ("count + count < 5", {"count": 2.0}, True),
     ],
 )  # fmt: skip
-def test_sums_are_compared_in_si_units(text: str, values: dict[str, float], holds: bool) -> None:
+def test_sums_are_compared_in_si_units(text, values, holds):
     assert read_inequality(text, UNITS).holds(values) is holds
 
 
-def test_what_is_equal_up_to_rounding_is_equal() -> None:
+def test_what_is_equal_up_to_rounding_is_equal():
     values = {"a": 0.1, "b": 0.2}
     units = {"a": "s", "b": "s"}
     assert read_inequality("a + b <= 0.3 s", units).holds(values)
     assert not read_inequality("a + b > 0.3 s", units).holds(values)
 
 
-def test_names_are_told_once() -> None:
+def test_names_are_told_once():
     assert read_inequality("count + count < 5 - count", UNITS).names == ("count",)
 
 
@@ -67,7 +65,7 @@ def test_names_are_told_once() -> None:
         ("count < 1" + "0" * LONGEST, "characters"),
     ],
 )
-def test_what_makes_no_sense_is_told(text: str, words: str) -> None:
+def test_what_makes_no_sense_is_told(text, words):
     with pytest.raises(ValueError, match="^") as refused:
         read_inequality(text, UNITS)
     assert words in str(refused.value)

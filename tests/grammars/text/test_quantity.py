@@ -42,7 +42,7 @@ from grammars.text.unit_table import SI_UNITS, UNITS
         ("0.01 m/m^0.5", 0.01, "noise per root length"),
     ],
 )
-def test_quantities_are_read_into_si_units(text: str, value: float, dimension: str) -> None:
+def test_quantities_are_read_into_si_units(text, value, dimension):
     quantity = read_quantity(text)
     assert quantity.value == pytest.approx(value)
     assert quantity.dimension == dimension
@@ -64,19 +64,19 @@ def test_quantities_are_read_into_si_units(text: str, value: float, dimension: s
         "1 m; 2 m",
     ],
 )
-def test_anything_else_is_refused_with_words(text: str) -> None:
+def test_anything_else_is_refused_with_words(text):
     with pytest.raises(ValueError, match=r"\w+"):
         read_quantity(text)
 
 
-def test_an_angle_is_neither_a_ratio_nor_a_length() -> None:
+def test_an_angle_is_neither_a_ratio_nor_a_length():
     with pytest.raises(ValueError, match='"3" has no unit, expected an angle such as "0.5 rad"'):
         read_as("3", "angle")
     with pytest.raises(ValueError, match='"3 rad" is in rad, expected a length'):
         read_as("3 rad", "length")
 
 
-def test_a_bare_number_is_a_ratio_and_nothing_else() -> None:
+def test_a_bare_number_is_a_ratio_and_nothing_else():
     assert read_as(0.8, "ratio") == 0.8
     with pytest.raises(ValueError, match="3 has no unit"):
         read_as(3, "length")
@@ -84,13 +84,13 @@ def test_a_bare_number_is_a_ratio_and_nothing_else() -> None:
         read_as(True, "length")
 
 
-def test_a_refused_quantity_names_its_place() -> None:
+def test_a_refused_quantity_names_its_place():
     with pytest.raises(InputError, match=r"doors\.scenery:3:7: .*not a unit"):
         parse_quantity("3 furlong", Where("doors.scenery", 3, 7))
 
 
 @given(st.text(max_size=30))
-def test_no_text_makes_the_reader_raise_anything_but_value_errors(text: str) -> None:
+def test_no_text_makes_the_reader_raise_anything_but_value_errors(text):
     try:
         quantity = read_quantity(text)
     except ValueError:
@@ -99,18 +99,18 @@ def test_no_text_makes_the_reader_raise_anything_but_value_errors(text: str) -> 
 
 
 @given(st.floats(-1e6, 1e6), st.sampled_from(["m", "rad", "s", "kg", "m/s", "N m"]))
-def test_si_values_read_back_as_written(value: float, unit: str) -> None:
+def test_si_values_read_back_as_written(value, unit):
     quantity = read_quantity(f"{value!r} {unit}")
     assert quantity.value == value
     assert quantity.unit == unit
 
 
 @pytest.mark.parametrize(("text", "value"), [("95 %", 0.95), ("7 cm", 0.07), ("3 mm", 0.003)])
-def test_decimal_units_read_as_the_number_one_would_write(text: str, value: float) -> None:
+def test_decimal_units_read_as_the_number_one_would_write(text, value):
     assert read_quantity(text).value == value
 
 
-def test_dimensions_have_the_units_their_quantities_are_read_in() -> None:
+def test_dimensions_have_the_units_their_quantities_are_read_in():
     for name, dimension in DIMENSIONS.items():
         assert dimension.unit == unit_of(name)
     assert (SPEED * TIME).unit == "m"
@@ -119,20 +119,20 @@ def test_dimensions_have_the_units_their_quantities_are_read_in() -> None:
 
 
 @pytest.mark.parametrize("unit", PLAN_UNITS)
-def test_units_of_plans_are_those_of_every_other_file(unit: str) -> None:
+def test_units_of_plans_are_those_of_every_other_file(unit):
     quantity = read_quantity(f"1 {unit}")
     assert PLAN_UNITS[unit] == (quantity.value, quantity.dimension)
 
 
 @pytest.mark.parametrize("unit", UNITS)
-def test_the_table_of_units_says_what_pint_calculates(unit: str) -> None:
+def test_the_table_of_units_says_what_pint_calculates(unit):
     assert UNITS[unit] == calculate_unit(unit)
 
 
-def test_the_table_of_units_has_every_si_unit() -> None:
+def test_the_table_of_units_has_every_si_unit():
     assert {UNITS[unit] for unit in SI_UNITS.values()} == {(1.0, name) for name in SI_UNITS}
 
 
-def test_units_that_no_table_has_are_calculated() -> None:
+def test_units_that_no_table_has_are_calculated():
     assert read_quantity("2 cm/min").value == pytest.approx(0.02 / 60)
     assert read_quantity("2 kHz").dimension == "frequency"

@@ -1,7 +1,5 @@
 """Languages are loaded by whichever thread comes first, also by several at once."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -12,11 +10,11 @@ from grammars.text.parsing import load_metamodel
 GRAMMARS = sorted(Path(grammars.__path__[0]).glob("*/*.tx"))
 
 
-def test_languages_are_loaded_by_several_threads_at_once() -> None:
+def test_languages_are_loaded_by_several_threads_at_once():
     assert len(GRAMMARS) == 4
     together = Barrier(len(GRAMMARS))
 
-    def load(grammar: Path) -> str:
+    def load(grammar):
         together.wait(60.0)
         return str(load_metamodel(grammar).rootcls.__name__)
 

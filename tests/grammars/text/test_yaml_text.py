@@ -1,7 +1,5 @@
 """Values written as YAML and read back."""
 
-from __future__ import annotations
-
 import json
 
 import pytest
@@ -41,19 +39,19 @@ VALUES = st.recursive(
 
 @pytest.mark.parametrize("plain", [True, False])
 @given(tree=st.dictionaries(KEYS, VALUES, min_size=1, max_size=4))
-def test_what_is_written_is_read_back(plain: bool, tree: dict[str, object]) -> None:
+def test_what_is_written_is_read_back(plain, tree):
     text = yaml_text(tree, plain=plain)
     assert parse_yaml(text, "a.yaml").data == tree
     assert json.loads(json.dumps(YAML(typ="safe").load(text))) == tree
 
 
-def test_quotes_are_left_out_where_they_are_not_needed() -> None:
+def test_quotes_are_left_out_where_they_are_not_needed():
     tree = {"limit": "45.5 s", "behaviours": [{"doors": {"swing": "50 deg/s"}}], "a b": ["no", "x"]}
     assert yaml_text(tree, plain=True) == (
         'limit: 45.5 s\nbehaviours:\n  - {doors: {swing: 50 deg/s}}\na b: ["no", x]\n'
     )
 
 
-def test_a_comment_has_a_sign_before_each_line() -> None:
+def test_a_comment_has_a_sign_before_each_line():
     assert comment_text("one\n\ntwo") == "# one\n#\n# two\n"
     assert comment_text("") == ""

@@ -1,11 +1,6 @@
 """Plans for tests of variations, and a short way to vary them."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
-from grammars.variation import Variant, Variation, parse_variation, sample
+from grammars.variation import parse_variation, sample
 
 HOUSE = """\
 // A house.   "with // quotes"
@@ -64,18 +59,18 @@ Floor plan: house
 """  # noqa: E501
 
 
-def vary(folder: Path, statements: str, plan: str = HOUSE, **options: Any) -> Variation:
+def vary(folder, statements, plan=HOUSE, **options):
     """Return the variation of ``plan`` by ``statements``."""
     (folder / "plan.fpm").write_bytes(plan.encode())
     text = f'import "plan.fpm"\n{statements}'
     return parse_variation(text, "test.variation", folder, **options)
 
 
-def one(folder: Path, statements: str, plan: str = HOUSE, **options: Any) -> Variant:
+def one(folder, statements, plan=HOUSE, **options):
     """Return the variant of seed 7."""
     return sample(vary(folder, statements, plan, **options), 1, seed=7)[0]
 
 
-def numbers(variant: Variant) -> dict[str, float]:
+def numbers(variant):
     """Return the values of a variant by their names."""
     return {value.name: value.number for value in variant.values}

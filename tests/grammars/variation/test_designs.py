@@ -1,16 +1,13 @@
 """Designs besides random: what they cover, and what becomes of points that are rejected."""
 
-from __future__ import annotations
-
 import sys
 from itertools import combinations, islice, product
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from grammars.text.diagnostics import InputError
-from grammars.variation import Normal, Range, Variation, sample
+from grammars.variation import Normal, Range, sample
 from grammars.variation.designs import halton, latin_hypercube
 from tests.grammars.variation.plans import numbers, vary
 
@@ -23,18 +20,16 @@ FOUR = """
 
 
 @pytest.fixture
-def variation(tmp_path: Path) -> Variation:
+def variation(tmp_path):
     return vary(tmp_path, FOUR)
 
 
-def rows(
-    variation: Variation, method: str, n: int | None = None, **options: int
-) -> list[tuple[float, ...]]:
+def rows(variation, method, n=None, **options):
     variants = sample(variation, n, seed=1, method=method, **options)
     return [tuple(numbers(v).values()) for v in variants]
 
 
-def test_the_grid_is_every_combination_once(variation: Variation) -> None:
+def test_the_grid_is_every_combination_once(variation):
     found = rows(variation, "grid", levels=2)
     gaps, turns, shifts = (0.8, 0.9, 1.0), (0.0, 90.0), (-0.5, 0.0, 0.5)
     widths = sorted({row[2] for row in found})
@@ -43,7 +38,7 @@ def test_the_grid_is_every_combination_once(variation: Variation) -> None:
     assert found == list(product(gaps, turns, widths, shifts))
 
 
-def test_pairwise_meets_every_pair_in_few_points(variation: Variation) -> None:
+def test_pairwise_meets_every_pair_in_few_points(variation):
     found = rows(variation, "pairwise")
     levels = [sorted({row[k] for row in found}) for k in range(4)]
     for (i, one), (j, other) in combinations(enumerate(levels), 2):
@@ -51,7 +46,7 @@ def test_pairwise_meets_every_pair_in_few_points(variation: Variation) -> None:
     assert len(found) < 81 / 3
 
 
-def test_pairwise_goes_around_what_is_rejected(tmp_path: Path) -> None:
+def test_pairwise_goes_around_what_is_rejected(tmp_path):
     rule = "require gap + room.location.translation.x / 10 != 0.85"
     found = rows(vary(tmp_path, FOUR + rule), "pairwise")
     assert (0.8, 0.5) not in {(row[0], row[3]) for row in found}
@@ -59,7 +54,7 @@ def test_pairwise_goes_around_what_is_rejected(tmp_path: Path) -> None:
     assert len(pairs) == 9
 
 
-def test_pairwise_gives_up_on_what_is_always_rejected(tmp_path: Path) -> None:
+def test_pairwise_gives_up_on_what_is_always_rejected(tmp_path):
     many = "let {0} = uniform([1, 2, 3, 4, 5]) "
     statements = "".join(many.format(name) for name in "abcdefgh")
     statements += "gap: a require a + b + c + d + e + f + g + h > 100"
@@ -68,12 +63,12 @@ def test_pairwise_gives_up_on_what_is_always_rejected(tmp_path: Path) -> None:
     assert "rejected 100 times: require" in caught.value.diagnostics[1].message
 
 
-def test_a_design_of_one_draw_is_its_levels(tmp_path: Path) -> None:
+def test_a_design_of_one_draw_is_its_levels(tmp_path):
     alone = vary(tmp_path, "gap: uniform([0.8, 0.9, 0.8])")
     assert rows(alone, "pairwise") == rows(alone, "grid") == [(0.8,), (0.9,)]
 
 
-def test_halton_and_latin_hypercubes_fill_every_range_evenly() -> None:
+def test_halton_and_latin_hypercubes_fill_every_range_evenly():
     axes = [Range(0.0, 8.0), Range(-1.0, 1.0), Normal(0.0, 1.0)]
     points = list(latin_hypercube(axes, 8, seed=3))
     assert sorted(int(p[0]) for p in points) == list(range(8))
@@ -85,20 +80,20 @@ def test_halton_and_latin_hypercubes_fill_every_range_evenly() -> None:
     assert -0.3 < sum(p[2] for p in first) / 64 < 0.3
 
 
-def test_points_that_are_rejected_leave_their_seeds_out(tmp_path: Path) -> None:
+def test_points_that_are_rejected_leave_their_seeds_out(tmp_path):
     variation = vary(tmp_path, "gap: uniform([0.8, 0.9, 1.0]) require gap != 0.9 m")
     variants = sample(variation, seed=10, method="grid")
     assert [(v.seed, numbers(v)["gap"]) for v in variants] == [(10, 0.8), (12, 1.0)]
 
 
-def test_halton_goes_on_until_it_has_enough(tmp_path: Path) -> None:
+def test_halton_goes_on_until_it_has_enough(tmp_path):
     variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) require gap > 1 m")
     variants = sample(variation, 6, seed=0, method="halton")
     assert len(variants) == 6
     assert all(numbers(v)["gap"] > 1 for v in variants)
 
 
-def test_the_header_says_which_design_it_was(variation: Variation) -> None:
+def test_the_header_says_which_design_it_was(variation):
     variants = sample(variation, 3, seed=5, method="lhs")
     assert [v.text.splitlines()[1] for v in variants] == [
         f"// Seed: {5 + k}, lhs design 5" for k in range(3)
@@ -106,29 +101,27 @@ def test_the_header_says_which_design_it_was(variation: Variation) -> None:
 
 
 @pytest.mark.parametrize("method", ["random", "grid", "halton", "lhs", "pairwise"])
-def test_a_design_nothing_is_left_of_says_why(tmp_path: Path, method: str) -> None:
+def test_a_design_nothing_is_left_of_says_why(tmp_path, method):
     variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) turn: uniform([1, 2]) require gap > 2")
     with pytest.raises(InputError) as caught:
         sample(variation, 20, seed=0, method=method, tries=5)
     assert any("rejected" in d.message and "gap > 2" in d.message for d in caught.value.diagnostics)
 
 
-def test_a_design_with_more_points_than_wanted_is_refused(variation: Variation) -> None:
+def test_a_design_with_more_points_than_wanted_is_refused(variation):
     with pytest.raises(InputError, match="the grid design has more than 20 variants"):
         sample(variation, 20, seed=0, method="grid")
     with pytest.raises(InputError, match="more than 5 variants"):
         sample(variation, 5, seed=0, method="pairwise")
 
 
-def test_an_enormous_grid_is_refused(tmp_path: Path) -> None:
+def test_an_enormous_grid_is_refused(tmp_path):
     statements = "gap: uniform(0.8 .. 1) turn: uniform(0 .. 1) reach: uniform(-2 .. -1)"
     with pytest.raises(InputError, match="1,000,000 points"):
         sample(vary(tmp_path, statements), seed=0, method="grid", levels=100)
 
 
-def test_a_missing_package_is_named_with_its_extra(
-    variation: Variation, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_named_with_its_extra(variation, monkeypatch):
     monkeypatch.setitem(sys.modules, "allpairspy", None)
     with pytest.raises(InputError, match="allpairspy, which is not installed") as caught:
         sample(variation, 5, seed=0, method="pairwise")
@@ -138,17 +131,17 @@ def test_a_missing_package_is_named_with_its_extra(
 class _Share:
     """A draw whose value is its quantile, unrounded."""
 
-    def at(self, quantile: float) -> float:
+    def at(self, quantile):
         return quantile
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 7, 12])
 @pytest.mark.parametrize("seed", [0, 41])
-def test_space_filling_designs_are_those_of_scipy(dimensions: int, seed: int) -> None:
+def test_space_filling_designs_are_those_of_scipy(dimensions, seed):
     # Here, for every process of a round reads this file: that takes half a second.
     from scipy.stats import qmc
 
-    def generator() -> np.random.Generator:
+    def generator():
         return np.random.default_rng(np.random.SeedSequence(seed))
 
     draws = [_Share()] * dimensions

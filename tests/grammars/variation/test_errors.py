@@ -1,7 +1,5 @@
 """What a variation cannot mean is refused: where, what, and what to do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -88,7 +86,7 @@ OTHERWISE = {
 }  # fmt: skip
 
 
-def refused(folder: Path, statements: str) -> list[str]:
+def refused(folder, statements):
     with pytest.raises(InputError) as caught:
         vary(folder, statements)
     for diagnostic in caught.value.diagnostics:
@@ -99,14 +97,14 @@ def refused(folder: Path, statements: str) -> list[str]:
 
 
 @pytest.mark.parametrize("statements", OTHERWISE)
-def test_what_has_no_meaning_is_explained(tmp_path: Path, statements: str) -> None:
+def test_what_has_no_meaning_is_explained(tmp_path, statements):
     first = refused(tmp_path, statements)[0]
     message, hint = OTHERWISE[statements]
     assert message in first
     assert hint in first
 
 
-def test_every_problem_is_reported_at_its_place(tmp_path: Path) -> None:
+def test_every_problem_is_reported_at_its_place(tmp_path):
     found = refused(
         tmp_path,
         "room: {\n    shape.widht: uniform([1])\n    shape.length: uniform([])\n}\nrequire a > b\n",
@@ -119,7 +117,7 @@ def test_every_problem_is_reported_at_its_place(tmp_path: Path) -> None:
     ]
 
 
-def test_every_statement_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
+def test_every_statement_that_cannot_be_read_is_reported(tmp_path):
     statements = """gap: unifrom([1])
 let wide uniform([1])
 room: { shape.width = 4 }
@@ -131,18 +129,18 @@ pane: { height uniform([1]) }
     assert lines == ["2", "3", "4", "5", "6", "7"]
 
 
-def test_a_draw_that_nothing_uses_is_worth_a_word(tmp_path: Path) -> None:
+def test_a_draw_that_nothing_uses_is_worth_a_word(tmp_path):
     variation = vary(tmp_path, "let wide = uniform([1]) gap: uniform([1])")
     assert 'the draw "wide" is never used' in [w.message for w in variation.warnings]
 
 
-def test_a_space_and_an_opening_of_one_name_are_ambiguous(tmp_path: Path) -> None:
+def test_a_space_and_an_opening_of_one_name_are_ambiguous(tmp_path):
     plan = HOUSE.replace("Entryway door", "Entryway room")
     with pytest.raises(InputError, match='"room" is the name of a space and an entryway'):
         vary(tmp_path, "room: {shape.width: uniform([1])}", plan)
 
 
-def test_a_variation_starts_with_an_import(tmp_path: Path) -> None:
+def test_a_variation_starts_with_an_import(tmp_path):
     (tmp_path / "plan.fpm").write_text(HOUSE)
     with pytest.raises(InputError, match="1:1: imports no plan"):
         parse_variation("gap: uniform([1])", "test.variation", tmp_path)
@@ -154,7 +152,7 @@ def test_a_variation_starts_with_an_import(tmp_path: Path) -> None:
         parse_variation("{", "test.variation", tmp_path)
 
 
-def test_a_missing_plan_suggests_those_that_are_there(tmp_path: Path) -> None:
+def test_a_missing_plan_suggests_those_that_are_there(tmp_path):
     (tmp_path / "plan.fpm").write_text(HOUSE)
     for name in ("plam.fpm", "pl\0an.fpm", "plam"):
         with pytest.raises(InputError, match='did you mean "plan.fpm"'):
@@ -163,7 +161,7 @@ def test_a_missing_plan_suggests_those_that_are_there(tmp_path: Path) -> None:
         parse_variation("import '' gap: uniform([1])", "test.variation", tmp_path)
 
 
-def test_problems_of_the_plan_are_reported_in_the_plan(tmp_path: Path) -> None:
+def test_problems_of_the_plan_are_reported_in_the_plan(tmp_path):
     with pytest.raises(InputError) as caught:
         vary(
             tmp_path, "gap: uniform([1])", HOUSE.replace("wrt: hall.walls[1]", "wrt: hal.walls[1]")
@@ -173,7 +171,7 @@ def test_problems_of_the_plan_are_reported_in_the_plan(tmp_path: Path) -> None:
     assert where.line > 1
 
 
-def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+def test_files_that_cannot_be_read_are_named(tmp_path):
     with pytest.raises(InputError, match=r"none\.variation: no such file"):
         load_variation(tmp_path / "none.variation")
     (tmp_path / "bad.variation").write_bytes(b"\xff\xfe\x00")
@@ -184,6 +182,6 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["(" * 2000 + "1", "-" * 4000 + "1", "abs(" * 500 + "1" + ")" * 500]
 )
-def test_monsters_are_refused(tmp_path: Path, text: str) -> None:
+def test_monsters_are_refused(tmp_path, text):
     assert refused(tmp_path, f"gap: {text}")
     assert refused(tmp_path, f"require {text} > 2")

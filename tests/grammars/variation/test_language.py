@@ -1,9 +1,6 @@
 """What distributions, shared draws and requirements mean."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +12,7 @@ from grammars.variation import Categorical, Normal, Range, load_variation, sampl
 from tests.grammars.variation.plans import HOUSE, numbers, one, vary
 
 
-def test_draws_are_taken_in_file_order(tmp_path: Path) -> None:
+def test_draws_are_taken_in_file_order(tmp_path):
     statements = """
         gap: uniform([1.0, 2.0, 3.0])
         pane: { location.translation.x: normal(mean=0.5, std=0.1)
@@ -35,7 +32,7 @@ def test_draws_are_taken_in_file_order(tmp_path: Path) -> None:
 
 
 @given(st.floats(0.0, 1.0, exclude_max=True), st.floats(-9, 9), st.floats(1e-6, 20))
-def test_a_range_is_never_left(share: float, low: float, width: float) -> None:
+def test_a_range_is_never_left(share, low, width):
     assert low <= Range(low, low + width).at(share) <= low + width
 
 
@@ -43,9 +40,7 @@ limits = st.tuples(st.floats(-4, 4), st.floats(0.01, 4))
 
 
 @given(limits, st.floats(0.001, 3.0))
-def test_a_cut_normal_has_the_quantiles_of_the_cut_curve(
-    limits: tuple[float, float], std: float
-) -> None:
+def test_a_cut_normal_has_the_quantiles_of_the_cut_curve(limits, std):
     low, high = limits[0], limits[0] + limits[1]
     normal = Normal(1.0, std, 1.0 + low * std, 1.0 + high * std)
     values = [normal.at(share) for share in (0.0, 0.2, 0.5, 0.8, 1.0)]
@@ -53,23 +48,23 @@ def test_a_cut_normal_has_the_quantiles_of_the_cut_curve(
     assert values[0] >= normal.low
     assert values[-1] <= normal.high
 
-    def below(z: float) -> float:
+    def below(z):
         return 0.5 * math.erfc(-z / math.sqrt(2))
 
     half = (below((values[2] - 1.0) / std) - below(low)) / (below(high) - below(low))
     assert half == pytest.approx(0.5, abs=0.02)
 
 
-def test_weights_are_shares_of_the_quantiles() -> None:
+def test_weights_are_shares_of_the_quantiles():
     choice = Categorical((5.0, 2.0, 7.0), (0.5, 0.2, 0.3))
     assert [choice.at(q) for q in (0.0, 0.49, 0.5, 0.69, 0.71, 0.999)] == [5, 5, 2, 2, 7, 7]
 
 
-def test_weights_may_miss_one_by_rounding(tmp_path: Path) -> None:
+def test_weights_may_miss_one_by_rounding(tmp_path):
     assert one(tmp_path, "gap: discrete([(0.7, 1.0), (0.2, 1.5), (0.1, 2.0)])").values
 
 
-def test_a_shared_draw_is_one_draw(tmp_path: Path) -> None:
+def test_a_shared_draw_is_one_draw(tmp_path):
     statements = """
         let wide = uniform(0.6 m .. 1.2 m)
         door: { shape.width: wide }
@@ -83,18 +78,18 @@ def test_a_shared_draw_is_one_draw(tmp_path: Path) -> None:
         assert widths["door"] == pytest.approx(found["wide"])
 
 
-def test_a_draw_without_a_unit_takes_that_of_its_place(tmp_path: Path) -> None:
+def test_a_draw_without_a_unit_takes_that_of_its_place(tmp_path):
     statements = "let k = uniform([45]) turn: k pane: {location.rotation.y: k / 90}"
     variant = one(tmp_path, statements)
     assert [(v.number, v.unit) for v in variant.values] == [(45, ""), (45, "deg"), (0.5, "rad")]
 
 
-def test_angles_are_converted_to_the_unit_of_the_plan(tmp_path: Path) -> None:
+def test_angles_are_converted_to_the_unit_of_the_plan(tmp_path):
     statements = "let half = uniform([0.25 rad]) turn: 2 * half"
     assert numbers(one(tmp_path, statements))["turn"] == pytest.approx(math.degrees(0.5))
 
 
-def test_a_rejected_draw_is_followed_by_the_next_of_its_stream(tmp_path: Path) -> None:
+def test_a_rejected_draw_is_followed_by_the_next_of_its_stream(tmp_path):
     free = "gap: uniform(0.5 .. 1.5)"
     stream = np.random.RandomState(3)
     draws = [round(0.5 + stream.random_sample(), 4) for _ in range(50)]
@@ -138,7 +133,7 @@ REQUIREMENTS = {
 
 
 @pytest.mark.parametrize("text", REQUIREMENTS)
-def test_a_requirement_is_judged_on_the_sampled_plan(tmp_path: Path, text: str) -> None:
+def test_a_requirement_is_judged_on_the_sampled_plan(tmp_path, text):
     variation = vary(tmp_path, f"hall.screen: {{height: uniform([1])}}\nrequire {text}")
     if REQUIREMENTS[text]:
         assert sample(variation, 1, seed=0, tries=1)
@@ -149,7 +144,7 @@ def test_a_requirement_is_judged_on_the_sampled_plan(tmp_path: Path, text: str) 
     assert reasons[-1] == f"test.variation:3:1: rejected 3 times: require {text}"
 
 
-def test_requirements_see_what_was_drawn(tmp_path: Path) -> None:
+def test_requirements_see_what_was_drawn(tmp_path):
     statements = """
         room: {shape.length: uniform(0.5 .. 3)}
         gap: uniform(0.5 .. 1.5)
@@ -163,7 +158,7 @@ def test_requirements_see_what_was_drawn(tmp_path: Path) -> None:
         assert found["gap"] > 1.0
 
 
-def test_what_nothing_fulfils_is_told_with_what_rejected_how_often(tmp_path: Path) -> None:
+def test_what_nothing_fulfils_is_told_with_what_rejected_how_often(tmp_path):
     statements = """gap: uniform(0.5 .. 1.5)
 require gap > 1 m
 require gap <= 1 m
@@ -178,14 +173,14 @@ require door.width > 0"""
     assert sum(counts.values()) == 100
 
 
-def test_a_draw_without_a_meaning_is_drawn_again(tmp_path: Path) -> None:
+def test_a_draw_without_a_meaning_is_drawn_again(tmp_path):
     variation = vary(tmp_path, "room: {shape.width: normal(mean=0, std=1)}")
     variants = sample(variation, 8, seed=0)
     assert all(numbers(v)["room.shape.width"] > 0 for v in variants)
     assert any(v.tries > 1 for v in variants)
 
 
-def test_a_plan_that_never_compiles_is_explained_at_its_line(tmp_path: Path) -> None:
+def test_a_plan_that_never_compiles_is_explained_at_its_line(tmp_path):
     variation = vary(tmp_path, "room: {shape.width: uniform([-1, -2])}")
     with pytest.raises(InputError) as caught:
         sample(variation, 1, seed=0, tries=10)
@@ -195,7 +190,7 @@ def test_a_plan_that_never_compiles_is_explained_at_its_line(tmp_path: Path) -> 
     assert "must be positive" in reason.message
 
 
-def test_lines_that_were_inserted_do_not_move_the_explanation(tmp_path: Path) -> None:
+def test_lines_that_were_inserted_do_not_move_the_explanation(tmp_path):
     statements = "hall: {location.translation.x: uniform([1])} room: {shape.width: uniform([-1])}"
     with pytest.raises(InputError) as caught:
         sample(vary(tmp_path, statements), 1, seed=0, tries=1)
@@ -203,7 +198,7 @@ def test_lines_that_were_inserted_do_not_move_the_explanation(tmp_path: Path) ->
     assert caught.value.diagnostics[1].where.line == line
 
 
-def test_equal_features_in_two_spaces_are_told_apart(tmp_path: Path) -> None:
+def test_equal_features_in_two_spaces_are_told_apart(tmp_path):
     plan = HOUSE.replace("Column post", "Column pillar")
     variant = one(tmp_path, "closet.pillar: {height: uniform([1.25])}", plan)
     assert {(f.space, f.name): f.height for f in variant.plan.features} == {
@@ -213,7 +208,7 @@ def test_equal_features_in_two_spaces_are_told_apart(tmp_path: Path) -> None:
     }
 
 
-def test_keywords_may_be_names(tmp_path: Path) -> None:
+def test_keywords_may_be_names(tmp_path):
     plan = HOUSE.replace("gap", "let").replace("turn", "require").replace("reach", "uniform")
     plan = plan.replace("door", "normal").replace("room", "import").replace("pane", "m")
     statements = """
@@ -230,7 +225,7 @@ def test_keywords_may_be_names(tmp_path: Path) -> None:
     assert found["m.shape.width"] == 1.0
 
 
-def test_variants_for_campaigns_are_plans_with_their_own_names(tmp_path: Path) -> None:
+def test_variants_for_campaigns_are_plans_with_their_own_names(tmp_path):
     (tmp_path / "plan.fpm").write_text(HOUSE)
     path = tmp_path / "house.variation"
     path.write_text('import "plan.fpm" gap: uniform([0.8, 1.0])')
@@ -240,13 +235,13 @@ def test_variants_for_campaigns_are_plans_with_their_own_names(tmp_path: Path) -
     assert all(plan.spaces[0].name == "hall" for _, plan in found)
 
 
-def test_the_name_of_the_plan_is_kept_unless_a_suffix_is_wanted(tmp_path: Path) -> None:
+def test_the_name_of_the_plan_is_kept_unless_a_suffix_is_wanted(tmp_path):
     variation = vary(tmp_path, "gap: uniform([1.0])")
     assert sample(variation, 1, seed=5)[0].plan.name == "house"
     assert sample(variation, 1, seed=5, suffix=True)[0].plan.name == "house_5"
 
 
-def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same_bytes(tmp_path):
     variation = vary(tmp_path, "gap: uniform(0.5 .. 1) turn: normal(mean=1, std=9, min=0, max=40)")
     for method in ("random", "grid", "halton", "lhs", "pairwise"):
         first, second = (sample(variation, 9, seed=4, method=method) for _ in range(2))
@@ -267,7 +262,7 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
         {"method": "guess"},
     ],
 )
-def test_arguments_out_of_range_are_refused(tmp_path: Path, options: dict[str, object]) -> None:
+def test_arguments_out_of_range_are_refused(tmp_path, options):
     variation = vary(tmp_path, "gap: uniform([1.0])")
     with pytest.raises(ValueError, match=r"between|needs|must be"):
         sample(variation, **({"n": 1, "seed": 0} | options))

@@ -1,13 +1,11 @@
 """A sound plan: rooms apart, openings inside of walls, every space within reach."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
 
 from grammars.text.diagnostics import InputError, Severity
-from grammars.variation import Variation, sample, source_defects
+from grammars.variation import sample, source_defects
 from tests.grammars.variation.plans import vary
 
 SOUND = """\
@@ -53,14 +51,14 @@ FINE = [
 ]
 
 
-def check(folder: Path, statements: str) -> Variation:
+def check(folder, statements):
     variation = vary(folder, statements, SOUND)
     sample(variation, 1, seed=0, tries=2, check=0.3)
     return variation
 
 
 @pytest.mark.parametrize("statements", UNSOUND)
-def test_an_unsound_plan_is_rejected_with_its_reason(tmp_path: Path, statements: str) -> None:
+def test_an_unsound_plan_is_rejected_with_its_reason(tmp_path, statements):
     with pytest.raises(InputError) as caught:
         check(tmp_path, statements)
     reasons = caught.value.diagnostics[1:]
@@ -70,17 +68,17 @@ def test_an_unsound_plan_is_rejected_with_its_reason(tmp_path: Path, statements:
 
 
 @pytest.mark.parametrize("statements", FINE)
-def test_a_sound_plan_is_kept(tmp_path: Path, statements: str) -> None:
+def test_a_sound_plan_is_kept(tmp_path, statements):
     assert check(tmp_path, statements)
 
 
-def test_defects_of_the_source_may_stay_but_are_said(tmp_path: Path) -> None:
+def test_defects_of_the_source_may_stay_but_are_said(tmp_path):
     warnings = source_defects(check(tmp_path, "shift: uniform([0.1])"), 0.3)
     assert [w.message for w in warnings] == ["c cannot be reached with a radius of 0.3 m"]
     assert all(w.severity is Severity.WARNING for w in warnings)
 
 
-def test_an_overlap_of_the_source_may_stay_but_not_grow(tmp_path: Path) -> None:
+def test_an_overlap_of_the_source_may_stay_but_not_grow(tmp_path):
     overlapping = SOUND.replace("y: -10 m", "y: -3 m")
     statements = "c: {{location.translation.y: uniform([{}])}}"
     same = vary(tmp_path, statements.format(-3.2), overlapping)
@@ -90,7 +88,7 @@ def test_an_overlap_of_the_source_may_stay_but_not_grow(tmp_path: Path) -> None:
         sample(worse, 1, seed=0, tries=1, check=0.3)
 
 
-def test_unsound_draws_are_drawn_again(tmp_path: Path) -> None:
+def test_unsound_draws_are_drawn_again(tmp_path):
     variation = vary(tmp_path, "shift: uniform(-3 .. 3) wide: uniform(0.4 .. 2)", SOUND)
     variants = sample(variation, 5, seed=0, check=0.3)
     assert any(v.tries > 1 for v in variants)

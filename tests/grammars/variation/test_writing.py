@@ -1,9 +1,5 @@
 """Variants as files."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from grammars.floorplan import load_floorplan
@@ -12,7 +8,7 @@ from grammars.variation import load_variation, sample, write_variants
 from tests.grammars.variation.plans import HOUSE, vary
 
 
-def test_files_are_named_after_plan_and_seed_and_load_again(tmp_path: Path) -> None:
+def test_files_are_named_after_plan_and_seed_and_load_again(tmp_path):
     variants = sample(vary(tmp_path, "gap: uniform(0.5 .. 1)"), 3, seed=8)
     written = write_variants(variants, tmp_path / "new" / "folder")
     assert [w.path.name for w in written] == ["house_8.fpm", "house_9.fpm", "house_10.fpm"]
@@ -22,7 +18,7 @@ def test_files_are_named_after_plan_and_seed_and_load_again(tmp_path: Path) -> N
     assert len(list((tmp_path / "new" / "folder").iterdir())) == 3
 
 
-def test_line_ends_and_bytes_are_those_of_the_text(tmp_path: Path) -> None:
+def test_line_ends_and_bytes_are_those_of_the_text(tmp_path):
     plan = "\ufeff" + HOUSE.replace("\n", "\r\n").replace("hall", "büro")
     variants = sample(vary(tmp_path, "gap: uniform([0.75])", plan), 1, seed=8)
     (entry,) = write_variants(variants, tmp_path)
@@ -30,7 +26,7 @@ def test_line_ends_and_bytes_are_those_of_the_text(tmp_path: Path) -> None:
     assert b"\r\n" in entry.path.read_bytes()
 
 
-def test_files_that_exist_are_kept_unless_told(tmp_path: Path) -> None:
+def test_files_that_exist_are_kept_unless_told(tmp_path):
     variants = sample(vary(tmp_path, "gap: uniform([0.75])"), 2, seed=1)
     (tmp_path / "house_1.fpm").write_text("mine")
     write_variants(variants[1:], tmp_path)
@@ -41,7 +37,7 @@ def test_files_that_exist_are_kept_unless_told(tmp_path: Path) -> None:
     assert (tmp_path / "house_1.fpm").read_text() == variants[0].text
 
 
-def test_the_plan_itself_is_never_overwritten(tmp_path: Path) -> None:
+def test_the_plan_itself_is_never_overwritten(tmp_path):
     source = tmp_path / "house_3.fpm"
     source.write_text(HOUSE)
     path = tmp_path / "house.variation"
@@ -53,7 +49,7 @@ def test_the_plan_itself_is_never_overwritten(tmp_path: Path) -> None:
     assert source.read_text() == HOUSE
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     variants = sample(vary(tmp_path, "gap: uniform([0.75])"), 1, seed=1)
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match=r"file: cannot be written"):

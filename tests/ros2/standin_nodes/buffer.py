@@ -1,16 +1,10 @@
 """Transforms and scans by stamp: what a node knew at an instant, whenever it was told."""
 
-from __future__ import annotations
-
 from collections import deque
-from typing import Any
 
 import numpy as np
-from sensor_msgs.msg import LaserScan
 from standin_nodes.localization import FUTURE
-from standin_nodes.options import Options
-from standin_nodes.poses import Pose, compose, from_transform, nanoseconds
-from tf2_msgs.msg import TFMessage
+from standin_nodes.poses import compose, from_transform, nanoseconds
 
 _LAG = 100_000_000
 """How old [ns] the newest map->odom is that may be used: amcl has this long to make it."""
@@ -19,10 +13,10 @@ _LAG = 100_000_000
 class Series:
     """Values by stamp [ns], of something that comes about every so often."""
 
-    def __init__(self) -> None:
-        self._values: deque[tuple[int, Any]] = deque(maxlen=200)
+    def __init__(self):
+        self._values = deque(maxlen=200)
 
-    def add(self, stamp: int, value: Any) -> None:
+    def add(self, stamp, value):
         """Keep a value; what is not newer than the last one is dropped, after a reset all else."""
         if self._values and stamp < self._values[-1][0] - 5_000_000_000:
             self._values.clear()
@@ -30,15 +24,15 @@ class Series:
             self._values.append((stamp, value))
 
     @property
-    def newest(self) -> int | None:
+    def newest(self):
         """The newest stamp."""
         return self._values[-1][0] if self._values else None
 
-    def at(self, time: int) -> tuple[int, Any] | None:
+    def at(self, time):
         """The newest with a stamp of at most `time`."""
         return next((entry for entry in reversed(self._values) if entry[0] <= time), None)
 
-    def complete(self, time: int) -> bool:
+    def complete(self, time):
         """Whether no value up to `time` is outstanding, going by the rate seen so far."""
         if not self._values:
             return False
@@ -51,14 +45,14 @@ class Series:
 class Sensed:
     """What the controller and the planner know of robot and surroundings."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options):
         self._options = options
         self._odometry = Series()
         self._corrections = Series()
         self._scans = Series()
-        self._laser: Pose = (0.0, 0.0, 0.0)
+        self._laser = (0.0, 0.0, 0.0)
 
-    def on_transforms(self, message: TFMessage) -> None:
+    def on_transforms(self, message):
         """Take odom->base, map->odom and base->laser out of a message of /tf or /tf_static."""
         options = self._options
         for each in message.transforms:
@@ -71,21 +65,21 @@ class Sensed:
             elif link[0] == options.base_frame:
                 self._laser = pose
 
-    def on_scan(self, message: LaserScan) -> None:
+    def on_scan(self, message):
         """Keep a scan."""
         self._scans.add(nanoseconds(message.header.stamp), message)
 
     @property
-    def connected(self) -> bool:
+    def connected(self):
         """Whether there is a way of transforms from the map to the robot."""
         return None not in (self._odometry.newest, self._corrections.newest)
 
-    def reaches(self, time: int) -> bool:
+    def reaches(self, time):
         """Whether the odometry goes up to `time`."""
         newest = self._odometry.newest
         return newest is not None and newest >= time
 
-    def complete(self, time: int) -> bool:
+    def complete(self, time):
         """Whether everything that a tick at `time` uses has come."""
         if not (self._odometry.complete(time) and self._scans.complete(time)):
             return False
@@ -94,14 +88,14 @@ class Sensed:
             return True
         return self._corrections.at(scan[0]) is not None and self._corrections.complete(scan[0])
 
-    def pose(self, time: int) -> Pose | None:
+    def pose(self, time):
         """Of the robot in the map, at `time`."""
         odometry, correction = self._odometry.at(time), self._corrections.at(time - _LAG)
         if odometry is None or correction is None:
             return None
         return compose(correction[1], odometry[1])
 
-    def room_ahead(self, time: int, width: float) -> float:
+    def room_ahead(self, time, width):
         """How far the way straight ahead is free [m], from the centre of the robot.
 
         `width` is the half of the corridor that counts [m]; infinity without a scan.

@@ -1,7 +1,5 @@
 """controller_server: follows a path with 20 Hz of simulated time; and planner_server."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math
@@ -18,9 +16,7 @@ from standin_nodes.buffer import Sensed
 from standin_nodes.grid import Planner, from_message
 from standin_nodes.lifecycle import LifecycleNode
 from standin_nodes.localization import LATCHED, TF_QOS, TF_STATIC_TOPIC, TF_TOPIC
-from standin_nodes.options import Options
 from standin_nodes.poses import (
-    Pose,
     compose,
     fill_pose,
     fill_stamp,
@@ -58,25 +54,25 @@ _LOOKAHEAD = 0.3
 class SensingNode(LifecycleNode):
     """A lifecycle node that listens to transforms and scans."""
 
-    def __init__(self, name: str, options: Options) -> None:
+    def __init__(self, name, options):
         super().__init__(name, options)
         self.sensed = Sensed(options)
         self.create_subscription(TFMessage, TF_TOPIC, self._on_transforms, TF_QOS)
         self.create_subscription(TFMessage, TF_STATIC_TOPIC, self._on_transforms, LATCHED)
         self.create_subscription(LaserScan, "scan", self._on_scan, qos_profile_sensor_data)
 
-    def on_deactivate(self) -> None:
+    def on_deactivate(self):
         """Forget where the robot was."""
         self.sensed = Sensed(self.options)
 
-    def on_sensed(self) -> None:
+    def on_sensed(self):
         """Something new is known."""
 
-    def _on_transforms(self, message: TFMessage) -> None:
+    def _on_transforms(self, message):
         self.sensed.on_transforms(message)
         self.on_sensed()
 
-    def _on_scan(self, message: LaserScan) -> None:
+    def _on_scan(self, message):
         self.sensed.on_scan(message)
         self.on_sensed()
 
@@ -87,18 +83,18 @@ class PlannerServer(SensingNode):
     The path begins where the robot was at the stamp of the goal, and is empty if there is none.
     """
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options):
         super().__init__("planner_server", options)
-        self._planner: Planner | None = None
-        self._first_clock: int | None = None
-        self._goal: PoseStamped | None = None
+        self._planner = None
+        self._first_clock = None
+        self._goal = None
         self._answers = self.create_publisher(Path, "planner_server/path", 10)
         self._paths = self.create_publisher(Path, "plan", 10)
         self.create_subscription(OccupancyGrid, "map", self._on_map, LATCHED)
         self.create_subscription(Clock, "/clock", self._on_clock, 10)
         self.create_subscription(PoseStamped, "planner_server/goal", self._on_goal, 10)
 
-    async def on_activate(self) -> bool:
+    async def on_activate(self):
         """Wait until the robot is on the map, as the global costmap of Nav2 does."""
         if self.options.has("clock-start") and (self._first_clock or 0) >= 100_000_000_000:
             self.get_logger().error("Timed out waiting for transform from base_link to map")
@@ -112,21 +108,21 @@ class PlannerServer(SensingNode):
             await self.pause(0.1)
         return True
 
-    def _on_map(self, message: OccupancyGrid) -> None:
+    def _on_map(self, message):
         self._planner = Planner(from_message(message), self.options.radius)
 
-    def _on_clock(self, message: Clock) -> None:
+    def _on_clock(self, message):
         if self._first_clock is None:
             self._first_clock = nanoseconds(message.clock)
         # What the stamp of the goal calls for comes before its clock, or soon after it.
         if self._goal and nanoseconds(message.clock) > nanoseconds(self._goal.header.stamp):
             self.on_sensed(patient=False)
 
-    def _on_goal(self, message: PoseStamped) -> None:
+    def _on_goal(self, message):
         self._goal = message
         self.on_sensed()
 
-    def on_sensed(self, *, patient: bool = True) -> None:
+    def on_sensed(self, *, patient=True):
         """Plan as soon as it is known where the robot is at the stamp of the goal."""
         if self._goal is None or self._planner is None or not self.active:
             return
@@ -158,7 +154,7 @@ class ControllerServer(SensingNode):
     stops. What becomes of it is told on `controller_server/state` as JSON.
     """
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options):
         super().__init__("controller_server", options)
         stamped = options.stamped
         if stamped == "auto":
@@ -173,9 +169,9 @@ class ControllerServer(SensingNode):
         self.create_subscription(Clock, "/clock", self._on_clock, CLOCK_QOS)
         self.create_timer(0.05, self.on_sensed, clock=self.wall)
         self._period = round(options.period * 1e9)
-        self._ticks: deque[tuple[int, float]] = deque()
+        self._ticks = deque()
         self._last_clock = 0
-        self._path: list[Pose] = []
+        self._path = []
         self._begin = 0
         self._closest = 0
         self._speed = 0.0
@@ -185,19 +181,19 @@ class ControllerServer(SensingNode):
         self._outcome = ""
         self.cycles = 0
 
-    def on_deactivate(self) -> None:
+    def on_deactivate(self):
         """Forget the path too."""
         super().on_deactivate()
         self._path, self._outcome = [], ""
 
-    def _on_path(self, message: Path) -> None:
+    def _on_path(self, message):
         self._path = [from_pose(each.pose) for each in message.poses]
         self._begin = self._moved_at = nanoseconds(message.header.stamp)
         self._closest, self._outcome, self._there = 0, "", False
         if not self._path and self._speed + abs(self._turn_rate) > 0:
             self._publish(self._last_clock, 0.0, 0.0)
 
-    def _on_clock(self, message: Clock) -> None:
+    def _on_clock(self, message):
         now = nanoseconds(message.clock)
         due = now // self._period != self._last_clock // self._period
         self._last_clock = now
@@ -205,7 +201,7 @@ class ControllerServer(SensingNode):
             self._ticks.append((now, time.monotonic() + _PATIENCE))
             self.on_sensed()
 
-    def on_sensed(self) -> None:
+    def on_sensed(self):
         """Work on the ticks whose data is there, or has been waited for long enough."""
         while self._ticks:
             now, deadline = self._ticks[0]
@@ -215,7 +211,7 @@ class ControllerServer(SensingNode):
             if self._path:
                 self._tick(now)
 
-    def _tick(self, now: int) -> None:
+    def _tick(self, now):
         pose = self.sensed.pose(now)
         if pose is None:
             return
@@ -228,7 +224,7 @@ class ControllerServer(SensingNode):
         elif self.cycles % 2 == 0:
             self._tell(now, pose, "following")
 
-    def _follow(self, now: int, pose: Pose) -> tuple[float, float]:
+    def _follow(self, now, pose):
         """Velocities of a tick; sets the outcome when the path ends or nothing moves."""
         if now < self._begin + _STANDING:
             self._moved_at = self._free_at = now
@@ -265,7 +261,7 @@ class ControllerServer(SensingNode):
         speed = max(0.0, min(speed, math.sqrt(max(0.0, room))))
         return self._limited(now, speed, speed * curvature)
 
-    def _target(self, pose: Pose) -> Pose:
+    def _target(self, pose):
         """The point to drive to, in the frame of the robot."""
         ahead = range(self._closest, min(self._closest + 10, len(self._path)))
         self._closest = min(
@@ -278,7 +274,7 @@ class ControllerServer(SensingNode):
                 break
         return target
 
-    def _limited(self, now: int, speed: float, turn_rate: float) -> tuple[float, float]:
+    def _limited(self, now, speed, turn_rate):
         change = _ACCELERATION * self.options.period
         speed = min(speed, max(0.0, self._speed) + change)
         limit = self.options.turn_rate
@@ -287,7 +283,7 @@ class ControllerServer(SensingNode):
             self._moved_at = now
         return speed, turn_rate
 
-    def _publish(self, now: int, speed: float, turn_rate: float) -> None:
+    def _publish(self, now, speed, turn_rate):
         self._speed, self._turn_rate = speed, turn_rate
         twist = Twist()
         twist.linear.x, twist.angular.z = float(speed), float(turn_rate)
@@ -300,13 +296,13 @@ class ControllerServer(SensingNode):
             self._commands.publish(twist)
         self.cycles += 1
 
-    def _tell(self, now: int, pose: Pose, state: str) -> None:
+    def _tell(self, now, pose, state):
         ahead = [pose, *self._path[self._closest :]]
         rest = sum(math.hypot(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(ahead))
         word = {"stamp": now, "of": self._begin, "state": state, "rest": rest, "pose": pose}
         self._states.publish(String(data=json.dumps(word)))
 
-    def _fail_at_cycle(self) -> None:
+    def _fail_at_cycle(self):
         options = self.options
         if options.has("late") and self.cycles % options.every == options.every - 1:
             time.sleep(options.seconds)

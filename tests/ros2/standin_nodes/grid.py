@@ -5,12 +5,9 @@ from __future__ import annotations
 import heapq
 import math
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
-from standin_nodes.poses import Pose
 
 _REACH = 1.0
 """Distances to obstacles are known up to here [m]; more costs time and changes no plan."""
@@ -29,11 +26,11 @@ class Grid:
     cells: np.ndarray
 
 
-def read_map(file: Path) -> Grid:
+def read_map(file):
     """A map.yaml with its PGM (binary), trinary as `nav2_map_server` reads it."""
     meta = yaml.safe_load(file.read_text("utf-8"))
     data = (file.parent / meta["image"]).read_bytes()
-    words: list[bytes] = []
+    words = []
     at = 0
     while len(words) < 4:
         end = data.index(b"\n", at)
@@ -50,7 +47,7 @@ def read_map(file: Path) -> Grid:
     return Grid(meta["resolution"], *meta["origin"][:2], np.flipud(cells).copy())
 
 
-def from_message(message: Any) -> Grid:
+def from_message(message):
     """Of a nav_msgs/OccupancyGrid that is not turned."""
     cells = np.array(message.data, np.int8).reshape(message.info.height, message.info.width)
     origin = message.info.origin.position
@@ -60,7 +57,7 @@ def from_message(message: Any) -> Grid:
 class DistanceField:
     """Distance to the nearest occupied cell [m], exact up to 1 m and 1 m beyond that."""
 
-    def __init__(self, grid: Grid, solid: np.ndarray) -> None:
+    def __init__(self, grid, solid):
         self.grid = grid
         reach = round(_REACH / grid.resolution)
         row = np.where(solid, 0.0, reach)
@@ -75,7 +72,7 @@ class DistanceField:
         self.distance = np.minimum(np.sqrt(best) * grid.resolution, _REACH)
         self.slope_y, self.slope_x = np.gradient(self.distance, grid.resolution)
 
-    def match(self, guess: Pose, points: np.ndarray) -> Pose:
+    def match(self, guess, points):
         """Move a pose so that the end points of a scan (base frame) lie on what is occupied.
 
         Gauss-Newton on the distance field; points farther than 0.3 m from anything on the map
@@ -105,7 +102,7 @@ class DistanceField:
 class Planner:
     """A* over cells of 0.1 m; ways keep away from obstacles where there is room."""
 
-    def __init__(self, grid: Grid, radius: float) -> None:
+    def __init__(self, grid, radius):
         # Unknown cells are no way either: a robot has nothing to do outside the building.
         field = DistanceField(grid, grid.cells != 0)
         self._step = max(1, round(0.1 / grid.resolution))
@@ -118,12 +115,12 @@ class Planner:
         # A list, whose elements are read faster; with a border, so that no cell is outside.
         self._cost = np.pad(np.where(self._free, cost, np.inf), 1, constant_values=np.inf).tolist()
 
-    def plan(self, start: Pose, goal: Pose) -> list[tuple[float, float]] | None:
+    def plan(self, start, goal):
         """Points from start to goal [m], about 0.1 m apart; None if there is no way."""
         source, target = self._near(start), self._near(goal)
         if source is None or target is None:
             return None
-        came: dict[tuple[int, int], tuple[int, int]] = {}
+        came = {}
         spent = {source: 0.0}
         queue = [(0.0, source)]
         done = set()
@@ -153,14 +150,14 @@ class Planner:
             way[1:-1] = (way[:-2] + 2 * way[1:-1] + way[2:]) / 4
         return [(float(x), float(y)) for x, y in way]
 
-    def _centre(self, cell: tuple[int, int]) -> tuple[float, float]:
+    def _centre(self, cell):
         half = (self._step // 2 + 0.5) * self._grid.resolution
         return (
             self._grid.x + cell[1] * self._size + half,
             self._grid.y + cell[0] * self._size + half,
         )
 
-    def _near(self, pose: Pose) -> tuple[int, int] | None:
+    def _near(self, pose):
         """The free cell nearest to a pose, at most 0.5 m away."""
         column = round((pose[0] - self._centre((0, 0))[0]) / self._size)
         row = round((pose[1] - self._centre((0, 0))[1]) / self._size)

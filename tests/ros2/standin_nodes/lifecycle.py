@@ -1,11 +1,7 @@
 """Nodes with the standard lifecycle services, and the manager that activates them in order."""
 
-from __future__ import annotations
-
 import signal
 import time
-from collections.abc import Iterator
-from typing import Any
 
 import rclpy
 from lifecycle_msgs.msg import State, Transition
@@ -16,7 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from standin_nodes.options import MANAGER, NODES, Options, count_start
+from standin_nodes.options import MANAGER, NODES, count_start
 from std_srvs.srv import Trigger
 
 _LABELS = {
@@ -42,7 +38,7 @@ class Poll:
     sleep. Nothing waits in this way while the robot drives, so that no command is late for it.
     """
 
-    def __await__(self) -> Iterator[None]:
+    def __await__(self):
         """Give way once."""
         time.sleep(0.001)
         yield
@@ -51,7 +47,7 @@ class Poll:
 class SimulatedNode(Node):
     """A node on simulated time, with a `wall` clock besides, whose coroutines can wait."""
 
-    def __init__(self, name: str, options: Options) -> None:
+    def __init__(self, name, options):
         super().__init__(
             name,
             namespace=options.namespace or None,
@@ -64,17 +60,17 @@ class SimulatedNode(Node):
             self.create_timer(0.05, self._chatter, clock=self.wall)
 
     @property
-    def now(self) -> int:
+    def now(self):
         """Simulated time [ns]; 0 before the first clock."""
         return self.get_clock().now().nanoseconds
 
-    async def pause(self, seconds: float) -> None:
+    async def pause(self, seconds):
         """Let others run for some simulated time."""
         end = self.now + round(seconds * 1e9)
         while self.now < end:
             await Poll()
 
-    def _chatter(self) -> None:
+    def _chatter(self):
         for _ in range(5):
             self.get_logger().info("nothing of interest " * 29)
 
@@ -82,7 +78,7 @@ class SimulatedNode(Node):
 class LifecycleNode(SimulatedNode):
     """Unconfigured, inactive, active; what a node does hangs on `active`."""
 
-    def __init__(self, name: str, options: Options) -> None:
+    def __init__(self, name, options):
         if options.has("fails-first", name) and count_start(options.count_file) <= options.starts:
             options.end_process()
         super().__init__(name, options)
@@ -97,23 +93,23 @@ class LifecycleNode(SimulatedNode):
         )
 
     @property
-    def active(self) -> bool:
+    def active(self):
         """Whether the node does its work."""
         return self._state == State.PRIMARY_STATE_ACTIVE
 
-    async def on_activate(self) -> bool:
+    async def on_activate(self):
         """What has to happen before a node is active; False refuses."""
         return True
 
-    def on_deactivate(self) -> None:
+    def on_deactivate(self):
         """Forget what belongs to the run so far."""
 
-    def _get_state(self, _: Any, answer: Any) -> Any:
+    def _get_state(self, _, answer):
         answer.current_state.id = self._state
         answer.current_state.label = _LABELS[self._state]
         return answer
 
-    async def _change_state(self, request: Any, answer: Any) -> Any:
+    async def _change_state(self, request, answer):
         known = _STEPS.get(request.transition.id)
         if known is None or _LABELS[self._state] != known[0]:
             self.get_logger().error(f"No transition {request.transition.id} from here")
@@ -140,7 +136,7 @@ class LifecycleNode(SimulatedNode):
 class LifecycleManager(SimulatedNode):
     """Brings the nodes up as nav2_lifecycle_manager does: localization, then navigation."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options):
         super().__init__(MANAGER, options)
         self._up = False
         self._lifecycle = {
@@ -154,7 +150,7 @@ class LifecycleManager(SimulatedNode):
             callback_group=ReentrantCallbackGroup(),
         )
 
-    async def start_up(self) -> bool:
+    async def start_up(self):
         """Configure and activate all nodes; False as soon as one refuses."""
         first, last = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE
         for group in (NODES[:2], NODES[2:]):
@@ -167,7 +163,7 @@ class LifecycleManager(SimulatedNode):
         self.get_logger().info("Managed nodes are active")
         return True
 
-    async def reset(self) -> bool:
+    async def reset(self):
         """Deactivate and clean up all nodes, in the opposite order."""
         self._up = False
         done = True
@@ -176,7 +172,7 @@ class LifecycleManager(SimulatedNode):
                 done = await self._change(name, transition) and done
         return done
 
-    async def _change(self, name: str, transition: int) -> bool:
+    async def _change(self, name, transition):
         client = self._lifecycle[name]
         while not client.service_is_ready():
             await Poll()
@@ -187,11 +183,11 @@ class LifecycleManager(SimulatedNode):
             await Poll()
         return answer.result().success
 
-    def _is_active(self, _: Any, answer: Any) -> Any:
+    def _is_active(self, _, answer):
         answer.success = self._up
         return answer
 
-    async def _manage(self, request: Any, answer: Any) -> Any:
+    async def _manage(self, request, answer):
         if request.command == ManageLifecycleNodes.Request.STARTUP:
             answer.success = await self.start_up()
         elif request.command == ManageLifecycleNodes.Request.RESET:
@@ -199,7 +195,7 @@ class LifecycleManager(SimulatedNode):
         return answer
 
 
-def start_rclpy(options: Options) -> None:
+def start_rclpy(options):
     """Initialise rclpy; a stack that is to ignore SIGINT does so from here on."""
     if options.has("ignore-sigint"):
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)

@@ -1,7 +1,5 @@
 """map_server and amcl: the map, and where the robot is on it."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from pathlib import Path
@@ -13,9 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 from standin_nodes.grid import DistanceField, from_message, read_map
 from standin_nodes.lifecycle import LifecycleNode
-from standin_nodes.options import Options
 from standin_nodes.poses import (
-    Pose,
     compose,
     fill_pose,
     fill_stamp,
@@ -39,11 +35,11 @@ FUTURE = 1_000_000_000
 class MapServer(LifecycleNode):
     """Publishes the map that it is given, latched, when activated."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options):
         super().__init__("map_server", options)
         self._maps = self.create_publisher(OccupancyGrid, "map", LATCHED)
 
-    async def on_activate(self) -> bool:
+    async def on_activate(self):
         """Read the file and publish it."""
         file = Path(self.options.map)
         if not file.is_file():
@@ -71,15 +67,15 @@ class Localization(LifecycleNode):
     the same transform however many scans it was shown, and runs repeat.
     """
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options):
         super().__init__("amcl", options)
-        self._field: DistanceField | None = None
-        self._odometry: deque[tuple[int, Pose]] = deque(maxlen=200)
-        self._scans: deque[LaserScan] = deque(maxlen=20)
-        self._laser: Pose = (0.0, 0.0, 0.0)
-        self._initial: Pose | None = None
-        self._correction: Pose | None = None
-        self._corrected_at: Pose | None = None
+        self._field = None
+        self._odometry = deque(maxlen=200)
+        self._scans = deque(maxlen=20)
+        self._laser = (0.0, 0.0, 0.0)
+        self._initial = None
+        self._correction = None
+        self._corrected_at = None
         self._poses = self.create_publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
         self._transforms = self.create_publisher(TFMessage, TF_TOPIC, TF_QOS)
         self.create_subscription(TFMessage, TF_TOPIC, self._on_transforms, TF_QOS)
@@ -90,17 +86,17 @@ class Localization(LifecycleNode):
             PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, 10
         )
 
-    def on_deactivate(self) -> None:
+    def on_deactivate(self):
         """Forget the initial pose, so that the next run has to give its own."""
         self._initial = self._correction = self._corrected_at = None
         self._odometry.clear()
         self._scans.clear()
 
-    def _on_map(self, message: OccupancyGrid) -> None:
+    def _on_map(self, message):
         grid = from_message(message)
         self._field = DistanceField(grid, grid.cells == 100)
 
-    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+    def _on_initial_pose(self, message):
         if message.header.frame_id != self.options.global_frame:
             self.get_logger().warning(
                 f'Ignoring initial pose in frame "{message.header.frame_id}"; it must be in'
@@ -112,7 +108,7 @@ class Localization(LifecycleNode):
             self.get_logger().info(f"Setting pose: {pose[0]:.3f} {pose[1]:.3f} {pose[2]:.3f}")
             self._initial, self._correction = pose, None
 
-    def _on_transforms(self, message: TFMessage) -> None:
+    def _on_transforms(self, message):
         for each in message.transforms:
             pose = from_transform(each.transform)
             if each.child_frame_id == self.options.base_frame:
@@ -121,11 +117,11 @@ class Localization(LifecycleNode):
                 self._laser = pose
         self._use_scans()
 
-    def _on_scan(self, message: LaserScan) -> None:
+    def _on_scan(self, message):
         self._scans.append(message)
         self._use_scans()
 
-    def _use_scans(self) -> None:
+    def _use_scans(self):
         """Take the scans whose odometry is known, in order."""
         while self._scans and self._odometry:
             stamp = nanoseconds(self._scans[0].header.stamp)
@@ -136,7 +132,7 @@ class Localization(LifecycleNode):
             if before and self.active and self._initial is not None:
                 self._locate(stamp, before[-1], scan)
 
-    def _locate(self, stamp: int, odometry: Pose, scan: LaserScan) -> None:
+    def _locate(self, stamp, odometry, scan):
         if self._correction is None or self._corrected_at is None:
             self._correction = compose(self._initial, inverse(odometry))
             self._corrected_at = odometry
@@ -151,7 +147,7 @@ class Localization(LifecycleNode):
             self._publish_pose(stamp, compose(self._correction, odometry))
         self._publish_transform(stamp)
 
-    def _points(self, scan: LaserScan) -> np.ndarray:
+    def _points(self, scan):
         """End points in the base frame, shape (n, 2)."""
         ranges = np.array(scan.ranges)
         angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges)) + self._laser[2]
@@ -159,7 +155,7 @@ class Localization(LifecycleNode):
         ends = ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         return ends[good] + self._laser[:2]
 
-    def _publish_transform(self, stamp: int) -> None:
+    def _publish_transform(self, stamp):
         if self.options.has("no-tf"):
             return
         message = TransformStamped()
@@ -170,7 +166,7 @@ class Localization(LifecycleNode):
         fill_transform(message.transform, self._correction)
         self._transforms.publish(TFMessage(transforms=[message]))
 
-    def _publish_pose(self, stamp: int, pose: Pose) -> None:
+    def _publish_pose(self, stamp, pose):
         message = PoseWithCovarianceStamped()
         message.header.frame_id = self.options.global_frame
         fill_stamp(message.header.stamp, stamp)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Coroutine, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +15,6 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from standin_nodes.controller import ALIGNMENT
 from standin_nodes.lifecycle import LifecycleNode
-from standin_nodes.options import Options
 from standin_nodes.poses import fill_pose, fill_stamp, nanoseconds
 from std_msgs.msg import String
 
@@ -51,23 +49,23 @@ class _Leg:
 class _Suspend:
     """Awaited by a goal's coroutine until it is stepped again."""
 
-    def __await__(self) -> Iterator[None]:
+    def __await__(self):
         yield
 
 
 class Navigator(LifecycleNode):
     """Takes goals one at a time: a new one ends the old one, as Nav2's action servers do."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options):
         super().__init__("bt_navigator", options)
         self._goals = self.create_publisher(PoseStamped, "planner_server/goal", 10)
         self.create_subscription(Path, "planner_server/path", self._on_plan, 10)
         self._paths = self.create_publisher(Path, "controller_server/path", 10)
         self.create_subscription(String, "controller_server/state", self._on_state, 100)
-        self._goal: Any = None
-        self._states: list[dict[str, Any]] = []
-        self._plans: dict[int, Path] = {}
-        self._jobs: list[tuple[Any, Coroutine[Any, Any, tuple[Any, str]]]] = []
+        self._goal = None
+        self._states = []
+        self._plans = {}
+        self._jobs = []
         self._cycles = 0
         actions = {
             "navigate_to_pose": NavigateToPose,
@@ -90,12 +88,12 @@ class Navigator(LifecycleNode):
         # Cancel requests come without a callback of ours.
         self.create_timer(0.1, self._step, clock=self.wall)
 
-    def on_deactivate(self) -> None:
+    def on_deactivate(self):
         """End the current goal."""
         self._goal = None
         self._step()
 
-    def _on_goal(self, goal: Any) -> GoalResponse:
+    def _on_goal(self, goal):
         if self.options.has("late-acknowledge"):
             time.sleep(self.options.seconds)
         frames = {pose.header.frame_id for pose in _poses_of(goal)}
@@ -107,7 +105,7 @@ class Navigator(LifecycleNode):
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
-    def _on_accepted(self, handle: Any) -> None:
+    def _on_accepted(self, handle):
         """Begin with a goal: a coroutine of ours, which goes on whenever there is news.
 
         It is not run by rclpy, which would spend a core on a waiting coroutine. The state of the
@@ -119,7 +117,7 @@ class Navigator(LifecycleNode):
         self._jobs.append((handle, self._execute(handle)))
         self._step()
 
-    def _step(self) -> None:
+    def _step(self):
         """Let every goal look at what is new; hand in the results of those that ended."""
         for handle, job in list(self._jobs):
             try:
@@ -130,7 +128,7 @@ class Navigator(LifecycleNode):
                 handle._action_server.notify_execute(handle, _finisher(result, ending))
         self._states.clear()
 
-    async def _execute(self, handle: Any) -> tuple[Any, str]:
+    async def _execute(self, handle):
         """Drive to one pose after the other; the result, and the method that ends the goal."""
         kind = self._kinds[type(handle.request)]
         result, follows = kind.Result(), kind is FollowWaypoints
@@ -160,7 +158,7 @@ class Navigator(LifecycleNode):
         self.get_logger().info(f"Goal ended: {ending} {result.error_msg}".rstrip())
         return result, ending
 
-    async def _drive(self, leg: _Leg) -> int:
+    async def _drive(self, leg):
         """Plan, follow, wait; return the simulated time of arrival [ns]."""
         plan_at = -(-(leg.begin + _MARGIN) // ALIGNMENT) * ALIGNMENT
         pose = leg.poses[leg.index]
@@ -189,7 +187,7 @@ class Navigator(LifecycleNode):
                     raise GoalAbortedError(_FAILED_TO_MAKE_PROGRESS, "Failed to make progress")
                 leg.handle.publish_feedback(self._feedback(leg, state))
 
-    async def _news(self, leg: _Leg) -> None:
+    async def _news(self, leg):
         """Wait for anything new; raise when the goal is to end."""
         await _Suspend()
         if leg.handle.is_cancel_requested:
@@ -197,15 +195,15 @@ class Navigator(LifecycleNode):
         if self._goal is not leg.handle:
             raise GoalAbortedError(_UNKNOWN, "a newer goal has taken over")
 
-    def _on_plan(self, message: Path) -> None:
+    def _on_plan(self, message):
         self._plans[nanoseconds(message.header.stamp)] = message
         self._step()
 
-    def _on_state(self, message: String) -> None:
+    def _on_state(self, message):
         self._states.append(json.loads(message.data))
         self._step()
 
-    def _fail_at_cycle(self) -> None:
+    def _fail_at_cycle(self):
         options = self.options
         self._cycles += 2
         if self._cycles < options.after:
@@ -216,7 +214,7 @@ class Navigator(LifecycleNode):
             while self._servers:
                 self._servers.pop().destroy()
 
-    def _feedback(self, leg: _Leg, state: dict[str, Any]) -> Any:
+    def _feedback(self, leg, state):
         """The feedback of the action at hand, as much of it as its distribution has."""
         feedback = self._kinds[type(leg.handle.request)].Feedback()
         if isinstance(feedback, FollowWaypoints.Feedback):
@@ -242,17 +240,17 @@ class Navigator(LifecycleNode):
         return feedback
 
 
-def _finisher(result: Any, ending: str) -> Any:
+def _finisher(result, ending):
     """What rclpy calls to end a goal: sets its last state, returns its result."""
 
-    def finish(handle: Any) -> Any:
+    def finish(handle):
         getattr(handle, ending)()
         return result
 
     return finish
 
 
-def _missed(index: int, pose: PoseStamped, error: tuple[int, str]) -> Any:
+def _missed(index, pose, error):
     """An entry of `missed_waypoints`, whose type the distribution decides."""
     if hasattr(nav2_messages, "WaypointStatus"):
         entry = nav2_messages.WaypointStatus(waypoint_index=index, waypoint_pose=pose)
@@ -264,7 +262,7 @@ def _missed(index: int, pose: PoseStamped, error: tuple[int, str]) -> Any:
     return entry
 
 
-def _poses_of(goal: Any) -> list[PoseStamped]:
+def _poses_of(goal):
     """The poses of a goal of any of the three actions, of any distribution."""
     if hasattr(goal, "pose"):
         return [goal.pose]

@@ -8,7 +8,6 @@ import sys
 import time
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -68,11 +67,11 @@ class Options:
     error_code: int = 104
     error_msg: str = "the stand-in was told to abort"
 
-    def has(self, fault: str, node: str | None = None) -> bool:
+    def has(self, fault, node=None):
         """Whether a fault is wanted (of this node, if one is named)."""
         return fault in self.fault.split(",") and (node is None or node == self.node)
 
-    def end_process(self) -> None:
+    def end_process(self):
         """Die as a crashed process does: without a word to anybody."""
         sys.stdout.flush()
         if self.signal:
@@ -82,12 +81,12 @@ class Options:
         os._exit(self.exit_code)
 
 
-def read_options(arguments: list[str]) -> Options:
+def read_options(arguments):
     """Options from `name:=value` words, on top of those in `params_file`.
 
     Raises SystemExit with a sentence for what is not understood.
     """
-    given: dict[str, Any] = {}
+    given = {}
     for word in arguments:
         name, sign, value = word.partition(":=")
         if not sign:
@@ -103,7 +102,7 @@ def read_options(arguments: list[str]) -> Options:
     return options
 
 
-def _value(name: str, text: Any) -> Any:
+def _value(name, text):
     kinds = {field.name: type(field.default) for field in fields(Options)}
     if name not in kinds:
         raise SystemExit(f"{name}: not one of {', '.join(kinds)}")
@@ -112,7 +111,7 @@ def _value(name: str, text: Any) -> Any:
     return kinds[name](text)
 
 
-def count_start(file: str) -> int:
+def count_start(file):
     """Which start of the process this is, from 1, counted in a file."""
     path = Path(file)
     count = int(path.read_text("utf-8")) + 1 if path.exists() else 1

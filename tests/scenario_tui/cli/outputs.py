@@ -1,10 +1,7 @@
 """Checks that ``--json`` writes what ``scenario schema --outputs`` says, no more and no less."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
-from typing import Any
 
 from jsonschema import Draft202012Validator
 
@@ -12,7 +9,7 @@ from scenario_tui.cli.output_schemas import outputs_schema
 
 
 @cache
-def _validators() -> dict[str, Any]:
+def _validators():
     schema = outputs_schema()
     Draft202012Validator.check_schema(schema)
     bodies = [body for body in schema["$defs"].values() if "properties" in body]
@@ -27,8 +24,8 @@ def _validators() -> dict[str, Any]:
     }
 
 
-def declared(text: str) -> dict[str, Any]:
+def declared(text):
     """Return the object a command wrote; it is the only one and as declared."""
-    body: dict[str, Any] = json.loads(text)
+    body = json.loads(text)
     _validators()[body["schema"]].validate(body)
     return body

@@ -1,7 +1,5 @@
 """The command line in a process of its own, and a short campaign for it."""
 
-from __future__ import annotations
-
 import io
 import os
 import re
@@ -9,7 +7,6 @@ import shutil
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +15,7 @@ from scenario_tui.cli import invoke
 COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]
 
 
-def call(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+def call(*arguments, state, cwd):
     environ = {k: v for k, v in os.environ.items() if k != "SCENARIO_CONNECT"}
     return subprocess.run(
         [*COMMAND, *arguments],
@@ -30,7 +27,7 @@ def call(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess
     )
 
 
-def call_here(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+def call_here(*arguments, state, cwd):
     """Do as ``call`` in this process, for commands that only ask: it is spared a start."""
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
@@ -41,7 +38,7 @@ def call_here(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedPr
     return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
 
 
-def short_demo(folder: Path, campaigns: Path) -> Path:
+def short_demo(folder, campaigns):
     """Fill a folder with the demo campaign cut down to two short runs."""
     for part in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / part, folder / "campaigns" / part)

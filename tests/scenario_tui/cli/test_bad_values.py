@@ -1,13 +1,8 @@
 """What is typed wrongly is told in a sentence, with exit code 2, for every option there is."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import socket
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any, Final
 
 import pytest
 import typer
@@ -15,13 +10,13 @@ import typer
 from scenario_tui.cli import command_line
 from tests.scenario_tui.cli.test_poisoned import commands
 
-LIBRARY_WORDS: Final = re.compile(
+LIBRARY_WORDS = re.compile(
     r"Input should|validation error|Value error|type=|pydantic|Traceback|Errno|\bValueError"
 )
 """Words of libraries, which people have not typed and cannot mend."""
 
 
-def said_well(code: int, out: str, err: str) -> None:
+def said_well(code, out, err):
     """Hold what a command said to what people are told: code 2, a sentence, nothing else."""
     assert code == 2, err
     assert out == "" or "scenario/error/1" in out
@@ -29,7 +24,7 @@ def said_well(code: int, out: str, err: str) -> None:
     assert not LIBRARY_WORDS.search(err), err
 
 
-def options(kind: Callable[[Any], bool]) -> Iterator[tuple[str, str]]:
+def options(kind):
     """Return the words of commands, each with an option whose parameter is of a kind."""
     for words, command in commands():
         for parameter in command.params:
@@ -38,24 +33,24 @@ def options(kind: Callable[[Any], bool]) -> Iterator[tuple[str, str]]:
                 yield words, named[0]
 
 
-def _is_number(parameter: Any) -> bool:
+def _is_number(parameter):
     kind = parameter.type_descriptor.annotation
     return bool({int, float} & {kind, *getattr(kind, "__args__", ())})
 
 
-def _is_choice(parameter: Any) -> bool:
+def _is_choice(parameter):
     return hasattr(parameter.type_descriptor.annotation, "__members__")
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _made_once() -> Iterator[None]:
+def _made_once():
     """Make the commands once: typer makes all of them anew each time they are called."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command_line, "app", typer.main.get_command(command_line.app))
         yield
 
 
-def test_no_number_is_said_with_the_option_and_its_bounds(scenario) -> None:
+def test_no_number_is_said_with_the_option_and_its_bounds(scenario):
     tried = list(options(_is_number))
     assert len(tried) > 30
     for words, option in tried:
@@ -67,7 +62,7 @@ def test_no_number_is_said_with_the_option_and_its_bounds(scenario) -> None:
     assert "no number of at least 0" in scenario("export", "x", "map", "--laser-height=-1").err
 
 
-def test_a_word_that_is_none_of_some_is_said_with_those(scenario) -> None:
+def test_a_word_that_is_none_of_some_is_said_with_those(scenario):
     tried = list(options(_is_choice))
     assert tried
     for words, option in tried:
@@ -78,7 +73,7 @@ def test_a_word_that_is_none_of_some_is_said_with_those(scenario) -> None:
 
 
 @pytest.fixture
-def place(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(tmp_path, campaigns, monkeypatch):
     """A folder with a campaign, and with things of the wrong kind."""
     for part in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / part, tmp_path / part)
@@ -91,7 +86,7 @@ def place(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> P
     return tmp_path
 
 
-CASES: Final = (
+CASES = (
     # (what is typed, part of what is said)
     ("run demo/campaign.yaml --wall soon", "'soon"),
     ("run demo/campaign.yaml --wall -3s", "-3s"),
@@ -176,19 +171,19 @@ CASES: Final = (
 
 
 @pytest.mark.parametrize(("typed", "part"), CASES)
-def test_a_bad_value_is_told_in_a_sentence(typed: str, part: str, place: Path, scenario) -> None:
+def test_a_bad_value_is_told_in_a_sentence(typed, part, place, scenario):
     said = scenario(*typed.split())
     said_well(*said)
     assert part in said.err
 
 
-def test_every_command_that_takes_something_is_tried() -> None:
+def test_every_command_that_takes_something_is_tried():
     tried = {words for words, _ in commands() if any(f"{t} ".startswith(words) for t, _ in CASES)}
     left = {words for words, _ in commands()} - tried
     assert left == {"demo", "tui", "status", "cancel", "pause", "sut relay"}
 
 
-def test_an_address_that_is_taken_is_told(place: Path, scenario) -> None:
+def test_an_address_that_is_taken_is_told(place, scenario):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         said = scenario("daemon", "--listen", f"tcp/127.0.0.1:{port}", "--state", "mine")
@@ -197,7 +192,7 @@ def test_an_address_that_is_taken_is_told(place: Path, scenario) -> None:
     assert "Traceback" not in said.err
 
 
-FILES: Final = {
+FILES = {
     "mine.yaml": "campaign: mine\nlimit: 3\nrepeats: [1]\nscenarios: 4\nmatrix: {sut: 7}\n",
     "deep.yaml": "campaign: deep\nlimit: 1 s\nscenarios:\n  a: {floorplan: 3, oracles: {a: 1},"
     " chance: maybe, like: [b]}\nexpect: [{verdict: maybe}, 3]\nmap: {rule: 3}\n",
@@ -210,16 +205,14 @@ FILES: Final = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_files_are_spoken_of_in_our_words(name: str, place: Path, scenario) -> None:
+def test_files_are_spoken_of_in_our_words(name, place, scenario):
     (place / name).write_text(FILES[name])
     said = scenario("check", name)
     said_well(*said)
     assert f"{name}:" in said.err
 
 
-def test_settings_and_registers_are_spoken_of_in_our_words(
-    place: Path, scenario, monkeypatch
-) -> None:
+def test_settings_and_registers_are_spoken_of_in_our_words(place, scenario, monkeypatch):
     folder = place / "home" / "scenario"
     folder.mkdir(parents=True)
     (folder / "config.toml").write_text('theme = 3\nread_only = "maybe"\n[keys]\nx = [1]\n')

@@ -1,10 +1,7 @@
 """``scenario new``: a campaign that runs, and with ``--layers`` what campaigns can name."""
 
-from __future__ import annotations
-
 import json
 import shutil
-from pathlib import Path
 
 import pytest
 
@@ -17,12 +14,12 @@ Space hall: shape: Rectangle width=12 m, length=3 m location: wrt: world of: thi
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def test_a_new_campaign_passes_its_check_and_its_runs_are_as_expected(scenario, here: Path) -> None:
+def test_a_new_campaign_passes_its_check_and_its_runs_are_as_expected(scenario, here):
     said = scenario("new", "my-tests")
     assert said.code == 0
     assert "scenario check my-tests/campaign.yaml" in said.out
@@ -39,7 +36,7 @@ def test_a_new_campaign_passes_its_check_and_its_runs_are_as_expected(scenario, 
     assert verdicts == {"pass"}
 
 
-def test_every_line_of_a_new_campaign_may_be_broken_and_is_said(scenario, here: Path) -> None:
+def test_every_line_of_a_new_campaign_may_be_broken_and_is_said(scenario, here):
     scenario("new", "mine")
     oracles = here / "mine" / "navigation.oracles.yaml"
     oracles.write_text(oracles.read_text().replace("robot, kitchen_door", "robot, kitchn_door"))
@@ -48,7 +45,7 @@ def test_every_line_of_a_new_campaign_may_be_broken_and_is_said(scenario, here: 
     assert 'did you mean "kitchen_door"?' in said.err
 
 
-def test_nothing_is_overwritten(scenario, here: Path) -> None:
+def test_nothing_is_overwritten(scenario, here):
     (here / "mine").mkdir()
     (here / "mine" / "notes.txt").write_text("mine")
     said = scenario("new", "mine")
@@ -57,14 +54,14 @@ def test_nothing_is_overwritten(scenario, here: Path) -> None:
     assert [path.name for path in (here / "mine").iterdir()] == ["notes.txt"]
 
 
-def test_a_name_is_that_of_a_campaign(scenario, here: Path) -> None:
+def test_a_name_is_that_of_a_campaign(scenario, here):
     said = scenario("new", "my tests")
     assert said.code == 2
     assert '"my tests" cannot name a campaign' in said.err
     assert list(here.iterdir()) == []
 
 
-def test_it_begins_with_a_building_that_is_there(scenario, here: Path, campaigns: Path) -> None:
+def test_it_begins_with_a_building_that_is_there(scenario, here, campaigns):
     (here / "barn.fpm").write_text(PLAN)
     shutil.copy(campaigns / "demo" / "flat.fpm", here / "flat.fpm")
     for plan in ("barn", "flat"):
@@ -77,7 +74,7 @@ def test_it_begins_with_a_building_that_is_there(scenario, here: Path, campaigns
     assert [w.id for w in cell.mission.waypoints] == ["living_room", "bedroom", "kitchen", "home"]
 
 
-def test_a_building_without_room_is_said(scenario, here: Path) -> None:
+def test_a_building_without_room_is_said(scenario, here):
     (here / "slit.fpm").write_text(PLAN.replace("length=3 m", "length=0.5 m"))
     said = scenario("new", "mine", "--floorplan", "slit.fpm")
     assert said.code == 2
@@ -86,7 +83,7 @@ def test_a_building_without_room_is_said(scenario, here: Path) -> None:
     assert not (here / "mine").exists()
 
 
-def test_layers_lists_what_ships_and_what_is_here(scenario, here: Path) -> None:
+def test_layers_lists_what_ships_and_what_is_here(scenario, here):
     scenario("new", "mine")
     body = json.loads(scenario("new", "mine", "--layers", "--json").out)
     found = {(layer["kind"], layer["name"]): layer for layer in body["layers"]}
@@ -101,7 +98,7 @@ def test_layers_lists_what_ships_and_what_is_here(scenario, here: Path) -> None:
     assert "ships" in table
 
 
-def test_where_a_robot_that_ships_is_installed_stays_unsaid(scenario, here: Path) -> None:
+def test_where_a_robot_that_ships_is_installed_stays_unsaid(scenario, here):
     scenario("new", "mine")
     file = here / "mine" / "campaign.yaml"
     file.write_text(file.read_text().replace("robot: my_robot", "robot: courier"))
@@ -111,7 +108,7 @@ def test_where_a_robot_that_ships_is_installed_stays_unsaid(scenario, here: Path
     assert str(here) not in said
 
 
-def test_a_system_that_ships_is_shown_by_its_name(scenario, here: Path) -> None:
+def test_a_system_that_ships_is_shown_by_its_name(scenario, here):
     said = scenario("sut", "fro-omni", "--json")
     assert json.loads(said.out)["name"] == "fro-omni"
     said = scenario("sut", "fro-onmi")

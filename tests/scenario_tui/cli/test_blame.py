@@ -1,7 +1,5 @@
 """``scenario blame``: the story people and scripts are told."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from tests.scenario_tui.cli.outputs import declared
 
 
 @pytest.fixture
-def campaign(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def campaign(tmp_path, campaigns, monkeypatch):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
@@ -26,14 +24,12 @@ def campaign(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -
     return str(write(tmp_path / "demo", text))
 
 
-def shuts_fast(spec) -> bool:
+def shuts_fast(spec):
     shut = any(b.joint == "kitchen_door.hinge" for b in spec.behaviours)
     return shut and spec.sut.parameters.get("max_speed") == 0.7
 
 
-def test_the_story_is_told_and_the_scenario_saved(
-    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_story_is_told_and_the_scenario_saved(campaign, monkeypatch, capsys):
     pretend(monkeypatch, failing_if(shuts_fast))
     assert invoke(["blame", campaign, "rude", "hasty", "1"]) == 0
     out = capsys.readouterr().out
@@ -47,12 +43,7 @@ def test_the_story_is_told_and_the_scenario_saved(
     assert invoke(["check", str(saved)]) == 0
 
 
-def test_scripts_get_the_story_as_json(
-    campaign: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_scripts_get_the_story_as_json(campaign, tmp_path, monkeypatch, capsys):
     pretended = pretend(monkeypatch, failing_if(shuts_fast))
     place = tmp_path / "kept"
     assert invoke(["blame", campaign, "rude", "-o", str(place), "--json"]) == 0
@@ -64,17 +55,13 @@ def test_scripts_get_the_story_as_json(
     assert body["saved"] == str(place / "campaign.yaml")
 
 
-def test_what_does_not_fail_is_said_so(
-    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_does_not_fail_is_said_so(campaign, monkeypatch, capsys):
     pretend(monkeypatch, lambda _: Outcome.PASS)
     assert invoke(["blame", campaign, "rude"]) == 4
     assert "rude/hasty/0 does not fail: reached pass" in capsys.readouterr().err
 
 
-def test_an_interrupt_tells_what_was_found(
-    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupt_tells_what_was_found(campaign, monkeypatch, capsys):
     pretend(monkeypatch, failing_if(shuts_fast)).interrupt_after = 14
     assert invoke(["blame", campaign, "rude"]) == 130
     out = capsys.readouterr().out
@@ -91,8 +78,6 @@ def test_an_interrupt_tells_what_was_found(
         (["rude", "hasty", "x"], "not the number of a repeat"),
     ],
 )
-def test_wrong_words_are_wrong_usage(
-    campaign: str, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_words_are_wrong_usage(campaign, words, message, capsys):
     assert invoke(["blame", campaign, *words]) == 2
     assert message in " ".join(capsys.readouterr().err.replace("│", " ").split())

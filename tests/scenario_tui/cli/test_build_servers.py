@@ -3,8 +3,6 @@
 ``pip`` is a stand-in that takes the one line it should get; ``scenario`` is this checkout's.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -31,14 +29,14 @@ scenarios:
 """
 
 
-def recipe(title: str) -> object:
+def recipe(title):
     text = (ROOT / "docs" / "build-servers.md").read_text("utf-8")
     found = re.search(rf"^## {title}$.*?```yaml\n(.*?)```", text, re.DOTALL | re.MULTILINE)
     assert found is not None
     return YAML(typ="safe").load(found[1])
 
 
-def repository(folder: Path, behaviours: str) -> Path:
+def repository(folder, behaviours):
     """A repository with a campaign of one run, and the programs a build finds."""
     shutil.copytree(ROOT / "campaigns", folder / "campaigns")
     place = folder / "campaigns" / "demo"
@@ -51,7 +49,7 @@ def repository(folder: Path, behaviours: str) -> Path:
     return place
 
 
-def shell(line: str, place: Path) -> int:
+def shell(line, place):
     path = f"{place.parents[1] / 'programs'}{os.pathsep}{os.environ['PATH']}"
     command = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", line]
     environment = os.environ | {"PATH": path}
@@ -62,12 +60,12 @@ def shell(line: str, place: Path) -> int:
     return done.returncode
 
 
-def results(place: Path) -> ET.Element:
+def results(place):
     assert (place / "report.html").stat().st_size > 10_000
     return ET.parse(place / "results.xml").getroot()
 
 
-def test_what_github_runs_is_green_when_all_is_as_expected(tmp_path: Path) -> None:
+def test_what_github_runs_is_green_when_all_is_as_expected(tmp_path):
     place = repository(tmp_path, "doors_open")
     found = recipe("GitHub Actions")
     assert isinstance(found, dict)
@@ -82,7 +80,7 @@ def test_what_github_runs_is_green_when_all_is_as_expected(tmp_path: Path) -> No
     assert all(any(place.glob(pattern)) for pattern in uploaded)
 
 
-def test_what_gitlab_runs_is_red_when_something_fails(tmp_path: Path) -> None:
+def test_what_gitlab_runs_is_red_when_something_fails(tmp_path):
     place = repository(tmp_path, "doors_in_your_face")
     found = recipe("GitLab")
     assert isinstance(found, dict)
@@ -97,6 +95,6 @@ def test_what_gitlab_runs_is_red_when_something_fails(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("title", ["GitHub Actions", "GitLab"])
-def test_recipes_name_no_version_that_is_not_ours(title: str) -> None:
+def test_recipes_name_no_version_that_is_not_ours(title):
     versions = re.findall(r"python(?:-version)?['\"]?: ?['\"]?(\d+\.\d+)", str(recipe(title)))
     assert all(version in ("3.11", "3.12", "3.13") for version in versions)

@@ -1,7 +1,5 @@
 """compare and --baseline: two campaigns, from the ledger or from files."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +16,7 @@ from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon, make_row
 Keep = Callable[[FakeDaemon, str], Path]
 
 
-def rows(campaign: str = CAMPAIGN, drop: float = 0.0, *, failing: bool = False):
+def rows(campaign=CAMPAIGN, drop=0.0, *, failing=False):
     found = [
         make_row(
             i, campaign=campaign, id=f"{campaign}.{i}", margin=0.5 + i / 100 - drop * (1 + i / 9)
@@ -31,14 +29,14 @@ def rows(campaign: str = CAMPAIGN, drop: float = 0.0, *, failing: bool = False):
 
 
 @pytest.fixture
-def two(fake: FakeDaemon) -> FakeDaemon:
+def two(fake):
     """The newest campaign has smaller margins than the one before, but passes."""
     fake.rows = (*rows(drop=0.2), *rows(OLD))
     fake.declares = AssessmentRules(RepeatPolicy(5))
     return fake
 
 
-def test_campaigns_are_compared_cell_by_cell(scenario, two) -> None:
+def test_campaigns_are_compared_cell_by_cell(scenario, two):
     said = scenario("compare", OLD, CAMPAIGN)
     assert said.code == 0
     assert f"{OLD} → {CAMPAIGN}" in said.out
@@ -53,7 +51,7 @@ def test_campaigns_are_compared_cell_by_cell(scenario, two) -> None:
     assert "4 quantities tested (t, Holm at 5 %): 1 changed" in said.out
 
 
-def test_what_got_worse_by_more_than_allowed_leaves_with_one(scenario, two) -> None:
+def test_what_got_worse_by_more_than_allowed_leaves_with_one(scenario, two):
     assert scenario("compare", OLD, CAMPAIGN, "--worse-by", "20 %").code == 1
     assert scenario("compare", OLD, CAMPAIGN, "--worse-by", "60 %").code == 0
     assert scenario("compare", CAMPAIGN, OLD, "--worse-by", "0 %").code == 0
@@ -61,14 +59,14 @@ def test_what_got_worse_by_more_than_allowed_leaves_with_one(scenario, two) -> N
     assert (said.code, '"3 m" is in m' in said.err) == (2, True)
 
 
-def test_a_verdict_that_turned_comes_first(scenario, two) -> None:
+def test_a_verdict_that_turned_comes_first(scenario, two):
     two.rows = (*rows(failing=True), *rows(OLD))
     said = scenario("compare", OLD, CAMPAIGN, "--worse-by", "50 %")
     assert "✓ pass 5/5 → ✗ fail 4/5  pilot S1 no-contact  worse" in said.out
     assert said.code == 1
 
 
-def test_files_of_results_are_as_good_as_campaigns(scenario, two, tmp_path) -> None:
+def test_files_of_results_are_as_good_as_campaigns(scenario, two, tmp_path):
     path = tmp_path / "before.json"
     path.write_text(scenario("results", OLD, "--json").out)
     two.empty = True
@@ -79,7 +77,7 @@ def test_files_of_results_are_as_good_as_campaigns(scenario, two, tmp_path) -> N
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"schema": "scenario/status/1"}', "{}"])
-def test_a_file_of_anything_else_is_refused(scenario, tmp_path, text) -> None:
+def test_a_file_of_anything_else_is_refused(scenario, tmp_path, text):
     path = tmp_path / "other.json"
     path.write_text(text)
     said = scenario("compare", str(path), str(path))
@@ -88,7 +86,7 @@ def test_a_file_of_anything_else_is_refused(scenario, tmp_path, text) -> None:
     assert "scenario results CAMPAIGN --json" in said.err
 
 
-def test_a_baseline_makes_results_a_gate(scenario, two) -> None:
+def test_a_baseline_makes_results_a_gate(scenario, two):
     assert scenario("results", CAMPAIGN, "--exit-status").code == 0
     said = scenario("results", CAMPAIGN, "--baseline", OLD, "--worse-by", "20 %")
     assert said.code == 1
@@ -96,7 +94,7 @@ def test_a_baseline_makes_results_a_gate(scenario, two) -> None:
     assert scenario("results", CAMPAIGN, "--baseline", OLD, "--worse-by", "60 %").code == 0
 
 
-def test_the_gate_of_a_campaign_holds_it_against_the_last_green_one(scenario, two, fake) -> None:
+def test_the_gate_of_a_campaign_holds_it_against_the_last_green_one(scenario, two, fake):
     two.declares = replace(two.declares, gate=RegressionGate("last-green", 0.2))
     renamed = [replace(row, name="first") for row in two.campaigns()]
     fake._campaign_rows = lambda: tuple(renamed)
@@ -105,7 +103,7 @@ def test_the_gate_of_a_campaign_holds_it_against_the_last_green_one(scenario, tw
     assert said.code == 1
 
 
-def test_without_an_earlier_green_one_there_is_nothing_to_compare_with(scenario, two) -> None:
+def test_without_an_earlier_green_one_there_is_nothing_to_compare_with(scenario, two):
     said = scenario("results", CAMPAIGN, "--baseline", "last-green")
     assert "no earlier campaign first was as expected" in said.err
     assert said.code == 0
@@ -114,7 +112,7 @@ def test_without_an_earlier_green_one_there_is_nothing_to_compare_with(scenario,
 @pytest.mark.parametrize(("allowed", "code"), [("20 %", 1), ("60 %", 0)])
 def test_a_campaign_run_here_is_held_against_a_file(
     scenario, two, tmp_path, campaigns, monkeypatch, allowed, code
-) -> None:
+):
     path = tmp_path / "before.json"
     path.write_text(scenario("results", OLD, "--json").out)
     found = gather_results(two, two.campaigns()[0])
@@ -125,7 +123,7 @@ def test_a_campaign_run_here_is_held_against_a_file(
     assert any(shift["worse"] for shift in json.loads(said.out)["comparison"]["shifts"]) == code
 
 
-def test_a_campaign_run_here_knows_no_others(scenario, two, campaigns, monkeypatch) -> None:
+def test_a_campaign_run_here_knows_no_others(scenario, two, campaigns, monkeypatch):
     found = replace(
         gather_results(two, two.campaigns()[0]),
         declared=AssessmentRules(gate=RegressionGate("last-green", 0)),

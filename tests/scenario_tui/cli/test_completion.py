@@ -1,7 +1,5 @@
 """TAB: what is offered for the word being typed, and that nothing else is said."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -24,7 +22,7 @@ Tab = Callable[[str], list[str]]
 
 
 @pytest.fixture(scope="module")
-def state(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def state(tmp_path_factory):
     """A state directory with a finished campaign, whose last run failed, and a queued one."""
     folder = tmp_path_factory.mktemp("state")
     with closing(connect(folder / "ledger.db")) as ledger:
@@ -40,16 +38,14 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def tab(
-    state: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Tab:
+def tab(state, tmp_path, monkeypatch, capsys):
     """Press TAB behind a line, in an empty folder, with the state directory of the tests."""
     monkeypatch.setenv("SCENARIO_STATE", str(state))
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
     monkeypatch.setenv("_SCENARIO_COMPLETE", "complete_bash")
     monkeypatch.chdir(tmp_path)
 
-    def press(line: str) -> list[str]:
+    def press(line):
         words = line.split(" ")
         monkeypatch.setenv("COMP_WORDS", "\n".join(words))
         monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
@@ -61,51 +57,49 @@ def tab(
     return press
 
 
-def test_commands_and_options(tab: Tab) -> None:
+def test_commands_and_options(tab):
     assert tab("scenario res") == ["results"]
     assert tab("scenario results --exit") == ["--exit-status"]
 
 
-def test_campaigns_by_id_and_by_name_the_newest_first(tab: Tab) -> None:
+def test_campaigns_by_id_and_by_name_the_newest_first(tab):
     assert tab("scenario cancel ") == ["new-1", "old-1"]
     assert tab("scenario results old") == ["old-1"]
     assert tab("scenario results x") == []
 
 
-def test_names_no_shell_takes_as_one_word_are_left_out(tab: Tab) -> None:
+def test_names_no_shell_takes_as_one_word_are_left_out(tab):
     assert not [word for word in tab("scenario results Camp") if word]
 
 
 @pytest.mark.parametrize("command", ["replay", "plot", "blame", "export", "judge"])
-def test_runs_of_a_campaign_failures_first(tab: Tab, command: str) -> None:
+def test_runs_of_a_campaign_failures_first(tab, command):
     assert tab(f"scenario {command} old-1.") == ["old-1.2", "old-1.0", "old-1.1"]
 
 
-def test_campaigns_before_runs_where_several_are_meant(tab: Tab) -> None:
+def test_campaigns_before_runs_where_several_are_meant(tab):
     assert tab("scenario replay ") == ["new-1.", "old-1."]
     assert tab("scenario replay n") == ["new-1.0"]
 
 
-def test_oracles_of_the_run_that_was_named(tab: Tab) -> None:
+def test_oracles_of_the_run_that_was_named(tab):
     assert tab("scenario blame old-1.2 --oracle ") == ["arrives"]
     assert tab("scenario replay old-1.2 --from arr") == ["arrives"]
     assert tab("scenario replay old-1.7 --from ") == []
 
 
-def test_what_runs_mention(tab: Tab) -> None:
+def test_what_runs_mention(tab):
     assert tab("scenario results old-1 --filter ") == ["S2", "pilot", "arrives"]
 
 
-def test_words_and_signals(tab: Tab) -> None:
+def test_words_and_signals(tab):
     assert tab("scenario retry old-1 --only l") == ["lost"]
     assert tab("scenario results --outcome i") == ["inconclusive"]
     assert "loc.error" in tab("scenario plot old-1.0 loc.e")
     assert tab("scenario results --baseline last") == ["last-green"]
 
 
-def test_campaign_files_and_campaigns_then_the_searches_of_the_file(
-    tab: Tab, tmp_path: Path
-) -> None:
+def test_campaign_files_and_campaigns_then_the_searches_of_the_file(tab, tmp_path):
     (tmp_path / "house.yaml").write_text("campaign: h\nsearch: {doors: {about: a}, noise: {}}\n")
     assert tab("scenario search ") == ["new-1", "old-1", "house.yaml"]
     assert tab("scenario search house.yaml ") == ["doors", "noise"]
@@ -114,7 +108,7 @@ def test_campaign_files_and_campaigns_then_the_searches_of_the_file(
     assert tab("scenario search house.yaml --method h") == ["halton"]
 
 
-def test_files_that_fit(tab: Tab, tmp_path: Path) -> None:
+def test_files_that_fit(tab, tmp_path):
     inner = tmp_path / "tests" / "inner"
     inner.mkdir(parents=True)
     (inner / "one.yaml").write_text("# about\ncampaign: one\n")
@@ -132,7 +126,7 @@ def test_files_that_fit(tab: Tab, tmp_path: Path) -> None:
     assert tab("scenario judge o") == ["old-1", "old-1.2", "old-1.0", "old-1.1"]
 
 
-def test_a_system_is_offered_beside_the_commands_about_one(tab: Tab, tmp_path: Path) -> None:
+def test_a_system_is_offered_beside_the_commands_about_one(tab, tmp_path):
     (tmp_path / "mine.yaml").write_text("sut: mine\nkind: pilot\n")
     (tmp_path / "other.yaml").write_text("robot: other\n")
     assert tab("scenario sut ") == ["show", "check", "relay", "mine.yaml"]
@@ -141,7 +135,7 @@ def test_a_system_is_offered_beside_the_commands_about_one(tab: Tab, tmp_path: P
     assert "--json" in tab("scenario sut mine.yaml --")
 
 
-def test_scenarios_and_suts_of_a_campaign_file(tab: Tab, tmp_path: Path) -> None:
+def test_scenarios_and_suts_of_a_campaign_file(tab, tmp_path):
     (tmp_path / "c.yaml").write_text(
         "campaign: c\nmatrix: {sut: [a, {b: {speed: 1}}]}\n"
         "scenarios:\n  base: {abstract: true}\n  S1: {like: base}\n"
@@ -152,9 +146,7 @@ def test_scenarios_and_suts_of_a_campaign_file(tab: Tab, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("content", [None, b"no ledger", b""])
-def test_nothing_without_a_usable_ledger(
-    tab: Tab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes | None
-) -> None:
+def test_nothing_without_a_usable_ledger(tab, tmp_path, monkeypatch, content):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     if content is not None:
         (tmp_path / "ledger.db").write_bytes(content)
@@ -163,7 +155,7 @@ def test_nothing_without_a_usable_ledger(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ledger.db"] * (content is not None)
 
 
-def test_a_daemon_somebody_names_is_asked(tab: Tab, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_daemon_somebody_names_is_asked(tab, monkeypatch):
     import daemon.batch.client
 
     monkeypatch.setattr(completion, "PATIENCE", 60.0)
@@ -174,7 +166,7 @@ def test_a_daemon_somebody_names_is_asked(tab: Tab, monkeypatch: pytest.MonkeyPa
     assert tab("scenario results --connect tcp/127.0.0.1:7 fi") == []
 
 
-def test_fish_is_told_by_the_exit_code(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fish_is_told_by_the_exit_code(state, monkeypatch):
     monkeypatch.setenv("SCENARIO_STATE", str(state))
     monkeypatch.setenv("_SCENARIO_COMPLETE", "complete_fish")
     monkeypatch.setenv("_TYPER_COMPLETE_FISH_ACTION", "is-args")
@@ -186,7 +178,7 @@ def test_fish_is_told_by_the_exit_code(state: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
-def test_a_real_bash_takes_what_is_offered(state: Path, tmp_path: Path) -> None:
+def test_a_real_bash_takes_what_is_offered(state, tmp_path):
     program = Path(sys.executable).with_name("scenario")
     script = (
         f'eval "$({program} --show-completion bash)"\n'

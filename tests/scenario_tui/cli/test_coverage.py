@@ -1,9 +1,5 @@
 """``scenario coverage``: what people and scripts are told."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from scenario_tui.cli import invoke
@@ -11,9 +7,7 @@ from tests.daemon.analysis.old_runs import drive, spec
 from tests.scenario_tui.cli.outputs import declared
 
 
-def test_before_running_a_campaign_file_is_enough(
-    campaigns: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_before_running_a_campaign_file_is_enough(campaigns, capsys):
     assert invoke(["coverage", str(campaigns / "demo" / "campaign.yaml")]) == 0
     out = capsys.readouterr().out
     assert out.startswith("15 runs, as planned")
@@ -22,7 +16,7 @@ def test_before_running_a_campaign_file_is_enough(
     assert "floor" not in out.split("pairs of features:")[1]
 
 
-def test_afterwards_traces_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_afterwards_traces_tell(tmp_path, capsys):
     drive(tmp_path / "a.mcap", spec(0))
     drive(tmp_path / "b.mcap", spec(1))
     assert invoke(["coverage", str(tmp_path), "--json"]) == 0
@@ -38,16 +32,12 @@ def test_afterwards_traces_tell(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize("words", [["nothing-here"], ["a.yaml", "b.yaml"]])
-def test_what_names_nothing_is_refused(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_names_nothing_is_refused(words, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     assert invoke(["coverage", *words]) == 2
 
 
-def test_a_damaged_trace_is_told_and_makes_it_fail(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damaged_trace_is_told_and_makes_it_fail(tmp_path, capsys):
     drive(tmp_path / "a.mcap", spec(0))
     (tmp_path / "b.mcap").write_bytes(b"junk")
     assert invoke(["coverage", str(tmp_path)]) == 3

@@ -1,12 +1,9 @@
 """The demonstration: packaged, valid, and a success also when it shows a robot that fails."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest
 
-from daemon.model.status import Submission
 from scenario_tui.cli import execute, invoke
 
 
@@ -14,12 +11,10 @@ from scenario_tui.cli import execute, invoke
     ("words", "code"),
     [(("pass", "fail", "inconclusive"), 0), (("pass", "lost"), 3), (("error",), 3)],
 )
-def test_the_demo_succeeds_when_every_run_was_judged(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words, code
-) -> None:
-    given: list[Submission] = []
+def test_the_demo_succeeds_when_every_run_was_judged(monkeypatch, capsys, words, code):
+    given = []
 
-    def run_here(submission: Submission, *_: object) -> SimpleNamespace:
+    def run_here(submission, *_):
         given.append(submission)
         return SimpleNamespace(words=tuple(words))
 

@@ -1,7 +1,5 @@
 """The commands that serve editors: schemas to print or write, the extension as a file."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import zipfile
@@ -13,14 +11,14 @@ from scenario_tui.cli import command_line
 from tests.scenario_tui.cli.outputs import declared
 
 
-def test_a_schema_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_schema_is_printed(capsys):
     assert command_line.invoke(["schema", "robot"]) == 0
     schema = json.loads(capsys.readouterr().out)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert "footprint" in schema["required"]
 
 
-def test_all_schemas_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_schemas_are_written(tmp_path, capsys):
     assert command_line.invoke(["schema", "--out", str(tmp_path / "new")]) == 0
     written = [Path(line) for line in capsys.readouterr().out.splitlines()]
     assert sorted(written) == sorted((tmp_path / "new").iterdir())
@@ -28,17 +26,17 @@ def test_all_schemas_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert sorted(path.name for path in written) == [f"{kind}.schema.json" for kind in kinds]
 
 
-def test_one_schema_is_written(tmp_path: Path) -> None:
+def test_one_schema_is_written(tmp_path):
     assert command_line.invoke(["schema", "sut", "-o", str(tmp_path)]) == 0
     assert [p.name for p in tmp_path.iterdir()] == ["sut.schema.json"]
 
 
 @pytest.mark.parametrize("arguments", [[], ["castle"]])
-def test_nothing_to_print_is_wrong_usage(arguments: list[str]) -> None:
+def test_nothing_to_print_is_wrong_usage(arguments):
     assert command_line.invoke(["schema", *arguments]) == 2
 
 
-def test_the_extension_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_extension_is_written(tmp_path, capsys):
     assert command_line.invoke(["schema", "--vscode", str(tmp_path)]) == 0
     path = Path(capsys.readouterr().out.strip())
     with zipfile.ZipFile(path) as archive:
@@ -46,9 +44,7 @@ def test_the_extension_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[
         assert archive.testzip() is None
 
 
-def test_check_tells_editors_where_and_what(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_tells_editors_where_and_what(tmp_path, capsys):
     broken = tmp_path / "round.mission.yaml"
     broken.write_text("mission: round\nwaypoint:\n  - {x: 1, y: 2 deg}\n")
     fine = tmp_path / "home.mission.yaml"
@@ -64,9 +60,7 @@ def test_check_tells_editors_where_and_what(
     assert unknown["hint"] == 'did you mean "waypoints"?'
 
 
-def test_check_reads_variations(
-    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_reads_variations(campaigns, tmp_path, capsys):
     assert command_line.invoke(["check", str(campaigns / "demo" / "flat.variation")]) == 0
     assert "variation of flat" in capsys.readouterr().err
     shutil.copy(campaigns / "demo" / "flat.fpm", tmp_path)

@@ -1,7 +1,5 @@
 """Whatever goes wrong ends with a message and the exit code that says whose fault it is."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -23,9 +21,9 @@ from tests.scenario_tui.cli.outputs import declared
 
 
 @pytest.fixture
-def raising(monkeypatch: pytest.MonkeyPatch):
-    def prepare(error: BaseException) -> None:
-        def fail(**_: object) -> None:
+def raising(monkeypatch):
+    def prepare(error):
+        def fail(**_):
             raise error
 
         monkeypatch.setattr(command_line, "app", fail)
@@ -45,11 +43,11 @@ def raising(monkeypatch: pytest.MonkeyPatch):
         ([], ExitCode.INCONCLUSIVE),
     ],
 )
-def test_the_exit_code_follows_the_gravest_run(words: list[str], code: ExitCode) -> None:
+def test_the_exit_code_follows_the_gravest_run(words, code):
     assert exit_code(words) is code
 
 
-def test_our_own_bugs_exit_with_70_and_say_so(raising, capsys) -> None:
+def test_our_own_bugs_exit_with_70_and_say_so(raising, capsys):
     raising(ZeroDivisionError("division by zero"))
     assert command_line.invoke(["status"]) == 70
     said = capsys.readouterr()
@@ -58,17 +56,17 @@ def test_our_own_bugs_exit_with_70_and_say_so(raising, capsys) -> None:
     assert "ZeroDivisionError" in said.err
 
 
-def test_ctrl_c_exits_with_130(raising) -> None:
+def test_ctrl_c_exits_with_130(raising):
     raising(KeyboardInterrupt())
     assert command_line.invoke(["status"]) == 130
 
 
-def test_a_reader_that_leaves_is_no_failure(raising) -> None:
+def test_a_reader_that_leaves_is_no_failure(raising):
     raising(BrokenPipeError())
     assert command_line.invoke(["results"]) == 141
 
 
-def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path) -> None:
+def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path):
     file = tmp_path / "plan.fpm"
     file.write_text("space hall\n    shape: rectangel\n")
     raising(
@@ -89,7 +87,7 @@ def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path) -> None:
     assert "Traceback" not in said
 
 
-def test_a_place_outside_the_file_has_no_excerpt(tmp_path) -> None:
+def test_a_place_outside_the_file_has_no_excerpt(tmp_path):
     file = tmp_path / "short.yaml"
     file.write_text("campaign: x\n")
     shown = render_diagnostic(Diagnostic(Where(str(file), 99, 1), "gone")).plain
@@ -98,11 +96,11 @@ def test_a_place_outside_the_file_has_no_excerpt(tmp_path) -> None:
     assert missing.endswith("error: gone")
 
 
-def test_counting_problems() -> None:
+def test_counting_problems():
     assert diagnostic_counts([]) == "no problems"
 
 
-def test_wrong_usage_exits_with_2(scenario) -> None:
+def test_wrong_usage_exits_with_2(scenario):
     said = scenario("results", "--colour")
     assert said.code == 2
     assert "No such option" in said.err
@@ -112,20 +110,20 @@ def test_wrong_usage_exits_with_2(scenario) -> None:
 
 
 @pytest.mark.parametrize("endpoint", ["foo", "tcp/host", "tcp/host:99999", "udp/127.0.0.1:7447"])
-def test_a_malformed_endpoint_is_wrong_usage(scenario, fake, endpoint: str) -> None:
+def test_a_malformed_endpoint_is_wrong_usage(scenario, fake, endpoint):
     said = scenario("status", "--connect", endpoint)
     assert said.code == 2
     assert "write tcp/<host>:<port>" in said.err
     assert fake.calls == []
 
 
-def test_a_folder_cannot_be_checked(scenario, tmp_path) -> None:
+def test_a_folder_cannot_be_checked(scenario, tmp_path):
     said = scenario("check", str(tmp_path))
     assert said.code == 2
     assert "is a folder" in said.err
 
 
-def test_an_unreachable_daemon_exits_with_3(scenario, fake) -> None:
+def test_an_unreachable_daemon_exits_with_3(scenario, fake):
     fake.reachable = False
     said = scenario("status")
     assert said.code == 3
@@ -133,13 +131,13 @@ def test_an_unreachable_daemon_exits_with_3(scenario, fake) -> None:
     assert said.out == ""
 
 
-def test_a_full_disk_is_no_bug_of_ours(raising, capsys) -> None:
+def test_a_full_disk_is_no_bug_of_ours(raising, capsys):
     raising(OSError(errno.ENOSPC, "No space left on device", "/results/run.mcap"))
     assert command_line.invoke(["run"]) == ExitCode.INFRASTRUCTURE
     assert capsys.readouterr().err == "scenario: No space left on device: /results/run.mcap\n"
 
 
-def _typed(*arguments: str, shell: str = "", **variables: str) -> subprocess.CompletedProcess[str]:
+def _typed(*arguments, shell="", **variables):
     command = [sys.executable, "-c", "from scenario_tui.cli import main; main()", *arguments]
     if shell:
         command = ["sh", "-c", f'"$@" {shell}', "sh", *command]
@@ -153,20 +151,20 @@ def _typed(*arguments: str, shell: str = "", **variables: str) -> subprocess.Com
     )
 
 
-def test_a_closed_output_is_no_failure(tmp_path) -> None:
+def test_a_closed_output_is_no_failure(tmp_path):
     assert _typed("--version", shell=">&-").returncode == 0
     missing = str(tmp_path / "none.yaml")
     assert _typed("check", missing, shell=">&- 2>&-").returncode == ExitCode.BAD_INPUT
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_an_output_that_takes_nothing_is_said(tmp_path) -> None:
+def test_an_output_that_takes_nothing_is_said(tmp_path):
     said = _typed("--version", shell=">/dev/full")
     assert said.returncode == ExitCode.INFRASTRUCTURE
     assert said.stderr == "scenario: No space left on device\n"
 
 
-def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path) -> None:
+def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path):
     file = tmp_path / "größe.yaml"
     file.write_text("campaign: é\n", encoding="utf-8")
     for encoding in ("ascii", "latin-1"):
@@ -175,7 +173,7 @@ def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path) -> None:
         assert "Traceback" not in said.stderr
 
 
-def test_a_terminal_without_our_signs_still_shows_a_minus() -> None:
+def test_a_terminal_without_our_signs_still_shows_a_minus():
     program = "from scenario_tui.cli import output as o; o.settle_streams(); print('✗ −0.3 ü')"
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -184,14 +182,14 @@ def test_a_terminal_without_our_signs_still_shows_a_minus() -> None:
     assert done.stdout == b"x -0.3 ?\n"
 
 
-def test_a_dashboard_without_a_terminal_says_so(scenario, fake) -> None:
+def test_a_dashboard_without_a_terminal_says_so(scenario, fake):
     said = scenario("tui")
     assert said.code == ExitCode.BAD_INPUT
     assert "the dashboard needs a terminal" in said.err
     assert fake.calls == []
 
 
-def test_bad_input_stays_bad_input_when_nobody_reads_about_it(tmp_path) -> None:
+def test_bad_input_stays_bad_input_when_nobody_reads_about_it(tmp_path):
     program = "from scenario_tui.cli import main; main()"
     reading, writing = os.pipe()
     os.close(reading)
@@ -203,9 +201,7 @@ def test_bad_input_stays_bad_input_when_nobody_reads_about_it(tmp_path) -> None:
     assert done.returncode == ExitCode.BAD_INPUT
 
 
-def test_a_malformed_endpoint_in_the_environment_is_bad_input(
-    monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+def test_a_malformed_endpoint_in_the_environment_is_bad_input(monkeypatch, capsys):
     monkeypatch.setenv("SCENARIO_CONNECT", "garbage")
     assert command_line.invoke(["status"]) == ExitCode.BAD_INPUT
     said = capsys.readouterr().err
@@ -213,7 +209,7 @@ def test_a_malformed_endpoint_in_the_environment_is_bad_input(
     assert "write tcp/<host>:<port>" in said
 
 
-def test_a_command_without_an_answer_writes_why_for_machines(scenario, fake) -> None:
+def test_a_command_without_an_answer_writes_why_for_machines(scenario, fake):
     fake.reachable = False
     said = scenario("results", "--json")
     body = json.loads(said.out)
@@ -223,14 +219,14 @@ def test_a_command_without_an_answer_writes_why_for_machines(scenario, fake) -> 
     assert said.err.startswith("scenario: no daemon answers")
 
 
-def test_wrong_usage_is_for_machines_too(scenario) -> None:
+def test_wrong_usage_is_for_machines_too(scenario):
     said = scenario("results", "--jsn", "--json")
     assert said.code == json.loads(said.out)["exit_code"] == 2
     assert "No such option: --jsn" in json.loads(said.out)["error"]
     assert scenario("results", "--", "--json").out == ""
 
 
-def test_what_is_wrong_in_a_file_has_its_place(scenario, tmp_path: Path) -> None:
+def test_what_is_wrong_in_a_file_has_its_place(scenario, tmp_path):
     file = tmp_path / "house.yaml"
     file.write_text("campaign: house\nlimit: 2 min\nscenarios: {}\nrepeats: fife\n")
     said = scenario("run", str(file), "--json")
@@ -241,8 +237,8 @@ def test_what_is_wrong_in_a_file_has_its_place(scenario, tmp_path: Path) -> None
     assert (found["file"], found["column"], found["severity"]) == (str(file), 1, "error")
 
 
-def test_a_command_that_has_answered_says_no_more(raising, capsys, monkeypatch) -> None:
-    def answer_and_fail(**_: object) -> None:
+def test_a_command_that_has_answered_says_no_more(raising, capsys, monkeypatch):
+    def answer_and_fail(**_):
         PriorityOutput("c-1", 3).emit()
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -251,16 +247,14 @@ def test_a_command_that_has_answered_says_no_more(raising, capsys, monkeypatch) 
     assert json.loads(capsys.readouterr().out)["schema"] == "scenario/priority/1"
 
 
-def test_the_error_of_the_docs_is_one(campaigns: Path) -> None:
+def test_the_error_of_the_docs_is_one(campaigns):
     text = (campaigns.parent / "docs" / "command-line.md").read_text("utf-8")
     declared(text.partition("```json\n")[2].partition("```")[0])
 
 
 @pytest.mark.parametrize("typed", ["nigthly", "nigthly.yaml", "tests/nigthly.yaml", "tests"])
 @pytest.mark.parametrize("command", ["run", "submit", "serve", "check", "search", "coverage"])
-def test_a_missing_campaign_suggests_those_near_by(
-    command: str, typed: str, scenario, tmp_path: Path, monkeypatch
-) -> None:
+def test_a_missing_campaign_suggests_those_near_by(command, typed, scenario, tmp_path, monkeypatch):
     if command in ("check", "search", "coverage") and not typed.endswith(".yaml"):
         return  # no name of a file
     monkeypatch.chdir(tmp_path)
@@ -272,7 +266,7 @@ def test_a_missing_campaign_suggests_those_near_by(
     assert expected in said.err
 
 
-def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path: Path, monkeypatch) -> None:
+def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert "`scenario new NAME` writes one" in scenario("run", "x.yaml").err
     for name in ("alpha", "beta"):
@@ -280,7 +274,7 @@ def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path: Path, monk
     assert "campaign files here: " in scenario("run", "x.yaml").err
 
 
-def test_a_missing_campaign_may_have_been_submitted(scenario, tmp_path: Path, monkeypatch) -> None:
+def test_a_missing_campaign_may_have_been_submitted(scenario, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     ledger = StatePaths.find().ledger
@@ -291,8 +285,8 @@ def test_a_missing_campaign_may_have_been_submitted(scenario, tmp_path: Path, mo
     assert '"nightly" was submitted: `scenario results nightly`' in scenario("run", "nightly").err
 
 
-def test_a_command_that_leaves_without_an_answer_writes_what_it_said(monkeypatch, capsys) -> None:
-    def leave(**_: object) -> int:
+def test_a_command_that_leaves_without_an_answer_writes_what_it_said(monkeypatch, capsys):
+    def leave(**_):
         say("scenario: no run fails")
         return 4
 
@@ -302,13 +296,13 @@ def test_a_command_that_leaves_without_an_answer_writes_what_it_said(monkeypatch
     assert (body["error"], body["exit_code"]) == ("no run fails", 4)
 
 
-def test_ctrl_c_is_an_answer_for_machines_too(raising, capsys) -> None:
+def test_ctrl_c_is_an_answer_for_machines_too(raising, capsys):
     raising(KeyboardInterrupt())
     assert command_line.invoke(["wait", "c", "--json"]) == 130
     assert declared(capsys.readouterr().out)["error"] == "interrupted"
 
 
-def test_a_file_is_no_name_of_what_was_submitted(scenario, tmp_path: Path) -> None:
+def test_a_file_is_no_name_of_what_was_submitted(scenario, tmp_path):
     file = tmp_path / "one.yaml"
     file.write_text("# about\ncampaign: nightly-tests   # its name\n")
     said = scenario("results", str(file))

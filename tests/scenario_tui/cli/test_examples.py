@@ -1,13 +1,8 @@
 """Every line that help shows as an example is typed, as it stands, and does what it should."""
 
-from __future__ import annotations
-
 import importlib.resources
 import shlex
 import shutil
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, Final
 
 import pytest
 import typer
@@ -19,7 +14,7 @@ from tests.grammars.maps.imported import house
 from tests.scenario_tui.cli.real import call, call_here
 from tests.scenario_tui.cli.test_poisoned import commands
 
-STAY: Final = {
+STAY = {
     "scenario serve campaign.yaml --scenario open-house --headless": "goes on until Ctrl-C",
     "scenario daemon": "goes on until Ctrl-C",
     "scenario daemon --listen tls/0.0.0.0:7447 --slots 0": "goes on, and takes keys and a port",
@@ -30,7 +25,7 @@ STAY: Final = {
     "scenario replay nightly.0": "needs a terminal",
 }
 """Lines that cannot be typed here to the end, and why: they are read by the command line only."""
-CAMPAIGN: Final = """\
+CAMPAIGN = """\
 campaign: nightly
 about: Two short runs, one of which has too little time.
 seed: 7
@@ -56,11 +51,11 @@ search:
     over: {doors_moving.bedroom_closes: 5.1 .. 6.9 s}
     budget: 60 runs
 """
-WORDS: Final = sorted(
+WORDS = sorted(
     {words.partition(" ")[0] for words in EXAMPLES}, key=lambda word: (word == "daemon", word)
 )
 """First words of commands; the daemon comes last, for one of its examples ends it."""
-WRITTEN: Final = {
+WRITTEN = {
     "new": "my-tests/campaign.yaml",
     "export": "flat.geojson",
     "import": "home.walls.yaml",
@@ -70,7 +65,7 @@ WRITTEN: Final = {
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Iterator[Path]:
+def place(tmp_path_factory, campaigns):
     """A folder with what the examples name, and a daemon that has finished its campaign."""
     folder = tmp_path_factory.mktemp("examples")
     shutil.copytree(campaigns / "demo", folder, dirs_exist_ok=True)
@@ -86,7 +81,7 @@ def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Iterator
     call_here("daemon", "--stop", state=folder / "state", cwd=folder)
 
 
-def test_every_command_has_examples_and_every_example_its_command() -> None:
+def test_every_command_has_examples_and_every_example_its_command():
     assert set(EXAMPLES) == {words for words, _ in commands()}
     for words, lines in EXAMPLES.items():
         assert lines
@@ -97,7 +92,7 @@ def test_every_command_has_examples_and_every_example_its_command() -> None:
 
 
 @pytest.mark.parametrize("word", WORDS)
-def test_examples_do_what_they_show(word: str, place: Path, monkeypatch: Any) -> None:
+def test_examples_do_what_they_show(word, place, monkeypatch):
     files = importlib.resources.files
     shipped = {"campaigns": place / "shipped"}
     monkeypatch.setattr(importlib.resources, "files", lambda name: shipped.get(name) or files(name))
@@ -120,7 +115,7 @@ def test_examples_do_what_they_show(word: str, place: Path, monkeypatch: Any) ->
         assert (place / WRITTEN[word]).is_file()
 
 
-def _read(arguments: list[str]) -> None:
+def _read(arguments):
     """Read what was typed as far as the command line does, and call nothing."""
     command = typer.main.get_command(command_line.app)
     while True:

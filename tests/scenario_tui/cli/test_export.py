@@ -1,7 +1,5 @@
 """Exporting from the command line: plans, campaigns, one kind, several, all."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -14,39 +12,37 @@ import pytest
 from ruamel.yaml import YAML
 
 from grammars.floorplan import load_floorplan
-from grammars.model.grid import OCCUPIED, MapRule
+from grammars.model.grid import OCCUPIED
 from grammars.model.map_files import read_map, write_map
 from grammars.scenery.composition import compile_scene
 from scenario_tui.cli import export, invoke
 from templates.artefacts import ALL, KINDS
 from templates.occupancy import occupancy_grid
 
-RULES: tuple[MapRule, ...] = ("outline", "touch", "centre")
+RULES = ("outline", "touch", "centre")
 
 
 @pytest.fixture(scope="module")
-def demo(campaigns: Path) -> Path:
+def demo(campaigns):
     return campaigns / "demo" / "campaign.yaml"
 
 
 @pytest.fixture(scope="module")
-def everything(demo: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def everything(demo, tmp_path_factory):
     folder = tmp_path_factory.mktemp("everything")
     assert invoke(["export", str(demo), "all", "-o", str(folder)]) == 0
     return folder
 
 
-def files(folder: Path) -> set[str]:
+def files(folder):
     return {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
 
 
-def test_every_kind_there_is_can_be_asked_for() -> None:
+def test_every_kind_there_is_can_be_asked_for():
     assert {kind.value for kind in export.Artefact} == {ALL, "traces", *KINDS}
 
 
-def test_an_ending_names_the_file_and_anything_else_a_folder(
-    campaigns: Path, scenario, tmp_path: Path
-) -> None:
+def test_an_ending_names_the_file_and_anything_else_a_folder(campaigns, scenario, tmp_path):
     plan = str(campaigns / "demo" / "flat.fpm")
     named = tmp_path / "home.geojson"
     assert scenario("export", plan, "geojson", "-o", str(named)).out == f"{named}\n"
@@ -70,8 +66,8 @@ def test_an_ending_names_the_file_and_anything_else_a_folder(
     ],
 )
 def test_a_place_that_cannot_be_is_wrong_usage(
-    kind: str, out: str, why: str, demo: Path, scenario, tmp_path: Path, monkeypatch
-) -> None:
+    kind, out, why, demo, scenario, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     Path("taken.txt").write_text("")
     said = scenario("export", str(demo.with_name("flat.fpm")), kind, "-o", out)
@@ -80,19 +76,19 @@ def test_a_place_that_cannot_be_is_wrong_usage(
     assert [path.name for path in tmp_path.iterdir()] == ["taken.txt"]
 
 
-def test_several_worlds_are_no_file(demo: Path, scenario, tmp_path: Path) -> None:
+def test_several_worlds_are_no_file(demo, scenario, tmp_path):
     said = scenario("export", str(demo), "geojson", "-o", str(tmp_path / "o.geojson"))
     assert said.code == 2
     assert "has 3 worlds" in said.err
 
 
-def test_what_was_recorded_has_no_building_to_export(scenario) -> None:
+def test_what_was_recorded_has_no_building_to_export(scenario):
     said = scenario("export", "first.3", "geojson")
     assert said.code == 2
     assert "geojson is of a building or a campaign file, and first.3 is no file" in said.err
 
 
-def test_a_campaign_has_a_folder_per_scenario(everything: Path) -> None:
+def test_a_campaign_has_a_folder_per_scenario(everything):
     assert {p.name for p in everything.iterdir()} == {"open-house", "busy-house", "rude-house"}
     written = files(everything / "busy-house")
     assert {
@@ -118,9 +114,7 @@ def test_a_campaign_has_a_folder_per_scenario(everything: Path) -> None:
     assert "keyframes/era/kitchen_door.json" not in held
 
 
-def test_scenarios_that_look_the_same_share_a_folder(
-    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_scenarios_that_look_the_same_share_a_folder(campaigns, tmp_path, capsys):
     text = (campaigns / "demo" / "campaign.yaml").read_text()
     twin = tmp_path / "campaign.yaml"
     strict = "\n  strict-house:\n    like: open-house\n    oracles: [no-contact]\n"
@@ -138,7 +132,7 @@ def test_scenarios_that_look_the_same_share_a_folder(
     assert printed == {p for p in (tmp_path / "out").rglob("*") if p.is_file()}
 
 
-def test_maps_are_those_that_the_campaign_declares(campaigns: Path, tmp_path: Path) -> None:
+def test_maps_are_those_that_the_campaign_declares(campaigns, tmp_path):
     shutil.copytree(campaigns, tmp_path / "campaigns")
     demo = tmp_path / "campaigns" / "demo" / "campaign.yaml"
     text = "".join(
@@ -147,7 +141,7 @@ def test_maps_are_those_that_the_campaign_declares(campaigns: Path, tmp_path: Pa
     plan = tmp_path / "campaigns" / "demo" / "flat.fpm"
     scene = compile_scene(load_floorplan(plan), [])
 
-    def exported(map: str) -> Path:
+    def exported(map):
         demo.write_text(f"{text}\nmap: {map}\n")
         out = tmp_path / map.strip("{}").split(": ")[1]
         assert invoke(["export", str(demo), "map", "launch", "-o", str(out)]) == 0
@@ -166,7 +160,7 @@ def test_maps_are_those_that_the_campaign_declares(campaigns: Path, tmp_path: Pa
     assert "maps/flat.yaml" in (folder / "launch" / "open-house.launch").read_text()
 
 
-def test_every_repeat_with_doors_of_its_own_has_its_world(campaigns: Path, tmp_path: Path) -> None:
+def test_every_repeat_with_doors_of_its_own_has_its_world(campaigns, tmp_path):
     shutil.copytree(campaigns, tmp_path / "campaigns")
     first = tmp_path / "campaigns" / "ortega2024" / "first.yaml"
     arguments = ["export", str(first), "keyframes", "sdf", "-o"]
@@ -184,7 +178,7 @@ def test_every_repeat_with_doors_of_its_own_has_its_world(campaigns: Path, tmp_p
     assert doors[0] != doors[1]
 
 
-def test_every_variant_of_a_plan_is_a_world(campaigns: Path, tmp_path: Path) -> None:
+def test_every_variant_of_a_plan_is_a_world(campaigns, tmp_path):
     shutil.copytree(campaigns, tmp_path / "campaigns")
     varied = tmp_path / "campaigns" / "demo" / "campaign.yaml"
     text = varied.read_text().split("  busy-house:")[0]
@@ -203,7 +197,7 @@ def test_every_variant_of_a_plan_is_a_world(campaigns: Path, tmp_path: Path) -> 
     assert "flat.variation" in (worlds[0] / f"{worlds[0].name}.prov.jsonld").read_text()
 
 
-def test_a_composable_plan_gives_the_same_walls(campaigns: Path, tmp_path: Path) -> None:
+def test_a_composable_plan_gives_the_same_walls(campaigns, tmp_path):
     plan = campaigns / "demo" / "flat.fpm"
     assert invoke(["export", str(plan), "jsonld", "mesh", "-o", str(tmp_path)]) == 0
     composable = tmp_path / "jsonld" / "flat.jsonld"
@@ -218,7 +212,7 @@ def test_a_composable_plan_gives_the_same_walls(campaigns: Path, tmp_path: Path)
     assert "skeleton.json" in (tmp_path / "whole" / "flat.prov.jsonld").read_text()
 
 
-def test_waypoints_are_chosen_on_the_command_line(campaigns: Path, tmp_path: Path) -> None:
+def test_waypoints_are_chosen_on_the_command_line(campaigns, tmp_path):
     plan = campaigns / "demo" / "flat.fpm"
     how = ["--distance", "0.4", "--first", "1", "--closed", "--backward", "--yaw", "path"]
     assert invoke(["export", str(plan), "tasks", "-o", str(tmp_path), *how]) == 0
@@ -228,9 +222,7 @@ def test_waypoints_are_chosen_on_the_command_line(campaigns: Path, tmp_path: Pat
     assert any(w["yaw"] != 0 for w in waypoints)
 
 
-def test_what_is_exported_is_not_written_over(
-    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_exported_is_not_written_over(campaigns, tmp_path, capsys):
     plan = tmp_path / "flat.jsonld"
     assert invoke(["export", str(campaigns / "demo" / "flat.fpm"), "jsonld", "-o", str(plan)]) == 0
     before = plan.read_bytes()
@@ -239,7 +231,7 @@ def test_what_is_exported_is_not_written_over(
     assert plan.read_bytes() == before
 
 
-def test_one_folder_of_templates_replaces_ours(campaigns: Path, tmp_path: Path) -> None:
+def test_one_folder_of_templates_replaces_ours(campaigns, tmp_path):
     own = tmp_path / "own"
     own.mkdir()
     (own / "picture.svg.j2").write_text("<svg>{{ figure.title }}</svg>")
@@ -260,21 +252,13 @@ def test_one_folder_of_templates_replaces_ours(campaigns: Path, tmp_path: Path) 
         (["map", "--templates", "nowhere"], "nowhere"),
     ],
 )
-def test_what_cannot_be_exported_is_said_with_code_2(
-    campaigns: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    words: str,
-) -> None:
+def test_what_cannot_be_exported_is_said_with_code_2(campaigns, tmp_path, capsys, arguments, words):
     plan = str(campaigns / "demo" / "flat.fpm")
     assert invoke(["export", plan, *arguments, "-o", str(tmp_path)]) == 2
     assert words in capsys.readouterr().err
 
 
-def test_a_broken_template_is_named_with_its_line(
-    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_broken_template_is_named_with_its_line(campaigns, tmp_path, capsys):
     (tmp_path / "route.yaml.j2").write_text("id: x\n{{ unknown }}\n")
     plan = str(campaigns / "demo" / "flat.fpm")
     arguments = ["export", plan, "tasks", "-o", str(tmp_path / "o"), "--templates", str(tmp_path)]
@@ -282,16 +266,14 @@ def test_a_broken_template_is_named_with_its_line(
     assert "route.yaml.j2:2" in capsys.readouterr().err
 
 
-def test_a_folder_that_cannot_be_written_is_bad_input(
-    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_that_cannot_be_written_is_bad_input(campaigns, tmp_path, capsys):
     (tmp_path / "mesh").write_text("a file where a folder must be")
     plan = str(campaigns / "demo" / "flat.fpm")
     assert invoke(["export", plan, "mesh", "-o", str(tmp_path)]) == 2
     assert "cannot be written" in capsys.readouterr().err
 
 
-def test_pictures_need_no_mesh_library(campaigns: Path, tmp_path: Path) -> None:
+def test_pictures_need_no_mesh_library(campaigns, tmp_path):
     script = (
         "import sys; sys.modules['trimesh'] = sys.modules['manifold3d'] = None\n"
         "from scenario_tui.cli.command_line import invoke\n"
@@ -311,9 +293,7 @@ def test_pictures_need_no_mesh_library(campaigns: Path, tmp_path: Path) -> None:
     assert 'pip install "scenario-tui[mesh]"' in done.stderr
 
 
-def test_a_note_about_every_scenario_is_said_once(
-    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_note_about_every_scenario_is_said_once(demo, tmp_path, capsys):
     assert invoke(["export", str(demo), "tasks", "--distance", "2", "-o", str(tmp_path)]) == 0
     notes = [line for line in capsys.readouterr().err.splitlines() if "nowhere 2 m" in line]
     assert notes
@@ -321,7 +301,7 @@ def test_a_note_about_every_scenario_is_said_once(
     assert all(note.startswith(f"{demo}: warning: ") for note in notes)
 
 
-def test_relative_identifiers_have_the_base_they_are_given(demo: Path, tmp_path: Path) -> None:
+def test_relative_identifiers_have_the_base_they_are_given(demo, tmp_path):
     assert invoke(["export", str(demo.with_name("flat.fpm")), "jsonld", "-o", str(tmp_path)]) == 0
     text = (tmp_path / "jsonld" / "flat.jsonld").read_text("utf-8")
     text = re.sub(r'"@base": "[^"]*",\s*', "", text, count=1)

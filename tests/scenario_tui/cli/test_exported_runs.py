@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -28,7 +26,7 @@ from grammars.model.geometry import Pose2
 from grammars.model.grid import OCCUPIED
 from grammars.model.kinematics import driven_joints, link_poses
 from grammars.model.map_files import read_map, write_map
-from grammars.model.scene import Scene, SceneObject
+from grammars.model.scene import Scene
 from scenario_tui.cli import invoke
 from templates.occupancy import occupancy_grid
 
@@ -70,21 +68,19 @@ class World:
     traces: Path
 
     @property
-    def name(self) -> str:
+    def name(self):
         return self.runs[0].scenario
 
-    def draw(self, spec: RunSpec) -> str:
+    def draw(self, spec):
         """Return what names of files say about the behaviours of a run."""
-        first: dict[object, int] = {}
+        first = {}
         for run in self.runs:
             first.setdefault(run.behaviours, run.repeat)
         return f"repeat-{first[spec.behaviours]}" if len(first) > 1 else ""
 
 
 @pytest.fixture(scope="module")
-def worlds(
-    campaigns: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[World, ...]]:
+def worlds(campaigns, tmp_path_factory):
     folder = tmp_path_factory.mktemp("worlds")
     shutil.copytree(campaigns, folder / "campaigns")
     demo, paper = (folder / "campaigns" / name for name in ("demo", "ortega2024"))
@@ -115,7 +111,7 @@ def worlds(
         yield tuple(world for file in files for world in _exported(file, folder / file.stem))
 
 
-def _exported(file: Path, folder: Path) -> list[World]:
+def _exported(file, folder):
     assert invoke(["export", str(file), *KINDS, "-o", str(folder)]) == 0
     submission = expand(load_campaign(file))
     scenes = {scene.digest: scene for scene in submission.scenes}
@@ -127,7 +123,7 @@ def _exported(file: Path, folder: Path) -> list[World]:
     return found
 
 
-def launch_files(world: World) -> list[tuple[dict[str, str], ElementTree.Element]]:
+def launch_files(world):
     """Return the arguments of both launch files, without the folder, and the whole of them."""
     found = []
     for ending in ("launch", "launch.xml"):
@@ -138,7 +134,7 @@ def launch_files(world: World) -> list[tuple[dict[str, str], ElementTree.Element
     return found
 
 
-def executed(world: World, spec: RunSpec) -> Path:
+def executed(world, spec):
     """Return the trace of the first moments of a run."""
     path = world.traces / f"{spec.scenario}-{spec.repeat}.mcap"
     if not path.exists():
@@ -147,7 +143,7 @@ def executed(world: World, spec: RunSpec) -> Path:
     return path
 
 
-def test_launch_files_load_the_map_of_the_run(worlds: tuple[World, ...]) -> None:
+def test_launch_files_load_the_map_of_the_run(worlds):
     shut = 0
     for world in worlds:
         spec = world.runs[0]
@@ -168,7 +164,7 @@ def test_launch_files_load_the_map_of_the_run(worlds: tuple[World, ...]) -> None
     assert shut == 2 * 5
 
 
-def test_every_draw_has_the_map_of_its_runs(worlds: tuple[World, ...]) -> None:
+def test_every_draw_has_the_map_of_its_runs(worlds):
     (world,) = (w for w in worlds if w.folder.parent.name == "initial" and w.name == "busy-house")
     names = {p.stem for p in (world.folder / "maps").glob("flat-start*.yaml")}
     assert names == {"flat-start", "flat-start-repeat-1"}
@@ -191,7 +187,7 @@ def test_every_draw_has_the_map_of_its_runs(worlds: tuple[World, ...]) -> None:
     assert seen == names
 
 
-def test_launch_files_start_the_robot_where_the_run_does(worlds: tuple[World, ...]) -> None:
+def test_launch_files_start_the_robot_where_the_run_does(worlds):
     for world in worlds:
         spec = world.runs[0]
         start = spec.mission.start
@@ -207,7 +203,7 @@ def test_launch_files_start_the_robot_where_the_run_does(worlds: tuple[World, ..
                 assert task == f"tasks/era/mission/{spec.mission.name}_task.yaml"
 
 
-def test_tasks_are_the_missions_of_the_runs(worlds: tuple[World, ...]) -> None:
+def test_tasks_are_the_missions_of_the_runs(worlds):
     for world in worlds:
         mission = world.runs[0].mission
         file = f"mission/{mission.name}"
@@ -223,7 +219,7 @@ def test_tasks_are_the_missions_of_the_runs(worlds: tuple[World, ...]) -> None:
                     assert stop["yaw"] == pytest.approx(waypoint.yaw, abs=1e-4)
 
 
-def test_worlds_of_gazebo_hold_what_the_run_holds(worlds: tuple[World, ...]) -> None:
+def test_worlds_of_gazebo_hold_what_the_run_holds(worlds):
     for world in worlds:
         spec = world.runs[0]
         trace = read_trace(executed(world, spec))
@@ -232,9 +228,7 @@ def test_worlds_of_gazebo_hold_what_the_run_holds(worlds: tuple[World, ...]) -> 
             compare_with_gazebo(world, spec, start, classic=classic)
 
 
-def compare_with_gazebo(
-    world: World, spec: RunSpec, start: Mapping[str, float], *, classic: bool
-) -> None:
+def compare_with_gazebo(world, spec, start, *, classic):
     """Compare an exported world with the scene of a run whose joints start at ``start``."""
     name = "-".join(filter(None, (world.name, world.draw(spec))))
     folder = world.folder / "gazebo"
@@ -255,7 +249,7 @@ def compare_with_gazebo(
             compare_trigger(spec, item, at, classic=classic)
 
 
-def begins(world: World, item: ElementTree.Element, joint: str, *, classic: bool) -> float:
+def begins(world, item, joint, *, classic):
     """Return where a joint is after the first update of Gazebo, which begins with all at zero."""
     for plugin in item.iter("plugin"):
         library = plugin.get("filename")
@@ -271,9 +265,7 @@ def begins(world: World, item: ElementTree.Element, joint: str, *, classic: bool
     return 0.0
 
 
-def compare_links(
-    thing: SceneObject, body: ElementTree.Element, start: Mapping[str, float]
-) -> None:
+def compare_links(thing, body, start):
     """Compare where the links of a model stand with all its joints at zero."""
     moving = set() if thing.frozen else {joint.name for joint in driven_joints(thing)}
     positions = [0.0 if j.name in moving else start[f"{thing.name}.{j.name}"] for j in thing.joints]
@@ -292,7 +284,7 @@ def compare_links(
         assert float(found[link.name].findtext("inertial/mass") or 0) == link.mass
 
 
-def compare_trigger(spec: RunSpec, item: ElementTree.Element, joint: str, *, classic: bool) -> None:
+def compare_trigger(spec, item, joint, *, classic):
     """Compare what sets a joint going when the robot comes near with the behaviour of a run."""
     tags = (
         ("x", "near", "y") if classic else ("start_joint_angle", "trigger_dist", "end_joint_angle")
@@ -309,7 +301,7 @@ def compare_trigger(spec: RunSpec, item: ElementTree.Element, joint: str, *, cla
     assert all(p.text == spec.robot.name for p in item.iter("target"))
 
 
-def test_key_frames_are_those_of_the_draw(worlds: tuple[World, ...]) -> None:
+def test_key_frames_are_those_of_the_draw(worlds):
     compared = 0
     for world in worlds:
         things = {thing.name: thing for thing in world.scene.objects}
@@ -333,7 +325,7 @@ def test_key_frames_are_those_of_the_draw(worlds: tuple[World, ...]) -> None:
     assert compared > 20
 
 
-def test_what_is_held_is_held_there(worlds: tuple[World, ...]) -> None:
+def test_what_is_held_is_held_there(worlds):
     (world,) = (w for w in worlds if w.folder.parent.name == "plain" and w.name == "open-house")
     held = {b.joint: b.position for b in world.runs[0].behaviours if isinstance(b, Hold)}
     assert len(held) == 3
@@ -348,15 +340,15 @@ def test_what_is_held_is_held_there(worlds: tuple[World, ...]) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")
-def test_provenance_is_about_the_scene_of_the_run(worlds: tuple[World, ...]) -> None:
+def test_provenance_is_about_the_scene_of_the_run(worlds):
     for world in worlds:
         graph = Graph().parse(world.folder / f"{world.name}.prov.jsonld", format="json-ld")
-        hashes: set[Any] = {str(h) for h in graph.objects(None, SPDX.checksumValue)}
+        hashes = {str(h) for h in graph.objects(None, SPDX.checksumValue)}
         assert world.runs[0].scene in hashes
         assert len(list(graph.subjects(RDF.type, None))) > len(hashes)
 
 
-def test_the_layout_shows_the_lasers_and_joints_of_the_run(worlds: tuple[World, ...]) -> None:
+def test_the_layout_shows_the_lasers_and_joints_of_the_run(worlds):
     for world in worlds:
         layout = json.loads((world.folder / f"{world.name}.foxglove.json").read_text())
         shown = layout["configById"]["3D!top"]["topics"]

@@ -1,9 +1,6 @@
 """Traces of a daemon elsewhere: fetched, and read by the commands that are about recorded runs."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,12 +17,12 @@ from daemon.model.status import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
 from tests.daemon.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
-from tests.daemon.batch.harness import DaemonPart, daemon_at
+from tests.daemon.batch.harness import daemon_at
 from tests.daemon.judging.oracles.traces import CORRIDOR
 from tests.scenario_tui.cli.outputs import declared
 
 
-def campaign_at(places: StatePaths, store: str = "") -> None:
+def campaign_at(places, store=""):
     """Fill a state directory: two runs with traces, in a store if there is one; one that waits."""
     places.make_folders()
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
@@ -52,7 +49,7 @@ def campaign_at(places: StatePaths, store: str = "") -> None:
 
 
 @pytest.fixture(scope="module")
-def far(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def far(tmp_path_factory):
     """A daemon with a campaign: two runs with traces, one that waits."""
     places = StatePaths(tmp_path_factory.mktemp("far") / "state")
     campaign_at(places)
@@ -62,7 +59,7 @@ def far(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
 
 
 @pytest.fixture
-def here(tmp_path: Path, far: DaemonPart, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, far, monkeypatch):
     """A folder of another machine, as far as commands can tell: the files are not there."""
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     monkeypatch.setenv("SCENARIO_CONNECT", far.endpoint)
@@ -70,20 +67,18 @@ def here(tmp_path: Path, far: DaemonPart, monkeypatch: pytest.MonkeyPatch) -> Pa
     monkeypatch.chdir(tmp_path)
     there = Path.is_file
 
-    def is_file(path: Path) -> bool:
+    def is_file(path):
         return not path.is_relative_to(far.state) and there(path)
 
     monkeypatch.setattr(Path, "is_file", is_file)
     return tmp_path
 
 
-def cached(here: Path) -> list[Path]:
+def cached(here):
     return sorted((here / "cache" / "scenario" / "traces").glob("*.mcap"))
 
 
-def test_a_campaign_is_fetched_once_and_verified(
-    here: Path, far: DaemonPart, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_campaign_is_fetched_once_and_verified(here, far, capsys):
     assert invoke(["export", "corr", "traces", "-o", "out", "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["missing"] == {}
@@ -99,7 +94,7 @@ def test_a_campaign_is_fetched_once_and_verified(
     assert f"1 trace in out/corr-1, {path.stat().st_size / 1e6:.1f} MB" in capsys.readouterr().out
 
 
-def test_a_copy_says_when_its_run_began(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_copy_says_when_its_run_began(here, capsys):
     typed = ["export", "corr-1.0", "traces", "-o", "out", "--wall-clock", "metadata", "--json"]
     assert invoke(typed) == 0
     (found,) = declared(capsys.readouterr().out)["traces"]
@@ -115,24 +110,20 @@ def test_a_copy_says_when_its_run_began(here: Path, capsys: pytest.CaptureFixtur
         assert make_reader(stream).get_summary().statistics.message_start_time > 1.7e18
 
 
-def test_a_run_of_which_nobody_kept_the_start_has_no_such_copy(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_of_which_nobody_kept_the_start_has_no_such_copy(here, capsys):
     assert invoke(["export", "corr-1.1", "traces", "-o", "out", "--wall-clock", "metadata"]) == 3
     assert "corr-1.1: nobody kept when it began; run it again" in capsys.readouterr().err
     assert not list(here.glob("out/**/*.mcap"))
 
 
-def test_what_cannot_be_fetched_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_fetched_is_said(here, capsys):
     assert invoke(["export", "corr-1.2", "traces"]) == 2
     assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err
     assert invoke(["export", "cor-2", "traces"]) == 2
     assert "cor-2 is no file and no run" in capsys.readouterr().err
 
 
-def test_commands_about_recorded_runs_bring_their_traces(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_about_recorded_runs_bring_their_traces(here, capsys):
     assert invoke(["replay", "corr.1", "--frame", "1", "--json"]) == 0
     body = json.loads(capsys.readouterr().out)
     assert [body["trace"]] == [str(path) for path in cached(here)]
@@ -147,16 +138,12 @@ def test_commands_about_recorded_runs_bring_their_traces(
     assert invoke(["coverage", "corr-1", "-j", "1", "--json"]) == 0
 
 
-def test_a_run_the_daemon_does_not_know_is_wrong_usage(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_the_daemon_does_not_know_is_wrong_usage(here, capsys):
     assert invoke(["replay", "corr-1.9", "--frame", "1"]) == 2
     assert 'corr-1.9" is no run' in capsys.readouterr().err
 
 
-def test_traces_in_a_store_are_read_without_a_daemon(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_traces_in_a_store_are_read_without_a_daemon(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

@@ -1,7 +1,5 @@
 """``scenario import``: a walls layer from a map, and what becomes of it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -14,18 +12,18 @@ from tests.grammars.maps.imported import house
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path
 
 
 @pytest.fixture
-def map_file(folder: Path) -> Path:
+def map_file(folder):
     return write_map(house(), folder / "office", laser_height=0.2)[1]
 
 
-def test_it_writes_a_layer_and_says_what_is_in_it(scenario, map_file: Path) -> None:
+def test_it_writes_a_layer_and_says_what_is_in_it(scenario, map_file):
     said = scenario("import", "office.yaml", "-o", "house", "--height", "3 m")
     assert said.code == 0
     plan = load_walls("house.walls.yaml")
@@ -38,7 +36,7 @@ def test_it_writes_a_layer_and_says_what_is_in_it(scenario, map_file: Path) -> N
     assert "from a map of 0.05 m per cell: 9.2 m by 6.2 m" in Path("house.walls.yaml").read_text()
 
 
-def test_it_never_writes_over_a_layer_unless_told(scenario, map_file: Path) -> None:
+def test_it_never_writes_over_a_layer_unless_told(scenario, map_file):
     Path("office.walls.yaml").write_text("mine")
     said = scenario("import", "office.yaml")
     assert said.code == 2
@@ -50,7 +48,7 @@ def test_it_never_writes_over_a_layer_unless_told(scenario, map_file: Path) -> N
     assert Path("office.walls.yaml").read_bytes() == first
 
 
-def test_scripts_get_an_object(scenario, map_file: Path) -> None:
+def test_scripts_get_an_object(scenario, map_file):
     body = json.loads(scenario("import", "office.yaml", "--no-doorways", "--json").out)
     assert body["schema"] == "scenario/import/1"
     assert (body["file"], body["spaces"], body["doorways"]) == (
@@ -61,7 +59,7 @@ def test_scripts_get_an_object(scenario, map_file: Path) -> None:
     assert body["map"]["directions_deg"] == [0.0]
 
 
-def test_what_cannot_be_imported_is_told(scenario, map_file: Path) -> None:
+def test_what_cannot_be_imported_is_told(scenario, map_file):
     assert "name the YAML file" in scenario("import", "office.pgm").err
     assert "has no unit" in scenario("import", "office.yaml", "--height", "3").err
     assert "no size" in scenario("import", "office.yaml", "--height", "0 m").err

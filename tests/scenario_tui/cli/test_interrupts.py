@@ -1,7 +1,5 @@
 """An interrupt that comes while libraries load ends the command, whatever they do with it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -33,9 +31,7 @@ main({words!r})
 SWALLOWED, TURNED, RAISED = "pass", "raise SystemError('init of a library failed')", "raise"
 
 
-def interrupted(
-    folder: Path, module: str, fate: str, *words: str
-) -> subprocess.CompletedProcess[str]:
+def interrupted(folder, module, fate, *words):
     program = PROGRAM.format(module=module, fate=fate, words=list(words))
     command = [sys.executable, "-c", program]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
@@ -52,9 +48,7 @@ def interrupted(
         ("numpy", TURNED),
     ],
 )
-def test_a_run_that_is_interrupted_while_libraries_load_runs_nothing(
-    tmp_path: Path, module: str, fate: str
-) -> None:
+def test_a_run_that_is_interrupted_while_libraries_load_runs_nothing(tmp_path, module, fate):
     done = interrupted(tmp_path, module, fate, "run", str(DEMO), "-o", "out")
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr
@@ -63,7 +57,7 @@ def test_a_run_that_is_interrupted_while_libraries_load_runs_nothing(
 
 
 @pytest.mark.parametrize("fate", [SWALLOWED, TURNED, RAISED])
-def test_the_command_line_itself_may_be_interrupted(tmp_path: Path, fate: str) -> None:
+def test_the_command_line_itself_may_be_interrupted(tmp_path, fate):
     done = interrupted(tmp_path, "typer", fate, "--version")
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr

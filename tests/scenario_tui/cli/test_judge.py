@@ -1,10 +1,5 @@
 """``scenario judge``: what people and scripts are told about old traces."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from daemon.model.spec import OracleText
@@ -14,7 +9,7 @@ from tests.scenario_tui.cli.outputs import declared
 
 
 @pytest.fixture
-def traces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def traces(tmp_path, monkeypatch):
     """Two runs, the second one faster."""
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     folder = tmp_path / "traces"
@@ -23,21 +18,18 @@ def traces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def layer(folder: Path, text: str) -> str:
+def layer(folder, text):
     path = folder / "new.oracles.yaml"
     path.write_text(text)
     return str(path)
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+def told(capsys, *arguments):
     invoke(["judge", *arguments, "--json"])
-    body: dict[str, Any] = declared(capsys.readouterr().out)
-    return body
+    return declared(capsys.readouterr().out)
 
 
-def test_verdicts_that_changed_are_listed_with_their_reason(
-    traces: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verdicts_that_changed_are_listed_with_their_reason(traces, capsys):
     oracles = layer(traces.parent, "slow: max(speed) <= 0.52 m/s\nfar: final(path.length)\n")
     assert invoke(["judge", str(traces), "--oracles", oracles]) == 1
     out = capsys.readouterr().out
@@ -47,7 +39,7 @@ def test_verdicts_that_changed_are_listed_with_their_reason(
     assert "2 traces judged, 1 with the verdict they had" in out
 
 
-def test_scripts_get_everything(traces: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scripts_get_everything(traces, capsys):
     oracles = layer(traces.parent, "slow: max(speed) <= 0.52 m/s\n")
     body = told(capsys, str(traces), "-o", oracles)
     assert body["schema"] == "scenario/judge/1"
@@ -75,13 +67,11 @@ def test_scripts_get_everything(traces: Path, capsys: pytest.CaptureFixture[str]
         ("a: max(speed)", 4),
     ],
 )
-def test_the_exit_code_says_how_it_ended(traces: Path, text: str, code: int) -> None:
+def test_the_exit_code_says_how_it_ended(traces, text, code):
     assert invoke(["judge", str(traces), "-o", layer(traces.parent, text)]) == code
 
 
-def test_what_cannot_be_used_is_said_and_the_rest_is_judged(
-    traces: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_used_is_said_and_the_rest_is_judged(traces, capsys):
     (traces / "c.mcap").write_bytes(b"")
     assert invoke(["judge", str(traces)]) == 3
     said = capsys.readouterr()
@@ -90,15 +80,13 @@ def test_what_cannot_be_used_is_said_and_the_rest_is_judged(
     assert "1 not readable" in said.out
 
 
-def test_wrong_usage(traces: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage(traces, capsys):
     assert invoke(["judge", "nowhere"]) == 2
     assert "nowhere is no trace" in capsys.readouterr().err
     assert invoke(["judge", str(traces), "-o", str(traces / "none.oracles.yaml")]) == 2
 
 
-def test_runs_of_one_name_are_told_apart_by_their_files(
-    traces: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_runs_of_one_name_are_told_apart_by_their_files(traces, capsys):
     drive(traces / "again.mcap", spec(0, seed=9), speed=0.7)
     oracles = (OracleText("slow", "max(speed) <= 0.6 m/s"),)
     text = "".join(f"{o.name}: max(speed) <= 0.55 m/s\n" for o in oracles)

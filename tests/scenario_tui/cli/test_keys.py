@@ -16,7 +16,7 @@ DOC = Path(__file__).parents[3] / "docs" / "security.md"
 
 
 @pytest.fixture
-def folder(scenario, tmp_path, monkeypatch) -> Path:
+def folder(scenario, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENARIO_KEYS", str(tmp_path / "keys"))
     said = scenario("keys", "init", "--host", "server")
     assert said.code == 0, said.err
@@ -24,7 +24,7 @@ def folder(scenario, tmp_path, monkeypatch) -> Path:
     return tmp_path / "keys"
 
 
-def test_keys_are_made_issued_listed_and_revoked(scenario, folder) -> None:
+def test_keys_are_made_issued_listed_and_revoked(scenario, folder):
     assert scenario("keys", "issue", "worker", "spare").code == 0
     revoked = json.loads(scenario("keys", "revoke", "worker.spare", "--json").out)
     assert [(key["name"], key["revoked_at"] is None) for key in revoked["keys"]] == [
@@ -41,7 +41,7 @@ def test_keys_are_made_issued_listed_and_revoked(scenario, folder) -> None:
     assert all(len(key["fingerprint"]) == 64 for key in told["keys"])
 
 
-def test_the_next_step_is_one_that_works(scenario, tmp_path, monkeypatch) -> None:
+def test_the_next_step_is_one_that_works(scenario, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = scenario("keys", "init", str(tmp_path / "my keys")).err
     found = re.search("next: `scenario (.*?)`", " ".join(said.split()))
@@ -50,7 +50,7 @@ def test_the_next_step_is_one_that_works(scenario, tmp_path, monkeypatch) -> Non
     assert (tmp_path / "worker.tar").exists()
 
 
-def test_nothing_that_is_there_is_overwritten(scenario, folder, tmp_path) -> None:
+def test_nothing_that_is_there_is_overwritten(scenario, folder, tmp_path):
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert "has keys already" in scenario("keys", "init").err
     assert "choose another name" in scenario("keys", "issue", "daemon", "", "--host", "x").err
@@ -61,7 +61,7 @@ def test_nothing_that_is_there_is_overwritten(scenario, folder, tmp_path) -> Non
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
-def test_wrong_words_are_refused(scenario, folder) -> None:
+def test_wrong_words_are_refused(scenario, folder):
     assert "is no role: viewer, operator, worker, daemon" in scenario(
         "keys", "issue", "admin", "me"
     ).err.replace("\n", " ").replace("│ ", "").replace(" │", "")
@@ -70,14 +70,14 @@ def test_wrong_words_are_refused(scenario, folder) -> None:
     assert 'there is no key "nobody"' in scenario("keys", "bundle", "nobody", "-o", "x").err
 
 
-def test_every_command_that_connects_takes_keys(scenario, folder, monkeypatch, tmp_path) -> None:
+def test_every_command_that_connects_takes_keys(scenario, folder, monkeypatch, tmp_path):
     assert scenario("status", "--keys", str(tmp_path)).err == ""
     assert os.environ["SCENARIO_KEYS"] == str(tmp_path)
     for command in ("submit", "results", "cancel", "doctor", "export", "tui", "worker", "daemon"):
         assert "--keys" in scenario(command, "--help").out
 
 
-def test_the_documentation_says_what_each_role_may_do() -> None:
+def test_the_documentation_says_what_each_role_may_do():
     expected = []
     for name, verb in VERBS.items():
         marks = "".join("| yes " if role in verb.roles else "| " for role in CLIENT_ROLES)
@@ -88,7 +88,7 @@ def test_the_documentation_says_what_each_role_may_do() -> None:
     assert table.splitlines()[2:] == expected
 
 
-def test_what_a_key_brought_is_shown_and_voided(scenario, folder, fake) -> None:
+def test_what_a_key_brought_is_shown_and_voided(scenario, folder, fake):
     assert scenario("keys", "issue", "worker", "spare").code == 0
     shown = json.loads(scenario("keys", "revoke", "worker.spare", "--void", "--json").out)
     assert (shown["key"], shown["voided"], shown["runs"]) == ("worker.spare", False, 3)
@@ -109,6 +109,6 @@ def test_what_a_key_brought_is_shown_and_voided(scenario, folder, fake) -> None:
     assert (done["voided"], done["runs"]) == (True, 3)
 
 
-def test_only_a_key_there_is_can_be_voided(scenario, folder, fake) -> None:
+def test_only_a_key_there_is_can_be_voided(scenario, folder, fake):
     assert 'there is no key "nobody"' in scenario("keys", "revoke", "nobody", "--void", "-y").err
     assert fake.calls == []

@@ -1,7 +1,5 @@
 """status and results: for people on a terminal, for scripts with --json."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -11,7 +9,7 @@ from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy,
 from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row, make_rows
 
 
-def test_status_names_daemon_counts_and_campaigns(scenario) -> None:
+def test_status_names_daemon_counts_and_campaigns(scenario):
     said = scenario("status")
     assert said.code == 0
     assert "daemon 0.1.0" in said.out
@@ -24,17 +22,17 @@ def test_status_names_daemon_counts_and_campaigns(scenario) -> None:
     assert "4 min ago" in said.out
 
 
-def test_status_says_how_many_workers_are_away(scenario, fake) -> None:
+def test_status_says_how_many_workers_are_away(scenario, fake):
     fake.away = True
     assert "1 worker with 2 slots, 1 away" in scenario("status").out
 
 
-def test_status_without_campaigns_says_what_to_type(scenario, fake) -> None:
+def test_status_without_campaigns_says_what_to_type(scenario, fake):
     fake.empty = True
     assert "scenario submit" in scenario("status").out
 
 
-def test_status_as_json_is_one_object_with_a_schema(scenario) -> None:
+def test_status_as_json_is_one_object_with_a_schema(scenario):
     said = scenario("status", "--json")
     body = json.loads(said.out)
     assert body["schema"] == "scenario/status/1"
@@ -44,7 +42,7 @@ def test_status_as_json_is_one_object_with_a_schema(scenario) -> None:
     assert said.err == ""
 
 
-def test_results_show_the_matrix_what_is_unexpected_and_where_traces_lie(scenario) -> None:
+def test_results_show_the_matrix_what_is_unexpected_and_where_traces_lie(scenario):
     said = scenario("results", CAMPAIGN)
     assert said.code == 0
     cell = next(line for line in said.out.splitlines() if line.startswith("S2"))
@@ -58,7 +56,7 @@ def test_results_show_the_matrix_what_is_unexpected_and_where_traces_lie(scenari
     assert "scenario tui" in said.out
 
 
-def test_what_is_known_is_no_surprise_and_says_why(scenario, fake) -> None:
+def test_what_is_known_is_no_surprise_and_says_why(scenario, fake):
     known = Expectation("S2", "no-contact", ("pilot",), "mixed", "the door is fast")
     fake.declares = replace(fake.declares, expectations=(known,))
     fake.rows = fake.rows[:4] + fake.rows[5:7]
@@ -70,7 +68,7 @@ def test_what_is_known_is_no_surprise_and_says_why(scenario, fake) -> None:
     assert (said.code, "unexpected" in said.out) == (0, False)
 
 
-def test_a_pass_nobody_expected_is_red_too(scenario, fake) -> None:
+def test_a_pass_nobody_expected_is_red_too(scenario, fake):
     known = Expectation("S1", "no-contact", (), "fail", "it always hits")
     fake.declares = replace(fake.declares, expectations=(known,))
     fake.rows = fake.rows[:4]
@@ -79,7 +77,7 @@ def test_a_pass_nobody_expected_is_red_too(scenario, fake) -> None:
     assert "passes 4 of 4, expected fail  known: it always hits" in said.out
 
 
-def test_what_is_not_shown_yet_says_how_many_runs_are_missing(scenario, fake) -> None:
+def test_what_is_not_shown_yet_says_how_many_runs_are_missing(scenario, fake):
     fake.declares = AssessmentRules(RepeatPolicy(5, "rate", 0.8))
     fake.rows = tuple(make_row(i) for i in range(5))
     said = scenario("results", "--exit-status")
@@ -88,7 +86,7 @@ def test_what_is_not_shown_yet_says_how_many_runs_are_missing(scenario, fake) ->
     assert "pilot S1 no-contact  5 of 5 shows at least 54.9 %, 9 more runs needed" in said.out
 
 
-def test_systems_under_test_stand_side_by_side(scenario, fake) -> None:
+def test_systems_under_test_stand_side_by_side(scenario, fake):
     fake.rows = tuple(
         make_row(i + 5 * j, scenario=f"S{s}", sut=sut, id=f"{CAMPAIGN}.{10 * s + 5 * j + i}",
                  repeat=i, simulated=300.0 + 10 * s * (1 + j) + i / 7)
@@ -110,7 +108,7 @@ def test_systems_under_test_stand_side_by_side(scenario, fake) -> None:
     assert "delay(S2 vs S1) <= 15 s" in late
 
 
-def test_what_is_not_repeatable_is_marked_where_it_is_named(scenario, fake) -> None:
+def test_what_is_not_repeatable_is_marked_where_it_is_named(scenario, fake):
     fake.rows = tuple(
         make_row(i + j, sut=sut, repeat=i, repeatable=sut == "pilot")
         for j, sut in ((0, "pilot"), (2, "nav2"))
@@ -129,23 +127,23 @@ def test_what_is_not_repeatable_is_marked_where_it_is_named(scenario, fake) -> N
     ]
 
 
-def test_results_default_to_the_newest_campaign(scenario, fake) -> None:
+def test_results_default_to_the_newest_campaign(scenario, fake):
     scenario("results")
     assert ("runs", CAMPAIGN, "", "", "", "index", False, 0, 500, "", "") in fake.calls
 
 
-def test_a_campaign_is_found_by_name_and_by_its_beginning(scenario) -> None:
+def test_a_campaign_is_found_by_name_and_by_its_beginning(scenario):
     assert json.loads(scenario("results", "nightly", "--json").out)["campaign"]["id"] == OLD
     assert json.loads(scenario("results", "first-a", "--json").out)["campaign"]["id"] == CAMPAIGN
 
 
-def test_an_unknown_campaign_is_refused_with_a_suggestion(scenario) -> None:
+def test_an_unknown_campaign_is_refused_with_a_suggestion(scenario):
     said = scenario("results", "nightlee")
     assert said.code == 2
     assert 'there is no campaign "nightlee": did you mean "nightly"?' in said.err
 
 
-def test_results_leave_with_the_campaigns_code_when_asked(scenario, fake) -> None:
+def test_results_leave_with_the_campaigns_code_when_asked(scenario, fake):
     assert scenario("results").code == 0
     assert scenario("results", "--exit-status").code == 1
     fake.rows = fake.rows[:4]
@@ -154,33 +152,33 @@ def test_results_leave_with_the_campaigns_code_when_asked(scenario, fake) -> Non
     assert scenario("results", "--exit-status").code == 3
 
 
-def test_runs_that_cannot_be_reproduced_are_named(scenario, fake) -> None:
+def test_runs_that_cannot_be_reproduced_are_named(scenario, fake):
     fake.rows = (make_row(0), make_row(1, reason="nondeterministic: this gave a, old.1 gave b"))
     said = scenario("results").out
     assert "1 not reproducible:" in said
     assert "✓ pass  S1/pilot/1  nondeterministic: this gave a, old.1 gave b" in said
 
 
-def test_a_filter_lists_the_runs_it_admits(scenario) -> None:
+def test_a_filter_lists_the_runs_it_admits(scenario):
     said = scenario("results", "--outcome", "fail")
     listed = [line.split()[:2] for line in said.out.splitlines()[2:]]
     assert listed == [[f"{CAMPAIGN}.5", "S2/pilot/0"], [f"{CAMPAIGN}.6", "S2/pilot/1"]]
 
 
-def test_a_cached_run_says_so(scenario, fake) -> None:
+def test_a_cached_run_says_so(scenario, fake):
     fake.rows = (make_row(0, cached="old.3"), make_row(1, cached="old.4", trace="", reason="gone"))
     said = scenario("results", "--runs").out
     assert "S1.pilot.0.mcap (cached)" in said
     assert "gone (cached)" in said
 
 
-def test_results_list_every_run_with_its_trace(scenario) -> None:
+def test_results_list_every_run_with_its_trace(scenario):
     said = scenario("results", "--runs")
     assert f"state/traces/{CAMPAIGN}/S1.pilot.3.mcap" in said.out
     assert "S2/pilot/4" in said.out
 
 
-def test_results_as_json_hold_every_run(scenario) -> None:
+def test_results_as_json_hold_every_run(scenario):
     body = json.loads(scenario("results", "--json").out)
     assert body["schema"] == "scenario/results/1"
     assert len(body["runs"]) == 10
@@ -191,7 +189,7 @@ def test_results_as_json_hold_every_run(scenario) -> None:
     assert body["declared"]["policy"]["n"] == 5
 
 
-def test_all_runs_are_gathered_page_by_page(fake) -> None:
+def test_all_runs_are_gathered_page_by_page(fake):
     from scenario_tui import client
 
     fake.rows = fake.rows * 60
@@ -207,9 +205,7 @@ def test_all_runs_are_gathered_page_by_page(fake) -> None:
         (("results", "traces"), "`scenario report`"),
     ],
 )
-def test_traces_are_for_other_commands(
-    scenario, fake, tmp_path, monkeypatch, typed, reader
-) -> None:
+def test_traces_are_for_other_commands(scenario, fake, tmp_path, monkeypatch, typed, reader):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "traces").mkdir()
     for fake.reachable in (True, False):
@@ -220,9 +216,7 @@ def test_traces_are_for_other_commands(
         assert reader in words
 
 
-def test_without_a_daemon_the_traces_of_a_run_are_named(
-    scenario, fake, tmp_path, monkeypatch
-) -> None:
+def test_without_a_daemon_the_traces_of_a_run_are_named(scenario, fake, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     fake.reachable = False
     assert "scenario run" not in scenario("results").err

@@ -1,7 +1,5 @@
 """``scenario worker``: what is wrong with its options is said before anything starts."""
 
-from __future__ import annotations
-
 import pytest
 
 
@@ -17,13 +15,13 @@ import pytest
         (("--nice", "20"), "'20' is no whole number from 0 to 19"),
     ],
 )
-def test_wrong_options_are_explained(scenario, options, words) -> None:
+def test_wrong_options_are_explained(scenario, options, words):
     said = scenario("worker", *options)
     assert said.code == 2
     assert words in said.err
 
 
-def test_the_unit_of_a_gateway_says_what_was_asked(scenario, tmp_path) -> None:
+def test_the_unit_of_a_gateway_says_what_was_asked(scenario, tmp_path):
     key = tmp_path / "key.pem"
     key.touch()
     scheduler = ("--backend", "dask", "--scheduler", "tls://host:8786", "--tls-key", str(key))

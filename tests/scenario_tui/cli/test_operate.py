@@ -1,7 +1,5 @@
 """gc, doctor, metrics, units: against a real daemon where it matters."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 
@@ -16,12 +14,12 @@ from tests.scenario_tui.conftest import Said
 
 
 @pytest.fixture
-def real(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+def real(monkeypatch, capsys):
     """Call ``scenario ...`` in this process, against whatever daemon there is."""
     for name in ("SCENARIO_STATE", "SCENARIO_CONNECT"):
         monkeypatch.delenv(name, raising=False)
 
-    def call(*arguments: str) -> Said:
+    def call(*arguments):
         code = invoke(arguments)
         said = capsys.readouterr()
         return Said(code, said.out, said.err)
@@ -29,7 +27,7 @@ def real(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     return call
 
 
-def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, real) -> None:
+def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path, real):
     state = tmp_path / "state"
     scenario = partial(_with_state, real, state)
     with daemon_at(state, 2) as daemon, daemon.client() as client:
@@ -68,7 +66,7 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
         assert all(Path(row.trace).is_file() and row.outcome == "pass" for row in rows)
 
 
-def _with_state(call, state: Path, *arguments: str) -> Said:
+def _with_state(call, state, *arguments):
     return call(*arguments, "--state", str(state))
 
 
@@ -79,19 +77,19 @@ def _with_state(call, state: Path, *arguments: str) -> Said:
         (("--max-size", "3 bottles"), "'3 bottles' is not a size"),
     ],
 )
-def test_gc_wants_to_know_what_to_keep(scenario, tmp_path, options, words) -> None:
+def test_gc_wants_to_know_what_to_keep(scenario, tmp_path, options, words):
     said = scenario("gc", "--state", str(tmp_path), *options)
     assert said.code == 2
     assert words in said.err
 
 
-def test_gc_without_a_ledger_says_so(scenario, tmp_path) -> None:
+def test_gc_without_a_ledger_says_so(scenario, tmp_path):
     said = scenario("gc", "--keep", "3", "--state", str(tmp_path))
     assert said.code == 2
     assert "there is no ledger" in said.err
 
 
-def test_units_name_everything_by_absolute_paths(scenario, tmp_path, monkeypatch) -> None:
+def test_units_name_everything_by_absolute_paths(scenario, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     unit = scenario("daemon", "--print-unit", "--state", "my state", "--slots", "2").out
     assert f'"daemon" "--state" "{tmp_path}/my state" "--slots" "2"' in unit
@@ -102,7 +100,7 @@ def test_units_name_everything_by_absolute_paths(scenario, tmp_path, monkeypatch
     assert '"worker" "--connect" "tcp/far:7447"\n' in far
 
 
-def test_doctor_shows_problems_with_their_remedy_and_leaves_with_3(real, tmp_path) -> None:
+def test_doctor_shows_problems_with_their_remedy_and_leaves_with_3(real, tmp_path):
     tmp_path.joinpath("ledger.db").write_bytes(b"?" * 5000)
     said = real("doctor", "--state", str(tmp_path))
     assert said.code == 3

@@ -1,11 +1,8 @@
 """Words for scripts: schemas of ``--json``, exit codes, the table of commands in the docs."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 import typer
@@ -23,24 +20,24 @@ SILENT = {"tui", "serve", "worker", "schema"}
 """Commands that stay, or write files for editors: the others answer with ``--json``."""
 
 
-def _concrete(kind: type[Output]) -> set[type[Output]]:
+def _concrete(kind):
     """Return the classes of outputs that have a name."""
     below = set().union(*map(_concrete, kind.__subclasses__()))
     return below | ({kind} if hasattr(kind, "schema") else set())
 
 
-def _rows(heading: str) -> list[list[str]]:
+def _rows(heading):
     """Return the cells of the table below a heading of the documentation."""
     text = DOC.read_text("utf-8").partition(f"## {heading}\n")[2].partition("\n## ")[0]
     lines = [line for line in text.splitlines() if line.startswith("|")]
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
 
 
-def test_everything_that_is_written_is_declared() -> None:
+def test_everything_that_is_written_is_declared():
     assert _concrete(Output) == set(OUTPUTS.values())
 
 
-def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path) -> None:
+def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path):
     printed = scenario("schema", "--outputs")
     assert (printed.code, printed.err) == (0, "")
     schema = json.loads(printed.out)
@@ -51,25 +48,25 @@ def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path) -> Non
     assert scenario("schema", "campaign", "--outputs").code == 2
 
 
-def test_every_command_that_answers_does_so_for_machines() -> None:
+def test_every_command_that_answers_does_so_for_machines():
     command = typer.main.get_command(command_line.app)
-    speaking = {name for name, one in command.commands.items() if _speaks(one)}  # type: ignore[attr-defined]
-    assert set(command.commands) - speaking == SILENT  # type: ignore[attr-defined]
+    speaking = {name for name, one in command.commands.items() if _speaks(one)}
+    assert set(command.commands) - speaking == SILENT
 
 
-def _speaks(command: Any) -> bool:
+def _speaks(command):
     inner = getattr(command, "commands", {}).values()
     own = any("--json" in parameter.opts for parameter in command.params)
     return own or any(map(_speaks, inner))
 
 
-def test_numbers_that_json_has_not_are_null(capsys: pytest.CaptureFixture[str]) -> None:
-    PriorityOutput([float("inf"), {"a": float("nan")}, (1.5,)], 0).emit()  # type: ignore[arg-type]
+def test_numbers_that_json_has_not_are_null(capsys):
+    PriorityOutput([float("inf"), {"a": float("nan")}, (1.5,)], 0).emit()
     body = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert body["campaign"] == [None, {"a": None}, [1.5]]
 
 
-def test_numbers_for_machines_and_for_prometheus(scenario) -> None:
+def test_numbers_for_machines_and_for_prometheus(scenario):
     assert (
         declared(scenario("status", "--metrics", "--json").out)["standing"]["disk"]["total"]
         == 10**12
@@ -77,36 +74,36 @@ def test_numbers_for_machines_and_for_prometheus(scenario) -> None:
     assert scenario("status", "--metrics").out.startswith("# HELP")
 
 
-def test_stopping_says_what_goes_on(scenario, monkeypatch) -> None:
+def test_stopping_says_what_goes_on(scenario, monkeypatch):
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
     body = declared(scenario("daemon", "--stop", "--json").out)
     assert (body["endpoint"], body["unfinished"]) == ("tcp/127.0.0.1:7", 2)
 
 
-def test_exporting_lists_its_files(scenario, tmp_path) -> None:
+def test_exporting_lists_its_files(scenario, tmp_path):
     plan = Path(command_line.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
     body = declared(scenario("export", str(plan), "geojson", "-o", str(tmp_path), "--json").out)
     assert [Path(file).parent for file in body["files"]] == [tmp_path]
 
 
-def test_the_table_of_exit_codes_is_true() -> None:
+def test_the_table_of_exit_codes_is_true():
     told = {int(number.strip("`")): word.lower() for number, word, *_ in _rows("Exit codes")}
     assert told == {code.value: code.name.lower().replace("_", " ") for code in ExitCode}
 
 
-def test_the_table_of_commands_is_true() -> None:
+def test_the_table_of_commands_is_true():
     command = typer.main.get_command(command_line.app)
     told = {}
     for names, outputs, _ in _rows("Commands"):
         written = set(re.findall(r"`(\w+)`", outputs))
         told |= dict.fromkeys(re.findall(r"`(\w+)`", names), written)
-    assert set(told) == set(command.commands)  # type: ignore[attr-defined]
+    assert set(told) == set(command.commands)
     # What any command writes that has no other answer is explained below the table.
     assert set().union(*told.values()) | {"error"} == set(OUTPUTS)
     assert {name for name, outputs in told.items() if not outputs} == SILENT
 
 
-def test_piped_output_is_as_wide_as_it_is_told(scenario, monkeypatch) -> None:
+def test_piped_output_is_as_wide_as_it_is_told(scenario, monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     table = scenario("status").out.splitlines()[-2:]
     assert max(map(len, table)) <= 60

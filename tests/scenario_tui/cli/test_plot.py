@@ -1,7 +1,5 @@
 """``scenario plot``: signals of a recorded run, for people and for machines."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +14,18 @@ from tests.scenario_tui.recorded import record_run
 
 
 @pytest.fixture(scope="module")
-def trace(tmp_path_factory: pytest.TempPathFactory) -> str:
+def trace(tmp_path_factory):
     return str(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
 
 
 @pytest.fixture(autouse=True)
-def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def state(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("LINES", "24")
 
 
-def test_graphs_fit_the_terminal_and_say_what_failed(
-    trace: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_graphs_fit_the_terminal_and_say_what_failed(trace, capsys):
     assert invoke(["plot", trace, "speed.angular", "path.length"]) == 0
     out = capsys.readouterr().out
     assert "\x1b" not in out
@@ -41,7 +37,7 @@ def test_graphs_fit_the_terminal_and_say_what_failed(
     assert "✗ fail  no-contact at 6.0 s" in lines
 
 
-def test_machines_get_every_sample(trace: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_machines_get_every_sample(trace, capsys):
     assert invoke(["plot", trace, "loc.error", "contact", "door-1.angle", "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/plot/1"
@@ -61,16 +57,12 @@ def test_machines_get_every_sample(trace: str, capsys: pytest.CaptureFixture[str
         ("speed) (", "signal speed) ("),
     ],
 )
-def test_what_is_no_signal_is_explained(
-    trace: str, capsys: pytest.CaptureFixture[str], signal: str, words: str
-) -> None:
+def test_what_is_no_signal_is_explained(trace, capsys, signal, words):
     assert invoke(["plot", trace, signal]) == 2
     assert words in capsys.readouterr().err
 
 
-def test_limits_and_the_mission_are_drawn_with_the_signals(
-    trace: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_limits_and_the_mission_are_drawn_with_the_signals(trace, capsys):
     assert invoke(["plot", trace, "speed.angular", "contact"]) == 0
     out = capsys.readouterr().out
     for words in ("limit 0.5 rad/s", "0.5┤", "╱╱╱", "1 w1─◇", "contact no", "┴5 s"):
@@ -79,7 +71,7 @@ def test_limits_and_the_mission_are_drawn_with_the_signals(
 
 
 @pytest.mark.parametrize("values", [[0.0], [3.0, 3.0], [-1e9, 1e9], [1e-9, 2e-9], [np.nan]])
-def test_any_curve_can_be_drawn(trace: str, values: list[float]) -> None:
+def test_any_curve_can_be_drawn(trace, values):
     read = read_trace(Path(trace))
     curve = Curve("x", "1", np.arange(float(len(values))), np.array(values))
     drawn = [line.plain for line in draw_signals(read, [curve], 40, 6, marks=(0.0,))]

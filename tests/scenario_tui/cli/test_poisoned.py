@@ -6,11 +6,10 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
 from xml.etree import ElementTree
 
 import pytest
@@ -33,8 +32,8 @@ from tests.scenario_tui.poison import (
 )
 from tests.scenario_tui.terminal.pseudo_terminal import ROOT, typed_here
 
-RUN: Final = "first-ab12cd34.5"
-CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
+RUN = "first-ab12cd34.5"
+CASES = {
     "demo": (("--out", "taken/{NAME}"),),
     "new": (("mine{NAME}",), ("mine", "--floorplan", "{NAME}.fpm"), ("--layers",)),
     "check": (
@@ -114,14 +113,14 @@ CASES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "keys bundle": (("me{NAME}", "-o", "{NAME}.tar"),),
 }
 """What is typed about hostile things, for every command."""
-QUIET: Final = {"sut relay", "tui"}
+QUIET = {"sut relay", "tui"}
 """Commands that may say nothing of what is poisoned."""
 
 
-def commands() -> Iterator[tuple[str, Any]]:
+def commands():
     """Return every command with the words that call it."""
 
-    def walk(command: Any, words: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    def walk(command, words):
         inner = getattr(command, "commands", None)
         if inner is None:
             yield " ".join(words), command
@@ -141,7 +140,7 @@ class Place:
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Iterator[Place]:
+def place(tmp_path_factory, campaigns):
     folder = tmp_path_factory.mktemp("poisoned") / f"work{NAME}"
     for part in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / part, folder / part)
@@ -153,7 +152,7 @@ def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Iterator
         trouble="the disk is full", found=(search, running), proposed=make_proposals()
     )
 
-    def typed(*words: str) -> tuple[int, bytes]:
+    def typed(*words):
         chosen = {"{NAME}": NAME, "{TRACE}": str(trace), "{FOREIGN}": str(foreign)}
         arguments = list(words)
         for wanted, text in chosen.items():
@@ -174,7 +173,7 @@ def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Iterator
         yield Place(folder, typed)
 
 
-def _write_files(folder: Path) -> None:
+def _write_files(folder):
     texts = {
         "keys.yaml": f"campaign: x\nabout: {yaml_text(POISON)}\n{yaml_text(NAME)}: 1\n",
         "raw.yaml": f"campaign: x{NAME}\n",
@@ -202,12 +201,12 @@ def _write_files(folder: Path) -> None:
     )
 
 
-def test_every_command_is_tried() -> None:
+def test_every_command_is_tried():
     assert set(CASES) == {words for words, _ in commands()}
 
 
 @pytest.mark.parametrize("command", CASES)
-def test_nothing_that_a_command_shows_steers_the_terminal(place: Place, command: str) -> None:
+def test_nothing_that_a_command_shows_steers_the_terminal(place, command):
     seen = ""
     for words in CASES[command]:
         _, raw = place.type(*command.split(), *words)
@@ -215,14 +214,14 @@ def test_nothing_that_a_command_shows_steers_the_terminal(place: Place, command:
     assert WORD in seen or command in QUIET
 
 
-def test_neither_do_complaints_about_what_was_typed(place: Place) -> None:
+def test_neither_do_complaints_about_what_was_typed(place):
     for words, _ in commands():
         code, raw = place.type(*words.split(), f"--{NAME}")
         assert code == 2
         assert WORD in assert_harmless(raw)
 
 
-def test_help_keeps_its_colours(place: Place) -> None:
+def test_help_keeps_its_colours(place):
     # A stream lets no styles through: help goes around it, which these classes see to.
     assert {type(command) for _, command in commands()} == {PlainFlagsCommand}
     for words in ((), ("status",), ("sut",), ("keys", "issue")):
@@ -232,7 +231,7 @@ def test_help_keeps_its_colours(place: Place) -> None:
         assert "\N{REPLACEMENT CHARACTER}" not in assert_harmless(raw)
 
 
-def test_neither_do_the_files_of_a_report(place: Place) -> None:
+def test_neither_do_the_files_of_a_report(place):
     page, junit = (place.folder / "out" / f"report.{ending}" for ending in ("html", "xml"))
     page.parent.mkdir(exist_ok=True)
     code, _ = place.type("report", "traces", "-o", str(page), "--junit", str(junit))
@@ -242,7 +241,7 @@ def test_neither_do_the_files_of_a_report(place: Place) -> None:
         assert WORD in assert_harmless(file.read_bytes())
 
 
-def test_what_daemons_and_workers_say_in_processes_of_their_own(place: Place) -> None:
+def test_what_daemons_and_workers_say_in_processes_of_their_own(place):
     command = [sys.executable, "-m", "daemon", "worker", "--connect", f"tcp/{NAME}"]
     for more in ((f"--{NAME}",), ("--slots", NAME)):
         said = subprocess.run(

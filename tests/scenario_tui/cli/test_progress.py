@@ -1,7 +1,5 @@
 """Watching a campaign: until its last run, over restarts of the daemon."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -14,28 +12,28 @@ from daemon.model.status import ChangeEvent
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.progress import CampaignProgress, progress_lines, watch
-from tests.scenario_tui.fake import CAMPAIGN, OLD, WAITING, FakeDaemon, make_live, make_row
+from tests.scenario_tui.fake import CAMPAIGN, OLD, WAITING, make_live, make_row
 
 PREPARING = "compiling kernels 7/42 (once on this machine)"
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+def _no_waiting(monkeypatch):
     monkeypatch.setattr(progress, "INTERVAL", 0.001)
     monkeypatch.setattr(progress, "_POLL", 0.0)
 
 
-def _finish(daemon: FakeDaemon) -> None:
+def _finish(daemon):
     daemon.rows = tuple(
         replace(row, state=RunState.DONE, outcome=row.outcome or Outcome.PASS)
         for row in daemon.rows
     )
 
 
-def test_watching_ends_with_the_last_run(fake, capsys) -> None:
+def test_watching_ends_with_the_last_run(fake, capsys):
     looks = 0
 
-    def later(daemon: FakeDaemon) -> None:
+    def later(daemon):
         nonlocal looks
         looks += 1
         if looks == 10:
@@ -46,10 +44,10 @@ def test_watching_ends_with_the_last_run(fake, capsys) -> None:
     assert capsys.readouterr() == ("", "")  # no progress where there is no terminal
 
 
-def test_watching_survives_a_restart_and_says_so(fake, capsys) -> None:
+def test_watching_survives_a_restart_and_says_so(fake, capsys):
     looks = 0
 
-    def restart(daemon: FakeDaemon) -> None:
+    def restart(daemon):
         nonlocal looks
         looks += 1
         daemon.reachable = not 5 < looks < 20
@@ -65,18 +63,18 @@ def test_watching_survives_a_restart_and_says_so(fake, capsys) -> None:
     ]
 
 
-def test_watching_gives_up_on_a_daemon_that_stays_away(fake) -> None:
+def test_watching_gives_up_on_a_daemon_that_stays_away(fake):
     fake.reachable = False
     with pytest.raises(Unreachable):
         watch(fake.open, CAMPAIGN, patience=0.02)
 
 
-def test_a_campaign_the_daemon_forgot_is_not_waited_for(fake) -> None:
+def test_a_campaign_the_daemon_forgot_is_not_waited_for(fake):
     with pytest.raises(Refused):
         watch(fake.open, "never-submitted")
 
 
-def test_waiting_for_the_first_run_is_explained(fake) -> None:
+def test_waiting_for_the_first_run_is_explained(fake):
     fake.rows = tuple(replace(row, state=RunState.QUEUED, outcome=None) for row in fake.rows)
     console = Console(width=80)
     with console.capture() as capture:
@@ -89,7 +87,7 @@ def test_waiting_for_the_first_run_is_explained(fake) -> None:
     assert PREPARING in capture.get()
 
 
-def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake) -> None:
+def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake):
     running = tuple(make_row(k, state=RunState.RUNNING) for k in range(10))
     console = Console(width=80)
     with console.capture() as capture:
@@ -99,7 +97,7 @@ def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake) -> No
 
 
 @pytest.mark.parametrize("width", [80, 140])
-def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
+def test_progress_shows_counts_pace_and_what_runs(fake, width):
     row = replace(fake.campaigns()[0], seconds_left=95.0)
     live = make_live(7, time=61.0)
     sight = CampaignProgress(row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5)
@@ -115,7 +113,7 @@ def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
 
 
 @pytest.mark.parametrize("width", [60, 140])
-def test_a_system_that_is_being_started_says_what_it_waits_for(fake, width) -> None:
+def test_a_system_that_is_being_started_says_what_it_waits_for(fake, width):
     live = make_live(7, waiting=WAITING)
     sight = CampaignProgress(
         fake.campaigns()[0], (make_row(7, state=RunState.RUNNING),), {live.run: live}
@@ -130,13 +128,11 @@ def test_a_system_that_is_being_started_says_what_it_waits_for(fake, width) -> N
     assert "simulated" not in run
 
 
-def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(
-    fake, capsys, monkeypatch
-) -> None:
+def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, capsys, monkeypatch):
     monkeypatch.setattr(progress, "_LOOK", 0.0)
     looks = 0
 
-    def later(daemon: FakeDaemon) -> None:
+    def later(daemon):
         nonlocal looks
         looks += 1
         daemon.trouble = "Traceback\nOSError: the disk is full\n" if looks < 20 else ""
@@ -149,20 +145,20 @@ def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(
     assert said == ["no run can start: OSError: the disk is full", "runs can start again"]
 
 
-def test_nobody_waits_for_ever_for_a_daemon_of_ones_own_in_trouble(fake, monkeypatch) -> None:
+def test_nobody_waits_for_ever_for_a_daemon_of_ones_own_in_trouble(fake, monkeypatch):
     monkeypatch.setattr(progress, "_LOOK", 0.0)
     fake.trouble = "the disk is full"
     with pytest.raises(DaemonError, match="the disk is full"):
         watch(fake.open, CAMPAIGN, endurance=0.01)
 
 
-def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, monkeypatch) -> None:
+def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, monkeypatch):
     monkeypatch.setattr(progress, "_LOOK", 0.0)
     monkeypatch.setattr(progress, "_POLL", 3600.0)
     monkeypatch.setattr(progress, "INTERVAL", 0.0)
     looks = 0
 
-    def later(daemon: FakeDaemon) -> None:
+    def later(daemon):
         nonlocal looks
         looks += 1
         if looks == 50:
@@ -179,7 +175,7 @@ def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, mon
     assert [call[1] for call in asked] == [CAMPAIGN, CAMPAIGN]
 
 
-def test_all_campaigns_are_asked_for_page_by_page(fake, monkeypatch) -> None:
+def test_all_campaigns_are_asked_for_page_by_page(fake, monkeypatch):
     monkeypatch.setattr(verbs, "LARGEST_PAGE", 1)
     assert [row.id for row in fake.campaigns()] == [CAMPAIGN, OLD]
     assert len([call for call in fake.calls if call[0] == "campaigns"]) == 3

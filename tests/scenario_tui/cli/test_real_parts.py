@@ -1,12 +1,8 @@
 """The command line with nothing faked: real daemon, real worker, real traces."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -17,13 +13,13 @@ from tests.scenario_tui.terminal.pseudo_terminal import terminal
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Path:
+def place(tmp_path_factory, campaigns):
     """A folder with the demo campaign cut down to two short runs."""
     return short_demo(tmp_path_factory.mktemp("real"), campaigns)
 
 
 @pytest.fixture(scope="module")
-def finished(place: Path) -> Iterator[Path]:
+def finished(place):
     """A state directory with a daemon that has finished the campaign."""
     state = place / "state"
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
@@ -35,7 +31,7 @@ def finished(place: Path) -> Iterator[Path]:
     assert call("daemon", "--stop", state=state, cwd=place).returncode == 0
 
 
-def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
+def test_results_are_kept_by_the_daemon(finished, place):
     done = call("results", "demo", state=finished, cwd=place)
     assert done.returncode == 0, done.stderr
     assert "open-house" in done.stdout
@@ -44,9 +40,7 @@ def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
     assert status["overview"]["done"] == 2
 
 
-def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(
-    finished: Path, place: Path
-) -> None:
+def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(finished, place):
     shown = call_here("show", "demo.0", state=finished, cwd=place)
     assert (shown.returncode, shown.stderr) == (0, "")
     assert "scenario show demo-" in shown.stdout
@@ -64,7 +58,7 @@ def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(
     )
 
 
-def test_runs_are_judged_again_by_other_oracles(finished: Path, place: Path) -> None:
+def test_runs_are_judged_again_by_other_oracles(finished, place):
     # The first one, whether or not another test has submitted more.
     campaign = min((finished / "traces").iterdir(), key=lambda path: path.stat().st_mtime).name
     layer = place / "hasty.oracles.yaml"
@@ -78,16 +72,14 @@ def test_runs_are_judged_again_by_other_oracles(finished: Path, place: Path) -> 
         assert judged["changes"][0]["oracle"] == "reached"
 
 
-def test_submitting_again_runs_nothing_twice(finished: Path, place: Path) -> None:
+def test_submitting_again_runs_nothing_twice(finished, place):
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
     done = call("submit", file, state=finished, cwd=place)
     assert done.returncode == 0
     assert "is known already, its 2 runs are kept" in done.stderr
 
 
-def test_what_has_a_result_is_not_run_again_unless_something_changed(
-    finished: Path, place: Path
-) -> None:
+def test_what_has_a_result_is_not_run_again_unless_something_changed(finished, place):
     first = declared(call_here("results", "--json", state=finished, cwd=place).stdout)
     changed = place / "campaigns" / "demo" / "changed.yaml"
     text = (changed.parent / "campaign.yaml").read_text()
@@ -111,15 +103,13 @@ def test_what_has_a_result_is_not_run_again_unless_something_changed(
     assert done.returncode == body["assessment"]["exit_code"]
 
 
-def test_a_state_directory_without_a_daemon_is_not_mixed_up(finished: Path, place: Path) -> None:
+def test_a_state_directory_without_a_daemon_is_not_mixed_up(finished, place):
     done = call_here("status", "--state", str(place / "elsewhere"), state=finished, cwd=place)
     assert done.returncode == 3
     assert "no daemon keeps" in done.stderr
 
 
-def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(
-    finished: Path, place: Path
-) -> None:
+def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(finished, place):
     with terminal([*COMMAND, "tui"], environ={"SCENARIO_STATE": str(finished)}) as shown:
         shown.until("connected")
         # The mission takes longer than the limit of this campaign.
@@ -133,7 +123,7 @@ def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(
     assert call_here("status", state=finished, cwd=place).returncode == 0
 
 
-def test_a_reader_that_leaves_early_causes_no_noise(finished: Path, place: Path) -> None:
+def test_a_reader_that_leaves_early_causes_no_noise(finished, place):
     environ = os.environ | {"SCENARIO_STATE": str(finished)}
     reader, writer = os.pipe()
     os.close(reader)  # before it begins: or it may be done before the reader leaves

@@ -1,7 +1,5 @@
 """``run``, ``check`` and ``export`` with nothing faked: no daemon stays, none is needed."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess
@@ -16,12 +14,12 @@ from tests.scenario_tui.cli.real import COMMAND, call, call_here, short_demo
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Path:
+def place(tmp_path_factory, campaigns):
     """A folder with the demo campaign cut down to two short runs."""
     return short_demo(tmp_path_factory.mktemp("real"), campaigns)
 
 
-def test_run_leaves_nothing_behind_but_traces(place: Path) -> None:
+def test_run_leaves_nothing_behind_but_traces(place):
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
     done = call("run", file, "--json", state=place / "untouched", cwd=place)
     body = declared(done.stdout)
@@ -38,9 +36,7 @@ def test_run_leaves_nothing_behind_but_traces(place: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_run_told_to_end_leaves_no_workshop_behind(
-    place: Path, tmp_path: Path, number: signal.Signals
-) -> None:
+def test_a_run_told_to_end_leaves_no_workshop_behind(place, tmp_path, number):
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
     process = subprocess.Popen(
         [*COMMAND, "run", file, "-o", str(tmp_path)],
@@ -61,7 +57,7 @@ def test_a_run_told_to_end_leaves_no_workshop_behind(
     assert not list(tmp_path.glob(".scenario-*"))
 
 
-def test_check_reports_every_layer(place: Path) -> None:
+def test_check_reports_every_layer(place):
     broken = place / "broken.mission.yaml"
     broken.write_text("mission: x\nstart: {x: 1 parsec}\n")
     demo = str(place / "campaigns" / "demo" / "campaign.yaml")
@@ -78,7 +74,7 @@ def test_check_reports_every_layer(place: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["geojson", "map"])
-def test_export_writes_what_was_asked_for(place: Path, kind: str) -> None:
+def test_export_writes_what_was_asked_for(place, kind):
     plan = str(place / "campaigns" / "demo" / "flat.fpm")
     out = place / f"out-{kind}"
     done = call_here("export", plan, kind, "-o", str(out), state=place / "none", cwd=place)

@@ -1,9 +1,6 @@
 """A search by a real daemon, from the campaign file to the found scenario."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
 
@@ -27,14 +24,14 @@ search:
 
 
 @pytest.fixture
-def place(tmp_path: Path, campaigns: Path) -> Path:
+def place(tmp_path, campaigns):
     folder = short_demo(tmp_path, campaigns)
     file = folder / "campaigns" / "demo" / "campaign.yaml"
     file.write_text(file.read_text() + SEARCH)
     return folder
 
 
-def test_what_is_found_says_the_same_on_its_own(place: Path) -> None:
+def test_what_is_found_says_the_same_on_its_own(place):
     state, file = place / "state", "campaigns/demo/campaign.yaml"
     try:
         done = call("search", file, "--no-gazebo", "--json", state=state, cwd=place)

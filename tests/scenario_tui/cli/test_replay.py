@@ -1,9 +1,5 @@
 """``scenario replay``: frames for scripts, and what is said of wrong words."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from scenario_tui.cli import invoke
@@ -12,20 +8,18 @@ from tests.scenario_tui.recorded import HIT, record_run
 
 
 @pytest.fixture(scope="module")
-def trace(tmp_path_factory: pytest.TempPathFactory) -> str:
+def trace(tmp_path_factory):
     return str(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
 
 
 @pytest.fixture(autouse=True)
-def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def state(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("LINES", "24")
 
 
-def test_a_frame_is_plain_text_without_a_terminal(
-    trace: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_frame_is_plain_text_without_a_terminal(trace, capsys):
     assert invoke(["replay", trace, "--frame", "no-contact"]) == 0
     out = capsys.readouterr().out
     assert "\x1b" not in out
@@ -35,7 +29,7 @@ def test_a_frame_is_plain_text_without_a_terminal(
     assert "✱" in out
 
 
-def test_a_frame_for_machines(trace: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_frame_for_machines(trace, capsys):
     assert invoke(["replay", trace, "--frame", "6", "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/frame/1"
@@ -55,16 +49,12 @@ def test_a_frame_for_machines(trace: str, capsys: pytest.CaptureFixture[str]) ->
         ((), "needs a terminal"),
     ],
 )
-def test_wrong_words_are_explained(
-    trace: str, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], words: str
-) -> None:
+def test_wrong_words_are_explained(trace, capsys, arguments, words):
     assert invoke(["replay", trace, *arguments]) == 2
     assert words in capsys.readouterr().err
 
 
-def test_a_run_nobody_knows_and_a_damaged_trace(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_nobody_knows_and_a_damaged_trace(tmp_path, capsys):
     assert invoke(["replay", "nobody.1", "--frame", "1"]) == 2
     assert "no campaign or run" in capsys.readouterr().err.replace("\n", " ")
     broken = tmp_path / "broken.mcap"
@@ -73,9 +63,7 @@ def test_a_run_nobody_knows_and_a_damaged_trace(
     assert "is not an MCAP file" in capsys.readouterr().err
 
 
-def test_two_runs_without_a_terminal_are_compared_in_words(
-    trace: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_runs_without_a_terminal_are_compared_in_words(trace, tmp_path, capsys):
     slow = str(record_run(tmp_path / "slow.mcap", index=6, speed=0.4))
     assert invoke(["replay", trace, slow]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -96,8 +84,6 @@ def test_two_runs_without_a_terminal_are_compared_in_words(
 
 
 @pytest.mark.parametrize("arguments", [("--frame", "1"), ("--json",)])
-def test_a_frame_is_of_one_run(
-    trace: str, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
-) -> None:
+def test_a_frame_is_of_one_run(trace, capsys, arguments):
     assert invoke(["replay", trace, trace, *arguments]) == 2
     assert "--frame" in capsys.readouterr().err

@@ -1,7 +1,5 @@
 """``scenario report``: what people type, what is written, what is said when it cannot be."""
 
-from __future__ import annotations
-
 import os
 import sys
 import xml.etree.ElementTree as ET
@@ -26,7 +24,7 @@ from tests.scenario_tui.cli.outputs import declared
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, monkeypatch):
     """A working folder with one folder of two traces in it, and no campaigns anywhere."""
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
@@ -36,7 +34,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def ledger(here: Path) -> StatePaths:
+def ledger(here):
     """A state directory with a campaign: two runs with results, one still waiting."""
     places = StatePaths(here / "state")
     places.make_folders()
@@ -58,7 +56,7 @@ def ledger(here: Path) -> StatePaths:
     return places
 
 
-def test_tables_alone_need_no_page(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_alone_need_no_page(here, capsys):
     arguments = ["--junit", "r.xml", "--csv", "m.csv", "--parquet", "m.parquet"]
     assert invoke(["report", "traces", *arguments]) == 0
     assert {path.name for path in here.iterdir()} == {"traces", "r.xml", "m.csv", "m.parquet"}
@@ -67,9 +65,7 @@ def test_tables_alone_need_no_page(here: Path, capsys: pytest.CaptureFixture[str
     assert "m.parquet (0.0" in out
 
 
-def test_a_campaign_of_the_ledger_needs_no_daemon(
-    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_campaign_of_the_ledger_needs_no_daemon(ledger, capsys):
     assert invoke(["report", "corr", "--csv", "m.csv", "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/report/1"
@@ -78,7 +74,7 @@ def test_a_campaign_of_the_ledger_needs_no_daemon(
     assert invoke(["report", "corr", "--csv", "m.csv", "--exit-status"]) == 1
 
 
-def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger: StatePaths) -> None:
+def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger):
     assert invoke(["report", "-j", "1"]) == 0
     page = Path("report.html").read_text(encoding="utf-8")
     assert "scenario judge corr-1.1" in page
@@ -86,7 +82,7 @@ def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger: StatePa
 
 
 @pytest.mark.parametrize("name", ["run.svg", "run.png"])
-def test_one_run_is_drawn(ledger: StatePaths, name: str) -> None:
+def test_one_run_is_drawn(ledger, name):
     assert invoke(["report", "--run", "corr-1.0", "-o", name]) == 0
     if name.endswith(".svg"):
         text = Path(name).read_text(encoding="utf-8")
@@ -97,7 +93,7 @@ def test_one_run_is_drawn(ledger: StatePaths, name: str) -> None:
             assert picture.size[0] > 500
 
 
-def test_a_part_of_a_run_is_drawn_closely(ledger: StatePaths) -> None:
+def test_a_part_of_a_run_is_drawn_closely(ledger):
     arguments = ["report", "--run", "corr-1.0", "--from", "4", "--until", "6.5", "-o", "part.svg"]
     assert invoke(arguments) == 0
     text = Path("part.svg").read_text(encoding="utf-8")
@@ -125,9 +121,7 @@ def test_a_part_of_a_run_is_drawn_closely(ledger: StatePaths) -> None:
         (["broken"], "is not what `scenario run` leaves"),
     ],
 )
-def test_what_cannot_be_is_said(
-    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
-) -> None:
+def test_what_cannot_be_is_said(here, capsys, arguments, words):
     (here / "empty").mkdir()
     (here / "broken").mkdir()
     (here / "broken" / "a.mcap").symlink_to(here / "traces" / "a.mcap")
@@ -138,9 +132,7 @@ def test_what_cannot_be_is_said(
     assert "Traceback" not in said
 
 
-def test_the_newest_folder_of_traces_is_named_when_there_is_no_campaign(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_newest_folder_of_traces_is_named_when_there_is_no_campaign(here, capsys):
     for number, name in enumerate(("new-2", "old-1")):
         note = here / "scenario-results" / name / "campaign.json"
         note.parent.mkdir(parents=True)
@@ -151,16 +143,14 @@ def test_the_newest_folder_of_traces_is_named_when_there_is_no_campaign(
     assert "scenario report scenario-results/new-2" in said
 
 
-def test_a_ledger_that_is_none_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_ledger_that_is_none_is_said(here, capsys):
     (here / "state").mkdir()
     (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
     assert invoke(["report"]) == 3
     assert "is not a usable ledger" in capsys.readouterr().err
 
 
-def test_a_folder_called_like_a_campaign_does_not_hide_it(
-    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_called_like_a_campaign_does_not_hide_it(ledger, capsys):
     Path("corr").mkdir()  # as `scenario new corr` leaves it: files, and no traces
     (Path("corr") / "campaign.yaml").write_text("campaign: corr\n")
     assert invoke(["report", "corr", "-o", "corr.html"]) == 0
@@ -168,16 +158,12 @@ def test_a_folder_called_like_a_campaign_does_not_hide_it(
     assert resolve_recorded("traces", ledger) == "traces"
 
 
-def test_campaigns_that_are_not_there_are_named(
-    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_campaigns_that_are_not_there_are_named(ledger, capsys):
     assert invoke(["report", "corridor"]) == 2
     assert 'there is no campaign "corridor"' in capsys.readouterr().err
 
 
-def test_without_the_extra_people_learn_how_to_get_it(
-    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_extra_people_learn_how_to_get_it(here, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert invoke(["report", "traces", "--parquet", "m.parquet"]) == 2
     said = capsys.readouterr().err

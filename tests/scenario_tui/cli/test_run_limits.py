@@ -1,12 +1,8 @@
 """``scenario run --wall --attempts``, and ``check``, with stacks that hang, die and give up."""
 
-from __future__ import annotations
-
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -33,7 +29,7 @@ scenarios:
 
 
 @pytest.fixture(autouse=True)
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def plugged(tmp_path, monkeypatch):
     folder = tmp_path / "packages"
     folder.mkdir()
     install_plugins(folder, monkeypatch)
@@ -42,7 +38,7 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     sys.modules.pop(MODULE, None)
 
 
-def campaign(folder: Path, campaigns: Path, *suts: str) -> Path:
+def campaign(folder, campaigns, *suts):
     """Write a campaign in the demo's flat with those systems under test."""
     for layer in (campaigns / "demo").iterdir():
         (folder / layer.name).symlink_to(layer)
@@ -53,9 +49,7 @@ def campaign(folder: Path, campaigns: Path, *suts: str) -> Path:
     return path
 
 
-def test_what_hangs_dies_or_gives_up_is_told_apart(
-    tmp_path: Path, campaigns: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_what_hangs_dies_or_gives_up_is_told_apart(tmp_path, campaigns, capfd):
     file = campaign(tmp_path, campaigns, "hangs", "crashes", "gives-up", "hangs-for-good")
     out = tmp_path / "traces"
     # Long enough for who gives up at once, on a busy machine too.
@@ -78,11 +72,8 @@ def test_what_hangs_dies_or_gives_up_is_told_apart(
 
 
 def test_what_is_not_as_expected_names_a_trace_that_other_commands_read(
-    tmp_path: Path,
-    campaigns: Path,
-    capfd: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    tmp_path, campaigns, capfd, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     assert invoke(["run", str(campaign(tmp_path, campaigns, "gives-up"))]) == 1
     named = {line.rpartition("→ ")[2] for line in capfd.readouterr().out.splitlines()}
@@ -91,7 +82,7 @@ def test_what_is_not_as_expected_names_a_trace_that_other_commands_read(
     assert invoke(["show", trace, "--log"]) == 0
 
 
-def test_a_limit_is_a_time_longer_than_none(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_limit_is_a_time_longer_than_none(capfd):
     for wall in ("soon", "0", "-1s"):
         assert invoke(["run", "campaign.yaml", "--wall", wall]) == 2
     assert invoke(["run", "campaign.yaml", "--attempts", "0"]) == 2
@@ -104,17 +95,10 @@ def test_a_limit_is_a_time_longer_than_none(capfd: pytest.CaptureFixture[str]) -
         ("factory-prints", 'prints while it is made: "loading weights" and 1 more', 0),
     ],
 )
-def test_a_factory_is_checked_in_a_child(
-    tmp_path: Path,
-    campaigns: Path,
-    capfd: pytest.CaptureFixture[str],
-    kind: str,
-    words: str,
-    code: int,
-) -> None:
+def test_a_factory_is_checked_in_a_child(tmp_path, campaigns, capfd, kind, words, code):
     file = campaign(tmp_path, campaigns, kind)
     assert invoke(["check", str(file), "--json"]) == code
-    body: dict[str, Any] = json.loads(capfd.readouterr().out)
+    body = json.loads(capfd.readouterr().out)
     # The 5 s that are enough for those that hang are not for the mission, which is said as well.
     (found,) = [d for d in body["files"][str(file)] if "too short" not in d["message"]]
     assert words in found["message"]

@@ -1,9 +1,6 @@
 """Searching from the command line: what is handed over, watched, told and written."""
 
-from __future__ import annotations
-
 import base64
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +8,8 @@ import pytest
 import typer
 from rich.console import Console
 
-from daemon.model.messages import IdRequest
 from daemon.model.run_state import RunState
-from daemon.model.search import BundledFile, SearchSubmission, SearchTask
-from daemon.model.search_answer import SearchRow
+from daemon.model.search import BundledFile, SearchSubmission
 from scenario_tui.cli import progress
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.progress import ProgressDisplay
@@ -37,14 +32,14 @@ from tests.scenario_tui.fake_search import (
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def _no_waiting(monkeypatch, tmp_path):
     monkeypatch.setattr(progress, "INTERVAL", 0.001)
     monkeypatch.setattr(progress, "_POLL", 0.0)
     monkeypatch.chdir(tmp_path)
     Path("campaign.yaml").write_text("campaign: house\n")
 
 
-def _have(fake: FakeDaemon, row: SearchRow) -> None:
+def _have(fake, row):
     """Have the daemon know a search with its runs."""
     fake.found, fake.proposed = (row,), make_proposals()
     runs = tuple(
@@ -54,10 +49,10 @@ def _have(fake: FakeDaemon, row: SearchRow) -> None:
     fake.rows = (*fake.rows, *runs)
 
 
-def _bundled(monkeypatch: pytest.MonkeyPatch, *paths: str) -> None:
+def _bundled(monkeypatch, *paths):
     files = tuple(BundledFile(path, base64.b64encode(path.encode()).decode()) for path in paths)
 
-    def bundle(self: FakeDaemon, request: IdRequest) -> SearchSubmission:
+    def bundle(self, request):
         return SearchSubmission(request.id, "house", "", "", TASK, paths[0], files)
 
     monkeypatch.setattr(FakeDaemon, "_bundle", bundle)
@@ -65,7 +60,7 @@ def _bundled(monkeypatch: pytest.MonkeyPatch, *paths: str) -> None:
 
 def test_a_search_that_is_over_is_told_with_its_files_and_commands(
     scenario, fake, monkeypatch, tmp_path
-) -> None:
+):
     _have(fake, make_search())
     _bundled(monkeypatch, "house/campaign.yaml", "robots/courier.yaml")
     said = scenario("search", SEARCH, "--no-gazebo")
@@ -91,9 +86,7 @@ def test_a_daemon_cannot_have_files_written_elsewhere(scenario, fake, monkeypatc
     assert not list(tmp_path.rglob("courier.yaml"))
 
 
-def test_as_json_a_search_has_its_runs_and_the_names_of_its_files(
-    scenario, fake, monkeypatch
-) -> None:
+def test_as_json_a_search_has_its_runs_and_the_names_of_its_files(scenario, fake, monkeypatch):
     _have(fake, make_search())
     _bundled(monkeypatch, "campaign.yaml")
     body = declared(scenario("search", SEARCH, "-o", "out", "--no-gazebo", "--json").out)
@@ -103,7 +96,7 @@ def test_as_json_a_search_has_its_runs_and_the_names_of_its_files(
     assert body["search"]["answer"]["shrunk"]["files"] == []
 
 
-def test_a_search_is_named_by_its_id_its_name_or_as_in_its_file(scenario, fake) -> None:
+def test_a_search_is_named_by_its_id_its_name_or_as_in_its_file(scenario, fake):
     _have(fake, make_search("running"))
     for name in (SEARCH, "house", "doors-in-time"):
         said = scenario("search", name, "--detach")
@@ -112,20 +105,20 @@ def test_a_search_is_named_by_its_id_its_name_or_as_in_its_file(scenario, fake) 
     assert scenario("search", "nothing").code == ExitCode.BAD_INPUT
 
 
-def test_a_campaign_is_no_search(scenario, fake) -> None:
+def test_a_campaign_is_no_search(scenario, fake):
     said = scenario("search", CAMPAIGN)
     assert said.code == ExitCode.BAD_INPUT
     assert f"scenario results {CAMPAIGN}" in said.err
 
 
-def test_options_are_for_campaign_files(scenario, fake) -> None:
+def test_options_are_for_campaign_files(scenario, fake):
     _have(fake, make_search())
     said = scenario("search", SEARCH, "--budget", "200")
     assert said.code == ExitCode.BAD_INPUT
     assert "--budget" in said.err
 
 
-def test_searches_are_listed(scenario, fake) -> None:
+def test_searches_are_listed(scenario, fake):
     assert "No searches yet" in scenario("search").out
     _have(fake, make_search())
     for words in ((), ("--list",)):
@@ -156,11 +149,11 @@ def test_searches_are_listed(scenario, fake) -> None:
         (make_search("cancelled", answer=make_answer()), ExitCode.UNEXPECTED),
     ],
 )
-def test_the_code_of_a_search(row: SearchRow, code: ExitCode) -> None:
+def test_the_code_of_a_search(row, code):
     assert search_code(row) is code
 
 
-def test_options_change_what_is_asked() -> None:
+def test_options_change_what_is_asked():
     change = _read_changes("200", "5 failures", "halton", 3, 1)
     task = change(TASK)
     assert (task.runs, task.seconds, task.stop, task.failures) == (200, 0.0, "failures", 5)
@@ -174,19 +167,11 @@ def test_options_change_what_is_asked() -> None:
         _read_changes("", "never", "", None, None)
 
 
-def _handing_over(
-    monkeypatch: pytest.MonkeyPatch, fake: FakeDaemon
-) -> tuple[list[SearchTask], Path]:
+def _handing_over(monkeypatch, fake):
     """Have a campaign file be the search of the tests; returns what is prepared."""
-    prepared: list[SearchTask] = []
+    prepared = []
 
-    def prepare(
-        path: Path,
-        name: str = "",
-        *,
-        change: Callable[[SearchTask], SearchTask],
-        fresh: bool = False,
-    ) -> tuple[SearchSubmission, tuple[()]]:
+    def prepare(path, name="", *, change, fresh=False):
         prepared.append(change(TASK))
         found = SearchSubmission(SEARCH, "house", "", "", prepared[-1], "campaign.yaml", ())
         return found, ()
@@ -196,10 +181,10 @@ def _handing_over(
     return prepared, Path("campaign.yaml")
 
 
-def test_a_search_is_handed_over_and_left_alone(scenario, fake, monkeypatch) -> None:
+def test_a_search_is_handed_over_and_left_alone(scenario, fake, monkeypatch):
     prepared, file = _handing_over(monkeypatch, fake)
 
-    def search(self: FakeDaemon, submission: SearchSubmission) -> object:
+    def search(self, submission):
         from daemon.model.status import SubmissionReceipt
 
         self.found = (make_search("running", task=submission.task, finished=0),)
@@ -220,18 +205,18 @@ def test_a_search_is_handed_over_and_left_alone(scenario, fake, monkeypatch) -> 
         ("cancelled", "is known already and goes on after 8 runs"),
     ],
 )
-def test_the_same_search_goes_on(scenario, fake, monkeypatch, state: str, words: str) -> None:
+def test_the_same_search_goes_on(scenario, fake, monkeypatch, state, words):
     _, file = _handing_over(monkeypatch, fake)
     _have(fake, make_search(state))
     said = scenario("search", str(file), "--detach")
     assert said.err == f"{SEARCH} {words} (--fresh searches anew)\n"
 
 
-def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fake) -> None:
+def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fake):
     _have(fake, make_search("running"))
     looks = 0
 
-    def later(daemon: FakeDaemon) -> None:
+    def later(daemon):
         nonlocal looks
         looks += 1
         if looks == 10:
@@ -248,11 +233,11 @@ def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fak
     ]
 
 
-def test_leaving_ends_the_watching_only(scenario, fake) -> None:
+def test_leaving_ends_the_watching_only(scenario, fake):
     _have(fake, make_search("running"))
     looks = 0
 
-    def later(daemon: FakeDaemon) -> None:
+    def later(daemon):
         nonlocal looks
         looks += 1
         if looks == 12:
@@ -265,7 +250,7 @@ def test_leaving_ends_the_watching_only(scenario, fake) -> None:
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])
-def test_progress_fits_its_terminal(fake, width: int) -> None:
+def test_progress_fits_its_terminal(fake, width):
     _have(fake, make_search("running"))
     watched = SearchWatch(SEARCH)
     watched.look(fake, ProgressDisplay(None))
@@ -277,7 +262,7 @@ def test_progress_fits_its_terminal(fake, width: int) -> None:
     assert ("▆" in line) == (width > 60)
 
 
-def test_a_search_before_its_first_run_says_what_it_waits_for(fake) -> None:
+def test_a_search_before_its_first_run_says_what_it_waits_for(fake):
     fake.found = (make_search("running"),)
     watched = SearchWatch(SEARCH)
     watched.look(fake, ProgressDisplay(None))
@@ -289,7 +274,7 @@ def test_a_search_before_its_first_run_says_what_it_waits_for(fake) -> None:
     assert "compiling kernels 7/42" in text
 
 
-def test_only_runs_that_may_have_changed_are_asked_for_again(fake) -> None:
+def test_only_runs_that_may_have_changed_are_asked_for_again(fake):
     open_row = make_proposal_row(len(MARGINS), state=RunState.RUNNING)
     fake.found, fake.proposed = (make_search("running"),), (*make_proposals(), open_row)
     known = newer_proposals(fake, SEARCH)
@@ -307,9 +292,7 @@ def test_only_runs_that_may_have_changed_are_asked_for_again(fake) -> None:
         ("explore", "1 of 60 runs, best -7.3 m", False),
     ],
 )
-def test_what_a_search_does_is_said_where_it_is_watched(
-    fake, phase: str, note: str, shown: bool
-) -> None:
+def test_what_a_search_does_is_said_where_it_is_watched(fake, phase, note, shown):
     row = make_search("running", phase=phase, note=note)
     _have(fake, row)
     watched = SearchWatch(SEARCH)
@@ -320,9 +303,7 @@ def test_what_a_search_does_is_said_where_it_is_watched(
     assert (note in search_line(row)) is shown
 
 
-def test_submitting_a_campaign_says_which_searches_it_has(
-    scenario, fake, campaigns, monkeypatch
-) -> None:
+def test_submitting_a_campaign_says_which_searches_it_has(scenario, fake, campaigns, monkeypatch):
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
     file = campaigns / "demo" / "campaign.yaml"
     said = scenario("submit", str(file))
@@ -332,7 +313,7 @@ def test_submitting_a_campaign_says_which_searches_it_has(
     assert searches_text(file, ()) == ""
 
 
-def test_cancelling_a_search_says_that_it_has_ended(scenario, fake) -> None:
+def test_cancelling_a_search_says_that_it_has_ended(scenario, fake):
     _have(fake, make_search("running"))
     assert "which has ended" in scenario("cancel", "doors-in-time").err
     assert ("cancel", SEARCH) in fake.calls
@@ -340,7 +321,7 @@ def test_cancelling_a_search_says_that_it_has_ended(scenario, fake) -> None:
     assert "which has ended" not in scenario("cancel", SEARCH).err
 
 
-def test_results_of_a_search_are_its_answer(scenario, fake) -> None:
+def test_results_of_a_search_are_its_answer(scenario, fake):
     _have(fake, make_search())
     said = scenario("results", SEARCH)
     assert (said.code, said.err) == (0, "")
@@ -352,7 +333,7 @@ def test_results_of_a_search_are_its_answer(scenario, fake) -> None:
     assert scenario("results", SEARCH, "--baseline", "last-green").code == ExitCode.BAD_INPUT
 
 
-def test_waiting_for_a_search_leaves_with_its_code(scenario, fake) -> None:
+def test_waiting_for_a_search_leaves_with_its_code(scenario, fake):
     _have(fake, make_search())
     said = scenario("wait", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
@@ -364,7 +345,7 @@ def test_waiting_for_a_search_leaves_with_its_code(scenario, fake) -> None:
     assert "looking for failures, 8 of 60 runs" in said.err
 
 
-def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake) -> None:
+def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake):
     _have(fake, make_search("running"))
     said = scenario("status")
     assert f"{SEARCH} (search)" in said.out
@@ -375,7 +356,7 @@ def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake)
     assert declared(scenario("status", "--json").out)["searches"] == []
 
 
-def test_a_run_of_a_search_says_which_point_it_is(scenario, fake) -> None:
+def test_a_run_of_a_search_says_which_point_it_is(scenario, fake):
     _have(fake, make_search())
     said = scenario("show", f"{SEARCH}.4")
     assert "point 4 of the search doors-in-time, looking for failures (halton)" in said.out

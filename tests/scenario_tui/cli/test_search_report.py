@@ -1,7 +1,5 @@
 """``scenario report`` and ``scenario coverage`` of searches, from the ledger alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,8 +14,8 @@ from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.messages import Completion
 from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest
-from daemon.model.search import OracleScale, SearchTask
-from daemon.model.search_answer import PointResult, SearchAnswer, SearchProgress, SearchRow
+from daemon.model.search import OracleScale
+from daemon.model.search_answer import PointResult, SearchAnswer, SearchProgress
 from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
 from daemon.model.status import Submission
 from daemon.trace import read_trace
@@ -34,7 +32,7 @@ SEARCH = "corridor-doors-1"
 
 
 @pytest.fixture
-def ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StatePaths:
+def ledger(tmp_path, monkeypatch):
     """A state directory with a finished search of two runs."""
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
@@ -78,9 +76,7 @@ def ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StatePaths:
 
 
 @pytest.mark.parametrize("name", [SEARCH, "corridor", "doors", ""])
-def test_a_search_becomes_a_page(
-    ledger: StatePaths, capsys: pytest.CaptureFixture[str], name: str
-) -> None:
+def test_a_search_becomes_a_page(ledger, capsys, name):
     assert invoke(["report", *filter(None, [name]), "-o", "s.html"]) == 0
     out = capsys.readouterr().out
     assert f"doors ({SEARCH}): Not known." in out
@@ -91,7 +87,7 @@ def test_a_search_becomes_a_page(
     assert "The margin over the values that were run" in page
 
 
-def test_as_json_it_is_a_report(ledger: StatePaths, capsys: pytest.CaptureFixture[str]) -> None:
+def test_as_json_it_is_a_report(ledger, capsys):
     assert invoke(["report", SEARCH, "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/report/1"
@@ -99,27 +95,21 @@ def test_as_json_it_is_a_report(ledger: StatePaths, capsys: pytest.CaptureFixtur
     assert body["runs"] == 2
 
 
-def test_tables_of_a_search_are_refused(
-    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_of_a_search_are_refused(ledger, capsys):
     assert invoke(["report", SEARCH, "--junit", "r.xml"]) == 2
     said = " ".join(capsys.readouterr().err.replace("│", " ").split())
     assert f"scenario search {SEARCH} --json" in said
     assert not Path("r.xml").exists()
 
 
-def test_a_page_without_its_trace_has_no_map(
-    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_page_without_its_trace_has_no_map(ledger, capsys):
     for trace in ledger.traces.rglob("*.mcap"):
         trace.unlink()
     assert invoke(["report", SEARCH]) == 0
     assert "the whole way" not in Path("report.html").read_text()
 
 
-def test_coverage_has_the_runs_of_a_search_and_its_space(
-    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_coverage_has_the_runs_of_a_search_and_its_space(ledger, capsys):
     assert invoke(["coverage", "doors"]) == 0
     out = capsys.readouterr().out
     assert out.startswith("2 runs, by their traces")
@@ -135,18 +125,16 @@ def test_coverage_has_the_runs_of_a_search_and_its_space(
     assert "2 points" not in capsys.readouterr().out
 
 
-def test_a_campaign_file_says_which_searches_it_has(
-    campaigns: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_campaign_file_says_which_searches_it_has(campaigns, capsys):
     assert invoke(["coverage", str(campaigns / "demo" / "campaign.yaml")]) == 0
     assert "name it here once it has run" in capsys.readouterr().err
 
 
-def test_the_baseline_is_a_finished_search_of_the_same_that_was_not_guided() -> None:
+def test_the_baseline_is_a_finished_search_of_the_same_that_was_not_guided():
     row = searched()
 
-    def other(name: str, state: str = "finished", **changes: object) -> SearchRow:
-        task: SearchTask = replace(row.task, **({"method": "halton"} | changes))  # type: ignore[arg-type]
+    def other(name, state="finished", **changes):
+        task = replace(row.task, **({"method": "halton"} | changes))
         return searched(state, campaign=name, task=task)
 
     narrow = tuple(replace(p, high=p.high - 0.1) for p in row.task.parameters)

@@ -1,7 +1,5 @@
 """``scenario serve`` as people start it: what it says, what it refuses, how it ends."""
 
-from __future__ import annotations
-
 import builtins
 import os
 import re
@@ -10,10 +8,8 @@ import socket
 import stat
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -24,12 +20,12 @@ DEADLINE = 120.0
 
 
 @pytest.fixture
-def file(campaigns: Path) -> str:
+def file(campaigns):
     return str(campaigns / "demo" / "campaign.yaml")
 
 
 @contextmanager
-def served(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+def served(*arguments):
     process = subprocess.Popen(
         [*COMMAND, *arguments],
         stdin=subprocess.DEVNULL,
@@ -45,7 +41,7 @@ def served(*arguments: str) -> Iterator[subprocess.Popen[str]]:
         process.communicate()
 
 
-def said_until(process: subprocess.Popen[str], last: str) -> str:
+def said_until(process, last):
     """Read what it says until a line with ``last`` came; the end of the process ends it too."""
     assert process.stderr is not None
     said = ""
@@ -56,7 +52,7 @@ def said_until(process: subprocess.Popen[str], last: str) -> str:
     raise AssertionError(f"it never said {last!r}: {said}")
 
 
-def test_without_a_terminal_it_serves_until_it_is_interrupted(file: str) -> None:
+def test_without_a_terminal_it_serves_until_it_is_interrupted(file):
     pytest.importorskip("foxglove")
     pytest.importorskip("websockets")
     from tests.daemon.live.foxglove_client import foxglove_client
@@ -74,7 +70,7 @@ def test_without_a_terminal_it_serves_until_it_is_interrupted(file: str) -> None
         assert "the world has ended" in rest
 
 
-def test_a_stack_is_told_what_to_type(file: str) -> None:
+def test_a_stack_is_told_what_to_type(file):
     pytest.importorskip("daemon.stacks.ros2.relay_link")
     with served(file, "--ros2", "--no-foxglove") as process:
         said = said_until(process, "Ctrl-C")
@@ -91,7 +87,7 @@ def test_a_stack_is_told_what_to_type(file: str) -> None:
         assert not address.parent.exists()
 
 
-def test_what_is_wrong_usage(scenario: Any, file: str) -> None:
+def test_what_is_wrong_usage(scenario, file):
     for arguments, said in (
         (("--scenario", "bussy-house"), "busy-house"),
         (("--sut", "pilt"), "pilot"),
@@ -104,7 +100,7 @@ def test_what_is_wrong_usage(scenario: Any, file: str) -> None:
         assert said in re.sub(r"[\s│]+", " ", left.err), arguments
 
 
-def test_a_port_that_is_taken(scenario: Any, file: str) -> None:
+def test_a_port_that_is_taken(scenario, file):
     pytest.importorskip("foxglove")
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
@@ -114,12 +110,10 @@ def test_a_port_that_is_taken(scenario: Any, file: str) -> None:
     assert "--port 0 takes a free port" in left.err
 
 
-def test_an_extra_that_is_missing(
-    scenario: Any, file: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_extra_that_is_missing(scenario, file, monkeypatch):
     real = builtins.__import__
 
-    def missing(name: str, *rest: Any, **more: Any) -> Any:
+    def missing(name, *rest, **more):
         if name == "daemon.live.foxglove_server":
             raise ModuleNotFoundError("No module named 'foxglove'", name="foxglove")
         return real(name, *rest, **more)

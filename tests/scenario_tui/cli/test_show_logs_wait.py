@@ -1,12 +1,8 @@
 """show, logs, wait: one run in words, what happened in it, staying until a campaign is over."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -14,18 +10,17 @@ from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import ReleaseRequest
 from daemon.model.run_state import RunState
-from daemon.model.status import LiveSnapshot
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.named_traces import resolve_recorded
 from tests.daemon.batch.samples import make_submission
-from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, FakeWatch, make_live
+from tests.scenario_tui.fake import CAMPAIGN, make_live
 from tests.scenario_tui.recorded import record_run
 
 NOW = 1_000_000.0
 
 
-def test_a_run_is_shown_as_in_the_dashboard_with_what_to_type_next(scenario) -> None:
+def test_a_run_is_shown_as_in_the_dashboard_with_what_to_type_next(scenario):
     said = scenario("show", f"{CAMPAIGN}.5")
     assert (said.code, said.err) == (0, "")
     assert said.out.startswith("S2/pilot/0  ✗ fail\n")
@@ -36,32 +31,32 @@ def test_a_run_is_shown_as_in_the_dashboard_with_what_to_type_next(scenario) -> 
     assert "blame" not in scenario("show", f"{CAMPAIGN}.0").out
 
 
-def test_a_run_of_what_is_not_repeatable_says_so(scenario, fake) -> None:
+def test_a_run_of_what_is_not_repeatable_says_so(scenario, fake):
     fake.rows = tuple(replace(row, repeatable=False) for row in fake.rows)
     said = scenario("show", f"{CAMPAIGN}.5").out
     assert "pilot (pilot, not repeatable)" in said
     assert f"scenario verify {CAMPAIGN}.5" in said
 
 
-def test_a_run_is_named_by_campaign_and_number(scenario) -> None:
+def test_a_run_is_named_by_campaign_and_number(scenario):
     body = json.loads(scenario("show", "first.6", "--json").out)
     assert body["run"]["row"]["id"] == f"{CAMPAIGN}.6"
     assert body["run"]["result"]["outcome"] == "fail"
 
 
 @pytest.mark.parametrize("wanted", ["first", "first.99", f"{CAMPAIGN}.99", "first.x"])
-def test_what_is_no_run_is_answered_with_those_there_are(scenario, wanted: str) -> None:
+def test_what_is_no_run_is_answered_with_those_there_are(scenario, wanted):
     said = scenario("show", wanted)
     assert said.code == 2
     assert f'"{wanted}" is no run: those of {CAMPAIGN} are {CAMPAIGN}.0 to {CAMPAIGN}.9' in said.err
 
 
-def test_a_run_of_an_unknown_campaign_says_what_was_meant(scenario) -> None:
+def test_a_run_of_an_unknown_campaign_says_what_was_meant(scenario):
     assert 'did you mean "first"?' in scenario("show", "frist.3").err
 
 
 @pytest.fixture
-def state(tmp_path: Path) -> Path:
+def state(tmp_path):
     """A state directory: run 0 was given back once and has a trace, run 1 prints something."""
     folder = tmp_path / "state"
     folder.mkdir()
@@ -78,7 +73,7 @@ def state(tmp_path: Path) -> Path:
     return folder
 
 
-def test_names_mean_ids_wherever_traces_are_named(state: Path, tmp_path: Path) -> None:
+def test_names_mean_ids_wherever_traces_are_named(state, tmp_path):
     places, file = StatePaths(state), tmp_path / "c"
     assert resolve_recorded("c", places) == "c-1"
     assert resolve_recorded("c.1", places) == "c-1.1"
@@ -88,7 +83,7 @@ def test_names_mean_ids_wherever_traces_are_named(state: Path, tmp_path: Path) -
     assert resolve_recorded(str(file), places) == str(file)
 
 
-def test_logs_tell_attempts_and_reasons(scenario, state: Path) -> None:
+def test_logs_tell_attempts_and_reasons(scenario, state):
     said = scenario("show", "c.0", "--log", "--state", str(state))
     assert said.code == 0
     assert [line.split()[2:] for line in said.out.splitlines()[:2]] == [
@@ -100,11 +95,11 @@ def test_logs_tell_attempts_and_reasons(scenario, state: Path) -> None:
     assert [step["state"] for step in body["steps"]] == ["running", "queued"]
 
 
-def test_logs_tell_what_an_attempt_prints(scenario, state: Path) -> None:
+def test_logs_tell_what_an_attempt_prints(scenario, state):
     assert "loading the map" in scenario("show", "c-1.1", "--log", "--state", str(state)).out
 
 
-def test_logs_tell_what_a_trace_recorded(scenario, tmp_path: Path) -> None:
+def test_logs_tell_what_a_trace_recorded(scenario, tmp_path):
     trace = record_run(tmp_path / "run.mcap")
     said = scenario("show", str(trace), "--log")
     lines = [line.split(maxsplit=3) for line in said.out.splitlines() if " s  " in line]
@@ -122,13 +117,13 @@ RELAY = b"10 %\r50 %\rup\x07 \xff\n"
 
 
 @pytest.fixture
-def external(tmp_path: Path) -> str:
+def external(tmp_path):
     """A trace of an external system that printed 61 lines, and one."""
     printed = {"stack.txt": STACK, "relay.txt": RELAY}
     return str(record_run(tmp_path / "run.mcap", outputs=printed))
 
 
-def test_logs_end_with_the_last_lines_of_what_a_stack_printed(scenario, external: str) -> None:
+def test_logs_end_with_the_last_lines_of_what_a_stack_printed(scenario, external):
     lines = scenario("show", external, "--log").out.splitlines()
     assert any(line.endswith("planner_server  no path yet") for line in lines)
     begin = lines.index("stack.txt")
@@ -140,7 +135,7 @@ def test_logs_end_with_the_last_lines_of_what_a_stack_printed(scenario, external
     assert lines[lines.index("relay.txt") + 1 :] == ["up\ufffd \ufffd"]
 
 
-def test_logs_print_all_of_an_output_when_it_is_asked_for(scenario, external: str) -> None:
+def test_logs_print_all_of_an_output_when_it_is_asked_for(scenario, external):
     whole = ["[INFO] [launch]: started", *(f"line {i}" for i in range(60))]
     assert scenario("show", external, "--log", "--output", "stack.txt").out.splitlines() == whole
     lines = scenario("show", external, "--log", "--all").out.splitlines()
@@ -151,9 +146,7 @@ def test_logs_print_all_of_an_output_when_it_is_asked_for(scenario, external: st
     assert body["printed"]["relay.txt"].startswith("10 %\r50 %")
 
 
-def test_an_output_that_a_run_has_not_is_answered_with_those_it_has(
-    scenario, external: str, tmp_path: Path
-) -> None:
+def test_an_output_that_a_run_has_not_is_answered_with_those_it_has(scenario, external, tmp_path):
     said = scenario("show", external, "--log", "--output", "stak.txt")
     assert said.code == 2
     assert 'did you mean "stack.txt"?' in " ".join(said.err.split())
@@ -164,21 +157,21 @@ def test_an_output_that_a_run_has_not_is_answered_with_those_it_has(
     assert json.loads(scenario("show", silent, "--log", "--json").out)["printed"] == {}
 
 
-def test_logs_need_a_state_directory_or_a_trace(scenario, tmp_path: Path) -> None:
+def test_logs_need_a_state_directory_or_a_trace(scenario, tmp_path):
     said = scenario("show", "c-1.0", "--log", "--state", str(tmp_path))
     assert said.code == 2
     assert "is no state directory" in said.err
     assert scenario("show", str(tmp_path / "none.mcap"), "--log").code == 2
 
 
-def _finish(daemon: FakeDaemon) -> None:
+def _finish(daemon):
     daemon.rows = tuple(
         replace(row, state=RunState.DONE, outcome=row.outcome or Outcome.PASS)
         for row in daemon.rows
     )
 
 
-def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatch) -> None:
+def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatch):
     monkeypatch.setattr(progress, "INTERVAL", 0.001)
     looks = iter(range(10))
     fake.before = lambda daemon: next(looks, None) is None and _finish(daemon)
@@ -188,7 +181,7 @@ def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatc
     assert json.loads(scenario("wait", "first", "--json").out)["assessment"]["exit_code"] == 1
 
 
-def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch) -> None:
+def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch):
     monkeypatch.setattr(progress, "INTERVAL", 0.001)
     said = scenario("wait", "first", "--timeout", "0s")
     assert said.code == 4
@@ -199,8 +192,8 @@ def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch) -> None:
     assert scenario("wait", "frist").code == 2
 
 
-def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch) -> None:
-    def interrupted(*_: object, **__: object) -> None:
+def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(progress, "watch", interrupted)
@@ -211,14 +204,14 @@ def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch) -> None:
 
 
 @pytest.fixture
-def away(fake, monkeypatch, tmp_path) -> Path:
+def away(fake, monkeypatch, tmp_path):
     """A state directory of a daemon that does not answer until it was asked four times."""
     monkeypatch.setattr(progress, "INTERVAL", 0.001)
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     asked = iter(range(4))
     fake.reachable = False
 
-    def before(daemon: FakeDaemon) -> None:
+    def before(daemon):
         if next(asked, None) is None:
             daemon.reachable = True
             _finish(daemon)
@@ -228,7 +221,7 @@ def away(fake, monkeypatch, tmp_path) -> Path:
 
 
 @pytest.mark.parametrize("by_name", [True, False])
-def test_a_daemon_that_is_away_at_first_is_waited_for(scenario, away, by_name) -> None:
+def test_a_daemon_that_is_away_at_first_is_waited_for(scenario, away, by_name):
     if not by_name:
         (away / "ledger.db").touch()
     where = ("--connect", "tcp/127.0.0.1:7447") if by_name else ()
@@ -240,7 +233,7 @@ def test_a_daemon_that_is_away_at_first_is_waited_for(scenario, away, by_name) -
     ]
 
 
-def test_where_there_never_was_a_daemon_nobody_waits(scenario, away) -> None:
+def test_where_there_never_was_a_daemon_nobody_waits(scenario, away):
     said = scenario("wait", "first")
     assert said.code == 3
     assert "waiting" not in said.err
@@ -249,11 +242,11 @@ def test_where_there_never_was_a_daemon_nobody_waits(scenario, away) -> None:
     assert scenario("wait", "first").code == 1
 
 
-def test_a_run_that_runs_is_shown_with_how_far_it_is(scenario, fake, monkeypatch) -> None:
+def test_a_run_that_runs_is_shown_with_how_far_it_is(scenario, fake, monkeypatch):
     live = make_live(7, time=61.0)
     watch = fake.watch
 
-    def told(run: str, on_live: Callable[[LiveSnapshot], None]) -> FakeWatch:
+    def told(run, on_live):
         on_live(live)
         return watch(run, on_live)
 

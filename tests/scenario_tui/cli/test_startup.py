@@ -1,7 +1,5 @@
 """What commands load: as little as they need, for people wait for every import."""
 
-from __future__ import annotations
-
 import inspect
 import subprocess
 import sys
@@ -32,7 +30,7 @@ BUDGETS = (
 HEAVY = ("numba", "numpy", "pymunk", "textual", "zenoh", "pydantic", "textx", "rdflib", "shapely")
 
 
-def _loaded_after(code: str) -> set[str]:
+def _loaded_after(code):
     tell = "print(*sys.modules, file=sys.stderr)"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys\n{code}\nprint(file=sys.stderr)\n{tell}"],
@@ -43,18 +41,18 @@ def _loaded_after(code: str) -> set[str]:
     return set(done.stderr.splitlines()[-1].split())
 
 
-def test_the_command_line_imports_nothing_heavy() -> None:
+def test_the_command_line_imports_nothing_heavy():
     loaded = _loaded_after("import scenario_tui.cli")
     assert loaded.isdisjoint(HEAVY)
     assert "rich.console" not in loaded
 
 
-def test_help_imports_nothing_heavy_either() -> None:
+def test_help_imports_nothing_heavy_either():
     loaded = _loaded_after("from scenario_tui.cli.command_line import invoke\ninvoke(['--help'])")
     assert loaded.isdisjoint(HEAVY)
 
 
-def test_completion_of_names_imports_nothing_heavy_either() -> None:
+def test_completion_of_names_imports_nothing_heavy_either():
     pressed = """
 import os
 os.environ |= {"_SCENARIO_COMPLETE": "complete_bash", "COMP_WORDS": "scenario\\nreplay\\n",
@@ -69,9 +67,7 @@ invoke([])
 
 
 @pytest.mark.parametrize(("words", "code", "most", "unneeded"), BUDGETS)
-def test_a_command_loads_no_more_than_it_needs(
-    words: str, code: int, most: int, unneeded: set[str], monkeypatch, tmp_path: Path
-) -> None:
+def test_a_command_loads_no_more_than_it_needs(words, code, most, unneeded, monkeypatch, tmp_path):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
     monkeypatch.chdir(Path(command_line.__file__).parents[2])
@@ -83,12 +79,12 @@ def test_a_command_loads_no_more_than_it_needs(
     assert len(loaded) <= most
 
 
-def test_who_submits_loads_nothing_that_reads_ledgers_and_traces() -> None:
+def test_who_submits_loads_nothing_that_reads_ledgers_and_traces():
     loaded = _loaded_after("import scenario_tui.cli.execute")
     assert loaded.isdisjoint({"daemon.analysis", "daemon.batch.ledger", "daemon.trace", "mcap"})
 
 
-def test_the_first_screen_loads_nothing_that_only_answers_of_a_daemon_need() -> None:
+def test_the_first_screen_loads_nothing_that_only_answers_of_a_daemon_need():
     loaded = _loaded_after("""
 import scenario_tui.cli.tui, scenario_tui.cli.target, scenario_tui.dashboard.key_bindings
 from pathlib import Path
@@ -110,14 +106,14 @@ Dashboard(Feed(None), config=read_config(Path("/nowhere/config.toml")))
         "assert invoke(['check', 'campaigns/two_lasers/campaign.yaml']) == 0",
     ],
 )
-def test_who_never_searches_loads_nothing_that_searches(code: str, monkeypatch) -> None:
+def test_who_never_searches_loads_nothing_that_searches(code, monkeypatch):
     monkeypatch.chdir(Path(command_line.__file__).parents[2])
     loaded = _loaded_after(code)
     assert not {name for name in loaded if name.startswith("daemon.search")}
     assert loaded.isdisjoint({"cmaes", "optuna", "sqlalchemy"})
 
 
-def test_what_help_does_without_is_real_when_somebody_uses_it() -> None:
+def test_what_help_does_without_is_real_when_somebody_uses_it():
     loaded = _loaded_after("""
 from scenario_tui.cli.plain_flags import load_help_pages
 load_help_pages()
@@ -132,7 +128,7 @@ assert isinstance(made, Markdown) and isinstance(shown, Traceback)
     assert {"rich.markdown", "rich.traceback"} <= loaded
 
 
-def test_help_says_of_a_command_what_the_command_says() -> None:
+def test_help_says_of_a_command_what_the_command_says():
     for entry in COMMANDS.values():
         command = load_command(entry)
         said = inspect.cleandoc(command.help or "").partition("\n\n")[0]
@@ -140,7 +136,7 @@ def test_help_says_of_a_command_what_the_command_says() -> None:
         assert command.name == entry.name
 
 
-def test_a_command_leaves_without_a_word_of_its_libraries(tmp_path: Path) -> None:
+def test_a_command_leaves_without_a_word_of_its_libraries(tmp_path):
     pytest.importorskip("manifold3d")
     plan = Path(command_line.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
     words = ["export", str(plan), "mesh", "-o", str(tmp_path)]

@@ -1,23 +1,15 @@
 """``scenario sut``: every parameter, where it was written, who hears the laser."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
-import pytest
-
 from scenario_tui.cli import command_line
 from tests.scenario_tui.cli.outputs import declared
 
 
-def shown(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+def shown(capsys, *arguments):
     assert command_line.invoke(["sut", *arguments]) == 0
     return capsys.readouterr().out
 
 
-def test_the_ros_stack_is_shown_with_places_defaults_and_wiring(
-    campaigns: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_ros_stack_is_shown_with_places_defaults_and_wiring(campaigns, capsys):
     text = shown(capsys, str(campaigns / "suts" / "a2s-blind.yaml"))
     line = next(line for line in text.splitlines() if "odom_model_type" in line)
     assert line.split() == ["odom_model_type", "omni-corrected", "a2s.yaml:11"]
@@ -28,7 +20,7 @@ def test_the_ros_stack_is_shown_with_places_defaults_and_wiring(
     assert "local costmap listens to /robile_john/scan_front: does not hear it" in text
 
 
-def test_scripts_get_the_merged_tree(campaigns: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scripts_get_the_merged_tree(campaigns, capsys):
     found = declared(shown(capsys, "--json", str(campaigns / "suts" / "fro-omni.yaml")))
     assert found["schema"] == "scenario/sut/1"
     assert found["parameters"]["move_base"]["DWAPlannerROS"]["sim_time"] == 2.5
@@ -38,9 +30,7 @@ def test_scripts_get_the_merged_tree(campaigns: Path, capsys: pytest.CaptureFixt
     assert found["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
 
 
-def test_other_kinds_show_what_was_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_kinds_show_what_was_written(tmp_path, capsys):
     path = tmp_path / "slow.yaml"
     path.write_text("sut: slow\nkind: pilot\nparameters: {max_speed: 0.2}\n")
     text = shown(capsys, str(path))
@@ -48,9 +38,7 @@ def test_other_kinds_show_what_was_written(
     assert "max_speed" in text
 
 
-def test_a_ros2_stack_is_shown_with_what_applies_and_is_not_started(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_ros2_stack_is_shown_with_what_applies_and_is_not_started(tmp_path, capsys):
     (tmp_path / "p.yaml").write_text("a: 1\n")
     base = tmp_path / "nav2.yaml"
     mark = tmp_path / "started"
@@ -76,9 +64,7 @@ def test_a_ros2_stack_is_shown_with_what_applies_and_is_not_started(
     assert not mark.exists()
 
 
-def test_quirks_that_are_off_are_named(
-    tmp_path: Path, campaigns: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_quirks_that_are_off_are_named(tmp_path, campaigns, capsys):
     path = tmp_path / "sane.yaml"
     base = campaigns / "suts" / "fro-diff.yaml"
     path.write_text(f"sut: sane\nlike: {base}\nparameters: {{quirks: fixed}}\n")
@@ -87,9 +73,7 @@ def test_quirks_that_are_off_are_named(
     )
 
 
-def test_bad_ros_files_are_reported_with_all_their_problems(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_ros_files_are_reported_with_all_their_problems(tmp_path, capsys):
     (tmp_path / "amcl.yaml").write_text("odom_alpha1: -1.0\nkld_err: small\n")
     path = tmp_path / "bad.yaml"
     path.write_text("sut: bad\nkind: ros\nfiles: {amcl: amcl.yaml}\n")
@@ -101,9 +85,7 @@ def test_bad_ros_files_are_reported_with_all_their_problems(
         assert "2 errors" in told
 
 
-def test_what_a_refused_configuration_would_be_is_shown_before_what_is_wrong(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_a_refused_configuration_would_be_is_shown_before_what_is_wrong(tmp_path, capsys):
     path = tmp_path / "slow.yaml"
     path.write_text("sut: slow\nkind: pilot\nparameters: {max_speed: fast, patience: 3.0}\n")
     assert command_line.invoke(["sut", str(path)]) == 2

@@ -1,21 +1,16 @@
 """``scenario sut check``: what it starts, what it prints, what it leaves with; and the relay."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from daemon.model.sut import Briefing, Observation, SutFailure
+from daemon.model.sut import SutFailure
 from daemon.stacks import ros2
 from daemon.stacks.ros2 import inspection
 from daemon.stacks.ros2.inspection import Inspection
 from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
-from daemon.stacks.ros2.settings import Ros2Settings
 from grammars.model.geometry import Pose2
 from tests.scenario_tui.cli.outputs import declared
 
@@ -28,7 +23,7 @@ reuse: yes
 """
 
 
-def seen_by(*, active: bool = True) -> Inspection:
+def seen_by(*, active=True):
     """What is seen of a stack that hears everything, and whose timeouts are short."""
     heard = {
         "/clock": "rosgraph_msgs/msg/Clock",
@@ -56,16 +51,10 @@ def seen_by(*, active: bool = True) -> Inspection:
 class PretendedStart:
     """Stands in for what starts a stack; remembers what for."""
 
-    def __init__(self, answer: Inspection | SutFailure) -> None:
+    def __init__(self, answer):
         self.answer = answer
 
-    def __call__(
-        self,
-        settings: Ros2Settings,
-        briefing: Briefing,
-        first: Observation,
-        on_progress: Callable[[str], None],
-    ) -> Inspection:
+    def __call__(self, settings, briefing, first, on_progress):
         self.settings, self.briefing, self.first = settings, briefing, first
         on_progress("0 of 1 nodes active")
         if isinstance(self.answer, SutFailure):
@@ -74,22 +63,20 @@ class PretendedStart:
 
 
 @pytest.fixture
-def start(monkeypatch: pytest.MonkeyPatch) -> PretendedStart:
+def start(monkeypatch):
     found = PretendedStart(seen_by())
     monkeypatch.setattr(inspection, "inspect_stack", found)
     return found
 
 
 @pytest.fixture
-def sut(tmp_path: Path) -> Path:
+def sut(tmp_path):
     path = tmp_path / "my-nav2.yaml"
     path.write_text(SUT)
     return path
 
 
-def test_a_line_says_for_each_thing_whether_it_is_there(
-    scenario: Any, start: PretendedStart, sut: Path
-) -> None:
+def test_a_line_says_for_each_thing_whether_it_is_there(scenario, start, sut):
     said = scenario("sut", "check", str(sut))
     assert said.code == 0
     assert said.err.splitlines()[-2:] == [
@@ -108,9 +95,7 @@ def test_a_line_says_for_each_thing_whether_it_is_there(
     assert any("at most real time" in line for line in lines)
 
 
-def test_what_is_missing_is_an_exit_code_and_the_last_lines_are_told(
-    scenario: Any, start: PretendedStart, sut: Path
-) -> None:
+def test_what_is_missing_is_an_exit_code_and_the_last_lines_are_told(scenario, start, sut):
     start.answer = seen_by(active=False)
     said = scenario("sut", "check", str(sut))
     assert said.code == 1
@@ -119,9 +104,7 @@ def test_what_is_missing_is_an_exit_code_and_the_last_lines_are_told(
     assert said.out.endswith("\n\nthe stack's last lines\n  its last line\n")
 
 
-def test_a_stack_that_cannot_be_started_says_why(
-    scenario: Any, start: PretendedStart, sut: Path
-) -> None:
+def test_a_stack_that_cannot_be_started_says_why(scenario, start, sut):
     start.answer = SutFailure("the launch command ended with exit code 127\n  ros2: not found")
     said = scenario("sut", "check", str(sut))
     assert (said.code, said.out) == (3, "")
@@ -134,7 +117,7 @@ def test_a_stack_that_cannot_be_started_says_why(
     assert body["lines"] == []
 
 
-def test_scripts_get_every_line(scenario: Any, start: PretendedStart, sut: Path) -> None:
+def test_scripts_get_every_line(scenario, start, sut):
     body = declared(scenario("sut", "check", str(sut), "--json").out)
     assert body["schema"] == "scenario/inspection/1"
     assert (body["sut"], body["distribution"], body["failure"]) == ("my-nav2", "jazzy", "")
@@ -142,9 +125,7 @@ def test_scripts_get_every_line(scenario: Any, start: PretendedStart, sut: Path)
     assert (scan["state"], scan["qos"], scan["listeners"]) == ("ok", "best effort", 1)
 
 
-def test_without_a_campaign_the_robot_stands_in_an_empty_room(
-    scenario: Any, start: PretendedStart, sut: Path
-) -> None:
+def test_without_a_campaign_the_robot_stands_in_an_empty_room(scenario, start, sut):
     assert scenario("sut", "check", str(sut)).code == 0
     briefing, first = start.briefing, start.first
     assert briefing.start == Pose2()
@@ -159,9 +140,7 @@ def test_without_a_campaign_the_robot_stands_in_an_empty_room(
     assert ahead == pytest.approx(5.0 - laser.mount.x, abs=0.2)
 
 
-def test_robot_map_and_start_are_those_of_a_campaign(
-    scenario: Any, start: PretendedStart, sut: Path, campaigns: Path
-) -> None:
+def test_robot_map_and_start_are_those_of_a_campaign(scenario, start, sut, campaigns):
     demo = campaigns / "demo" / "campaign.yaml"
     assert scenario("sut", "check", str(sut), "--campaign", str(demo)).code == 0
     assert start.briefing.robot.name == "courier"
@@ -172,9 +151,7 @@ def test_robot_map_and_start_are_those_of_a_campaign(
     assert scenario("sut", "check", str(sut), "--campaign", str(bad)).code == 2
 
 
-def test_a_system_is_named_as_in_campaigns(
-    scenario: Any, start: PretendedStart, sut: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_system_is_named_as_in_campaigns(scenario, start, sut, monkeypatch):
     monkeypatch.chdir(sut.parent)
     assert scenario("sut", "check", "my-nav2").code == 0
     said = scenario("sut", "check", "my-nav")
@@ -182,9 +159,7 @@ def test_a_system_is_named_as_in_campaigns(
     assert 'did you mean "my-nav2"?' in said.err
 
 
-def test_only_what_lives_outside_is_started(
-    scenario: Any, start: PretendedStart, campaigns: Path, sut: Path
-) -> None:
+def test_only_what_lives_outside_is_started(scenario, start, campaigns, sut):
     said = scenario("sut", "check", str(campaigns / "suts" / "pilot.yaml"))
     assert said.code == 2
     assert "pilot is of kind pilot" in " ".join(said.err.split())
@@ -195,7 +170,7 @@ def test_only_what_lives_outside_is_started(
     assert not hasattr(start, "settings")
 
 
-def test_a_file_in_place_of_a_command_is_shown(scenario: Any, sut: Path) -> None:
+def test_a_file_in_place_of_a_command_is_shown(scenario, sut):
     shown = scenario("sut", "show", str(sut))
     assert shown.code == 0
     assert "my-nav2, kind ros2" in shown.out
@@ -208,16 +183,14 @@ def test_a_file_in_place_of_a_command_is_shown(scenario: Any, sut: Path) -> None
     assert scenario("sut", "none.yaml").code == 2
 
 
-def test_the_relay_is_printed_as_it_is(scenario: Any) -> None:
+def test_the_relay_is_printed_as_it_is(scenario):
     said = scenario("sut", "relay")
     assert (said.code, said.err) == (0, "")
     assert said.out == RELAY.read_text("utf-8")
     compile(said.out, "relay.py", "exec")
 
 
-def test_the_first_state_decides_nothing_that_is_only_good_to_know(
-    scenario: Any, start: PretendedStart, sut: Path
-) -> None:
+def test_the_first_state_decides_nothing_that_is_only_good_to_know(scenario, start, sut):
     start.answer = replace(seen_by(), parameters={})
     said = scenario("sut", "check", str(sut))
     assert said.code == 0

@@ -1,9 +1,6 @@
 """What commands say of runs that have no result: the state they are in, and never a verdict."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +11,8 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
-from daemon.model.messages import Completion, Lease, ReleaseRequest
-from daemon.model.spec import RunResult, RunSpec, Timing, TraceInfo
+from daemon.model.messages import Completion, ReleaseRequest
+from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.status import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
@@ -64,7 +61,7 @@ NO_TRACES = {
 """What is said of a campaign by commands that read its traces."""
 
 
-def runs_of(campaign: str) -> tuple[RunSpec, ...]:
+def runs_of(campaign):
     return tuple(
         replace(spec(like, SUTS[0], repeat), scenario=scenario, campaign=campaign)
         for scenario, like in (("S1", SHUT), ("S2", OPEN))
@@ -75,28 +72,28 @@ def runs_of(campaign: str) -> tuple[RunSpec, ...]:
 class Ledger:
     """A state directory in the making; ``now`` is its clock."""
 
-    def __init__(self, places: StatePaths) -> None:
+    def __init__(self, places):
         places.make_folders()
         self.places, self.now = places, time.time()
         self.connection = connect(places.ledger)
         self.book = LedgerWriter(self.connection)
 
-    def submit(self, state: str) -> None:
+    def submit(self, state):
         sent = Submission(
             f"{state}-1", state, "", "", runs_of(state), (CORRIDOR,), RULES, fresh=True
         )
         self.book.submit(sent, self.now)
 
-    def lease(self, count: int) -> tuple[Lease, ...]:
+    def lease(self, count):
         self.book.end_waits(self.now + 1000.0)
         return self.book.lease("w", count, self.now)
 
-    def fail(self, count: int, *, blame: bool) -> None:
+    def fail(self, count, *, blame):
         for grant in self.lease(count):
             given_back = ReleaseRequest("w", grant.run, grant.token, "the stack crashed", blame)
             self.book.release(given_back, self.now)
 
-    def finish(self, count: int) -> None:
+    def finish(self, count):
         for grant in self.lease(count):
             path = record(self.places.trace(grant.trace), grant.spec)
             trace = read_trace(path)
@@ -109,7 +106,7 @@ class Ledger:
             done = Completion("w", grant.run, grant.attempt, grant.token, result)
             self.book.complete(done, self.now)
 
-    def bring_to(self, state: str) -> None:
+    def bring_to(self, state):
         self.submit(state)
         if state == "half":
             self.finish(2)
@@ -128,7 +125,7 @@ class Ledger:
 
 
 @pytest.fixture(scope="module")
-def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def state(tmp_path_factory):
     """A daemon without workers that has a campaign in every state."""
     places = StatePaths(tmp_path_factory.mktemp("words") / "state")
     ledger = Ledger(places)
@@ -143,12 +140,7 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture
-def say(
-    state: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> Say:
+def say(state, tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
     monkeypatch.setenv("SCENARIO_STATE", str(state))
     monkeypatch.setenv("COLUMNS", "200")
@@ -159,16 +151,16 @@ def say(
 class Say:
     """Runs commands; what they say has one blank where it had several, or a line's end."""
 
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def __init__(self, capsys):
         self._capsys = capsys
 
-    def __call__(self, *arguments: str) -> tuple[int, str]:
+    def __call__(self, *arguments):
         code = invoke(arguments)
         said = self._capsys.readouterr()
         return code, " ".join((said.out + said.err).split())
 
 
-def check(said: str, state: str, *right: str) -> None:
+def check(said, state, *right):
     for words in right:
         assert words in said
     for words in FORBIDDEN[state]:
@@ -188,9 +180,7 @@ READERS = {
 
 @pytest.mark.parametrize("command", READERS)
 @pytest.mark.parametrize("name", WAITS)
-def test_commands_that_read_traces_say_why_a_run_has_none(
-    say: Say, name: str, command: str
-) -> None:
+def test_commands_that_read_traces_say_why_a_run_has_none(say, name, command):
     code, said = say(*(part.format(f"{name}-1.0") for part in READERS[command]))
     assert code == 2
     check(said, name, f"{name}-1.0 {WAITS[name]}")
@@ -198,15 +188,13 @@ def test_commands_that_read_traces_say_why_a_run_has_none(
 
 @pytest.mark.parametrize("command", ["fetch", "judge", "coverage", "verify"])
 @pytest.mark.parametrize("name", NO_TRACES)
-def test_commands_that_read_traces_say_why_a_campaign_has_none(
-    say: Say, name: str, command: str
-) -> None:
+def test_commands_that_read_traces_say_why_a_campaign_has_none(say, name, command):
     code, said = say(command, f"{name}-1")
     assert code == 2
     check(said, name, NO_TRACES[name])
 
 
-def test_a_run_further_back_says_how_many_are_before_it(say: Say) -> None:
+def test_a_run_further_back_says_how_many_are_before_it(say):
     assert (
         "queued-1.3 is queued: 3 runs of its campaign queued before it"
         in say("plot", "queued-1.3", "speed")[1]
@@ -229,7 +217,7 @@ RESULTS = {
 
 
 @pytest.mark.parametrize("name", STATES)
-def test_results_say_how_runs_stand(say: Say, name: str) -> None:
+def test_results_say_how_runs_stand(say, name):
     _, said = say("results", f"{name}-1")
     check(said, name, *RESULTS[name])
     if name != "lost":
@@ -248,7 +236,7 @@ SHOWN = {
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_a_run_is_shown_as_it_stands(say: Say, name: str) -> None:
+def test_a_run_is_shown_as_it_stands(say, name):
     code, said = say("show", f"{name}-1.0")
     assert code == 0
     check(said, name, *SHOWN[name])
@@ -265,7 +253,7 @@ LOGS = {
 
 
 @pytest.mark.parametrize("name", LOGS)
-def test_logs_of_a_run_without_a_result_tell_its_attempts(say: Say, name: str) -> None:
+def test_logs_of_a_run_without_a_result_tell_its_attempts(say, name):
     code, said = say("logs", f"{name}-1.0")
     assert code == 0
     check(said, name, LOGS[name])
@@ -283,7 +271,7 @@ WAITED = {
 
 
 @pytest.mark.parametrize("name", STATES)
-def test_who_waits_in_vain_is_told_what_is_known(say: Say, name: str) -> None:
+def test_who_waits_in_vain_is_told_what_is_known(say, name):
     code, said = say("wait", f"{name}-1", "--timeout", "0.01s")
     assert code == (3 if name == "lost" else 4)
     check(said, name, WAITED[name])
@@ -301,7 +289,7 @@ REPORTED = {
 
 
 @pytest.mark.parametrize("name", STATES)
-def test_a_report_says_what_is_missing(say: Say, name: str) -> None:
+def test_a_report_says_what_is_missing(say, name):
     _, said = say("report", f"{name}-1", "-o", "r.html", "--junit", "r.xml", "-j", "1")
     check(said, name, REPORTED[name])
     xml = Path("r.xml").read_text()
@@ -312,16 +300,14 @@ def test_a_report_says_what_is_missing(say: Say, name: str) -> None:
         assert f'type="{word}" message="no run has a result: {word}"' in xml
 
 
-def test_runs_to_come_are_no_changes_of_verdicts(say: Say) -> None:
+def test_runs_to_come_are_no_changes_of_verdicts(say):
     _, said = say("compare", "half-1", "queued-1")
     check(said, "half", "half-1: 2 runs not finished", "queued-1: 4 runs not finished")
     assert "not judged" not in said
 
 
 @pytest.mark.parametrize("command", ["judge", "coverage", "fetch"])
-def test_of_a_campaign_that_goes_on_what_there_is_is_read_and_that_is_said(
-    say: Say, command: str
-) -> None:
+def test_of_a_campaign_that_goes_on_what_there_is_is_read_and_that_is_said(say, command):
     more = () if command == "fetch" else ("-j", "1")
     code, said = say(command, "half-1", *more)
     assert code == (1 if command == "judge" else 0), "runs fail"
@@ -329,7 +315,7 @@ def test_of_a_campaign_that_goes_on_what_there_is_is_read_and_that_is_said(
     assert "2 runs finished so far" in said
 
 
-def test_status_says_what_is_paused_and_what_waits(say: Say) -> None:
+def test_status_says_what_is_paused_and_what_waits(say):
     code, said = say("status")
     assert code == 0
     check(

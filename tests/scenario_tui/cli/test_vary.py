@@ -1,7 +1,5 @@
 """``scenario vary``: plans on disk, a table for people, an object for scripts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -17,7 +15,7 @@ Space room: shape: Rectangle width=wide, length=3 m location: wrt: world of: thi
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
+def file(tmp_path):
     (tmp_path / "cell.fpm").write_text(PLAN)
     path = tmp_path / "cell.variation"
     path.write_text(
@@ -27,7 +25,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_writes_plans_and_shows_what_was_drawn(scenario, file: Path, tmp_path: Path) -> None:
+def test_it_writes_plans_and_shows_what_was_drawn(scenario, file, tmp_path):
     said = scenario("vary", str(file), "-n", "4", "--seed", "7", "--out", str(tmp_path / "out"))
     assert said.code == 0
     files = sorted((tmp_path / "out").iterdir())
@@ -44,7 +42,7 @@ def test_it_writes_plans_and_shows_what_was_drawn(scenario, file: Path, tmp_path
     assert "4 plans written to" in said.err
 
 
-def test_json_has_every_value_of_every_file(scenario, file: Path, tmp_path: Path) -> None:
+def test_json_has_every_value_of_every_file(scenario, file, tmp_path):
     said = scenario("vary", str(file), "-n", "2", "--json", "-o", str(tmp_path), "--method", "lhs")
     body = json.loads(said.out)
     assert body["schema"] == "scenario/vary/1"
@@ -58,7 +56,7 @@ def test_json_has_every_value_of_every_file(scenario, file: Path, tmp_path: Path
         ]
 
 
-def test_files_that_exist_are_kept_and_said(scenario, file: Path, tmp_path: Path) -> None:
+def test_files_that_exist_are_kept_and_said(scenario, file, tmp_path):
     (tmp_path / "cell_0.fpm").write_text("mine")
     said = scenario("vary", str(file), "-n", "1", "-o", str(tmp_path))
     assert "kept" in said.out
@@ -71,21 +69,19 @@ def test_files_that_exist_are_kept_and_said(scenario, file: Path, tmp_path: Path
     )
 
 
-def test_a_grid_has_as_many_plans_as_it_has_points(scenario, file: Path, tmp_path: Path) -> None:
+def test_a_grid_has_as_many_plans_as_it_has_points(scenario, file, tmp_path):
     said = scenario("vary", str(file), "--method", "grid", "--levels", "4", "-o", str(tmp_path))
     assert said.code == 0
     assert "6 plans written" in said.err
     assert "more than 3" in scenario("vary", str(file), "--method", "grid", "-n", "3").err
 
 
-def test_fewer_plans_than_asked_for_are_said(scenario, file: Path, tmp_path: Path) -> None:
+def test_fewer_plans_than_asked_for_are_said(scenario, file, tmp_path):
     said = scenario("vary", str(file), "--method", "lhs", "-n", "10", "-o", str(tmp_path))
     assert "2 fewer than asked for" in said.err
 
 
-def test_what_cannot_be_fulfilled_exits_with_2_and_writes_nothing(
-    scenario, file: Path, tmp_path: Path
-) -> None:
+def test_what_cannot_be_fulfilled_exits_with_2_and_writes_nothing(scenario, file, tmp_path):
     file.write_text(file.read_text() + "require wide > 5 m\n")
     said = scenario("vary", str(file), "--tries", "20", "-o", str(tmp_path / "out"))
     assert said.code == 2
@@ -95,24 +91,20 @@ def test_what_cannot_be_fulfilled_exits_with_2_and_writes_nothing(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_unsound_source_is_said_and_its_variants_are_checked(
-    scenario, file: Path, tmp_path: Path
-) -> None:
+def test_an_unsound_source_is_said_and_its_variants_are_checked(scenario, file, tmp_path):
     said = scenario("vary", str(file), "--check", "1.6", "--tries", "3", "-o", str(tmp_path))
     assert "warning: room cannot be reached with a radius of 1.6 m" in said.err
     assert said.code == 0
     assert scenario("vary", str(file), "--check", "0").code == 2
 
 
-def test_seeds_that_run_over_are_wrong_usage(scenario, file: Path) -> None:
+def test_seeds_that_run_over_are_wrong_usage(scenario, file):
     said = scenario("vary", str(file), "--seed", str(2**32 - 1), "-n", "2")
     assert said.code == 2
     assert "seeds are between 0 and 4294967295" in said.err
 
 
-def test_the_example_that_ships_gives_sound_flats(
-    scenario, campaigns: Path, tmp_path: Path
-) -> None:
+def test_the_example_that_ships_gives_sound_flats(scenario, campaigns, tmp_path):
     example = campaigns / "demo" / "flat.variation"
     said = scenario("vary", str(example), "-n", "6", "--check", "0.3", "-o", str(tmp_path))
     assert said.code == 0

@@ -1,10 +1,6 @@
 """``scenario verify``: what people and scripts are told about executions of a recorded run."""
 
-from __future__ import annotations
-
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -20,19 +16,17 @@ __all__ = ["erratic"]
 
 
 @pytest.fixture(autouse=True)
-def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def state(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
 
 
-def test_the_same_bytes_are_what_is_expected(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_same_bytes_are_what_is_expected(tmp_path, capsys):
     path, run = recorded(tmp_path, sut=idle())
     assert invoke(["verify", str(path), "--repeats", "2"]) == 0
     assert capsys.readouterr().out == f"{run.label}: 2 of 2 executions left the same bytes\n"
 
 
-def test_other_bytes_are_a_finding(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_bytes_are_a_finding(tmp_path, capsys):
     path, run = recorded(tmp_path, sut=idle())
     data = path.read_bytes()
     path.write_bytes(data.replace(b"scenario", b"Scenario", 1))
@@ -43,9 +37,7 @@ def test_other_bytes_are_a_finding(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "path driven" in out
 
 
-def test_the_spread_of_an_external_system_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], erratic: None
-) -> None:
+def test_the_spread_of_an_external_system_is_told(tmp_path, capsys, erratic):
     path, run = recorded(tmp_path, sut=EXTERNAL)
     assert invoke(["verify", str(path), "-n", "2"]) == 0
     out = capsys.readouterr().out
@@ -54,9 +46,7 @@ def test_the_spread_of_an_external_system_is_told(
     assert {"duration", "path driven", "far"} <= {line.split("  ")[0] for line in out.splitlines()}
 
 
-def test_scripts_get_everything(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], erratic: None
-) -> None:
+def test_scripts_get_everything(tmp_path, capsys, erratic):
     path, _ = recorded(tmp_path, sut=EXTERNAL)
     assert invoke(["verify", str(path), "--json"]) == 0
     body = declared(capsys.readouterr().out)
@@ -65,12 +55,7 @@ def test_scripts_get_everything(
     assert sum(body["outcomes"].values()) == 6
 
 
-def test_a_system_that_is_not_here_is_infrastructure(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    erratic: None,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_system_that_is_not_here_is_infrastructure(tmp_path, capsys, erratic, monkeypatch):
     path, _ = recorded(tmp_path, sut=EXTERNAL)
     monkeypatch.setattr(registry, "entry_points", lambda **_: [])
     assert invoke(["verify", str(path), "-n", "1"]) == 3
@@ -79,12 +64,12 @@ def test_a_system_that_is_not_here_is_infrastructure(
     )
 
 
-def test_a_trace_that_is_not_there_is_wrong_usage(tmp_path: Path) -> None:
+def test_a_trace_that_is_not_there_is_wrong_usage(tmp_path):
     assert invoke(["verify", str(tmp_path / "none.mcap")]) == 2
 
 
 @pytest.fixture
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def plugged(tmp_path, monkeypatch):
     folder = tmp_path / "packages"
     folder.mkdir()
     install_plugins(folder, monkeypatch)
@@ -92,9 +77,7 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     sys.modules.pop(MODULE, None)
 
 
-def test_nondeterminism_is_told_with_its_place_and_what_to_do(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], plugged: None
-) -> None:
+def test_nondeterminism_is_told_with_its_place_and_what_to_do(tmp_path, capsys, plugged):
     path, run = recorded(tmp_path, sut=SutReference("mine", "random", {}), limit=3.0)
     assert invoke(["verify", str(path)]) == 1
     out = " ".join(capsys.readouterr().out.split())
@@ -107,9 +90,7 @@ def test_nondeterminism_is_told_with_its_place_and_what_to_do(
     assert body["first_difference"]["topic"] == "/cmd_vel"
 
 
-def test_campaign_files_and_folders_are_verified_whole(
-    tmp_path: Path, campaigns: Path, capsys: pytest.CaptureFixture[str], plugged: None
-) -> None:
+def test_campaign_files_and_folders_are_verified_whole(tmp_path, campaigns, capsys, plugged):
     file = campaign(tmp_path, campaigns, "seeded", "random")
     assert invoke(["verify", str(file)]) == 1
     out = capsys.readouterr().out

@@ -5,17 +5,13 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 from textual.command import Command, CommandList
-from textual.pilot import Pilot
 from textual.widgets import Input
 
-from daemon.model.status import CampaignRow, DaemonOverview
 from scenario_tui.dashboard.background import CommandAnswer, CommandLines
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens import help as help_screen
@@ -32,28 +28,28 @@ class SteeredDaemon(FakeDaemon):
     priority: int = 0
     state: str = "state"
 
-    def _campaign_rows(self) -> tuple[CampaignRow, ...]:
+    def _campaign_rows(self):
         first, *others = super()._campaign_rows() or (None,)
         if first is None:
             return ()
         return (replace(first, paused=self.paused, priority=self.priority), *others)
 
-    def overview(self) -> DaemonOverview:
+    def overview(self):
         return replace(super().overview(), state=self.state)
 
-    def pause(self, campaign: str) -> int:
+    def pause(self, campaign):
         self.paused = campaign == CAMPAIGN
         return super().pause(campaign)
 
-    def resume(self, campaign: str) -> int:
+    def resume(self, campaign):
         self.paused = False
         return super().resume(campaign)
 
-    def prioritise(self, campaign: str, priority: int) -> None:
+    def prioritise(self, campaign, priority):
         self.priority = priority
         super().prioritise(campaign, priority)
 
-    def told(self, verb: str) -> list[tuple[object, ...]]:
+    def told(self, verb):
         """What it was told to do by a verb."""
         return [call[1:] for call in self.calls if call[0] == verb]
 
@@ -66,21 +62,21 @@ class Commands:
     asked: list[tuple[str, ...]] = field(default_factory=list)
     done: threading.Event = field(default_factory=threading.Event)
 
-    def __call__(self, arguments: tuple[str, ...]) -> CommandAnswer:
+    def __call__(self, arguments):
         self.asked.append(arguments)
         assert self.done.wait(DEADLINE)
         return self.answer
 
 
-def configured(**settings: Any) -> Config:
+def configured(**settings):
     return Config(Path("config.toml"), **settings)
 
 
-def local(state: Path) -> CommandLines:
+def local(state):
     return CommandLines("", state)
 
 
-async def eventually(condition: Callable[[], Any], pilot: Pilot[None] | None = None) -> None:
+async def eventually(condition, pilot=None):
     """Wait for something another thread or process does; let a ``pilot``'s app come to rest."""
     deadline = time.monotonic() + DEADLINE
     while not condition():
@@ -90,16 +86,16 @@ async def eventually(condition: Callable[[], Any], pilot: Pilot[None] | None = N
             await settle(pilot)
 
 
-async def until(pilot: Pilot[None], condition: Callable[[], Any]) -> None:
+async def until(pilot, condition):
     """Wait for something another thread does."""
     await eventually(condition, pilot)
 
 
-def notices(pilot: Any) -> str:
+def notices(pilot):
     return "\n".join(notice.message for notice in pilot.app._notifications)
 
 
-async def choose_from_palette(pilot: Pilot[None], text: str, wanted: str) -> None:
+async def choose_from_palette(pilot, text, wanted):
     """Type a ``text`` into the list of places and take what is ``wanted`` from it.
 
     It is waited for: until the last letter is looked up, the list shows what an earlier one found.
@@ -108,7 +104,7 @@ async def choose_from_palette(pilot: Pilot[None], text: str, wanted: str) -> Non
     await until(pilot, lambda: pilot.app.screen.query_one(CommandList).option_count)
     found = pilot.app.screen.query_one(CommandList)
 
-    def first() -> str:
+    def first():
         option = found.get_option_at_index(0) if found.option_count else None
         return str(option.hit.text) if isinstance(option, Command) else ""
 

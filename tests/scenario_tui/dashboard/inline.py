@@ -1,26 +1,19 @@
 """The dashboard without a thread: the feed asks the fake daemon whenever the screen looks."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import time
-from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeVar
-
-from textual.pilot import Pilot
+from typing import TypeVar
 
 from daemon.batch.errors import DaemonError
 from scenario_tui.dashboard.app import Dashboard
-from scenario_tui.dashboard.background import BackgroundTasks, Problem
+from scenario_tui.dashboard.background import BackgroundTasks
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.live_tracks import LiveNews, Tracks
+from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.playback_process import read_playback
-from scenario_tui.dashboard.state import DashboardState, Notice
 from tests.daemon.batch.harness import DEADLINE
-from tests.scenario_tui.fake import FakeDaemon
 from tests.scenario_tui.idle import until_idle
 
 T = TypeVar("T")
@@ -29,15 +22,15 @@ T = TypeVar("T")
 class InlineFeed(Feed):
     """Takes its picture in the caller's thread, so that tests know when it is taken."""
 
-    def __init__(self, daemon: FakeDaemon) -> None:
+    def __init__(self, daemon):
         assessor = CampaignAssessor(every=0.0, elsewhere=0.0)
         super().__init__(daemon.open, clock=lambda: daemon.now, assessor=assessor)
         self.fake = daemon
 
-    def start(self) -> None:
+    def start(self):
         """Start no thread."""
 
-    def take_news(self) -> tuple[DashboardState | None, list[LiveNews], list[Notice]]:
+    def take_news(self):
         try:
             self.step(self.fake)
             if self.assess(self.fake):
@@ -55,24 +48,24 @@ class InlineFeed(Feed):
 class CountedTasks(BackgroundTasks):
     """Knows how many of its tasks are under way, but for ``commands``: those end when told to."""
 
-    def __init__(self, commands: Callable[..., Any]) -> None:
+    def __init__(self, commands):
         super().__init__()
         self._commands = commands
         self.under_way = 0
 
-    def start(self, work: Callable[[], T], then: Callable[[T], None], otherwise: Problem) -> None:
+    def start(self, work, then, otherwise):
         if isinstance(work, partial) and work.func is self._commands:
             super().start(work, then, otherwise)
         else:
             self.under_way += 1
             super().start(work, partial(self._pass_on, then), partial(self._pass_on, otherwise))
 
-    def _pass_on(self, take: Callable[[T], None], found: T) -> None:
+    def _pass_on(self, take, found):
         self.under_way -= 1
         take(found)
 
 
-def make_dashboard(fake: FakeDaemon, **settings: Any) -> Dashboard:
+def make_dashboard(fake, **settings):
     # A process for each trace that is looked at would take most of the time of these tests.
     settings.setdefault("read_playback", read_playback)
     dashboard = Dashboard(InlineFeed(fake), clock=lambda: fake.now, **settings)
@@ -84,7 +77,7 @@ def make_dashboard(fake: FakeDaemon, **settings: Any) -> Dashboard:
     return dashboard
 
 
-async def settle(pilot: Pilot[None]) -> None:
+async def settle(pilot):
     """Let the dashboard take over what is new, twice: some screens ask because of what they see.
 
     Nothing that it has begun is under way then: no message, no worker, no task in a thread. A test
@@ -105,7 +98,7 @@ async def settle(pilot: Pilot[None]) -> None:
             await asyncio.sleep(0.002)
 
 
-async def press(pilot: Pilot[None], *keys: str) -> None:
+async def press(pilot, *keys):
     """Press keys; only moving the cursor needs no new picture in between."""
     for key, repeated in itertools.groupby(keys):
         together = list(repeated)
@@ -114,7 +107,7 @@ async def press(pilot: Pilot[None], *keys: str) -> None:
             await settle(pilot)
 
 
-def screen_text(pilot: Pilot[None]) -> list[str]:
+def screen_text(pilot):
     """Return the lines of the screen as a reader sees them."""
     lines = pilot.app.screen._compositor.render_strips()
     return [strip.text.rstrip() for strip in lines]

@@ -1,7 +1,5 @@
 """A campaign with everything an assessment can say, for the dashboard."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from daemon.model.assessments import (
@@ -12,7 +10,6 @@ from daemon.model.assessments import (
     ScenarioComparison,
 )
 from daemon.model.run_state import RunState
-from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from tests.scenario_tui.fake import FakeDaemon, make_row
 
@@ -33,7 +30,7 @@ _FRESH = {"outcome": None, "oracle": "", "margin": None, "unit": "", "simulated"
           "wall": 0.0, "trace": ""}  # fmt: skip
 
 
-def judged_rows() -> tuple[RunRow, ...]:
+def judged_rows():
     """Two systems under test: an expected failure, a surprise, an open cell and a lost run."""
     cells = [(scenario, sut) for scenario in ("S1", "S2", "S3") for sut in ("pilot", "a2s")]
     rows = [
@@ -41,12 +38,12 @@ def judged_rows() -> tuple[RunRow, ...]:
         for i, (scenario, sut) in enumerate(cells)
         for repeat in range(3)
     ]
-    changed: dict[int, dict[str, object]] = {6: _FAILING, 7: _FAILING, 8: _FAILING, 10: _FAILING}
+    changed = {6: _FAILING, 7: _FAILING, 8: _FAILING, 10: _FAILING}
     changed[14] = _FRESH | {"state": RunState.RUNNING}
     changed[17] = _FRESH | {"state": RunState.LOST, "reason": "worker bench-1 went away"}
-    return tuple(replace(row, **changed.get(row.index, {})) for row in rows)  # type: ignore[arg-type]
+    return tuple(replace(row, **changed.get(row.index, {})) for row in rows)
 
 
-def judged_campaign() -> FakeDaemon:
+def judged_campaign():
     """A daemon with that campaign."""
     return FakeDaemon(judged_rows(), declares=DECLARED)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
-from typing import Any, Final
 
 import numpy as np
 
-from daemon.model.messages import IdRequest
-from daemon.model.proposals import ObjectiveValue, Phase, Proposal, ProposalRow
+from daemon.model.proposals import ObjectiveValue, Proposal, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
@@ -24,15 +20,15 @@ from daemon.model.search_answer import (
     SearchRow,
 )
 from daemon.model.spec import LeadingMargin, RunResult
-from daemon.model.status import CampaignRow, RunDetail, RunRow
+from daemon.model.status import RunDetail, RunRow
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard.playback import open_playback
 from tests.scenario_tui.fake import NOW, FakeDaemon, campaign_row, make_result, make_row, make_spec
 from tests.scenario_tui.recorded import HIT, WORLD, make_run, record_run
 
-SEARCH: Final = "house-doors-in-time-0f1e2d3c"
-_HALTON: Final = 16
-_RANGES: Final = (
+SEARCH = "house-doors-in-time-0f1e2d3c"
+_HALTON = 16
+_RANGES = (
     ("doors_moving.bedroom_opens", "s", 2.1, 3.9, 3.0, 0.01),
     ("doors_moving.bedroom_closes", "s", 5.1, 6.9, 6.0, 0.01),
     ("doors_moving.kitchen_opens", "s", 7.1, 8.9, 8.0, 0.01),
@@ -40,7 +36,7 @@ _RANGES: Final = (
     ("doors_moving.swing", "deg/s", 48.0, 72.0, 60.0, 0.1),
     ("mission.start.y", "m", -0.2, 0.2, 0.0, 0.001),
 )
-TASK: Final = SearchTask(
+TASK = SearchTask(
     name="doors-in-time",
     scenario="busy-house",
     sut="pilot",
@@ -67,11 +63,11 @@ TASK: Final = SearchTask(
     seed=7,
     about="Doors a little early or late",
 )  # fmt: skip
-WRITTEN: Final = tuple(one.written for one in TASK.parameters if one.written is not None)
+WRITTEN = tuple(one.written for one in TASK.parameters if one.written is not None)
 
 
 @cache
-def make_proposals(count: int = 60, *, settled: int | None = None) -> tuple[ProposalRow, ...]:
+def make_proposals(count=60, *, settled=None):
     """Proposals of a search, the first ``settled`` of them with a result.
 
     The space-filling ones find a shallow failure, the guided ones deeper and deeper ones.
@@ -91,21 +87,14 @@ def make_proposals(count: int = 60, *, settled: int | None = None) -> tuple[Prop
     return tuple(rows)
 
 
-def _value(parameter: SearchParameter, share: float) -> float | str:
+def _value(parameter, share):
     if parameter.choices:
         return parameter.choices[int(share * len(parameter.choices))]
     value = parameter.low + share * (parameter.high - parameter.low)
     return round(round(value / parameter.step) * parameter.step, 6)
 
 
-def proposal_row(
-    position: int,
-    values: Sequence[Any],
-    margin: float | None,
-    *,
-    done: bool = True,
-    phase: Phase = "explore",
-) -> ProposalRow:
+def proposal_row(position, values, margin, *, done=True, phase="explore"):
     """A run of the search; without a margin it is inconclusive."""
     proposal = Proposal(
         position, position, 0, phase, "halton" if position < _HALTON else "tpe",
@@ -125,16 +114,16 @@ def proposal_row(
     return replace(found, outcome=outcome, verdicts=(verdict,), leads=(lead,), ended="finished")
 
 
-def _outcome(margin: float) -> Outcome:
+def _outcome(margin):
     return Outcome.FAIL if margin < 0.0 else Outcome.PASS
 
 
-NEAREST: Final = proposal_row(
+NEAREST = proposal_row(
     60, (3.0, 6.0, 8.54, 12.0, 60.0, 0.0, 0.01, "bedroom_door"), -0.018, phase="nearest"
 )
 
 
-def point_of(row: ProposalRow) -> PointResult:
+def point_of(row):
     """What a run says of its point."""
     proposal, lead = row.proposal, row.leads[0]
     assert lead.margin is not None
@@ -145,7 +134,7 @@ def point_of(row: ProposalRow) -> PointResult:
     )  # fmt: skip
 
 
-def make_answer(rows: Sequence[ProposalRow], *, ended: str = "budget") -> SearchAnswer:
+def make_answer(rows, *, ended="budget"):
     """What such a search says when it is over."""
     rows = [row for row in rows if row.proposal.phase == "explore"]
     known = [row for row in rows if row.leads and row.leads[0].margin is not None]
@@ -186,10 +175,10 @@ def make_answer(rows: Sequence[ProposalRow], *, ended: str = "budget") -> Search
     )  # fmt: skip
 
 
-def make_search(rows: Sequence[ProposalRow], state: str = "finished", **changes: Any) -> SearchRow:
+def make_search(rows, state="finished", **changes):
     """The search of these runs."""
     row = SearchRow(
-        SEARCH, "house", NOW - 100.0, TASK, state,  # type: ignore[arg-type]
+        SEARCH, "house", NOW - 100.0, TASK, state,
         proposed=len(rows), finished=sum(row.settled for row in rows),
         answer=make_answer(rows) if state == "finished" else None,
     )  # fmt: skip
@@ -205,16 +194,16 @@ class SearchingDaemon(FakeDaemon):
     """The runs that are listed, behind what they were made of: they are asked for all the time."""
 
     @classmethod
-    def finished(cls, **changes: Any) -> SearchingDaemon:
+    def finished(cls, **changes):
         rows = (*make_proposals(), NEAREST)
         return cls(found=(make_search(rows),), proposed=rows, **changes)
 
     @classmethod
-    def running(cls, settled: int = 38) -> SearchingDaemon:
+    def running(cls, settled=38):
         rows = make_proposals(settled + 4, settled=settled)
         return cls(found=(make_search(rows, "running"),), proposed=rows)
 
-    def record(self, folder: Path, run: str) -> Path:
+    def record(self, folder, run):
         """Have a run be recorded below ``folder``."""
         path = record_run(folder / f"{run}.mcap")
         result = make_result(make_row(5, outcome=Outcome.FAIL))
@@ -223,25 +212,25 @@ class SearchingDaemon(FakeDaemon):
         self.results = (*self.results, (run, result, str(path)))
         return path
 
-    def go_on(self, settled: int) -> None:
+    def go_on(self, settled):
         """Have more runs of the search be over."""
         self.proposed = make_proposals(min(settled + 4, 60), settled=settled)
         (before,) = self.found
         counts = {"proposed": len(self.proposed), "finished": settled}
-        self.found = (replace(before, **counts),)  # type: ignore[arg-type]
+        self.found = (replace(before, **counts),)
 
-    def _row_of(self, search: SearchRow) -> CampaignRow:
+    def _row_of(self, search):
         found = campaign_row("house", search.campaign, self._searched(), search.submitted_at)
         return replace(found, search=search.state)
 
-    def _searched(self) -> tuple[RunRow, ...]:
+    def _searched(self):
         proposed, results, rows = self._made
         if proposed is not self.proposed or results is not self.results:
             rows = tuple(self._run_row(row) for row in self.proposed)
             self._made = (self.proposed, self.results, rows)
         return rows
 
-    def _run_row(self, row: ProposalRow) -> RunRow:
+    def _run_row(self, row):
         trace = next((path for run, _, path in self.results if run == row.run), "")
         lead = row.leads[0] if row.leads else LeadingMargin("", None, "")
         return make_row(
@@ -250,7 +239,7 @@ class SearchingDaemon(FakeDaemon):
             oracle=lead.oracle, margin=lead.margin, unit=lead.unit, trace=trace,
         )  # fmt: skip
 
-    def _run(self, request: IdRequest) -> RunDetail:
+    def _run(self, request):
         run = request.id
         for row in self._searched():
             if row.id == run:

@@ -1,9 +1,6 @@
 """Two runs compared: clocks, verdicts, specifications, and the screen that shows them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +8,7 @@ import pytest
 from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp
 from scenario_tui.dashboard.signal_strips import (
@@ -26,18 +23,18 @@ from tests.scenario_tui.dashboard.inline import screen_text
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 
-def timeline(end: float, reached: tuple[float, ...]) -> RunTimeline:
+def timeline(end, reached):
     time = np.array([0.0, end])
     strip = SignalStrip("speed", "m/s", time, time, against=((0.0, end),))
     return RunTimeline(0.0, end, (strip,), (DoorMotion(end, "door", True),), reached, 3, (end,))
 
 
-def test_by_time_the_clocks_are_the_same() -> None:
+def test_by_time_the_clocks_are_the_same():
     clock = common_clock(timeline(10.0, (2.0,)), timeline(20.0, (4.0,)), "time")
     assert [clock.to_second(t) for t in (-1.0, 0.0, 15.0)] == [-1.0, 0.0, 15.0]
 
 
-def test_by_mission_waypoints_meet_and_the_rest_goes_on() -> None:
+def test_by_mission_waypoints_meet_and_the_rest_goes_on():
     first, second = timeline(10.0, (2.0, 6.0)), timeline(30.0, (10.0, 20.0, 25.0))
     clock = common_clock(first, second, "mission")
     assert [clock.to_second(t) for t in (0.0, 1.0, 2.0, 4.0, 6.0, 9.0)] == [
@@ -50,11 +47,11 @@ def test_by_mission_waypoints_meet_and_the_rest_goes_on() -> None:
     assert moved.strips[0].values.tolist() == [0.0, 30.0]
 
 
-def verdict(name: str, outcome: Outcome, margin: float) -> Verdict:
+def verdict(name, outcome, margin):
     return Verdict(name, "", outcome, margin, margin, "m", Evidence())
 
 
-def test_a_change_has_no_more_digits_than_what_changes() -> None:
+def test_a_change_has_no_more_digits_than_what_changes():
     (same,) = pair_verdicts(
         (verdict("a", Outcome.PASS, 0.294),), (verdict("a", Outcome.PASS, 0.29402),)
     )
@@ -64,7 +61,7 @@ def test_a_change_has_no_more_digits_than_what_changes() -> None:
     assert (same.change, less.change) == (0.0, -0.0031)
 
 
-def test_verdicts_that_differ_come_first() -> None:
+def test_verdicts_that_differ_come_first():
     first = (verdict("same", Outcome.PASS, 1.0), verdict("turns", Outcome.PASS, 0.5))
     second = (verdict("turns", Outcome.FAIL, -0.1), verdict("same", Outcome.PASS, 3.0))
     found = pair_verdicts(first, (*second, verdict("new", Outcome.PASS, 1.0)))
@@ -73,7 +70,7 @@ def test_verdicts_that_differ_come_first() -> None:
     ]  # fmt: skip
 
 
-def test_specifications_differ_part_by_part() -> None:
+def test_specifications_differ_part_by_part():
     spec = make_run()
     other = replace(
         spec, scenario="S9", repeat=4, seed=7, sut=SutReference("pilot", "pilot", {"speed": 0.3})
@@ -97,9 +94,7 @@ def test_specifications_differ_part_by_part() -> None:
         ("a" * 50 + "1", "a" * 50 + "2", ("a" * 50 + "1", "a" * 50 + "2")),
     ],
 )
-def test_differences_are_short_but_never_look_the_same(
-    first: object, second: object, shown: tuple[str, str]
-) -> None:
+def test_differences_are_short_but_never_look_the_same(first, second, shown):
     spec = make_run()
     a, b = (replace(spec, sut=SutReference("it", "it", {"p": value})) for value in (first, second))
     (found,) = spec_differences(a, b)
@@ -107,22 +102,22 @@ def test_differences_are_short_but_never_look_the_same(
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Playback, Playback]:
+def both(tmp_path_factory):
     folder = tmp_path_factory.mktemp("traces")
     first = open_playback(record_run(folder / "first.mcap"))
     second = open_playback(record_run(folder / "second.mcap"), ())
     return first, second
 
 
-def opened(both: tuple[Playback, Playback], size: tuple[int, int] = (80, 24)) -> Any:
+def opened(both, size=(80, 24)):
     return ReplayApp(CompareScreen(*both, clock=lambda: 0.0)).run_test(size=size)
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-async def test_a_narrow_screen_shows_one_part_at_a_time(both) -> None:
+async def test_a_narrow_screen_shows_one_part_at_a_time(both):
     async with opened(both) as pilot:
         await pilot.pause(0)
         assert "[maps]" in shown(pilot)
@@ -139,7 +134,7 @@ async def test_a_narrow_screen_shows_one_part_at_a_time(both) -> None:
         assert "the same, but for the repeat" in shown(pilot)
 
 
-async def test_both_runs_have_one_clock(both) -> None:
+async def test_both_runs_have_one_clock(both):
     async with opened(both, (140, 40)) as pilot:
         await pilot.press("n")
         await pilot.pause(0)
@@ -158,13 +153,13 @@ async def test_both_runs_have_one_clock(both) -> None:
 
 
 @pytest.mark.parametrize("size", [(40, 10), (20, 6)])
-async def test_tiny_terminals_are_no_trouble(both, size: tuple[int, int]) -> None:
+async def test_tiny_terminals_are_no_trouble(both, size):
     async with opened(both, size) as pilot:
         await pilot.press("tab", "tab", "tab", "z", "n", "t")
         await pilot.pause(0)
         assert "6.0 s" in shown(pilot)
 
 
-def test_what_it_looks_like(snap_compare: Any, both) -> None:
+def test_what_it_looks_like(snap_compare, both):
     screen = CompareScreen(*both, clock=lambda: 0.0)
     assert snap_compare(ReplayApp(screen), terminal_size=(120, 40), press=["n"])

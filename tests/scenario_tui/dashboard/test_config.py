@@ -1,11 +1,5 @@
 """The user's settings: what they change, and what is said of wrong ones."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import pytest
 from rich.color_triplet import ColorTriplet
 from textual.color import Color
@@ -78,8 +72,8 @@ BAD = {
 
 
 @pytest.fixture
-def written(tmp_path: Path) -> Callable[[str], Path]:
-    def write(text: str) -> Path:
+def written(tmp_path):
+    def write(text):
         path = tmp_path / "config.toml"
         path.write_text(text)
         return path
@@ -87,7 +81,7 @@ def written(tmp_path: Path) -> Callable[[str], Path]:
     return write
 
 
-def test_no_file_says_nothing(tmp_path: Path) -> None:
+def test_no_file_says_nothing(tmp_path):
     config = read_config(tmp_path / "config.toml")
     check_config(config)
     assert not config.read_only
@@ -97,17 +91,17 @@ def test_no_file_says_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_what_is_wrong_is_said_with_its_line(written, text: str) -> None:
+def test_what_is_wrong_is_said_with_its_line(written, text):
     with pytest.raises(InputError) as caught:
         check_config(read_config(written(text)))
     assert BAD[text] in str(caught.value)
 
 
-def test_keys_may_be_exchanged(written) -> None:
+def test_keys_may_be_exchanged(written):
     check_config(read_config(written('[keys]\ncancel = "P"\npause = "c"')))
 
 
-async def test_keys_and_colours_are_those_of_the_file(written) -> None:
+async def test_keys_and_colours_are_those_of_the_file(written):
     config = read_config(written(GOOD))
     check_config(config)
     fake = SteeredDaemon()
@@ -120,9 +114,7 @@ async def test_keys_and_colours_are_those_of_the_file(written) -> None:
         assert "1-10 of 10" in "\n".join(screen_text(pilot))
 
 
-def test_a_bad_file_is_told_before_the_dashboard_starts(
-    scenario: Callable[..., Any], written, monkeypatch
-) -> None:
+def test_a_bad_file_is_told_before_the_dashboard_starts(scenario, written, monkeypatch):
     path = written('[keys]\ncancle = "x"')
     monkeypatch.setattr("scenario_tui.dashboard.config.config_path", lambda: path)
     said = scenario("tui")
@@ -131,14 +123,14 @@ def test_a_bad_file_is_told_before_the_dashboard_starts(
     assert "Traceback" not in said.err
 
 
-def test_the_ids_of_all_keys_are_listed(scenario: Callable[..., Any]) -> None:
+def test_the_ids_of_all_keys_are_listed(scenario):
     said = scenario("tui", "--bindings")
     assert said.code == 0
     for bound in list_key_bindings():
         assert f"{bound.id} " in said.out
 
 
-def test_every_key_has_an_id_a_name_and_an_explanation() -> None:
+def test_every_key_has_an_id_a_name_and_an_explanation():
     for kind in classes_with_bindings():
         for binding in own_bindings(kind):
             assert binding.id, (kind, binding)
@@ -146,9 +138,9 @@ def test_every_key_has_an_id_a_name_and_an_explanation() -> None:
             assert binding.tooltip, (kind, binding)
 
 
-def test_a_key_means_one_thing_on_all_screens() -> None:
+def test_a_key_means_one_thing_on_all_screens():
     meanings = {id: meaning for meaning, ids in SHARED_MEANINGS.items() for id in ids}
-    found: dict[str, set[str]] = {}
+    found = {}
     for bound in list_key_bindings():
         if bound.place not in ALONE:
             for key in bound.keys.split(","):
@@ -157,20 +149,20 @@ def test_a_key_means_one_thing_on_all_screens() -> None:
     assert found["n"] == {"next to look at"}
 
 
-def test_a_meaning_has_the_same_keys_on_all_screens() -> None:
-    keys: dict[str, set[str]] = {}
+def test_a_meaning_has_the_same_keys_on_all_screens():
+    keys = {}
     for bound in list_key_bindings():
         if bound.place not in ALONE:
             keys.setdefault(bound.id, set()).add(bound.keys)
     assert {id: sorted(found) for id, found in keys.items() if len(found) > 1} == {}
 
 
-def test_shared_meanings_are_those_of_keys_there_are() -> None:
+def test_shared_meanings_are_those_of_keys_there_are():
     ids = {bound.id for bound in list_key_bindings()}
     assert {id for shared in SHARED_MEANINGS.values() for id in shared} <= ids
 
 
-async def test_footers_fit_and_help_tells_the_rest() -> None:
+async def test_footers_fit_and_help_tells_the_rest():
     app = make_dashboard(SteeredDaemon(), check_file=check_file)
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(pilot)
@@ -187,7 +179,7 @@ async def test_footers_fit_and_help_tells_the_rest() -> None:
             assert footer <= told
 
 
-async def test_the_footer_of_a_search_fits_and_help_tells_the_rest() -> None:
+async def test_the_footer_of_a_search_fits_and_help_tells_the_rest():
     async with make_dashboard(SearchingDaemon.finished()).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         await press(pilot, "enter")
@@ -201,20 +193,20 @@ NAMES = ("GOOD", "BAD", "UNSURE", "BROKEN", "BUSY", "FACT", "QUIET")
 PALE = [Color.parse(getattr(formatting, name)).rich_color.get_truecolor() for name in NAMES]
 
 
-def luminance(colour: ColorTriplet) -> float:
+def luminance(colour):
     """Relative luminance as the WCAG defines it."""
     parts = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in colour.normalized]
     return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
 
 
 @pytest.mark.parametrize("colour", PALE, ids=NAMES)
-def test_words_can_be_read_in_bright_themes(colour: ColorTriplet) -> None:
+def test_words_can_be_read_in_bright_themes(colour):
     """A contrast of 4.5 to 1, which the WCAG asks for, over the background of textual-light."""
     paper, ink = (luminance(one) for one in (ColorTriplet(224, 224, 224), darken(colour)))
     assert (paper + 0.05) / (ink + 0.05) >= 4.5
 
 
-async def test_a_bright_theme_darkens_the_words(written) -> None:
+async def test_a_bright_theme_darkens_the_words(written):
     config = read_config(written("[dashboard]\ntheme = 'textual-light'"))
     async with make_dashboard(SteeredDaemon(), config=config).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
@@ -225,9 +217,7 @@ async def test_a_bright_theme_darkens_the_words(written) -> None:
     assert darken(PALE[1]) in used
 
 
-def test_doctor_says_which_settings_are_used(
-    scenario: Callable[..., Any], written, monkeypatch, tmp_path
-) -> None:
+def test_doctor_says_which_settings_are_used(scenario, written, monkeypatch, tmp_path):
     path = written(GOOD)
     monkeypatch.setattr("scenario_tui.dashboard.config.config_path", lambda: path)
     said = scenario("doctor", "--state", str(tmp_path / "state"))

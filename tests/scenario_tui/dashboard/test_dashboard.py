@@ -1,7 +1,5 @@
 """Every key of the dashboard does what its help says."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
@@ -27,33 +25,33 @@ from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import SEVERITY
 from tests.scenario_tui.dashboard.driven import choose_from_palette, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
-from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, FakeDaemon, make_live, make_row
+from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, make_live, make_row
 
 Open = Callable[..., AbstractAsyncContextManager[Any]]
 
 
 @pytest.fixture
-def opened(fake: FakeDaemon) -> Open:
-    def start(width: int = 80, height: int = 24) -> AbstractAsyncContextManager[Any]:
+def opened(fake):
+    def start(width=80, height=24):
         return make_dashboard(fake).run_test(size=(width, height))
 
     return start
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-def notices(pilot: Any) -> str:
+def notices(pilot):
     return " ".join(notice.message for notice in pilot.app._notifications)
 
 
-def first_column(pilot: Any) -> list[str]:
+def first_column(pilot):
     table = pilot.app.screen.query_one(KeyedTable)
     return [str(table.get_row_at(i)[0]) for i in range(table.row_count)]
 
 
-async def test_the_first_line_says_whether_it_is_fine(opened) -> None:
+async def test_the_first_line_says_whether_it_is_fine(opened):
     async with opened(120, 30) as pilot:
         await settle(pilot)
         line = screen_text(pilot)[0]
@@ -62,7 +60,7 @@ async def test_the_first_line_says_whether_it_is_fine(opened) -> None:
         assert words in line
 
 
-async def test_the_first_line_fits_into_eighty_cells(opened, fake) -> None:
+async def test_the_first_line_fits_into_eighty_cells(opened, fake):
     fake.rows = tuple(replace(row, repeat=i) for i, row in enumerate(fake.rows * 150))
     async with opened() as pilot:
         await settle(pilot)
@@ -71,7 +69,7 @@ async def test_the_first_line_fits_into_eighty_cells(opened, fake) -> None:
     assert "✗300 fail" in line
 
 
-async def test_enter_goes_in_and_escape_goes_out(opened) -> None:
+async def test_enter_goes_in_and_escape_goes_out(opened):
     async with opened() as pilot:
         await settle(pilot)
         assert isinstance(pilot.app.screen, CampaignsScreen)
@@ -85,7 +83,7 @@ async def test_enter_goes_in_and_escape_goes_out(opened) -> None:
         assert isinstance(pilot.app.screen, CampaignsScreen)
 
 
-async def test_numbers_jump_to_the_main_screens(opened) -> None:
+async def test_numbers_jump_to_the_main_screens(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", "enter", "3")
@@ -99,7 +97,7 @@ async def test_numbers_jump_to_the_main_screens(opened) -> None:
         assert isinstance(pilot.app.screen, CampaignsScreen)
 
 
-async def test_rows_are_reached_with_vi_keys_too(opened) -> None:
+async def test_rows_are_reached_with_vi_keys_too(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", "j", "j", "k")
@@ -111,7 +109,7 @@ async def test_rows_are_reached_with_vi_keys_too(opened) -> None:
         assert table.key == f"{CAMPAIGN}.0"
 
 
-async def test_typing_a_filter_narrows_the_page_at_once(opened) -> None:
+async def test_typing_a_filter_narrows_the_page_at_once(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", "slash", *"local")
@@ -124,7 +122,7 @@ async def test_typing_a_filter_narrows_the_page_at_once(opened) -> None:
         assert isinstance(pilot.app.screen, RunsScreen)
 
 
-async def test_letters_typed_into_the_filter_are_no_commands(opened) -> None:
+async def test_letters_typed_into_the_filter_are_no_commands(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", "slash", *"qc1s")
@@ -132,7 +130,7 @@ async def test_letters_typed_into_the_filter_are_no_commands(opened) -> None:
         assert "No run matches" in shown(pilot)
 
 
-async def test_f_goes_through_verdicts_and_states_that_there_are(opened) -> None:
+async def test_f_goes_through_verdicts_and_states_that_there_are(opened):
     seen = []
     async with opened() as pilot:
         await settle(pilot)
@@ -143,7 +141,7 @@ async def test_f_goes_through_verdicts_and_states_that_there_are(opened) -> None
     assert seen == [2, 1, 1, 1, 1, 4, 10]
 
 
-def test_a_campaign_says_how_long_it_still_takes(fake: FakeDaemon) -> None:
+def test_a_campaign_says_how_long_it_still_takes(fake):
     row = replace(fake._campaign_rows()[0], seconds_left=7380.0, finished_at=None)
     assert "\n2 h 03 min left" in campaign_text(row, None, NOW).plain
     assert campaign_cells(row, None, NOW)[1][1].plain.endswith("  2 h left")
@@ -151,11 +149,11 @@ def test_a_campaign_says_how_long_it_still_takes(fake: FakeDaemon) -> None:
     assert "left" not in campaign_cells(paused, None, NOW)[1][1].plain
 
 
-def test_f_knows_every_word_of_a_run() -> None:
+def test_f_knows_every_word_of_a_run():
     assert {name for name, _ in FILTERS} == {"all", *SEVERITY} - {"measure"}
 
 
-async def test_the_table_has_the_keys_again_after_an_empty_page(opened) -> None:
+async def test_the_table_has_the_keys_again_after_an_empty_page(opened):
     async with opened(120, 30) as pilot:
         await settle(pilot)
         await press(pilot, "enter", "f", "slash", *"pilot/4", "enter")
@@ -165,7 +163,7 @@ async def test_the_table_has_the_keys_again_after_an_empty_page(opened) -> None:
         assert "S2/pilot/4" in shown(pilot)
 
 
-async def test_columns_are_sorted_by_and_inverted(opened) -> None:
+async def test_columns_are_sorted_by_and_inverted(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", ">", ">")
@@ -180,7 +178,7 @@ async def test_columns_are_sorted_by_and_inverted(opened) -> None:
         assert "by simulated ▲" in shown(pilot)
 
 
-async def test_only_a_page_is_asked_for_and_pages_are_turned(opened, fake) -> None:
+async def test_only_a_page_is_asked_for_and_pages_are_turned(opened, fake):
     fake.rows = tuple(make_row(i, repeat=i) for i in range(250))
     async with opened() as pilot:
         await settle(pilot)
@@ -195,7 +193,7 @@ async def test_only_a_page_is_asked_for_and_pages_are_turned(opened, fake) -> No
     assert {call[8] for call in fake.calls if call[0] == "runs"} == {100}
 
 
-async def test_a_run_shows_verdicts_margins_evidence_and_its_trace(opened) -> None:
+async def test_a_run_shows_verdicts_margins_evidence_and_its_trace(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", *["down"] * 5, "enter")
@@ -209,7 +207,7 @@ async def test_a_run_shows_verdicts_margins_evidence_and_its_trace(opened) -> No
         assert words in text
 
 
-async def test_a_running_run_shows_the_robot_from_above(opened, fake) -> None:
+async def test_a_running_run_shows_the_robot_from_above(opened, fake):
     fake.live = tuple(make_live(7, float(t)) for t in range(0, 61, 2))
     async with opened() as pilot:
         await settle(pilot)
@@ -232,12 +230,12 @@ async def test_a_running_run_shows_the_robot_from_above(opened, fake) -> None:
         assert "→" not in shown(pilot)
 
 
-async def test_the_map_is_drawn_only_where_it_changed(opened, fake, monkeypatch) -> None:
+async def test_the_map_is_drawn_only_where_it_changed(opened, fake, monkeypatch):
     fake.live = (make_live(7, 60.0),)
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", *["down"] * 7, "enter")
-        rows: list[int] = []
+        rows = []
         view = pilot.app.screen.query_one(TopView)
         monkeypatch.setattr(view, "refresh", lambda *regions, **_: rows.append(len(regions)))
         fake.live = (make_live(7, 62.0),)
@@ -246,7 +244,7 @@ async def test_the_map_is_drawn_only_where_it_changed(opened, fake, monkeypatch)
     assert all(0 < count <= 4 for count in rows)
 
 
-async def test_wide_terminals_show_the_run_beside_the_table(opened) -> None:
+async def test_wide_terminals_show_the_run_beside_the_table(opened):
     async with opened(120, 40) as pilot:
         await settle(pilot)
         await press(pilot, "enter", *["down"] * 5)
@@ -259,7 +257,7 @@ async def test_wide_terminals_show_the_run_beside_the_table(opened) -> None:
         assert "at 512.2 s, door-1" not in shown(pilot)
 
 
-async def test_no_line_of_any_screen_is_wider_than_the_terminal(opened) -> None:
+async def test_no_line_of_any_screen_is_wider_than_the_terminal(opened):
     async with opened() as pilot:
         await settle(pilot)
         for keys in ((), ("enter",), ("enter",), ("v",), ("2",), ("3",)):
@@ -268,7 +266,7 @@ async def test_no_line_of_any_screen_is_wider_than_the_terminal(opened) -> None:
             assert all(table.max_scroll_x == 0 for table in widget)
 
 
-async def test_c_cancels_after_a_question(opened, fake) -> None:
+async def test_c_cancels_after_a_question(opened, fake):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "c")
@@ -281,7 +279,7 @@ async def test_c_cancels_after_a_question(opened, fake) -> None:
         assert "cancelled 2 runs" in notices(pilot)
 
 
-async def test_d_deletes_a_finished_campaign_after_a_question(opened, fake) -> None:
+async def test_d_deletes_a_finished_campaign_after_a_question(opened, fake):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "D")
@@ -294,7 +292,7 @@ async def test_d_deletes_a_finished_campaign_after_a_question(opened, fake) -> N
         assert f"deleted {OLD}: 4 runs, 3 traces, 3.0 MiB" in notices(pilot)
 
 
-async def test_a_finished_campaign_is_not_cancelled(opened, fake) -> None:
+async def test_a_finished_campaign_is_not_cancelled(opened, fake):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "down", "c")
@@ -302,7 +300,7 @@ async def test_a_finished_campaign_is_not_cancelled(opened, fake) -> None:
         assert f"{OLD} is finished" in notices(pilot)
 
 
-async def test_r_retries_what_was_lost_from_a_menu(opened, fake) -> None:
+async def test_r_retries_what_was_lost_from_a_menu(opened, fake):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", "r")
@@ -312,7 +310,7 @@ async def test_r_retries_what_was_lost_from_a_menu(opened, fake) -> None:
         assert "queued 1 run" in notices(pilot)
 
 
-async def test_help_lists_every_binding_of_ours(opened) -> None:
+async def test_help_lists_every_binding_of_ours(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter")
@@ -327,7 +325,7 @@ async def test_help_lists_every_binding_of_ours(opened) -> None:
         assert key in keys.split(), key
 
 
-async def test_help_tells_the_keys_the_user_has_by_where_they_belong(fake) -> None:
+async def test_help_tells_the_keys_the_user_has_by_where_they_belong(fake):
     config = Config(keys={"view": "f6", "retry": "ctrl+t"})
     async with make_dashboard(fake, config=config).run_test(size=(80, 40)) as pilot:
         await settle(pilot)
@@ -341,7 +339,7 @@ async def test_help_tells_the_keys_the_user_has_by_where_they_belong(fake) -> No
         assert views == ["f6"]
 
 
-async def test_help_and_footer_leave_out_what_cannot_be_done_here(opened) -> None:
+async def test_help_and_footer_leave_out_what_cannot_be_done_here(opened):
     async with opened() as pilot:
         await settle(pilot)
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
@@ -359,7 +357,7 @@ async def test_help_and_footer_leave_out_what_cannot_be_done_here(opened) -> Non
         assert not {"Open", "Retry", "Matrix"} & names
 
 
-async def test_the_footer_offers_nothing_about_a_campaign_where_there_is_none(opened, fake) -> None:
+async def test_the_footer_offers_nothing_about_a_campaign_where_there_is_none(opened, fake):
     fake.empty, fake.rows = True, ()
     async with opened() as pilot:
         await settle(pilot)
@@ -368,7 +366,7 @@ async def test_the_footer_offers_nothing_about_a_campaign_where_there_is_none(op
         assert not any(name in footer for name in ("Matrix", "Pause", "Cancel", "Retry"))
 
 
-async def test_copying_gives_the_command_for_what_the_cursor_is_on(opened) -> None:
+async def test_copying_gives_the_command_for_what_the_cursor_is_on(opened):
     copied = []
     async with opened() as pilot:
         await settle(pilot)
@@ -385,7 +383,7 @@ async def test_copying_gives_the_command_for_what_the_cursor_is_on(opened) -> No
     ]
 
 
-async def test_all_commands_about_it_can_be_copied_from_a_list(opened) -> None:
+async def test_all_commands_about_it_can_be_copied_from_a_list(opened):
     async with opened(100, 30) as pilot:
         await settle(pilot)
         await press(pilot, "enter", "down", "Y")
@@ -396,7 +394,7 @@ async def test_all_commands_about_it_can_be_copied_from_a_list(opened) -> None:
         assert pilot.app.clipboard == f"scenario replay {CAMPAIGN}.1"
 
 
-async def test_runs_of_all_campaigns_name_theirs_the_newest_first(opened) -> None:
+async def test_runs_of_all_campaigns_name_theirs_the_newest_first(opened):
     async with opened(120, 30) as pilot:
         await settle(pilot)
         await press(pilot, "2")
@@ -406,7 +404,7 @@ async def test_runs_of_all_campaigns_name_theirs_the_newest_first(opened) -> Non
 
 
 @pytest.mark.parametrize("width", [80, 92, 108, 120])
-async def test_repeats_are_told_apart_however_long_names_are(opened, fake, width: int) -> None:
+async def test_repeats_are_told_apart_however_long_names_are(opened, fake, width):
     fake.rows = tuple(
         make_row(i, scenario="busy-house-with-many-doors", sut="pilot-b", repeat=i)
         for i in range(4)
@@ -421,7 +419,7 @@ async def test_repeats_are_told_apart_however_long_names_are(opened, fake, width
             assert rest[1:3] == ["✓", "pass"]
 
 
-async def test_run_names_are_whole_where_other_columns_need_less(opened, fake) -> None:
+async def test_run_names_are_whole_where_other_columns_need_less(opened, fake):
     fake.rows = tuple(
         make_row(i, scenario="busy-house", sut="pilot", repeat=i, outcome=Outcome.PASS)
         for i in range(4)
@@ -433,7 +431,7 @@ async def test_run_names_are_whole_where_other_columns_need_less(opened, fake) -
         assert "✓ pass" in screen_text(pilot)[3]
 
 
-async def test_filter_and_order_are_still_there_when_one_comes_back(opened) -> None:
+async def test_filter_and_order_are_still_there_when_one_comes_back(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "2", "f", ">", ">", "i", "down")
@@ -453,14 +451,14 @@ async def test_filter_and_order_are_still_there_when_one_comes_back(opened) -> N
         assert "as submitted" in shown(pilot)
 
 
-async def test_the_colon_opens_a_list_of_places(opened) -> None:
+async def test_the_colon_opens_a_list_of_places(opened):
     async with opened() as pilot:
         await settle(pilot)
         await choose_from_palette(pilot, "workers", "Workers")
         assert isinstance(pilot.app.screen, WorkersScreen)
 
 
-async def test_workers_that_are_away_are_shown_as_such(opened, fake) -> None:
+async def test_workers_that_are_away_are_shown_as_such(opened, fake):
     fake.away = True
     async with opened() as pilot:
         await settle(pilot)
@@ -469,7 +467,7 @@ async def test_workers_that_are_away_are_shown_as_such(opened, fake) -> None:
         assert "workers (1, 1 away)  1 of 2 slots busy" in shown(pilot)
 
 
-async def test_quitting_says_that_work_goes_on(opened) -> None:
+async def test_quitting_says_that_work_goes_on(opened):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "q")
@@ -477,7 +475,7 @@ async def test_quitting_says_that_work_goes_on(opened) -> None:
         assert "the daemon goes on with 2 unfinished runs" in pilot.app.farewell()
 
 
-async def test_without_a_daemon_the_screen_says_what_to_type(opened, fake) -> None:
+async def test_without_a_daemon_the_screen_says_what_to_type(opened, fake):
     fake.reachable = False
     async with opened() as pilot:
         await settle(pilot)
@@ -489,7 +487,7 @@ async def test_without_a_daemon_the_screen_says_what_to_type(opened, fake) -> No
         assert pilot.app.focused is pilot.app.screen.query_one(KeyedTable)
 
 
-async def test_old_data_stays_with_its_age_until_the_daemon_is_back(opened, fake) -> None:
+async def test_old_data_stays_with_its_age_until_the_daemon_is_back(opened, fake):
     async with opened() as pilot:
         await settle(pilot)
         fake.reachable = False
@@ -504,7 +502,7 @@ async def test_old_data_stays_with_its_age_until_the_daemon_is_back(opened, fake
         assert not pilot.app.screen.has_class("-stale")
 
 
-async def test_empty_screens_say_what_to_type(opened, fake) -> None:
+async def test_empty_screens_say_what_to_type(opened, fake):
     fake.empty = True
     fake.rows = ()
     async with opened() as pilot:
@@ -514,7 +512,7 @@ async def test_empty_screens_say_what_to_type(opened, fake) -> None:
         assert "No runs yet" in shown(pilot)
 
 
-async def test_the_cursor_stays_on_its_run_when_rows_come_before_it(opened, fake) -> None:
+async def test_the_cursor_stays_on_its_run_when_rows_come_before_it(opened, fake):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter", ">", ">", "down")
@@ -530,7 +528,7 @@ async def test_the_cursor_stays_on_its_run_when_rows_come_before_it(opened, fake
 
 
 @pytest.mark.parametrize("width", [80, 120])
-async def test_every_screen_is_legible_without_colour(opened, fake, monkeypatch, width) -> None:
+async def test_every_screen_is_legible_without_colour(opened, fake, monkeypatch, width):
     monkeypatch.setenv("NO_COLOR", "1")
     fake.live = (make_live(7, 60.0),)
     async with opened(width, 30) as pilot:

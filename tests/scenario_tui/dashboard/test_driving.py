@@ -1,10 +1,6 @@
 """Steering campaigns from every screen, and what is said where that cannot be."""
 
-from __future__ import annotations
-
 import shlex
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -30,7 +26,7 @@ from tests.scenario_tui.dashboard.driven import (
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row
 
-SCREENS: dict[type, tuple[tuple[str, ...], tuple[str, ...]]] = {
+SCREENS = {
     CampaignsScreen: ((), ()),
     MatrixScreen: (("m",), ("escape",)),
     RunsScreen: (("enter",), ()),
@@ -40,19 +36,19 @@ SCREENS: dict[type, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 @pytest.fixture
-def fake() -> SteeredDaemon:
+def fake():
     return SteeredDaemon()
 
 
-def opened(fake: SteeredDaemon, width: int = 80, **settings: Any) -> Any:
+def opened(fake, width=80, **settings):
     return make_dashboard(fake, **settings).run_test(size=(width, 24))
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-async def test_a_campaign_is_steered_from_every_screen(fake) -> None:
+async def test_a_campaign_is_steered_from_every_screen(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         for screen, (way, back) in SCREENS.items():
@@ -69,7 +65,7 @@ async def test_a_campaign_is_steered_from_every_screen(fake) -> None:
             await press(pilot, *back)
 
 
-async def test_one_key_pauses_and_resumes_and_the_footer_says_which(fake) -> None:
+async def test_one_key_pauses_and_resumes_and_the_footer_says_which(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         assert "P Pause" in shown(pilot)
@@ -86,7 +82,7 @@ async def test_one_key_pauses_and_resumes_and_the_footer_says_which(fake) -> Non
     assert fake.told("resume") == [(CAMPAIGN,)]
 
 
-async def test_only_whole_numbers_in_range_are_priorities(fake) -> None:
+async def test_only_whole_numbers_in_range_are_priorities(fake):
     async with opened(fake, 120) as pilot:
         await settle(pilot)
         await press(pilot, "number_sign")
@@ -102,7 +98,7 @@ async def test_only_whole_numbers_in_range_are_priorities(fake) -> None:
     assert fake.told("prioritise") == [(CAMPAIGN, -5)]
 
 
-async def test_the_menu_of_retries_says_how_many_there_are_of_each(fake) -> None:
+async def test_the_menu_of_retries_says_how_many_there_are_of_each(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         await press(pilot, "r")
@@ -117,7 +113,7 @@ async def test_the_menu_of_retries_says_how_many_there_are_of_each(fake) -> None
     assert fake.told("retry") == [(CAMPAIGN, ("all",))]
 
 
-async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(fake) -> None:
+async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(fake):
     async with make_dashboard(fake).run_test(size=(40, 10)) as pilot:
         await settle(pilot)
         await press(pilot, "r")
@@ -125,7 +121,7 @@ async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(fake) 
         assert "all that are over: 8" in shown(pilot)
 
 
-async def test_what_is_over_is_neither_paused_nor_preferred_nor_cancelled(fake) -> None:
+async def test_what_is_over_is_neither_paused_nor_preferred_nor_cancelled(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         await press(pilot, "down", "P", "number_sign", "c")
@@ -133,7 +129,7 @@ async def test_what_is_over_is_neither_paused_nor_preferred_nor_cancelled(fake) 
         assert notices(pilot).count(f"{OLD} is finished") == 3
 
 
-async def test_nothing_is_retried_before_a_run_is_over(fake) -> None:
+async def test_nothing_is_retried_before_a_run_is_over(fake):
     fake.rows = (make_row(0, state=RunState.QUEUED, outcome=None, oracle="", margin=None),)
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -142,7 +138,7 @@ async def test_nothing_is_retried_before_a_run_is_over(fake) -> None:
         assert "nothing to retry yet" in notices(pilot)
 
 
-async def test_without_a_campaign_every_key_says_so(fake) -> None:
+async def test_without_a_campaign_every_key_says_so(fake):
     fake.empty = True
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -150,7 +146,7 @@ async def test_without_a_campaign_every_key_says_so(fake) -> None:
         assert notices(pilot).count("there is no campaign here") == 8
 
 
-async def test_without_a_daemon_nothing_is_done_later(fake) -> None:
+async def test_without_a_daemon_nothing_is_done_later(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         fake.reachable = False
@@ -162,7 +158,7 @@ async def test_without_a_daemon_nothing_is_done_later(fake) -> None:
     assert not fake.told("pause")
 
 
-async def test_a_read_only_dashboard_looks_and_says_so(fake) -> None:
+async def test_a_read_only_dashboard_looks_and_says_so(fake):
     async with opened(fake, config=configured(read_only=True)) as pilot:
         await settle(pilot)
         assert "read-only" in screen_text(pilot)[1]
@@ -176,7 +172,7 @@ async def test_a_read_only_dashboard_looks_and_says_so(fake) -> None:
                                                 "declared", "runs"}  # fmt: skip
 
 
-async def test_answers_can_be_clicked_on(fake) -> None:
+async def test_answers_can_be_clicked_on(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         await press(pilot, "c")
@@ -188,20 +184,18 @@ async def test_answers_can_be_clicked_on(fake) -> None:
     assert fake.told("cancel") == [(CAMPAIGN,)]
 
 
-async def test_a_line_of_the_commands_is_copied(fake) -> None:
+async def test_a_line_of_the_commands_is_copied(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         await press(pilot, "Y", "5")
         assert pilot.app.clipboard == f"scenario retry {CAMPAIGN} --only fail"
 
 
-def test_outside_of_tmux_its_buffer_is_left_alone() -> None:
+def test_outside_of_tmux_its_buffer_is_left_alone():
     assert not copy_to_tmux("text", {})
 
 
-async def test_every_command_shown_is_one_of_the_command_line(
-    fake, scenario: Callable[..., Any]
-) -> None:
+async def test_every_command_shown_is_one_of_the_command_line(fake, scenario):
     """`scenario` talks to the same fake daemon here, so what it understands is done twice."""
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -217,7 +211,7 @@ async def test_every_command_shown_is_one_of_the_command_line(
         assert rest == [once], (verb, before)
 
 
-async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypatch) -> None:
+async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypatch):
     monkeypatch.setattr(trace_actions, "open_in_browser", lambda page, environ: False)
     (tmp_path / "ledger.db").touch()
     fake.state = str(tmp_path)
@@ -236,7 +230,7 @@ async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypa
     assert ask.asked == [("report", CAMPAIGN, "-o", page, "--state", str(tmp_path))]
 
 
-async def test_traces_on_another_machine_are_not_judged_here(fake) -> None:
+async def test_traces_on_another_machine_are_not_judged_here(fake):
     ask = Commands()
     async with opened(fake, run_command=ask) as pilot:
         await settle(pilot)
@@ -245,7 +239,7 @@ async def test_traces_on_another_machine_are_not_judged_here(fake) -> None:
     assert not ask.asked
 
 
-async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypatch) -> None:
+async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypatch):
     from daemon.analysis.rejudge import RejudgedTrace
     from tests.scenario_tui.fake import make_result
 
@@ -282,18 +276,18 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
         ({}, False),
     ],
 )
-def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there) -> None:
+def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there):
     assert trace_actions.has_display(environ) is there
 
 
-async def test_the_palette_does_what_has_no_key_of_its_own(fake) -> None:
+async def test_the_palette_does_what_has_no_key_of_its_own(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         await choose_from_palette(pilot, "retry fail", "Retry failed")
     assert fake.told("retry") == [(CAMPAIGN, ("fail",))]
 
 
-async def test_the_palette_goes_to_campaigns_and_to_runs_the_daemon_finds(fake) -> None:
+async def test_the_palette_goes_to_campaigns_and_to_runs_the_daemon_finds(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         await choose_from_palette(pilot, "campaign ni", f"go to campaign {OLD}")

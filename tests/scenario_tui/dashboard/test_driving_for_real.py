@@ -1,7 +1,5 @@
 """Driving a real daemon, and asking real commands: what the fake ones stand for."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -11,7 +9,6 @@ from textual.widgets import Input
 
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
-from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.background import run_command
 from scenario_tui.dashboard.feed import Feed
@@ -26,13 +23,13 @@ from tests.scenario_tui.recorded import record_run
 CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
 
 
-async def test_a_campaign_is_steered_to_its_end(tmp_path: Path) -> None:
+async def test_a_campaign_is_steered_to_its_end(tmp_path):
     with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
         # None of its runs ends before the test lets them: whatever is pressed finds it under way.
         gate = tmp_path / "gate"
         client.submit(make_submission("long", runs=6, until=str(gate)))
 
-        def row() -> CampaignRow:
+        def row():
             return client.campaigns()[0]
 
         app = Dashboard(Feed(lambda: Client.open(part.endpoint)))
@@ -54,7 +51,7 @@ async def test_a_campaign_is_steered_to_its_end(tmp_path: Path) -> None:
             await eventually(lambda: row().passed == 6)
 
 
-async def test_a_campaign_chosen_by_its_name_is_executed(tmp_path: Path, monkeypatch) -> None:
+async def test_a_campaign_chosen_by_its_name_is_executed(tmp_path, monkeypatch):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(CAMPAIGNS / name, tmp_path / "work" / name)
     monkeypatch.chdir(tmp_path / "work")
@@ -72,7 +69,7 @@ async def test_a_campaign_chosen_by_its_name_is_executed(tmp_path: Path, monkeyp
             await eventually(lambda: isinstance(app.screen, CampaignsScreen))
 
 
-def test_commands_answer_or_say_why_not(tmp_path: Path) -> None:
+def test_commands_answer_or_say_why_not(tmp_path):
     trace = record_run(tmp_path / "run.mcap")
     found = parse_judge_answer(run_command(("judge", str(trace), "--state", str(tmp_path))))
     console = Console(record=True, width=80)

@@ -1,12 +1,8 @@
 """The feed: a thread that asks, over restarts, and never hides a bug."""
 
-from __future__ import annotations
-
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -20,11 +16,11 @@ from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.recorded_traces import UnavailableTrace, read_trace_summary
 from scenario_tui.dashboard.state import Query
 from tests.daemon.batch.harness import eventually
-from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
+from tests.scenario_tui.fake import CAMPAIGN, make_live
 
 
 @pytest.fixture
-def feed(fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Iterator[Feed]:
+def feed(fake, monkeypatch):
     for name in ("REFRESH", "_BREATH", "_RETRY"):
         monkeypatch.setattr(feed_module, name, 0.005)
     feed = Feed(fake.open, clock=lambda: fake.now)
@@ -32,9 +28,7 @@ def feed(fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Iterator[Feed]:
     feed.close()
 
 
-def test_only_what_is_wanted_is_asked_for(
-    feed: Feed, fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_what_is_wanted_is_asked_for(feed, fake, monkeypatch):
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
     feed.start()
     eventually(lambda: feed.take_news()[0] is not None)
@@ -50,8 +44,8 @@ def test_only_what_is_wanted_is_asked_for(
     assert sum(call[0] == "scene" for call in fake.calls) == 1  # kept after that
 
 
-def test_a_first_answer_is_told_at_once_and_again_when_the_daemon_is_back(feed, fake) -> None:
-    told: list[bool] = []
+def test_a_first_answer_is_told_at_once_and_again_when_the_daemon_is_back(feed, fake):
+    told = []
     feed.on_answer = lambda: told.append(feed._state.connected)
     feed.step(fake)
     feed.step(fake)
@@ -61,7 +55,7 @@ def test_a_first_answer_is_told_at_once_and_again_when_the_daemon_is_back(feed, 
     assert told == [True, True]
 
 
-def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake) -> None:
+def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake):
     feed.start()
     eventually(lambda: feed._state.connected)
     fake.reachable = False
@@ -72,7 +66,7 @@ def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake) ->
     eventually(lambda: feed._state.connected)
 
 
-def test_telemetry_waits_until_it_is_taken(feed, fake) -> None:
+def test_telemetry_waits_until_it_is_taken(feed, fake):
     fake.live = (make_live(7, 1.0), make_live(7, 2.0))
     feed.start()
     eventually(lambda: len(feed._lives) == 2)
@@ -81,13 +75,13 @@ def test_telemetry_waits_until_it_is_taken(feed, fake) -> None:
     assert feed.take_news()[1] == []
 
 
-def test_telemetry_nobody_takes_does_not_grow(feed) -> None:
+def test_telemetry_nobody_takes_does_not_grow(feed):
     for index in range(2000):
         feed._lives.append(make_live(7, float(index)))
     assert len(feed.take_news()[1]) == 512
 
 
-def test_actions_become_notices(feed, fake) -> None:
+def test_actions_become_notices(feed, fake):
     feed.enqueue_action(lambda daemon: f"cancelled {daemon.cancel(CAMPAIGN)}")
     feed.enqueue_action(lambda daemon: str(daemon.run("nobody.1")))
     feed.start()
@@ -97,8 +91,8 @@ def test_actions_become_notices(feed, fake) -> None:
     assert (bad.text, bad.severity) == ("there is no run nobody.1", "error")
 
 
-def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake) -> None:
-    def bug(daemon: FakeDaemon) -> None:
+def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake):
+    def bug(daemon):
         raise KeyError("a bug")
 
     fake.before = bug
@@ -108,7 +102,7 @@ def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake) -> None:
         feed.take_news()
 
 
-def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
+def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch):
     monkeypatch.setattr(feed_module, "REFRESH", 60.0)
     monkeypatch.setattr(feed_module, "_BREATH", 0.005)
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
@@ -123,12 +117,10 @@ def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
     feed.close()
 
 
-def test_a_key_that_is_held_keeps_nothing_else_from_being_looked_at(
-    feed: Feed, fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_key_that_is_held_keeps_nothing_else_from_being_looked_at(feed, fake, monkeypatch):
     found = fake.runs
 
-    def turned_again(*asked: Any, offset: int = 0, **others: Any) -> Any:
+    def turned_again(*asked, offset=0, **others):
         feed.set_query(Query(runs=RunQuery(CAMPAIGN, offset=1 - offset, limit=1)))
         return found(*asked, offset=offset, **others)
 
@@ -138,14 +130,12 @@ def test_a_key_that_is_held_keeps_nothing_else_from_being_looked_at(
     eventually(lambda: sum(call[0] == "overview" for call in fake.calls) > 2)
 
 
-def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
-    feed: Feed, fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(feed, fake, monkeypatch):
     silent, asked = threading.Event(), threading.Event()
     monkeypatch.setattr(feed_module, "_PATIENCE", 0.01)
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 0.005)
 
-    def records(campaign: str) -> tuple[()]:
+    def records(campaign):
         asked.set()
         silent.wait(60.0)
         raise OSError("the connection was closed")
@@ -162,13 +152,13 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
     assert feed._failure is None
 
 
-def test_a_trace_that_is_not_here_is_said_to_be_missing(fake) -> None:
+def test_a_trace_that_is_not_here_is_said_to_be_missing(fake):
     seen = read_trace_summary(fake.run(f"{CAMPAIGN}.0"))
     assert isinstance(seen, UnavailableTrace)
     assert "not on this machine" in seen.why
 
 
-def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monkeypatch) -> None:
+def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     data = b"not a trace" * 1000
     text, digest = encode_chunk(data)
@@ -184,7 +174,7 @@ def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monke
     assert [path.read_bytes() for path in tmp_path.rglob("*.mcap")] == [data]
 
 
-def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path) -> None:
+def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path):
     path = tmp_path / "broken.mcap"
     path.write_bytes(b"not a trace")
     detail = fake.run(f"{CAMPAIGN}.0")
@@ -194,7 +184,7 @@ def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path) -> None:
     assert "Run it again" in seen.why
 
 
-def test_a_lost_run_has_nothing_to_look_at(fake) -> None:
+def test_a_lost_run_has_nothing_to_look_at(fake):
     seen = read_trace_summary(fake.run(f"{CAMPAIGN}.9"))
     assert isinstance(seen, UnavailableTrace)
     assert seen.why.startswith("This run was lost")

@@ -1,9 +1,5 @@
 """The line of keys is made anew when it says something else, and only then."""
 
-from __future__ import annotations
-
-import pytest
-
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
@@ -11,13 +7,11 @@ from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_te
 from tests.scenario_tui.idle import until_idle
 
 
-async def test_the_line_of_keys_is_made_when_it_says_something_else(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    made: list[str] = []
+async def test_the_line_of_keys_is_made_when_it_says_something_else(monkeypatch):
+    made = []
     usual = KeyFooter.recompose
 
-    async def recompose(self: KeyFooter) -> None:
+    async def recompose(self):
         made.append(type(self.screen).__name__)
         await usual(self)
 
@@ -31,13 +25,11 @@ async def test_the_line_of_keys_is_made_when_it_says_something_else(
         await until(pilot, lambda: len(made) > 1)
 
 
-async def test_keys_that_come_back_while_the_line_is_made_are_shown(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    absent: set[str] = set()
+async def test_keys_that_come_back_while_the_line_is_made_are_shown(monkeypatch):
+    absent = set()
     pointless, make_anew = CampaignsScreen.pointless_keys, KeyFooter.recompose
 
-    async def recompose(self: KeyFooter) -> None:
+    async def recompose(self):
         absent.add("matrix")  # after the line was told of its keys, before it is made of them
         await make_anew(self)
 

@@ -1,12 +1,7 @@
 """The dashboard starts a daemon on its machine when none answers, and says how it is stopped."""
 
-from __future__ import annotations
-
 import threading
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 from textual.app import App
@@ -26,10 +21,10 @@ STARTED = (
 )
 
 
-async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_stop_it() -> None:
+async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_stop_it():
     fake, begin = SteeredDaemon(reachable=False), threading.Event()
 
-    def launch() -> str:
+    def launch():
         begin.wait()
         fake.reachable = True
         return STARTED
@@ -47,7 +42,7 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
     assert app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
 
 
-async def test_whether_one_is_started_is_said_only_once_nobody_answered() -> None:
+async def test_whether_one_is_started_is_said_only_once_nobody_answered():
     state = DashboardState()
     line = StatusLine()
     async with App[None]().run_test() as pilot:
@@ -58,7 +53,7 @@ async def test_whether_one_is_started_is_said_only_once_nobody_answered() -> Non
         assert "starting a daemon" in str(line.content)
 
 
-async def test_a_daemon_that_answers_is_left_as_it_is() -> None:
+async def test_a_daemon_that_answers_is_left_as_it_is():
     app = make_dashboard(SteeredDaemon(), launch_daemon=lambda: "")
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(pilot)
@@ -66,8 +61,8 @@ async def test_a_daemon_that_answers_is_left_as_it_is() -> None:
     assert "stop" not in app.farewell()
 
 
-async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words() -> None:
-    def launch() -> str:
+async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words():
+    def launch():
         raise LaunchFailed("the daemon ended with code 70:\nno space left")
 
     app = make_dashboard(SteeredDaemon(reachable=False), launch_daemon=launch)
@@ -87,16 +82,11 @@ async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words() -> N
     ],
 )
 def test_none_is_started_behind_the_back_of_who_named_one_or_only_looks(
-    scenario: Callable[..., Any],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    read_only: bool,
-    started: bool,
-) -> None:
+    scenario, tmp_path, monkeypatch, arguments, read_only, started
+):
     launchers = []
 
-    def run(*given: Any) -> tuple[int, str]:
+    def run(*given):
         launchers.append(given[3])
         return 0, "left"
 

@@ -1,10 +1,6 @@
 """The view of a live world and its keys; the world's clock is turned by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -24,7 +20,7 @@ DRIVE = Drive("differential", 0.8, 0.0, 0.7, 1.0, 1.0, 3.0, 80.0, 20.0, 0.5)
 class Shown:
     """A view and the world behind it."""
 
-    def __init__(self, campaigns: Path, to_type: str = "") -> None:
+    def __init__(self, campaigns, to_type=""):
         self.clock = HandClock()
         self.simulation = LiveSimulation(*demo_spec(demo_submission(campaigns)), clock=self.clock)
         self.simulation.step()  # its clock begins
@@ -34,10 +30,10 @@ class Shown:
             self.simulation, self.thread, lambda: self.connected, to_type, clock=self.clock
         )
 
-    def opened(self, size: tuple[int, int] = (80, 24)) -> Any:
+    def opened(self, size=(80, 24)):
         return LiveApp(self.screen).run_test(size=size)
 
-    async def passes(self, pilot: Any, seconds: float) -> list[str]:
+    async def passes(self, pilot, seconds):
         """Let time pass in the world, and return what is seen then."""
         go(self.simulation, self.clock, seconds)
         self.screen.show_moment()
@@ -46,12 +42,12 @@ class Shown:
 
 
 @pytest.fixture
-def shown(campaigns: Path) -> Shown:
+def shown(campaigns):
     return Shown(campaigns)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (200, 50), (60, 16)])
-async def test_what_there_is_to_see(shown: Shown, size: tuple[int, int]) -> None:
+async def test_what_there_is_to_see(shown, size):
     async with shown.opened(size) as pilot:
         lines = await shown.passes(pilot, 2.0)
         assert lines[0].strip().startswith("▶ 1x  2.0 s  busy-house")
@@ -62,7 +58,7 @@ async def test_what_there_is_to_see(shown: Shown, size: tuple[int, int]) -> None
             await pilot.pause()  # the footer comes when it knows its keys
 
 
-async def test_keys_for_time(shown: Shown) -> None:
+async def test_keys_for_time(shown):
     async with shown.opened() as pilot:
         await shown.passes(pilot, 1.0)
         for key, said in (("plus", "2x"), ("plus", "5x"), ("minus", "2x"), ("minus", "1x"),
@@ -84,7 +80,7 @@ async def test_keys_for_time(shown: Shown) -> None:
         assert shown.simulation.status.speed == 100.0
 
 
-async def test_keys_drive_the_robot(shown: Shown) -> None:
+async def test_keys_drive_the_robot(shown):
     async with shown.opened() as pilot:
         await shown.passes(pilot, 1.0)
         assert shown.simulation.view is not None
@@ -107,7 +103,7 @@ async def test_keys_drive_the_robot(shown: Shown) -> None:
         assert shown.simulation.view.pose == rests
 
 
-async def test_what_goes_wrong_is_said(shown: Shown) -> None:
+async def test_what_goes_wrong_is_said(shown):
     async with shown.opened((120, 30)) as pilot:
         await shown.passes(pilot, 0.5)
         late = replace(shown.simulation.status, late=True, reached=0.61, time=190.0, note="crashed")
@@ -124,11 +120,11 @@ async def test_what_goes_wrong_is_said(shown: Shown) -> None:
     assert pilot.app.return_code == 0
 
 
-async def test_the_line_to_type_can_be_copied(campaigns: Path) -> None:
+async def test_the_line_to_type_can_be_copied(campaigns):
     shown = Shown(campaigns, LINE)
-    copied: list[str] = []
+    copied = []
     async with shown.opened((120, 30)) as pilot:
-        shown.screen.app.copy_to_clipboard = copied.append  # type: ignore[method-assign]
+        shown.screen.app.copy_to_clipboard = copied.append
         await pilot.press("y")
         assert copied == [LINE]
         await pilot.press("question_mark")
@@ -138,13 +134,13 @@ async def test_the_line_to_type_can_be_copied(campaigns: Path) -> None:
     assert shown.simulation.watched is False
 
 
-async def test_without_a_line_to_type_there_is_nothing_to_copy(shown: Shown) -> None:
+async def test_without_a_line_to_type_there_is_nothing_to_copy(shown):
     async with shown.opened() as pilot:
         await pilot.press("y")
         assert "Copy" not in screen_text(pilot)[-1]
 
 
-def test_a_tap_drives_for_a_moment_and_stops() -> None:
+def test_a_tap_drives_for_a_moment_and_stops():
     clock = HandClock()
     keys = Teleoperation(DRIVE, clock)
     assert keys.command() is None
@@ -157,7 +153,7 @@ def test_a_tap_drives_for_a_moment_and_stops() -> None:
     assert keys.command() is None
 
 
-def test_a_key_that_is_held_and_let_go() -> None:
+def test_a_key_that_is_held_and_let_go():
     clock = HandClock()
     keys = Teleoperation(DRIVE, clock)
     keys.press("wz", -1)
@@ -170,7 +166,7 @@ def test_a_key_that_is_held_and_let_go() -> None:
     assert keys.command() == Twist2()
 
 
-def test_two_keys_drive_a_curve_and_the_other_direction_takes_over() -> None:
+def test_two_keys_drive_a_curve_and_the_other_direction_takes_over():
     clock = HandClock()
     keys = Teleoperation(DRIVE, clock)
     keys.press("vx", 1)

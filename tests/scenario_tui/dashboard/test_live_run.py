@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.live_view import to_centimetres
 from daemon.model.run_state import RunState
 from daemon.model.spec import OracleText
-from daemon.model.status import RunDetail
 from grammars.model.geometry import Pose2
 from grammars.text import codec
 from scenario_tui.dashboard.live_timeline import (
@@ -44,25 +42,25 @@ RUN = f"{CAMPAIGN}.7"
 SPEC = make_spec(make_row(7), "")
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-def running(time: float = 60.0) -> FakeDaemon:
+def running(time=60.0):
     return FakeDaemon(live=tuple(make_live(7, float(t)) for t in np.arange(0.0, time + 1.0, 2.0)))
 
 
-def opened(fake: FakeDaemon, size: tuple[int, int] = (120, 40)) -> Any:
+def opened(fake, size=(120, 40)):
     return make_dashboard(fake).run_test(size=size)
 
 
-async def look_at(pilot: Any) -> None:
+async def look_at(pilot):
     await pilot.pause(0)
     pilot.app.open_run(RUN)
     await settle(pilot)
 
 
-async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map() -> None:
+async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:
@@ -78,7 +76,7 @@ async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map() -> No
         assert "elapsed" in shown(pilot)
 
 
-async def test_signals_are_drawn_anew_only_when_there_is_a_new_judgement() -> None:
+async def test_signals_are_drawn_anew_only_when_there_is_a_new_judgement():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:
@@ -94,7 +92,7 @@ async def test_signals_are_drawn_anew_only_when_there_is_a_new_judgement() -> No
         assert signals._drawing is not drawing
 
 
-async def test_a_run_that_is_not_judged_any_more_says_so_and_goes_on_to_be_drawn() -> None:
+async def test_a_run_that_is_not_judged_any_more_says_so_and_goes_on_to_be_drawn():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:
@@ -110,7 +108,7 @@ async def test_a_run_that_is_not_judged_any_more_says_so_and_goes_on_to_be_drawn
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_while_a_system_starts_the_map_shows_where_it_will(size: tuple[int, int]) -> None:
+async def test_while_a_system_starts_the_map_shows_where_it_will(size):
     async with opened(FakeDaemon(live=(make_live(7, waiting=WAITING),)), size) as pilot:
         await look_at(pilot)
         assert WAITING in shown(pilot)
@@ -118,7 +116,7 @@ async def test_while_a_system_starts_the_map_shows_where_it_will(size: tuple[int
         assert pilot.app.screen.query_one(TopView).size.height > size[1] / 2
 
 
-async def test_what_a_system_waits_for_is_shown_as_it_is_brackets_too() -> None:
+async def test_what_a_system_waits_for_is_shown_as_it_is_brackets_too():
     waiting = "waiting for [/map] of [amcl]"
     async with opened(FakeDaemon(live=(make_live(7, waiting=waiting),)), (140, 40)) as pilot:
         await look_at(pilot)
@@ -126,9 +124,7 @@ async def test_what_a_system_waits_for_is_shown_as_it_is_brackets_too() -> None:
 
 
 @pytest.mark.parametrize("far", [1e6, 1e15, 1e90])
-async def test_a_system_that_takes_the_robot_to_be_anywhere_is_watched_all_the_same(
-    far: float,
-) -> None:
+async def test_a_system_that_takes_the_robot_to_be_anywhere_is_watched_all_the_same(far):
     lost = make_live(7, 61.0)
     points = to_centimetres(np.array([(far, -far), (-far, 0.0), (1.0, 2.0)] * 12))
     snapshot = replace(
@@ -143,7 +139,7 @@ async def test_a_system_that_takes_the_robot_to_be_anywhere_is_watched_all_the_s
         assert "◆3" in shown(pilot)
 
 
-async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on() -> None:
+async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on():
     fake = running()
     fake.judged[RUN] = make_judgement(contact=True)
     async with opened(fake) as pilot:
@@ -153,7 +149,7 @@ async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on() -> None:
         assert "27.00 s  contact    robot touches" in shown(pilot)
 
 
-async def test_a_judgement_is_asked_for_only_while_the_run_is_on_the_screen() -> None:
+async def test_a_judgement_is_asked_for_only_while_the_run_is_on_the_screen():
     fake = running()
     async with opened(fake, (140, 40)) as pilot:
         await pilot.pause(0)
@@ -168,7 +164,7 @@ async def test_a_judgement_is_asked_for_only_while_the_run_is_on_the_screen() ->
         assert fake.judges == {}
 
 
-async def test_the_list_keeps_its_cursor_when_the_order_changes() -> None:
+async def test_the_list_keeps_its_cursor_when_the_order_changes():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:
@@ -183,7 +179,7 @@ async def test_the_list_keeps_its_cursor_when_the_order_changes() -> None:
         assert listed.chosen().oracle == "clear"
 
 
-async def test_the_log_follows_its_end_unless_somebody_scrolled_up() -> None:
+async def test_the_log_follows_its_end_unless_somebody_scrolled_up():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:
@@ -191,7 +187,7 @@ async def test_the_log_follows_its_end_unless_somebody_scrolled_up() -> None:
         log = pilot.app.screen.query_one("#log", VerticalScroll)
         lines = make_judgement().log
 
-        async def say(*words: str) -> None:
+        async def say(*words):
             said = tuple(LogLine(60.0, "pilot", word) for word in words)
             fake.judged[RUN] = replace(make_judgement(time=61.0 + len(words)), log=(*lines, *said))
             await settle(pilot)
@@ -215,9 +211,7 @@ async def test_the_log_follows_its_end_unless_somebody_scrolled_up() -> None:
     ],
     ids=["unheard", "starting", "first-second"],
 )
-async def test_before_there_are_signals_the_screen_says_what_it_waits_for(
-    size: tuple[int, int], live: Any, words: str
-) -> None:
+async def test_before_there_are_signals_the_screen_says_what_it_waits_for(size, live, words):
     async with opened(FakeDaemon(live=live), size) as pilot:
         await look_at(pilot)
         while size[0] < 110 and "[signals]" not in shown(pilot):
@@ -227,7 +221,7 @@ async def test_before_there_are_signals_the_screen_says_what_it_waits_for(
         assert words in told
 
 
-async def test_before_the_first_judgement_signals_are_those_that_snapshots_tell() -> None:
+async def test_before_the_first_judgement_signals_are_those_that_snapshots_tell():
     fake = running()
     async with opened(fake) as pilot:
         await look_at(pilot)
@@ -240,7 +234,7 @@ async def test_before_the_first_judgement_signals_are_those_that_snapshots_tell(
         assert "come in a moment" not in shown(pilot)
 
 
-def test_of_a_long_run_moments_all_along_are_remembered() -> None:
+def test_of_a_long_run_moments_all_along_are_remembered():
     tracks = Tracks()
     for step in range(5000):
         tracks.add(make_live(7, step * 2.0))
@@ -251,7 +245,7 @@ def test_of_a_long_run_moments_all_along_are_remembered() -> None:
     assert track.heard_of[-1].time == 9998.0
 
 
-async def test_a_worker_that_tells_no_signals_is_said_to_be_one() -> None:
+async def test_a_worker_that_tells_no_signals_is_said_to_be_one():
     fake = running()
     async with opened(fake) as pilot:
         await look_at(pilot)
@@ -260,7 +254,7 @@ async def test_a_worker_that_tells_no_signals_is_said_to_be_one() -> None:
         assert "Its worker tells no signals" in shown(pilot)
 
 
-async def test_a_run_nothing_is_heard_of_any_more_says_for_how_long() -> None:
+async def test_a_run_nothing_is_heard_of_any_more_says_for_how_long():
     fake = running()
     clock = [0.0]
     app = make_dashboard(fake)
@@ -274,7 +268,7 @@ async def test_a_run_nothing_is_heard_of_any_more_says_for_how_long() -> None:
         assert "last heard 1 min 12 s ago" in shown(pilot)
 
 
-async def test_the_worst_margin_so_far_stands_in_the_first_line() -> None:
+async def test_the_worst_margin_so_far_stands_in_the_first_line():
     live = make_live(7, 60.0)
     snapshot = replace(live.snapshot, margin=-0.02, unit="m", oracle="clear")
     async with opened(FakeDaemon(live=(replace(live, snapshot=snapshot),))) as pilot:
@@ -282,7 +276,7 @@ async def test_the_worst_margin_so_far_stands_in_the_first_line() -> None:
         assert "▶ running  1/3 wp  60 s of 1200 s  ✗ −0.02 m clear" in shown(pilot)
 
 
-async def test_a_run_without_oracles_still_shows_signals_and_what_it_is() -> None:
+async def test_a_run_without_oracles_still_shows_signals_and_what_it_is():
     fake = running()
     fake.judged[RUN] = replace(make_judgement(), verdicts=())
     async with opened(fake) as pilot:
@@ -298,7 +292,7 @@ class Ending(FakeDaemon):
     over = False
     trace: Path = Path()
 
-    def run(self, run: str) -> RunDetail:
+    def run(self, run):
         if self.over:
             done = make_row(7, state=RunState.DONE, trace=str(self.trace))
             self.rows = tuple(done if row.index == 7 else row for row in self.rows)
@@ -306,9 +300,7 @@ class Ending(FakeDaemon):
         return replace(found, spec=make_run(7)) if self.over else found
 
 
-async def test_a_run_that_ends_while_it_is_looked_at_stays_where_one_looked(
-    tmp_path: Path,
-) -> None:
+async def test_a_run_that_ends_while_it_is_looked_at_stays_where_one_looked(tmp_path):
     fake = Ending(live=tuple(make_live(7, float(t)) for t in range(10)))
     fake.trace = record_run(tmp_path / "run.mcap", index=7)
     fake.judged[RUN] = make_judgement(time=9.0)
@@ -328,7 +320,7 @@ async def test_a_run_that_ends_while_it_is_looked_at_stays_where_one_looked(
         assert "10.0 s of 10.0 s" in shown(pilot)
 
 
-async def test_the_trail_is_known_by_its_clearance() -> None:
+async def test_the_trail_is_known_by_its_clearance():
     fake = running(120.0)
     fake.judged[RUN] = make_judgement(time=60.0)
     async with opened(fake) as pilot:
@@ -339,7 +331,7 @@ async def test_the_trail_is_known_by_its_clearance() -> None:
         assert np.isnan(view.clearances[-1])  # later than what was judged
 
 
-def test_the_limit_of_the_trail_is_that_of_an_oracle_that_reads_clearance() -> None:
+def test_the_limit_of_the_trail_is_that_of_an_oracle_that_reads_clearance():
     limits = limits_of((OracleText("clear", "always(clearance >= 0.05 m)"),))
     timeline = live_timeline(make_judgement(), SPEC, limits)
     known, limit = clearance_along(timeline.strips, [27.0, -1.0, 1e6])
@@ -348,20 +340,20 @@ def test_the_limit_of_the_trail_is_that_of_an_oracle_that_reads_clearance() -> N
     assert np.isnan(known[1:]).all()
 
 
-def test_a_worker_that_tells_of_more_waypoints_than_there_are_is_not_believed() -> None:
+def test_a_worker_that_tells_of_more_waypoints_than_there_are_is_not_believed():
     heard = [HeardMoment(float(t), Pose2(float(t)), None, 10**9) for t in range(3)]
     timeline = heard_timeline(heard, SPEC)
     assert timeline is not None
     assert timeline.reached == (0.0,) * len(SPEC.mission.waypoints)
 
 
-def test_the_axis_of_time_stands_still_while_a_run_grows() -> None:
+def test_the_axis_of_time_stands_still_while_a_run_grows():
     ends = [live_timeline(make_judgement(time=t), SPEC, ()).horizon for t in np.arange(1.0, 200.0)]
     assert all(end > now for now, end in zip(np.arange(1.0, 200.0), ends, strict=True))
     assert len(set(ends)) < 25
 
 
-async def test_the_cursor_goes_back_in_a_run_that_goes_on_and_follows_again_at_the_end() -> None:
+async def test_the_cursor_goes_back_in_a_run_that_goes_on_and_follows_again_at_the_end():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:
@@ -386,7 +378,7 @@ async def test_the_cursor_goes_back_in_a_run_that_goes_on_and_follows_again_at_t
         assert "follows again" not in shown(pilot)
 
 
-async def test_space_stays_at_a_moment_of_a_run_that_goes_on_and_plays_from_there() -> None:
+async def test_space_stays_at_a_moment_of_a_run_that_goes_on_and_plays_from_there():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:
@@ -404,7 +396,7 @@ async def test_space_stays_at_a_moment_of_a_run_that_goes_on_and_plays_from_ther
         assert transport.follows
 
 
-async def test_enter_on_a_verdict_so_far_goes_to_its_moment_and_the_list_alone_does_not() -> None:
+async def test_enter_on_a_verdict_so_far_goes_to_its_moment_and_the_list_alone_does_not():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:
@@ -416,14 +408,14 @@ async def test_enter_on_a_verdict_so_far_goes_to_its_moment_and_the_list_alone_d
         assert pilot.app.screen.transport.time == 27.0
 
 
-def test_a_run_that_begins_anew_is_followed_from_its_start() -> None:
+def test_a_run_that_begins_anew_is_followed_from_its_start():
     transport = LiveTransport(0.0, 50.0, 50.0)
     transport.go(20.0)
     transport.grow(0.0, 3.0)
     assert (transport.time, transport.follows) == (3.0, True)
 
 
-async def test_a_run_that_begins_anew_has_not_failed_yet() -> None:
+async def test_a_run_that_begins_anew_has_not_failed_yet():
     fake = running()
     fake.judged[RUN] = make_judgement(contact=True)
     async with opened(fake) as pilot:
@@ -435,7 +427,7 @@ async def test_a_run_that_begins_anew_has_not_failed_yet() -> None:
         assert not pilot.app.screen.moments()
 
 
-async def test_where_all_is_in_view_tab_goes_to_the_log_and_back() -> None:
+async def test_where_all_is_in_view_tab_goes_to_the_log_and_back():
     fake = running()
     fake.judged[RUN] = make_judgement()
     async with opened(fake) as pilot:

@@ -1,7 +1,5 @@
 """The map in cells: turned to the building, filled walls, names that cover nothing, the legend."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -13,34 +11,34 @@ from hypothesis import strategies as st
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.movers import with_planar_chain
-from grammars.model.scene import Link, Scene, SceneObject
+from grammars.model.scene import Link, SceneObject
 from scenario_tui.dashboard.widgets.block_cells import (
     fill_areas,
     middle_line,
     ring_edges,
     to_blocks,
 )
-from scenario_tui.dashboard.widgets.map_frame import MapFrame, View, draw_view
+from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_names import name_area, name_thing
 from scenario_tui.dashboard.widgets.map_projection import cell_of, fit, main_axis
 from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
 from tests.scenario_tui.fake import MISSION, ROBOT, make_scene
 
 
-def view(**changes: object) -> View:
-    return View(make_scene(), ROBOT, MISSION, (0.0,), **changes)  # type: ignore[arg-type]
+def view(**changes):
+    return View(make_scene(), ROBOT, MISSION, (0.0,), **changes)
 
 
-def rows_of(frame: MapFrame) -> list[str]:
+def rows_of(frame):
     codes, _ = frame.cells()
     return ["".join(map(chr, row)) for row in codes]
 
 
-def owners_of(frame: MapFrame, layer: Layer) -> int:
+def owners_of(frame, layer):
     return int((frame.cells()[1] == layer).sum())
 
 
-def turned(scene: Scene, angle: float) -> Scene:
+def turned(scene, angle):
     """Return the scene turned around the origin, without its door."""
     pose = Pose2(0.0, 0.0, angle)
     return replace(
@@ -51,37 +49,35 @@ def turned(scene: Scene, angle: float) -> Scene:
     )
 
 
-def askew(degrees: float, **changes: object) -> View:
+def askew(degrees, **changes):
     pose = Pose2(0.0, 0.0, math.radians(degrees))
     points = [pose.apply((w.x, w.y)) for w in MISSION.waypoints]
     stops = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(points))
     scene = turned(make_scene(), pose.yaw)
     mission = Mission("askew", pose @ MISSION.start, stops)
-    return View(scene, ROBOT, mission, (), **changes)  # type: ignore[arg-type]
+    return View(scene, ROBOT, mission, (), **changes)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 33.0, -33.0, 90.0, 150.0])
-def test_a_building_that_stands_askew_fills_the_pane_as_one_that_does_not(degrees: float) -> None:
+def test_a_building_that_stands_askew_fills_the_pane_as_one_that_does_not(degrees):
     straight = draw_view(askew(0.0), 100, 20).still.projection.scale
     frame = draw_view(askew(degrees), 100, 20)
     assert frame.still.projection.scale == pytest.approx(straight, rel=0.02)
     assert any("x" in text.text for text in frame.still.texts) == (degrees != 0.0)
 
 
-def test_a_robot_on_a_turned_map_points_along_the_building() -> None:
+def test_a_robot_on_a_turned_map_points_along_the_building():
     shown = askew(33.0, robot_pose=Pose2(5.0, 5.0, math.radians(33.0)))
     assert "→" in "".join(rows_of(draw_view(shown, 100, 20)))
 
 
-def test_a_map_that_is_hardly_larger_when_turned_stays_as_it_is_drawn() -> None:
+def test_a_map_that_is_hardly_larger_when_turned_stays_as_it_is_drawn():
     square = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
     assert fit(square, 0.0, 300, 290).turn == 0.0
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
-def test_ways_on_the_screen_and_on_the_map_are_each_others_inverse(
-    axis: float, right: float, up: float
-) -> None:
+def test_ways_on_the_screen_and_on_the_map_are_each_others_inverse(axis, right, up):
     corners = np.array([(0.0, 0.0), (30.0, 0.0), (30.0, 4.0), (0.0, 4.0)])
     turn = np.array([[math.cos(axis), math.sin(axis)], [-math.sin(axis), math.cos(axis)]])
     projection = fit(corners @ turn, axis, 200, 80)
@@ -92,7 +88,7 @@ def test_ways_on_the_screen_and_on_the_map_are_each_others_inverse(
     assert b - a == pytest.approx((right, -up), abs=1e-6)
 
 
-def test_the_axis_is_that_of_most_walls_not_the_mean() -> None:
+def test_the_axis_is_that_of_most_walls_not_the_mean():
     square = ring_edges([np.array([(0.0, 0.0), (9.0, 0.0), (9.0, 5.0), (0.0, 5.0)])])
     wing = np.array([[9.0, 0.0, 12.0, 2.0]])
     assert main_axis(np.vstack([square, wing])) == pytest.approx(0.0)
@@ -103,9 +99,7 @@ coordinate = st.integers(-4, 24)
 
 
 @given(coordinate, coordinate, st.integers(1, 20), st.integers(1, 20))
-def test_an_area_holds_the_squares_whose_middle_lies_in_it(
-    x: int, y: int, wide: int, high: int
-) -> None:
+def test_an_area_holds_the_squares_whose_middle_lies_in_it(x, y, wide, high):
     ring = np.array([(x, y), (x + wide, y), (x + wide, y + high), (x, y + high)], dtype=float)
     mask = fill_areas(ring_edges([ring]), 20, 16)
     rows, columns = np.indices(mask.shape)
@@ -113,7 +107,7 @@ def test_an_area_holds_the_squares_whose_middle_lies_in_it(
     assert (mask == inside).all()
 
 
-def test_areas_that_overlap_are_one_and_holes_are_left_out() -> None:
+def test_areas_that_overlap_are_one_and_holes_are_left_out():
     outer, inner = (
         np.array([(a, a), (b, a), (b, b), (a, b)], dtype=float) for a, b in ((0, 10), (3, 7))
     )
@@ -121,7 +115,7 @@ def test_areas_that_overlap_are_one_and_holes_are_left_out() -> None:
     assert fill_areas(ring_edges([outer, inner]), 10, 10, even_odd=True).sum() == 84
 
 
-def test_blocks_look_like_their_squares() -> None:
+def test_blocks_look_like_their_squares():
     quarters = np.array([[1, 0, 1, 1], [0, 1, 0, 0]], dtype=bool)
     assert [chr(c) for c in to_blocks(quarters, "quadrants").codes[0]] == ["▚", "▀"]
     sixths = np.array([[1, 0, 1, 0, 1, 1], [0, 0, 1, 0, 1, 1], [0, 0, 1, 0, 1, 1]], dtype=bool)
@@ -129,14 +123,14 @@ def test_blocks_look_like_their_squares() -> None:
     assert chr(to_blocks(quarters[:1], "cells").codes[0, 0]) == "█"
 
 
-def test_walls_thinner_than_a_square_have_no_gaps() -> None:
+def test_walls_thinner_than_a_square_have_no_gaps():
     frame = draw_view(view(), 40, 10)
     walls = frame.still.walls.dots > 0
     ((left, below), (right, _)) = frame.still.projection.dots(np.array([(0.0, -0.1), (12.0, -0.1)]))
     assert walls[int(below // 4), int(left // 2) : int(right // 2)].all()
 
 
-def test_rooms_and_doors_have_names_that_cover_no_wall() -> None:
+def test_rooms_and_doors_have_names_that_cover_no_wall():
     frame = draw_view(view(), 100, 30)
     shown = "\n".join(rows_of(frame))
     assert "hall" in shown
@@ -147,7 +141,7 @@ def test_rooms_and_doors_have_names_that_cover_no_wall() -> None:
         assert not solid[row, column : column + name.width].any()
 
 
-def test_a_name_makes_room_for_the_robot_and_comes_back() -> None:
+def test_a_name_makes_room_for_the_robot_and_comes_back():
     still = draw_view(view(), 100, 30).still
     (hall,) = (name for name in still.names if name.lines == ("hall",))
     row, column = hall.spots[0]
@@ -160,7 +154,7 @@ def test_a_name_makes_room_for_the_robot_and_comes_back() -> None:
     assert any("hall" in line for line in shown)
 
 
-def test_a_name_too_long_for_its_room_is_broken_or_left_out() -> None:
+def test_a_name_too_long_for_its_room_is_broken_or_left_out():
     room = [np.array([(0.0, 0.0), (14.0, 0.0), (14.0, 6.0), (0.0, 6.0)])]
     free = np.ones((6, 14), dtype=bool)
     broken = name_area("living_room_east", Layer.SPACE_NAME, room, free)
@@ -169,14 +163,14 @@ def test_a_name_too_long_for_its_room_is_broken_or_left_out() -> None:
     assert name_area("x" * 13, Layer.SPACE_NAME, room, free) is None
 
 
-def test_waypoints_carry_their_numbers_those_in_one_cell_together() -> None:
+def test_waypoints_carry_their_numbers_those_in_one_cell_together():
     both = replace(MISSION, waypoints=(*MISSION.waypoints, Waypoint("again", 4.0, 2.0)))
     shown = "".join(rows_of(draw_view(View(make_scene(), ROBOT, both, (0.0,)), 76, 20)))
     assert all(mark in shown for mark in ("◆1,4", "◆2", "◆3"))
 
 
 @pytest.mark.parametrize("columns", [40, 80, 120, 200])
-def test_the_bar_is_as_long_as_it_says(columns: int) -> None:
+def test_the_bar_is_as_long_as_it_says(columns):
     frame = draw_view(view(), columns, 24)
     bar = rows_of(frame)[-1]
     cells = bar.index("┤") - bar.index("├")
@@ -185,7 +179,7 @@ def test_the_bar_is_as_long_as_it_says(columns: int) -> None:
     assert length in (0.5, 1.0, 2.0, 5.0)
 
 
-def test_a_trail_says_how_near_it_came_without_colours() -> None:
+def test_a_trail_says_how_near_it_came_without_colours():
     way = tuple((1.0 + 0.1 * i, 2.0) for i in range(90))
     clear = tuple(1.0 if i < 30 else 0.1 if i < 60 else 0.0 for i in range(90))
     pose = Pose2(11.5, 3.5)
@@ -199,7 +193,7 @@ def test_a_trail_says_how_near_it_came_without_colours() -> None:
     assert "×××" in "".join(rows_of(frame))
 
 
-def test_walls_the_laser_meets_stay_walls_and_are_lit() -> None:
+def test_walls_the_laser_meets_stay_walls_and_are_lit():
     seen = tuple((2.0 + 0.05 * i, 4.0) for i in range(40))
     frame = draw_view(view(returns=seen, robot_pose=Pose2(6.0, 2.0)), 100, 30)
     codes, owners = frame.cells()
@@ -208,7 +202,7 @@ def test_walls_the_laser_meets_stay_walls_and_are_lit() -> None:
     assert (codes[lit] == frame.still.walls.codes[lit]).all()
 
 
-def test_what_is_nowhere_on_the_map_is_not_in_the_legend() -> None:
+def test_what_is_nowhere_on_the_map_is_not_in_the_legend():
     frame = draw_view(view(), 76, 20)
     words = " ".join(line.plain for line in legend_lines([MapSigns(frame.layers)], 200, 4))
     assert "waypoint" in words
@@ -216,7 +210,7 @@ def test_what_is_nowhere_on_the_map_is_not_in_the_legend() -> None:
 
 
 @given(st.integers(20, 200), st.integers(1, 6))
-def test_a_legend_is_never_cut(width: int, most: int) -> None:
+def test_a_legend_is_never_cut(width, most):
     everything = MapSigns(frozenset(Layer), 0.2)
     whole = {
         part for line in legend_lines([everything], 2000, 1) for part in line.plain.split("   ")
@@ -227,7 +221,7 @@ def test_a_legend_is_never_cut(width: int, most: int) -> None:
     assert {part for line in lines for part in line.plain.split("   ")} <= whole
 
 
-def test_zooming_and_panning_keep_what_they_show_where_it_is() -> None:
+def test_zooming_and_panning_keep_what_they_show_where_it_is():
     for degrees in (0.0, 33.0):
         shown = askew(degrees)
         frame = draw_view(shown, 100, 30, zoom=4, middle=(3.0, 2.0))
@@ -235,7 +229,7 @@ def test_zooming_and_panning_keep_what_they_show_where_it_is() -> None:
         assert (x, y) == pytest.approx(frame.still.projection.centre)
 
 
-def test_floor_that_ends_without_a_wall_has_a_dotted_border() -> None:
+def test_floor_that_ends_without_a_wall_has_a_dotted_border():
     scene = make_scene()
     open_end = replace(scene, solids=tuple(s for s in scene.solids if s.owner != "hall-wall-4"))
     end = []
@@ -247,12 +241,12 @@ def test_floor_that_ends_without_a_wall_has_a_dotted_border() -> None:
     assert end == [False, True]
 
 
-def test_floor_that_goes_on_beyond_the_pane_has_no_border_there() -> None:
+def test_floor_that_goes_on_beyond_the_pane_has_no_border_there():
     still = draw_view(view(), 40, 10, zoom=8, middle=(6.0, 2.0)).still
     assert not still.low.layer(0).any()
 
 
-def test_no_name_covers_a_waypoint() -> None:
+def test_no_name_covers_a_waypoint():
     for columns in range(40, 140, 7):
         still = draw_view(view(), columns, 24).still
         points = np.array([(w.x, w.y) for w in MISSION.waypoints])
@@ -263,12 +257,12 @@ def test_no_name_covers_a_waypoint() -> None:
                 assert not covered & set(stops)
 
 
-def test_middle_lines_end_where_a_wall_is_cut_aslant() -> None:
+def test_middle_lines_end_where_a_wall_is_cut_aslant():
     mitred = np.array([(0.0, 0.0), (10.0, 0.0), (9.0, 1.0), (1.0, 1.0)])
     assert middle_line(mitred) == pytest.approx([0.5, 0.5, 9.5, 0.5])
 
 
-def test_whoever_walks_takes_their_name_along() -> None:
+def test_whoever_walks_takes_their_name_along():
     body = Link("body", (((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)),), 70.0, 0.0, 1.7)
     links, joints = with_planar_chain((body,), (), "body")
     visitor = SceneObject("visitor", "person", Pose2(), links, joints, (0.0, 0.0, 0.0))
@@ -280,7 +274,7 @@ def test_whoever_walks_takes_their_name_along() -> None:
         assert abs(line.index("visitor") + 3 - at / 2) < 9
 
 
-def test_a_name_stays_on_its_side_of_a_wall() -> None:
+def test_a_name_stays_on_its_side_of_a_wall():
     free, walls = np.ones((9, 30), dtype=bool), np.zeros((9, 30), dtype=bool)
     free[4, :] = False
     walls[3, :] = True

@@ -1,10 +1,7 @@
 """The map as a picture: what it shows, how it gets to the terminal, what is said when it cannot."""
 
-from __future__ import annotations
-
 import base64
 import io
-from pathlib import Path
 
 import pytest
 from PIL import Image
@@ -26,22 +23,20 @@ VIEW = View(
 
 
 @pytest.fixture(scope="module")
-def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def picture(tmp_path_factory):
     return paint_view(VIEW, tmp_path_factory.mktemp("map") / "map.png")
 
 
-def terminal() -> Console:
+def terminal():
     return Console(file=io.StringIO(), force_terminal=True, width=80, height=24)
 
 
-def test_the_picture_shows_the_way_and_where_it_was_near(picture: Path) -> None:
+def test_the_picture_shows_the_way_and_where_it_was_near(picture):
     colours = {colour for _, colour in Image.open(picture).convert("RGB").getcolors(1 << 20) or ()}
     assert {(0x1D, 0x7F, 0x58), (0xE0, 0x8A, 0x1E)} <= colours
 
 
-def test_kitty_gets_the_picture_as_it_is_in_pieces(
-    picture: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_kitty_gets_the_picture_as_it_is_in_pieces(picture, capfd):
     assert print_picture(picture, "kitty", terminal()) == ""
     pieces = [part for part in capfd.readouterr().out.split("\x1b_G") if ";" in part]
     sent = "".join(part.split(";", 1)[1].removesuffix("\x1b\\") for part in pieces)
@@ -49,24 +44,22 @@ def test_kitty_gets_the_picture_as_it_is_in_pieces(
         assert shown.format == "PNG"
 
 
-def test_sixel_is_written_where_the_cursor_is(picture: Path) -> None:
+def test_sixel_is_written_where_the_cursor_is(picture):
     console = terminal()
     assert print_picture(picture, "sixel", console) == ""
-    assert "\x1bP" in console.file.getvalue()  # type: ignore[attr-defined]
+    assert "\x1bP" in console.file.getvalue()
 
 
-def test_a_terminal_that_says_nothing_is_left_alone(
-    picture: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_terminal_that_says_nothing_is_left_alone(picture, monkeypatch):
     images = pytest.importorskip("textual_image.renderable")
     monkeypatch.setattr(images, "Image", images.HalfcellImage)
     console = terminal()
     assert "does not say" in print_picture(picture, "auto", console)
-    assert console.file.getvalue() == ""  # type: ignore[attr-defined]
+    assert console.file.getvalue() == ""
 
 
 class Map(LimitedTerminalApp):
-    def compose(self):  # type: ignore[no-untyped-def]
+    def compose(self):
         yield TopView()
 
 
@@ -79,9 +72,7 @@ class Map(LimitedTerminalApp):
         ('[dashboard]\npictures = "on"', VIEW, "must be one of"),
     ],
 )
-async def test_why_there_is_no_picture_is_said(
-    settings: str, view: View | None, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_why_there_is_no_picture_is_said(settings, view, words, tmp_path, monkeypatch):
     file = tmp_path / "config.toml"
     file.write_text(settings)
     read = map_picture.read_config

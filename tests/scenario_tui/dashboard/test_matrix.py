@@ -1,12 +1,7 @@
 """The matrix of a campaign: the dashboard judges as the command line does."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Sequence
-from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -26,23 +21,23 @@ from scenario_tui.text.results import (
 )
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
-from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon
+from tests.scenario_tui.fake import CAMPAIGN, OLD
 
 
 @pytest.fixture
-def judged() -> FakeDaemon:
+def judged():
     return judged_campaign()
 
 
-def opened(fake: FakeDaemon, width: int = 80, height: int = 24) -> AbstractAsyncContextManager[Any]:
+def opened(fake, width=80, height=24):
     return make_dashboard(fake).run_test(size=(width, height))
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-async def test_m_shows_the_campaign_judged(judged) -> None:
+async def test_m_shows_the_campaign_judged(judged):
     async with opened(judged, 120, 40) as pilot:
         await settle(pilot)
         await press(pilot, "m")
@@ -63,7 +58,7 @@ async def test_m_shows_the_campaign_judged(judged) -> None:
         assert words in text
 
 
-async def test_the_cell_under_the_cursor_is_told_oracle_by_oracle(judged) -> None:
+async def test_the_cell_under_the_cursor_is_told_oracle_by_oracle(judged):
     async with opened(judged) as pilot:
         await settle(pilot)
         await press(pilot, "m", "j", "l")
@@ -75,7 +70,7 @@ async def test_the_cell_under_the_cursor_is_told_oracle_by_oracle(judged) -> Non
         assert "known: violated at the closed door" in shown(pilot)
 
 
-async def test_n_goes_to_what_is_not_as_expected_and_enter_lists_its_runs(judged) -> None:
+async def test_n_goes_to_what_is_not_as_expected_and_enter_lists_its_runs(judged):
     async with opened(judged) as pilot:
         await settle(pilot)
         await press(pilot, "m", "n")
@@ -92,7 +87,7 @@ async def test_n_goes_to_what_is_not_as_expected_and_enter_lists_its_runs(judged
         assert isinstance(pilot.app.screen, MatrixScreen)
 
 
-async def test_the_matrix_changes_while_runs_finish_and_the_cursor_stays(judged) -> None:
+async def test_the_matrix_changes_while_runs_finish_and_the_cursor_stays(judged):
     async with opened(judged) as pilot:
         await settle(pilot)
         await press(pilot, "m", "j", "l")
@@ -106,7 +101,7 @@ async def test_the_matrix_changes_while_runs_finish_and_the_cursor_stays(judged)
 
 
 @pytest.mark.parametrize("width", [80, 100, 120, 200])
-async def test_three_systems_fit_without_scrolling_or_cut_numbers(judged, width: int) -> None:
+async def test_three_systems_fit_without_scrolling_or_cut_numbers(judged, width):
     others = [row for row in judged.rows if row.sut == "a2s"]
     more = (replace(row, sut="a-planner-with-a-long-name") for row in others)
     rows = (*judged.rows, *more)
@@ -124,7 +119,7 @@ async def test_three_systems_fit_without_scrolling_or_cut_numbers(judged, width:
         assert "…" not in "\n".join(text.split("\n")[3:12])
 
 
-async def test_a_campaign_with_nothing_unexpected_says_so(judged) -> None:
+async def test_a_campaign_with_nothing_unexpected_says_so(judged):
     async with opened(judged) as pilot:
         await settle(pilot)
         await press(pilot, "j", "m", "n")
@@ -134,7 +129,7 @@ async def test_a_campaign_with_nothing_unexpected_says_so(judged) -> None:
         assert "no cell is unexpected" in " ".join(n.message for n in pilot.app._notifications)
 
 
-async def test_a_campaign_without_runs_says_so(judged) -> None:
+async def test_a_campaign_without_runs_says_so(judged):
     judged.rows = ()
     async with opened(judged) as pilot:
         await settle(pilot)
@@ -145,18 +140,18 @@ async def test_a_campaign_without_runs_says_so(judged) -> None:
 class Clock:
     """Says the time it was told, and that every question takes ``took`` seconds."""
 
-    def __init__(self, fake: FakeDaemon, took: float) -> None:
+    def __init__(self, fake, took):
         self.now, self._took = 0.0, took
         fake.before = lambda _: self._pass()
 
-    def _pass(self) -> None:
+    def _pass(self):
         self.now += self._took
 
-    def __call__(self) -> float:
+    def __call__(self):
         return self.now
 
 
-def judged_at(fake: FakeDaemon, took: float, moments: Sequence[float], wanted: str) -> list[bool]:
+def judged_at(fake, took, moments, wanted):
     """Return at which moments a judge works on the first campaign, which changes all the time."""
     clock = Clock(fake, took)
     judge, rows = CampaignAssessor(clock=clock), fake._campaign_rows()[:1]
@@ -168,19 +163,19 @@ def judged_at(fake: FakeDaemon, took: float, moments: Sequence[float], wanted: s
     return found
 
 
-def test_what_is_shown_is_judged_once_a_second_and_the_rest_less_often(judged) -> None:
+def test_what_is_shown_is_judged_once_a_second_and_the_rest_less_often(judged):
     moments = (0.0, 0.5, 1.1, 1.5, 2.2, 7.5)
     assert judged_at(judged, 0.0, moments, CAMPAIGN) == [True, False, True, False, True, True]
     assert judged_at(judged, 0.0, moments, "") == [True, False, False, False, False, True]
 
 
-def test_judging_large_campaigns_leaves_most_of_the_time_to_others(judged) -> None:
+def test_judging_large_campaigns_leaves_most_of_the_time_to_others(judged):
     # Four questions of 2 s each, the last for an empty page: after 8 s of work follow 24 s of rest.
     moments = (0.0, 10.0, 30.0, 33.0)
     assert judged_at(judged, 2.0, moments, CAMPAIGN) == [True, False, False, True]
 
 
-def test_what_did_not_change_is_not_judged_again(judged) -> None:
+def test_what_did_not_change_is_not_judged_again(judged):
     judge, rows = CampaignAssessor(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
     assert [judge.step(judged, rows, "") for _ in range(3)] == [True, True, False]
     assert judge.step(judged, rows, CAMPAIGN)  # now everything about it is wanted
@@ -198,11 +193,11 @@ def test_what_did_not_change_is_not_judged_again(judged) -> None:
         (4, False, "▶ none judged"),
     ],
 )
-def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:
+def test_a_campaign_is_told_in_two_words(code, finished, said):
     assert conclude(Assessment((), (), (), code), finished=finished).glyph_text == said
 
 
-def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> None:
+def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged):
     rows = judged._campaign_rows()
     fixed = replace(rows[0], id="first-later")
     said = {
@@ -216,7 +211,7 @@ def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> Non
     assert overall_conclusion(rows, {}) is None
 
 
-def test_what_is_as_expected_is_said_while_another_campaign_has_not_been_judged(judged) -> None:
+def test_what_is_as_expected_is_said_while_another_campaign_has_not_been_judged(judged):
     rows = judged._campaign_rows()
     new = replace(rows[0], id="new-1", name="new")
     waiting = Conclusion("queued", NONE_JUDGED)

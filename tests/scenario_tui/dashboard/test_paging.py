@@ -1,9 +1,5 @@
 """A table of more runs than a page: moving on from its last row brings the rows behind it."""
 
-from __future__ import annotations
-
-import pytest
-
 from scenario_tui.dashboard.screens import runs
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
@@ -23,7 +19,7 @@ STEPS = (
 """A key, the run the cursor is on afterwards, the page that is shown."""
 
 
-async def test_the_cursor_goes_on_to_the_rows_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_cursor_goes_on_to_the_rows_behind(monkeypatch):
     monkeypatch.setattr(runs, "PAGE", 10)
     fake = FakeDaemon(rows=tuple(make_row(i) for i in range(25)))
     async with make_dashboard(fake).run_test(size=(80, 12)) as pilot:

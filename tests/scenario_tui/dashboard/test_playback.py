@@ -1,10 +1,7 @@
 """A recorded run at any moment: what was recorded until then, and nothing later."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,11 +22,11 @@ from tests.scenario_tui.recorded import HIT, TURNED, record_run
 
 
 @pytest.fixture(scope="module")
-def playback(tmp_path_factory: pytest.TempPathFactory) -> Playback:
+def playback(tmp_path_factory):
     return open_playback(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
 
 
-def test_a_view_shows_what_was_recorded_until_then(playback: Playback) -> None:
+def test_a_view_shows_what_was_recorded_until_then(playback):
     view = playback.view(4.0)
     assert view.where.x == pytest.approx(3.0)
     assert view.joints == (pytest.approx(-0.4),)
@@ -45,7 +42,7 @@ def test_a_view_shows_what_was_recorded_until_then(playback: Playback) -> None:
     assert later.reached == 1
 
 
-def test_laser_returns_stand_around_the_mount_of_the_laser(playback: Playback) -> None:
+def test_laser_returns_stand_around_the_mount_of_the_laser(playback):
     view = playback.view(4.9)  # the last scan was at 4 s, when the robot stood at x = 3
     assert 0 < len(view.returns) <= 120
     eye = (3.0 + 0.2, 2.0)
@@ -53,7 +50,7 @@ def test_laser_returns_stand_around_the_mount_of_the_laser(playback: Playback) -
     assert view.returns[0] == (pytest.approx(3.2), pytest.approx(0.5))
 
 
-def test_returns_of_every_laser_are_shown(playback: Playback, tmp_path: Path) -> None:
+def test_returns_of_every_laser_are_shown(playback, tmp_path):
     rear = replace(ROBOT.laser, name="rear", mount=Pose2(-1.0, 0.0, math.pi))
     robot = replace(ROBOT, laser=replace(ROBOT.laser, name="front"), other_lasers=(rear,))
     both = open_playback(record_run(tmp_path / "run.mcap", robot=robot)).view(4.9).returns
@@ -65,7 +62,7 @@ def test_returns_of_every_laser_are_shown(playback: Playback, tmp_path: Path) ->
     assert all(math.dist(eye, p) == pytest.approx(1.5, abs=1e-6) for p in behind)
 
 
-def test_contacts_flash_for_a_moment(playback: Playback) -> None:
+def test_contacts_flash_for_a_moment(playback):
     assert playback.view(HIT - 0.1).contacts == ()
     assert playback.view(HIT + 0.3).contacts == ((pytest.approx(4.35), 2.0),)
     assert playback.view(HIT + 2.0).contacts == ()
@@ -75,7 +72,7 @@ def test_contacts_flash_for_a_moment(playback: Playback) -> None:
     assert ord("✱") not in draw_view(playback.view(2.0), 60, 20).cells()[0]
 
 
-def test_plans_are_dotted_where_trails_are_not(playback: Playback) -> None:
+def test_plans_are_dotted_where_trails_are_not(playback):
     from dataclasses import replace
 
     view = replace(playback.view(0.0), returns=(), estimate=None)
@@ -84,7 +81,7 @@ def test_plans_are_dotted_where_trails_are_not(playback: Playback) -> None:
     assert 0 < np.count_nonzero(with_plan != without) < 3.0 / 12.4 * 80
 
 
-def test_moments_are_those_oracles_were_decided_against(playback: Playback) -> None:
+def test_moments_are_those_oracles_were_decided_against(playback):
     assert [(m.time, m.oracle) for m in playback.moments] == [(HIT, "no-contact"), (TURNED, "calm")]
     first, second = playback.moments
     assert next_moment(playback.moments, 0.0) == first
@@ -98,17 +95,17 @@ def test_moments_are_those_oracles_were_decided_against(playback: Playback) -> N
 @pytest.mark.parametrize(
     ("text", "time"), [("3.5", 3.5), ("1e9", 10.0), ("-4", 0.0), ("calm", TURNED)]
 )
-def test_a_moment_is_named_by_seconds_or_oracle(playback: Playback, text: str, time: float) -> None:
+def test_a_moment_is_named_by_seconds_or_oracle(playback, text, time):
     assert playback.time_of(text) == time
 
 
 @pytest.mark.parametrize("text", ["nan", "clam", ""])
-def test_what_is_no_moment_is_refused(playback: Playback, text: str) -> None:
+def test_what_is_no_moment_is_refused(playback, text):
     with pytest.raises(ValueError, match=r"no number of seconds and no\W+oracle"):
         playback.time_of(text)
 
 
-def test_a_frame_fits_and_says_everything(playback: Playback) -> None:
+def test_a_frame_fits_and_says_everything(playback):
     lines = [line.plain for line in render_frame(playback, 6.2, 80, 23)]
     assert len(lines) == 23
     assert max(map(len, lines)) <= 80
@@ -123,19 +120,19 @@ def test_a_frame_fits_and_says_everything(playback: Playback) -> None:
 
 
 @pytest.mark.parametrize("size", [(20, 6), (40, 10), (200, 60)])
-def test_a_frame_fits_into_any_terminal(playback: Playback, size: tuple[int, int]) -> None:
+def test_a_frame_fits_into_any_terminal(playback, size):
     lines = render_frame(playback, 5.0, *size)
     assert all(line.cell_len <= size[0] for line in lines)
     assert timeline_bar(playback, 5.0, size[0]).cell_len == size[0]
 
 
-def test_verdicts_that_do_not_fit_are_counted(playback: Playback) -> None:
+def test_verdicts_that_do_not_fit_are_counted(playback):
     lines = [line.plain for line in verdict_lines(playback.verdicts, 0.0, most=2)]
     assert len(lines) == 2
     assert lines[1] == "and 1 more not passed, ✓ 1 pass"
 
 
-def test_a_trace_without_a_robot_is_no_replay(playback: Playback, tmp_path: Path) -> None:
+def test_a_trace_without_a_robot_is_no_replay(playback, tmp_path):
     from dataclasses import replace
 
     way = playback.trace.ground_truth
@@ -144,7 +141,7 @@ def test_a_trace_without_a_robot_is_no_replay(playback: Playback, tmp_path: Path
         Playback(replace(playback.trace, ground_truth=nothing), ())
 
 
-def test_time_goes_as_fast_as_the_speed_and_stops_at_the_end() -> None:
+def test_time_goes_as_fast_as_the_speed_and_stops_at_the_end():
     transport = ReplayTransport(0.0, 10.0, 0.0, speed=5.0)
     assert transport.advance(1.0) == 5.0
     transport.advance(60.0)
@@ -153,7 +150,7 @@ def test_time_goes_as_fast_as_the_speed_and_stops_at_the_end() -> None:
     assert (transport.time, transport.playing) == (0.0, True)
 
 
-def test_speeds_go_from_a_tenth_to_a_thousand() -> None:
+def test_speeds_go_from_a_tenth_to_a_thousand():
     transport = ReplayTransport(0.0, 1.0, 0.0, speed=3.0)
     transport.faster()
     assert transport.speed == 5.0

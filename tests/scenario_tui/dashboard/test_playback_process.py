@@ -1,13 +1,9 @@
 """Another process reads traces: the same playback, errors in words, and no process left behind."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,26 +16,24 @@ from tests.scenario_tui.recorded import record_run
 
 
 @pytest.fixture(scope="module")
-def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trace(tmp_path_factory):
     return record_run(tmp_path_factory.mktemp("traces") / "run.mcap")
 
 
 @pytest.fixture(scope="module")
-def process() -> Iterator[PlaybackProcess]:
+def process():
     """A reader for all: it takes a second to load what reads, and each leaves one that answers."""
     found = PlaybackProcess()
     yield found
     found.close()
 
 
-def pid(process: PlaybackProcess) -> int:
+def pid(process):
     assert process._child is not None
     return process._child.pid
 
 
-def test_what_another_process_read_is_what_is_read_here(
-    trace: Path, process: PlaybackProcess
-) -> None:
+def test_what_another_process_read_is_what_is_read_here(trace, process):
     here, there = read_playback(trace, ()), process.read(trace, ())
     assert there.label == here.label
     assert there.trace.spec == here.trace.spec
@@ -52,9 +46,7 @@ def test_what_another_process_read_is_what_is_read_here(
     assert there.view(here.end).returns
 
 
-def test_what_cannot_be_read_is_said_and_the_next_one_is(
-    trace: Path, process: PlaybackProcess, tmp_path: Path
-) -> None:
+def test_what_cannot_be_read_is_said_and_the_next_one_is(trace, process, tmp_path):
     (tmp_path / "notes.mcap").write_text("hello")
     with pytest.raises(TraceError, match="is not an MCAP file") as refused:
         process.read(tmp_path / "notes.mcap", ())
@@ -64,7 +56,7 @@ def test_what_cannot_be_read_is_said_and_the_next_one_is(
     assert pid(process) == before
 
 
-def test_a_process_that_was_killed_is_replaced(trace: Path, process: PlaybackProcess) -> None:
+def test_a_process_that_was_killed_is_replaced(trace, process):
     process.read(trace, ())
     before = pid(process)
     os.kill(before, signal.SIGKILL)
@@ -72,7 +64,7 @@ def test_a_process_that_was_killed_is_replaced(trace: Path, process: PlaybackPro
     assert pid(process) != before
 
 
-def test_it_leaves_when_nothing_is_asked(trace: Path) -> None:
+def test_it_leaves_when_nothing_is_asked(trace):
     process = PlaybackProcess(idle=0.1)
     process.read(trace, ())
     assert process._child is not None
@@ -81,7 +73,7 @@ def test_it_leaves_when_nothing_is_asked(trace: Path) -> None:
     process.close()
 
 
-def test_the_process_that_was_begun_is_the_one_that_reads(trace: Path) -> None:
+def test_the_process_that_was_begun_is_the_one_that_reads(trace):
     process = PlaybackProcess()
     process.begin()
     begun = pid(process)
@@ -92,7 +84,7 @@ def test_the_process_that_was_begun_is_the_one_that_reads(trace: Path) -> None:
     process.close()
 
 
-def test_one_that_was_begun_and_is_not_asked_leaves_and_is_begun_anew(trace: Path) -> None:
+def test_one_that_was_begun_and_is_not_asked_leaves_and_is_begun_anew(trace):
     process = PlaybackProcess(idle=0.1)
     process.begin()
     assert process._child is not None
@@ -104,7 +96,7 @@ def test_one_that_was_begun_and_is_not_asked_leaves_and_is_begun_anew(trace: Pat
     process.close()
 
 
-async def test_it_is_begun_when_runs_are_shown_and_not_before(monkeypatch) -> None:
+async def test_it_is_begun_when_runs_are_shown_and_not_before(monkeypatch):
     begun = []
     monkeypatch.setattr(PlaybackProcess, "begin", lambda process: begun.append(process))
     async with make_dashboard(SteeredDaemon(), read_playback=None).run_test() as pilot:
@@ -114,7 +106,7 @@ async def test_it_is_begun_when_runs_are_shown_and_not_before(monkeypatch) -> No
         assert len(begun) == 1
 
 
-def test_nothing_that_judges_is_loaded_to_look_at_a_run(trace: Path) -> None:
+def test_nothing_that_judges_is_loaded_to_look_at_a_run(trace):
     """What holds the memory: in the process of the dashboard it would stay."""
     script = (
         "import sys; from pathlib import Path\n"

@@ -1,31 +1,27 @@
 """From a run of the dashboard to its replay, and what is said where there is none."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
-from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
+from tests.scenario_tui.fake import CAMPAIGN
 from tests.scenario_tui.recorded import record_run
 
 
-def opened(fake: FakeDaemon) -> Any:
+def opened(fake):
     return make_dashboard(fake).run_test(size=(80, 24))
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-def notices(pilot: Any) -> str:
+def notices(pilot):
     return " ".join(notice.message for notice in pilot.app._notifications)
 
 
-async def look_at(pilot: Any, index: int) -> None:
+async def look_at(pilot, index):
     await pilot.pause(0)
     pilot.app.open_run(f"{CAMPAIGN}.{index}")
     await settle(pilot)
@@ -33,7 +29,7 @@ async def look_at(pilot: Any, index: int) -> None:
     await settle(pilot)
 
 
-async def test_p_plays_a_finished_run_and_q_comes_back(fake: FakeDaemon, tmp_path: Path) -> None:
+async def test_p_plays_a_finished_run_and_q_comes_back(fake, tmp_path):
     trace = record_run(tmp_path / "run.mcap")
     fake.rows = (replace(fake.rows[0], trace=str(trace)), *fake.rows[1:])
     async with opened(fake) as pilot:
@@ -51,7 +47,7 @@ async def test_p_plays_a_finished_run_and_q_comes_back(fake: FakeDaemon, tmp_pat
         assert isinstance(pilot.app.screen, RunScreen)
 
 
-async def test_where_there_is_nothing_to_play_the_screen_says_why(fake: FakeDaemon) -> None:
+async def test_where_there_is_nothing_to_play_the_screen_says_why(fake):
     async with opened(fake) as pilot:
         await look_at(pilot, 0)
         await press(pilot, "v", "p")

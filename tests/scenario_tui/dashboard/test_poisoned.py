@@ -1,14 +1,9 @@
 """Every screen of the dashboard, of daemons, traces and files that want to steer the terminal."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 from rich.segment import Segment
@@ -53,16 +48,16 @@ from tests.scenario_tui.terminal.pseudo_terminal import terminal
 
 WIDE = (120, 40)
 LOST = "\N{REPLACEMENT CHARACTER}"
-SEEN: set[type[Screen[Any]]] = set()
+SEEN = set()
 """The screens that were walked through."""
 
 
 @pytest.fixture(scope="module")
-def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trace(tmp_path_factory):
     return record_poisoned(tmp_path_factory.mktemp("poisoned") / f"in{NAME}" / "run.mcap")
 
 
-def look(pilot: Any, kind: type[Screen[Any]] | None = None) -> str:
+def look(pilot, kind=None):
     """Check what the terminal would get to show this screen as a whole; return the text."""
     screen = pilot.app.screen
     SEEN.add(type(screen))
@@ -73,7 +68,7 @@ def look(pilot: Any, kind: type[Screen[Any]] | None = None) -> str:
     return text
 
 
-def daemon(trace: Path) -> PoisonedDaemon:
+def daemon(trace):
     """Runs 5 and 6 are recorded, run 7 is on its way and waits for something."""
     rows = tuple(replace(r, trace=str(trace)) if r.index in (5, 6) else r for r in make_rows())
     waiting = poisoned(make_live(7, waiting="waiting for planner"))
@@ -81,7 +76,7 @@ def daemon(trace: Path) -> PoisonedDaemon:
     return PoisonedDaemon(rows, live=(live,), trouble=f"no space left{POISON}")
 
 
-async def walk_through_the_dashboard(trace: Path, folder: Path) -> None:
+async def walk_through_the_dashboard(trace, folder):
     (folder / f"bad{NAME}.yaml").write_text(
         f"campaign: x\nabout: {yaml_text(POISON)}\nscenarios: {{{yaml_text(NAME)}: 1}}\n"
     )
@@ -119,7 +114,7 @@ async def walk_through_the_dashboard(trace: Path, folder: Path) -> None:
         look(pilot)
 
 
-async def walk_through_a_search(trace: Path) -> None:
+async def walk_through_a_search(trace):
     class Poisoned(PoisonedDaemon, SearchingDaemon):
         """A search all of whose texts are poisoned."""
 
@@ -137,7 +132,7 @@ async def walk_through_a_search(trace: Path) -> None:
             look(pilot)
 
 
-async def walk_through_dialogs(trace: Path) -> None:
+async def walk_through_dialogs(trace):
     dashboard = make_dashboard(daemon(trace))
     dialogs = (
         Question(f"sure?{POISON}", f"scenario cancel {NAME}"),
@@ -156,7 +151,7 @@ async def walk_through_dialogs(trace: Path) -> None:
         look(pilot, Help)
 
 
-async def walk_through_what_moves(trace: Path, campaigns: Path) -> None:
+async def walk_through_what_moves(trace, campaigns):
     playback = open_playback(trace)
     for screen in (
         ReplayScreen(playback, 0.6, clock=lambda: 0.0),
@@ -172,9 +167,7 @@ async def walk_through_what_moves(trace: Path, campaigns: Path) -> None:
         look(pilot, type(shown.screen))
 
 
-async def test_no_screen_lets_it_through(
-    trace: Path, tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_no_screen_lets_it_through(trace, tmp_path, campaigns, monkeypatch):
     monkeypatch.chdir(tmp_path)
     await walk_through_the_dashboard(trace, tmp_path)
     await walk_through_a_search(trace)
@@ -185,7 +178,7 @@ async def test_no_screen_lets_it_through(
     assert set(_concrete(Screen)) <= SEEN
 
 
-def _concrete(kind: type[Any]) -> Iterator[type[Any]]:
+def _concrete(kind):
     """Return the screens of ours that no other one is made of."""
     for below in kind.__subclasses__():
         yield from _concrete(below)
@@ -193,8 +186,8 @@ def _concrete(kind: type[Any]) -> Iterator[type[Any]]:
             yield below
 
 
-def test_a_line_stays_as_wide_as_it_was() -> None:
-    def shown(*texts: str) -> list[str]:
+def test_a_line_stays_as_wide_as_it_was():
+    def shown(*texts):
         lines = PrintableText().apply([Segment(text) for text in texts], Color(0, 0, 0))
         return [segment.text for segment in lines]
 
@@ -217,7 +210,7 @@ main(["tui", "--connect", "tcp/127.0.0.1:9"])
 """
 
 
-def test_what_the_dashboard_sends_a_real_terminal_is_its_own() -> None:
+def test_what_the_dashboard_sends_a_real_terminal_is_its_own():
     with terminal([sys.executable, "-c", PROGRAM], columns=120, rows=40) as shown:
         shown.until(f"nightly-00ff00ff{LOST}")
         shown.type("\r")

@@ -1,12 +1,8 @@
 """Every key of the replay, on a recorded run of ten seconds."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
-from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
 from scenario_tui.dashboard.widgets.top_view import TopView
@@ -15,34 +11,34 @@ from tests.scenario_tui.recorded import HIT, TURNED, record_run
 
 
 @pytest.fixture(scope="module")
-def playback(tmp_path_factory: pytest.TempPathFactory) -> Playback:
+def playback(tmp_path_factory):
     return open_playback(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
 
 
 class Clock:
     """Stands still unless it is moved."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.now = 0.0
 
-    def __call__(self) -> float:
+    def __call__(self):
         return self.now
 
 
-def opened(playback: Playback, begin: float = 2.0, size: tuple[int, int] = (80, 24)) -> Any:
+def opened(playback, begin=2.0, size=(80, 24)):
     screen = ReplayScreen(playback, begin, clock=Clock())
     return ReplayApp(screen).run_test(size=size)
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-def head(pilot: Any) -> str:
+def head(pilot):
     return screen_text(pilot)[0].strip()
 
 
-async def test_keys_move_through_the_run(playback: Playback) -> None:
+async def test_keys_move_through_the_run(playback):
     async with opened(playback) as pilot:
         await pilot.pause(0)
         assert head(pilot).startswith("▶ 1x  S2/pilot/0  2.0 s of 10.0 s  reached 0 of 3")
@@ -58,7 +54,7 @@ async def test_keys_move_through_the_run(playback: Playback) -> None:
         assert "✱" in shown(pilot)
 
 
-async def test_time_passes_while_it_plays_and_not_while_it_pauses(playback: Playback) -> None:
+async def test_time_passes_while_it_plays_and_not_while_it_pauses(playback):
     async with opened(playback) as pilot:
         screen = pilot.app.screen
         await pilot.press("space")
@@ -80,7 +76,7 @@ async def test_time_passes_while_it_plays_and_not_while_it_pauses(playback: Play
         assert head(pilot).startswith("‖ 0.5x  S2/pilot/0  10.0 s of 10.0 s")
 
 
-async def test_contacts_are_not_missed_between_two_frames(playback: Playback) -> None:
+async def test_contacts_are_not_missed_between_two_frames(playback):
     async with opened(playback) as pilot:
         screen = pilot.app.screen
         screen.transport.speed = 50.0
@@ -90,7 +86,7 @@ async def test_contacts_are_not_missed_between_two_frames(playback: Playback) ->
         assert "✱" in shown(pilot)
 
 
-async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback: Playback) -> None:
+async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback):
     async with opened(playback) as pilot:
         await pilot.press("z")
         assert pilot.app.screen.query_one(TopView)._zoom == 2
@@ -105,7 +101,7 @@ async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback: Playbac
         assert isinstance(pilot.app.screen, ReplayScreen)
 
 
-async def test_q_leaves(playback: Playback) -> None:
+async def test_q_leaves(playback):
     async with opened(playback) as pilot:
         await pilot.press("q")
         await pilot.pause(0)
@@ -113,13 +109,13 @@ async def test_q_leaves(playback: Playback) -> None:
 
 
 @pytest.mark.parametrize("size", [(40, 10), (160, 50)])
-async def test_it_fits_into_any_terminal(playback: Playback, size: tuple[int, int]) -> None:
+async def test_it_fits_into_any_terminal(playback, size):
     async with opened(playback, HIT, size) as pilot:
         await pilot.pause(0)
         assert "6.0 s" in shown(pilot)
         assert pilot.app.screen.query_one(TopView).size.height >= 3
 
 
-def test_what_it_looks_like(snap_compare: Any, playback: Playback) -> None:
+def test_what_it_looks_like(snap_compare, playback):
     screen = ReplayScreen(playback, HIT, clock=Clock())
     assert snap_compare(ReplayApp(screen), terminal_size=(80, 24), press=["space"])

@@ -1,17 +1,11 @@
 """The screen of one run: its parts, one moment for all, and what is said without a trace."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
-from textual.screen import Screen
 from textual.widgets import Static
 
 from daemon.judging.oracles import judge
-from daemon.model.status import LiveSnapshot, RunDetail
 from daemon.trace import read_trace
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.screens.compare import CompareScreen
@@ -25,14 +19,14 @@ RUN = f"{CAMPAIGN}.5"
 
 
 @pytest.fixture(scope="module")
-def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trace(tmp_path_factory):
     return record_run(tmp_path_factory.mktemp("traces") / "run.mcap")
 
 
 class Recorded(FakeDaemon):
     """Runs 5 and 6 are the recorded one, with the verdicts it deserves."""
 
-    def __init__(self, trace: Path) -> None:
+    def __init__(self, trace):
         super().__init__()
         self.rows = tuple(
             replace(row, trace=str(trace)) if row.index in (5, 6) else row for row in self.rows
@@ -40,7 +34,7 @@ class Recorded(FakeDaemon):
         recorded = read_trace(trace)
         self._verdicts = judge(recorded, recorded.spec.oracles)
 
-    def run(self, run: str) -> RunDetail:
+    def run(self, run):
         detail = super().run(run)
         if detail.row.index not in (5, 6) or detail.result is None:
             return detail
@@ -48,15 +42,15 @@ class Recorded(FakeDaemon):
         return replace(detail, result=replace(detail.result, verdicts=self._verdicts, note=note))
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-def opened(fake: FakeDaemon, size: tuple[int, int] = (80, 24)) -> Any:
+def opened(fake, size=(80, 24)):
     return make_dashboard(fake).run_test(size=size)
 
 
-async def look_at(pilot: Any, run: str = RUN) -> None:
+async def look_at(pilot, run=RUN):
     await pilot.pause(0)
     pilot.app.open_run(run)
     await settle(pilot)
@@ -64,11 +58,11 @@ async def look_at(pilot: Any, run: str = RUN) -> None:
     await settle(pilot)
 
 
-def now(pilot: Any) -> float:
+def now(pilot):
     return float(pilot.app.screen.transport.time)
 
 
-async def test_a_verdict_chosen_puts_everything_at_its_moment(trace: Path) -> None:
+async def test_a_verdict_chosen_puts_everything_at_its_moment(trace):
     async with opened(Recorded(trace)) as pilot:
         await look_at(pilot)
         assert "✗ fail  ‖ 1x  8.0 s of 10.0 s  1/3 wp" in shown(pilot)
@@ -85,7 +79,7 @@ async def test_a_verdict_chosen_puts_everything_at_its_moment(trace: Path) -> No
         assert "✱" in shown(pilot)
 
 
-async def test_parts_follow_each_other_where_there_is_room_for_one(trace: Path) -> None:
+async def test_parts_follow_each_other_where_there_is_room_for_one(trace):
     async with opened(Recorded(trace)) as pilot:
         await look_at(pilot)
         for name, words in (
@@ -101,7 +95,7 @@ async def test_parts_follow_each_other_where_there_is_room_for_one(trace: Path) 
             assert words in shown(pilot)
 
 
-async def test_the_log_ends_with_what_an_external_system_printed(tmp_path: Path) -> None:
+async def test_the_log_ends_with_what_an_external_system_printed(tmp_path):
     printed = b"".join(b"line %d\n" % i for i in range(60))
     found = record_run(tmp_path / "run.mcap", outputs={"stack.txt": printed, "relay.txt": b""})
     async with opened(Recorded(found), (200, 80)) as pilot:
@@ -116,7 +110,7 @@ async def test_the_log_ends_with_what_an_external_system_printed(tmp_path: Path)
         )
 
 
-async def test_wide_terminals_show_everything_at_once(trace: Path) -> None:
+async def test_wide_terminals_show_everything_at_once(trace):
     async with opened(Recorded(trace), (200, 50)) as pilot:
         await look_at(pilot)
         for words in ("✗ fail  no-contact", "◆ waypoint", "speed.angular", "seed 2024"):
@@ -124,15 +118,13 @@ async def test_wide_terminals_show_everything_at_once(trace: Path) -> None:
 
 
 @pytest.mark.parametrize(("width", "words"), [(120, 46), (169, 46), (200, 60), (240, 72)])
-async def test_the_words_of_a_run_grow_with_vast_terminals(
-    trace: Path, width: int, words: int
-) -> None:
+async def test_the_words_of_a_run_grow_with_vast_terminals(trace, width, words):
     async with opened(Recorded(trace), (width, 40)) as pilot:
         await look_at(pilot)
         assert pilot.app.screen.query_one("#left").outer_size.width == words
 
 
-async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(trace: Path) -> None:
+async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(trace):
     async with opened(Recorded(trace)) as pilot:
         await look_at(pilot)
         screen = pilot.app.screen
@@ -165,9 +157,7 @@ async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(trace: Path) 
         (9, "r queues it again", (120, 40)),
     ],
 )
-async def test_what_cannot_be_shown_is_said(
-    fake: FakeDaemon, index: int, words: str, size: tuple[int, int]
-) -> None:
+async def test_what_cannot_be_shown_is_said(fake, index, words, size):
     async with opened(fake, size) as pilot:
         await look_at(pilot, f"{CAMPAIGN}.{index}")
         await pilot.press("tab", "space", "n", "right", "z", "p")
@@ -175,9 +165,7 @@ async def test_what_cannot_be_shown_is_said(
         assert words in " ".join(shown(pilot).split())
 
 
-async def test_a_damaged_trace_is_said_to_be_one(
-    fake: FakeDaemon, trace: Path, tmp_path: Path
-) -> None:
+async def test_a_damaged_trace_is_said_to_be_one(fake, trace, tmp_path):
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(trace.read_bytes()[:300])
     fake.rows = tuple(replace(row, trace=str(broken)) for row in fake.rows)
@@ -187,9 +175,7 @@ async def test_a_damaged_trace_is_said_to_be_one(
         assert "Run it again" in shown(pilot)
 
 
-async def test_a_trace_that_was_cut_is_shown_as_far_as_it_goes(
-    fake: FakeDaemon, trace: Path, tmp_path: Path
-) -> None:
+async def test_a_trace_that_was_cut_is_shown_as_far_as_it_goes(fake, trace, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(trace.read_bytes()[:-2000])
     fake.rows = tuple(replace(row, trace=str(cut)) for row in fake.rows)
@@ -199,7 +185,7 @@ async def test_a_trace_that_was_cut_is_shown_as_far_as_it_goes(
         assert "loc.error" in shown(pilot)
 
 
-async def test_two_runs_marked_are_compared(trace: Path) -> None:
+async def test_two_runs_marked_are_compared(trace):
     async with opened(Recorded(trace), (100, 24)) as pilot:
         await pilot.pause(0)
         pilot.app.open_runs(CAMPAIGN)
@@ -220,7 +206,7 @@ async def test_two_runs_marked_are_compared(trace: Path) -> None:
         assert pilot.app.marked_run == ""
 
 
-async def test_a_run_without_a_trace_is_not_compared(fake: FakeDaemon) -> None:
+async def test_a_run_without_a_trace_is_not_compared(fake):
     async with opened(fake) as pilot:
         await look_at(pilot, f"{CAMPAIGN}.0")
         pilot.app.marked_run = f"{CAMPAIGN}.1"
@@ -230,7 +216,7 @@ async def test_a_run_without_a_trace_is_not_compared(fake: FakeDaemon) -> None:
         assert isinstance(pilot.app.screen, RunScreen)
 
 
-def detailed(time: float, **changes: Any) -> LiveSnapshot:
+def detailed(time, **changes):
     live = make_live(7, time)
     more = {
         "spread": (0.04, 0.0, 0.04),
@@ -240,7 +226,7 @@ def detailed(time: float, **changes: Any) -> LiveSnapshot:
     return replace(live, snapshot=replace(live.snapshot, **(more | changes)))
 
 
-async def test_a_run_is_watched_while_it_is_shown_and_runs(fake: FakeDaemon) -> None:
+async def test_a_run_is_watched_while_it_is_shown_and_runs(fake):
     async with opened(fake) as pilot:
         await look_at(pilot, f"{CAMPAIGN}.7")
         assert list(fake.watchers) == [f"{CAMPAIGN}.7"]
@@ -260,9 +246,7 @@ async def test_a_run_is_watched_while_it_is_shown_and_runs(fake: FakeDaemon) -> 
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_a_run_whose_system_is_being_started_says_what_it_waits_for(
-    fake: FakeDaemon, size: tuple[int, int]
-) -> None:
+async def test_a_run_whose_system_is_being_started_says_what_it_waits_for(fake, size):
     async with opened(fake, size) as pilot:
         await look_at(pilot, f"{CAMPAIGN}.7")
         fake.live = (make_live(7, waiting=WAITING), make_live(7, waiting=WAITING))
@@ -277,7 +261,7 @@ async def test_a_run_whose_system_is_being_started_says_what_it_waits_for(
         assert "1/3 wp  2 s of 1200 s" in shown(pilot)
 
 
-async def test_the_table_of_runs_tells_a_start_from_a_run_that_drives(fake: FakeDaemon) -> None:
+async def test_the_table_of_runs_tells_a_start_from_a_run_that_drives(fake):
     async with opened(fake, (140, 30)) as pilot:
         await pilot.pause(0)
         pilot.app.open_runs(CAMPAIGN)
@@ -295,7 +279,7 @@ async def test_the_table_of_runs_tells_a_start_from_a_run_that_drives(fake: Fake
         assert "1/3 wp 1 s" in shown(pilot)
 
 
-def test_contacts_flash_for_a_while() -> None:
+def test_contacts_flash_for_a_while():
     clock = [0.0]
     tracks = Tracks(clock=lambda: clock[0])
     tracks.add(detailed(1.0, contacts=(100, 200)))
@@ -309,7 +293,7 @@ def test_contacts_flash_for_a_while() -> None:
     assert track.flashes == {}
 
 
-def test_a_long_trail_becomes_coarser_and_never_long() -> None:
+def test_a_long_trail_becomes_coarser_and_never_long():
     tracks = Tracks()
     for step in range(20_000):
         tracks.add(make_live(7, step * 2.0))
@@ -325,10 +309,8 @@ def test_a_long_trail_becomes_coarser_and_never_long() -> None:
     [((80, 24), ()), ((80, 24), ("tab",)), ((120, 40), ())],
     ids=["verdicts-80x24", "signals-80x24", "120x40"],
 )
-def test_what_a_failed_run_looks_like(
-    snap_compare: Any, trace: Path, size: tuple[int, int], keys: tuple[str, ...]
-) -> None:
-    async def before(pilot: Any) -> None:
+def test_what_a_failed_run_looks_like(snap_compare, trace, size, keys):
+    async def before(pilot):
         await look_at(pilot)
         # Where the trace lies differs from test to test, and is wrapped in the log.
         pilot.app.screen.query_one("#log-text", Static).update("")
@@ -338,10 +320,10 @@ def test_what_a_failed_run_looks_like(
     assert snap_compare(dashboard, terminal_size=size, run_before=before)
 
 
-async def test_a_screen_that_is_covered_lets_go_of_what_it_drew(trace: Path) -> None:
+async def test_a_screen_that_is_covered_lets_go_of_what_it_drew(trace):
     """Textual keeps every cut of each line: going through runs would take 5 MB each."""
 
-    def lines(screen: Screen[None]) -> int:
+    def lines(screen):
         return sum(len(each._styles_cache._cache) for each in screen.walk_children(with_self=True))
 
     async with opened(Recorded(trace), (200, 50)) as pilot:

@@ -1,28 +1,24 @@
 """The runs under way of a campaign: how far, how near to failing, and the way to each."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from textual.events import Key
 
-from daemon.model.status import LiveSnapshot
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun, run_line
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live, make_row, make_rows
 
 
-def live(index: int, time: float = 300.0, margin: float | None = 0.11) -> LiveSnapshot:
+def live(index, time=300.0, margin=0.11):
     found = make_live(index, time)
     oracle = "" if margin is None else "clear"
     changed = replace(found.snapshot, margin=margin, unit="m", oracle=oracle)
     return replace(found, snapshot=changed)
 
 
-def busy(count: int) -> FakeDaemon:
+def busy(count):
     rows = make_rows()
     running = [replace(rows[7], id=f"{CAMPAIGN}.{7 + i}", index=7 + i, repeat=i) for i in
                range(count)]  # fmt: skip
@@ -32,18 +28,18 @@ def busy(count: int) -> FakeDaemon:
     )
 
 
-def opened(fake: FakeDaemon, size: tuple[int, int] = (80, 24)) -> Any:
+def opened(fake, size=(80, 24)):
     return make_dashboard(fake).run_test(size=size)
 
 
-async def look_at(pilot: Any, campaign: str = CAMPAIGN) -> list[str]:
+async def look_at(pilot, campaign=CAMPAIGN):
     await pilot.pause(0)
     pilot.app.open_runs(campaign)
     await settle(pilot)
     return screen_text(pilot)
 
 
-async def test_running_runs_stand_above_the_others_with_their_worst_margin() -> None:
+async def test_running_runs_stand_above_the_others_with_their_worst_margin():
     async with opened(busy(3)) as pilot:
         lines = await look_at(pilot)
         assert lines[2].startswith(" ▶ running  3 runs, worst margin so far")
@@ -52,7 +48,7 @@ async def test_running_runs_stand_above_the_others_with_their_worst_margin() -> 
         assert lines[5].startswith(" S2/pilot/2")
 
 
-async def test_of_more_than_fit_those_in_trouble_are_shown_in_their_order() -> None:
+async def test_of_more_than_fit_those_in_trouble_are_shown_in_their_order():
     fake = busy(20)
     async with opened(fake) as pilot:
         lines = await look_at(pilot)
@@ -63,13 +59,13 @@ async def test_of_more_than_fit_those_in_trouble_are_shown_in_their_order() -> N
         assert "✗ −0.8 m clear" in lines[8]
 
 
-async def test_wide_terminals_show_several_beside_each_other() -> None:
+async def test_wide_terminals_show_several_beside_each_other():
     async with opened(busy(6), (200, 50)) as pilot:
         lines = await look_at(pilot)
         assert lines[3].count("━━━─────────") == 2
 
 
-async def test_the_place_of_a_run_that_ended_is_kept_while_more_are_to_come() -> None:
+async def test_the_place_of_a_run_that_ended_is_kept_while_more_are_to_come():
     grid = RunningGrid()
     async with opened(FakeDaemon()) as pilot:
         await pilot.pause(0)
@@ -83,7 +79,7 @@ async def test_the_place_of_a_run_that_ended_is_kept_while_more_are_to_come() ->
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_below_the_campaigns_stands_what_is_under_way_of_all(size: tuple[int, int]) -> None:
+async def test_below_the_campaigns_stands_what_is_under_way_of_all(size):
     async with opened(busy(2), size) as pilot:
         await settle(pilot)
         lines = screen_text(pilot)
@@ -97,7 +93,7 @@ async def test_below_the_campaigns_stands_what_is_under_way_of_all(size: tuple[i
 
 
 @pytest.mark.parametrize(("oracle", "bar"), [("clear", 12), ("no-contact-doors", 6)])
-async def test_the_oracle_is_worth_more_than_the_bar_and_the_name(oracle: str, bar: int) -> None:
+async def test_the_oracle_is_worth_more_than_the_bar_and_the_name(oracle, bar):
     seen = replace(live(7).snapshot, oracle=oracle)
     grid = RunningGrid()
     async with opened(FakeDaemon()) as pilot:
@@ -110,13 +106,13 @@ async def test_the_oracle_is_worth_more_than_the_bar_and_the_name(oracle: str, b
         assert sum(line.count(sign) for sign in "━─") == bar
 
 
-def test_the_bar_of_a_run_does_not_move_what_follows_while_its_time_grows() -> None:
+def test_the_bar_of_a_run_does_not_move_what_follows_while_its_time_grows():
     runs = [RunningRun("c.1", "S1/pilot/1", live(7, time).snapshot) for time in (9.0, 99.0, 300.0)]
     assert len({run_line(one).plain.index(" wp") for one in runs}) == 1
 
 
 @pytest.mark.parametrize("campaign", ["", CAMPAIGN])
-async def test_keys_typed_without_a_pause_go_to_the_run_under_way(campaign: str) -> None:
+async def test_keys_typed_without_a_pause_go_to_the_run_under_way(campaign):
     async with opened(busy(3)) as pilot:
         await settle(pilot)
         if campaign:
@@ -128,13 +124,13 @@ async def test_keys_typed_without_a_pause_go_to_the_run_under_way(campaign: str)
         assert pilot.app.screen._run == f"{CAMPAIGN}.8"
 
 
-def test_a_long_name_keeps_its_end() -> None:
+def test_a_long_name_keeps_its_end():
     line = run_line(RunningRun("c.1", "frontiers-2024 S3.6/fro-omni/4")).plain
     assert line.startswith("…024 S3.6/fro-omni/4 ")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_enter_opens_the_run_one_has_gone_to(size: tuple[int, int]) -> None:
+async def test_enter_opens_the_run_one_has_gone_to(size):
     async with opened(busy(3), size) as pilot:
         await look_at(pilot)
         await press(pilot, "tab", "j", "enter")
@@ -144,7 +140,7 @@ async def test_enter_opens_the_run_one_has_gone_to(size: tuple[int, int]) -> Non
         assert pilot.app.screen.query_one(RunningGrid).has_focus
 
 
-async def test_the_table_has_the_keys_again_when_nothing_runs_any_more() -> None:
+async def test_the_table_has_the_keys_again_when_nothing_runs_any_more():
     fake = busy(1)
     async with opened(fake) as pilot:
         await look_at(pilot)
@@ -158,21 +154,21 @@ async def test_the_table_has_the_keys_again_when_nothing_runs_any_more() -> None
 
 
 @pytest.mark.parametrize("size", [(40, 10), (80, 15)])
-async def test_a_low_screen_keeps_its_rows_for_the_table(size: tuple[int, int]) -> None:
+async def test_a_low_screen_keeps_its_rows_for_the_table(size):
     async with opened(busy(3), size) as pilot:
         await look_at(pilot)
         assert not pilot.app.screen.query_one(RunningGrid).display
 
 
-async def test_a_campaign_that_is_over_asks_for_no_running_runs() -> None:
+async def test_a_campaign_that_is_over_asks_for_no_running_runs():
     fake = busy(0)
     async with opened(fake) as pilot:
         await look_at(pilot)
         assert not [call for call in fake.calls if call[0] == "runs" and "running" in call]
 
 
-def test_a_line_says_what_is_waited_for_and_what_is_not_heard_of() -> None:
-    def words(one: RunningRun) -> str:
+def test_a_line_says_what_is_waited_for_and_what_is_not_heard_of():
+    def words(one):
         return run_line(one).plain.split(maxsplit=1)[1]
 
     assert words(RunningRun("a.1", "S1/nav2/0")) == "starting"
@@ -183,7 +179,7 @@ def test_a_line_says_what_is_waited_for_and_what_is_not_heard_of() -> None:
     assert "wp  " in run_line(RunningRun("a.1", "S1/nav2/0", live(7, margin=None).snapshot)).plain
 
 
-async def test_the_table_tells_the_least_margin_so_far_of_a_run_that_goes_on() -> None:
+async def test_the_table_tells_the_least_margin_so_far_of_a_run_that_goes_on():
     async with opened(busy(1)) as pilot:
         lines = await look_at(pilot)
         row = next(line for line in lines if "running" in line and "S2/pilot/0" in line)

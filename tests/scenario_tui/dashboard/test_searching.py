@@ -1,12 +1,7 @@
 """A search in the dashboard: seen while it runs, what it found, what is asked of the daemon."""
 
-from __future__ import annotations
-
 import re
-from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +21,6 @@ from scenario_tui.dashboard.screens.search import SearchScreen
 from scenario_tui.dashboard.search_runs import SearchRuns, decisive_moment, searched_run
 from scenario_tui.dashboard.state import Query
 from scenario_tui.dashboard.widgets.search_curve import (
-    SearchCurve,
     draw_search_curve,
     search_curve,
     thinned,
@@ -54,22 +48,20 @@ BEST = 37
 """The run with the smallest margin."""
 
 
-def opened(
-    fake: SearchingDaemon, size: tuple[int, int] = (120, 40)
-) -> AbstractAsyncContextManager[Any]:
+def opened(fake, size=(120, 40)):
     return make_dashboard(fake).run_test(size=size)
 
 
-def shown(pilot: Any) -> str:
+def shown(pilot):
     return "\n".join(screen_text(pilot))
 
 
-def search_runs(rows: Any, state: str = "running", **changes: Any) -> SearchRuns:
+def search_runs(rows, state="running", **changes):
     row = make_search(rows, state, **changes)
     return SearchRuns(row, tuple(searched_run(row.task, one) for one in rows))
 
 
-async def test_the_list_says_what_a_search_does_and_what_it_found() -> None:
+async def test_the_list_says_what_a_search_does_and_what_it_found():
     fake = SearchingDaemon.running()
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -85,7 +77,7 @@ async def test_the_list_says_what_a_search_does_and_what_it_found() -> None:
         assert "scenario search" in text
 
 
-async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix() -> None:
+async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix():
     fake = SearchingDaemon.finished()
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -96,7 +88,7 @@ async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix() -> None:
         assert "nothing was expected of its runs" in notices(pilot)
 
 
-async def test_enter_opens_the_search_with_all_of_it() -> None:
+async def test_enter_opens_the_search_with_all_of_it():
     async with opened(SearchingDaemon.finished()) as pilot:
         await settle(pilot)
         await press(pilot, "enter")
@@ -117,7 +109,7 @@ async def test_enter_opens_the_search_with_all_of_it() -> None:
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50), (40, 10), (110, 12)])
-async def test_every_part_is_seen_in_every_size(size: tuple[int, int]) -> None:
+async def test_every_part_is_seen_in_every_size(size):
     fake = SearchingDaemon.finished()
     async with opened(fake, size) as pilot:
         await settle(pilot)
@@ -132,7 +124,7 @@ async def test_every_part_is_seen_in_every_size(size: tuple[int, int]) -> None:
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-async def test_ids_are_shown_whole_for_they_are_typed(width: int) -> None:
+async def test_ids_are_shown_whole_for_they_are_typed(width):
     async with opened(SearchingDaemon.finished(), (width, 24)) as pilot:
         await settle(pilot)
         text = shown(pilot)
@@ -142,7 +134,7 @@ async def test_ids_are_shown_whole_for_they_are_typed(width: int) -> None:
         assert f" {CAMPAIGN} " in shown(pilot)
 
 
-async def test_the_run_in_front_is_the_one_of_parameters_and_keys() -> None:
+async def test_the_run_in_front_is_the_one_of_parameters_and_keys():
     async with opened(SearchingDaemon.finished()) as pilot:
         await settle(pilot)
         await press(pilot, "enter", "n", "n")
@@ -159,7 +151,7 @@ async def test_the_run_in_front_is_the_one_of_parameters_and_keys() -> None:
         assert f"{SEARCH} › doors-in-time.34/pilot/0" in shown(pilot)
 
 
-async def test_a_key_lists_the_runs_of_the_search() -> None:
+async def test_a_key_lists_the_runs_of_the_search():
     fake = SearchingDaemon.finished()
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -169,8 +161,8 @@ async def test_a_key_lists_the_runs_of_the_search() -> None:
 
 
 async def test_the_map_stands_at_the_decisive_moment_and_plays_from_before_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr(ReplayScreen, "tick", lambda screen: None)
     fake = SearchingDaemon.finished()
     fake.record(tmp_path, f"{SEARCH}.{BEST}")
@@ -183,7 +175,7 @@ async def test_the_map_stands_at_the_decisive_moment_and_plays_from_before_it(
         assert pilot.app.screen.transport.time == pytest.approx(HIT - 3.0)
 
 
-async def test_a_run_whose_map_is_not_seen_is_read_when_it_is_to_be_played(tmp_path: Path) -> None:
+async def test_a_run_whose_map_is_not_seen_is_read_when_it_is_to_be_played(tmp_path):
     fake = SearchingDaemon.finished()
     fake.record(tmp_path, f"{SEARCH}.{BEST}")
     async with opened(fake, (80, 24)) as pilot:
@@ -194,7 +186,7 @@ async def test_a_run_whose_map_is_not_seen_is_read_when_it_is_to_be_played(tmp_p
         await until(pilot, lambda: isinstance(pilot.app.screen, ReplayScreen))
 
 
-async def test_why_a_run_cannot_be_played_is_said() -> None:
+async def test_why_a_run_cannot_be_played_is_said():
     async with opened(SearchingDaemon.finished(), (80, 24)) as pilot:
         await settle(pilot)
         await press(pilot, "enter", "p")
@@ -202,7 +194,7 @@ async def test_why_a_run_cannot_be_played_is_said() -> None:
         assert isinstance(pilot.app.screen, SearchScreen)
 
 
-async def test_it_is_live() -> None:
+async def test_it_is_live():
     fake = SearchingDaemon.running(20)
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -219,7 +211,7 @@ async def test_it_is_live() -> None:
         assert "nearest" in shown(pilot)
 
 
-async def test_a_search_before_its_first_result_and_one_that_could_not_go_on() -> None:
+async def test_a_search_before_its_first_result_and_one_that_could_not_go_on():
     fake = SearchingDaemon(found=(make_search((), "running"),))
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -234,14 +226,14 @@ async def test_a_search_before_its_first_result_and_one_that_could_not_go_on() -
         assert "it could not go on" in shown(pilot)
 
 
-async def test_the_palette_goes_to_a_search() -> None:
+async def test_the_palette_goes_to_a_search():
     async with opened(SearchingDaemon.finished()) as pilot:
         await settle(pilot)
         await choose_from_palette(pilot, SEARCH, f"go to campaign {SEARCH}")
         assert isinstance(pilot.app.screen, SearchScreen)
 
 
-async def test_without_colours_and_in_ascii_it_says_the_same() -> None:
+async def test_without_colours_and_in_ascii_it_says_the_same():
     dashboard = make_dashboard(SearchingDaemon.finished())
     dashboard.apply_limits(TerminalLimits("none", ascii_only=True))
     async with dashboard.run_test(size=(80, 24)) as pilot:
@@ -256,7 +248,7 @@ async def test_without_colours_and_in_ascii_it_says_the_same() -> None:
     assert "x fails" in plain
 
 
-def test_the_thread_that_asks_hears_of_runs_by_events(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_thread_that_asks_hears_of_runs_by_events(monkeypatch):
     monkeypatch.setattr(feed_module, "_BREATH", 0.005)
     fake = SearchingDaemon.running(20)
     feed = Feed(fake.open, clock=lambda: fake.now)
@@ -274,14 +266,14 @@ def test_the_thread_that_asks_hears_of_runs_by_events(monkeypatch: pytest.Monkey
     assert set(offsets[1:]) == {20}
 
 
-def asked(fake: SearchingDaemon, verb: str) -> list[tuple[object, ...]]:
+def asked(fake, verb):
     return [call[1:] for call in fake.calls if call[0] == verb]
 
 
-def test_only_new_runs_and_those_that_were_not_over_are_asked_for() -> None:
+def test_only_new_runs_and_those_that_were_not_over_are_asked_for():
     fake, watch = SearchingDaemon.running(20), KnownSearches()
 
-    def look() -> SearchRuns | None:
+    def look():
         watch.update_rows(fake, fake.campaign_page(limit=10))
         return watch.runs(fake, SEARCH)
 
@@ -307,7 +299,7 @@ def test_only_new_runs_and_those_that_were_not_over_are_asked_for() -> None:
     assert asked(fake, "proposals")[3:] == [(SEARCH, 0, 500)]
 
 
-def test_thousands_of_runs_come_in_pages() -> None:
+def test_thousands_of_runs_come_in_pages():
     rows = make_proposals(1200)
     fake, watch = (
         SearchingDaemon(found=(make_search(rows, "running"),), proposed=rows),
@@ -320,7 +312,7 @@ def test_thousands_of_runs_come_in_pages() -> None:
     assert [call[1] for call in asked(fake, "proposals")] == [0, 500, 1000]
 
 
-def test_a_search_that_is_gone_is_forgotten() -> None:
+def test_a_search_that_is_gone_is_forgotten():
     fake, watch = SearchingDaemon.finished(), KnownSearches()
     watch.update_rows(fake, fake.campaign_page(limit=10))
     assert SEARCH in watch.rows
@@ -330,7 +322,7 @@ def test_a_search_that_is_gone_is_forgotten() -> None:
     assert watch.runs(fake, SEARCH) is None
 
 
-def test_the_baseline_is_the_best_of_what_was_chosen_without_looking() -> None:
+def test_the_baseline_is_the_best_of_what_was_chosen_without_looking():
     curve = search_curve(search_runs(make_proposals(), "finished"))
     assert len(curve.at) == 59  # one is inconclusive
     assert curve.unknown == ((23, "?"),)
@@ -341,7 +333,7 @@ def test_the_baseline_is_the_best_of_what_was_chosen_without_looking() -> None:
     assert low < 0.0 < high
 
 
-def test_repeats_and_what_is_done_with_a_failure_are_no_part_of_the_best() -> None:
+def test_repeats_and_what_is_done_with_a_failure_are_no_part_of_the_best():
     rows = (*make_proposals(20), proposal_row(20, WRITTEN, -1.0, phase="confirm"))
     curve = search_curve(search_runs(rows))
     assert curve.value.min() == -1.0
@@ -349,7 +341,7 @@ def test_repeats_and_what_is_done_with_a_failure_are_no_part_of_the_best() -> No
     assert curve.phases == ((20, "confirm"),)
 
 
-def test_limits_leave_out_a_few_runs_far_away_but_never_nought() -> None:
+def test_limits_leave_out_a_few_runs_far_away_but_never_nought():
     rows = [proposal_row(i, WRITTEN, 0.1 + i / 1000) for i in range(30)]
     rows.append(proposal_row(30, WRITTEN, 900.0))
     low, high = value_limits(search_curve(search_runs(rows)))
@@ -357,13 +349,13 @@ def test_limits_leave_out_a_few_runs_far_away_but_never_nought() -> None:
     assert high < 1.0
 
 
-def drawn(curve: SearchCurve, columns: int = 78, rows: int = 10) -> list[str]:
+def drawn(curve, columns=78, rows=10):
     cells = draw_search_curve(curve, columns, rows)
     assert cells is not None
     return ["".join(map(chr, row)).rstrip() for row in cells[0]]
 
 
-def test_a_graph_of_thousands_has_two_dots_a_column_and_the_worst_failures() -> None:
+def test_a_graph_of_thousands_has_two_dots_a_column_and_the_worst_failures():
     rows = make_proposals(2000)
     curve = search_curve(search_runs(rows, "finished"))
     lines = drawn(curve)
@@ -376,7 +368,7 @@ def test_a_graph_of_thousands_has_two_dots_a_column_and_the_worst_failures() -> 
     assert all(value[column == c].min() in value[kept] for c in range(10))
 
 
-def test_marks_of_runs_without_a_margin_leave_the_numbers_of_the_axis_as_they_are() -> None:
+def test_marks_of_runs_without_a_margin_leave_the_numbers_of_the_axis_as_they_are():
     curve = search_curve(search_runs(make_proposals(64), "finished"))
     lost = replace(curve, unknown=((0, "‼"), (30, "‼"), (62, "‼"), (63, "‼")))
     axis = drawn(lost)[-1]
@@ -385,14 +377,14 @@ def test_marks_of_runs_without_a_margin_leave_the_numbers_of_the_axis_as_they_ar
     assert axis.count("‼") == 3
 
 
-def test_a_graph_without_a_run_or_without_room_is_none_or_empty() -> None:
+def test_a_graph_without_a_run_or_without_room_is_none_or_empty():
     curve = search_curve(search_runs(()))
     assert "0 ┈" in "\n".join(drawn(curve))
     assert draw_search_curve(curve, 12, 2) is None
 
 
-def test_the_budget_makes_room_step_by_step() -> None:
-    def room(known: int, budget: int) -> int:
+def test_the_budget_makes_room_step_by_step():
+    def room(known, budget):
         rows = make_proposals(known)
         task = replace(TASK, runs=budget)
         return search_curve(search_runs(rows, task=task)).room
@@ -403,7 +395,7 @@ def test_the_budget_makes_room_step_by_step() -> None:
     assert room(5, 20) == 20
 
 
-def test_of_several_oracles_what_is_compared_has_no_unit() -> None:
+def test_of_several_oracles_what_is_compared_has_no_unit():
     scales = (*TASK.scales, OracleScale("reached", 0.3, "m"))
     task = replace(TASK, minimise="any", scales=scales)
     curve = search_curve(search_runs(make_proposals(10), task=task))
@@ -411,7 +403,7 @@ def test_of_several_oracles_what_is_compared_has_no_unit() -> None:
     assert curve.value[0] == pytest.approx(0.105 / 0.25)
 
 
-def test_a_parameter_has_its_place_in_its_range() -> None:
+def test_a_parameter_has_its_place_in_its_range():
     opens, noise, leading = TASK.parameters[2], TASK.parameters[6], TASK.parameters[7]
     assert range_bar(opens, 8.9) == "─────│────●"
     assert range_bar(opens, 8.0) == "─────●─────"
@@ -421,7 +413,7 @@ def test_a_parameter_has_its_place_in_its_range() -> None:
     assert range_bar(replace(opens, written=None), 7.1) == "●──────────"
 
 
-def test_parameters_fit_and_say_what_is_not_as_written() -> None:
+def test_parameters_fit_and_say_what_is_not_as_written():
     values = (3.0, 6.0, 8.54, 12.0, 60.0, 0.0, 0.01, "kitchen_door")
     for width in (48, 76):
         lines = parameters_text(TASK, values, width).plain.splitlines()
@@ -434,8 +426,8 @@ def test_parameters_fit_and_say_what_is_not_as_written() -> None:
     assert "doors_moving." not in wide
 
 
-def test_the_decisive_moment_is_that_of_the_oracle_searched_for() -> None:
-    def verdict(oracle: str, margin: float, time: float | None) -> Verdict:
+def test_the_decisive_moment_is_that_of_the_oracle_searched_for():
+    def verdict(oracle, margin, time):
         outcome = Outcome.FAIL if margin < 0 else Outcome.PASS
         return Verdict(oracle, "", outcome, margin, margin, "m", Evidence(time))
 
@@ -447,7 +439,7 @@ def test_the_decisive_moment_is_that_of_the_oracle_searched_for() -> None:
     assert decisive_moment(both, (other, ours)) == 2.0
 
 
-def test_a_run_that_is_not_over_has_no_value() -> None:
+def test_a_run_that_is_not_over_has_no_value():
     (row,) = make_proposals(1, settled=0)
     found = searched_run(TASK, row)
     assert found.value is None

@@ -1,7 +1,5 @@
 """What the screens look like, with fixed data and a fixed clock."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
@@ -23,10 +21,10 @@ SHOTS = [(screen, NARROW) for screen in SCREENS] + [("runs", WIDE), ("running-ru
 @pytest.mark.parametrize(
     ("screen", "size"), SHOTS, ids=[f"{screen}-{size[0]}x{size[1]}" for screen, size in SHOTS]
 )
-def test_screen(snap_compare, screen: str, size: tuple[int, int]) -> None:
+def test_screen(snap_compare, screen, size):
     fake = FakeDaemon(live=tuple(make_live(7, float(t)) for t in range(0, 61, 2)))
 
-    async def before(pilot) -> None:
+    async def before(pilot):
         await settle(pilot)
         await press(pilot, *SCREENS[screen])
 
@@ -38,11 +36,11 @@ def test_screen(snap_compare, screen: str, size: tuple[int, int]) -> None:
     [("running-run", NARROW), ("running-run", WIDE), ("runs", WIDE)],
     ids=["running-run-80x24", "running-run-120x40", "runs-120x40"],
 )
-def test_a_system_that_is_being_started(snap_compare, screen: str, size: tuple[int, int]) -> None:
+def test_a_system_that_is_being_started(snap_compare, screen, size):
     fake = FakeDaemon(live=(make_live(7, waiting=WAITING),))
     keys = SCREENS[screen] if screen != "runs" else ("enter", *["j"] * 7)
 
-    async def before(pilot) -> None:
+    async def before(pilot):
         await settle(pilot)
         await press(pilot, *keys)
 
@@ -50,8 +48,8 @@ def test_a_system_that_is_being_started(snap_compare, screen: str, size: tuple[i
 
 
 @pytest.mark.parametrize("size", [NARROW, WIDE], ids=["80x24", "120x40"])
-def test_the_matrix(snap_compare, size: tuple[int, int]) -> None:
-    async def before(pilot) -> None:
+def test_the_matrix(snap_compare, size):
+    async def before(pilot):
         await settle(pilot)
         await press(pilot, "m", "n")
 
@@ -64,8 +62,8 @@ def test_the_matrix(snap_compare, size: tuple[int, int]) -> None:
     [(NARROW, ()), (NARROW, ("tab",)), (WIDE, ("n", "n"))],
     ids=["80x24", "values-80x24", "120x40"],
 )
-def test_a_search(snap_compare, size: tuple[int, int], keys: tuple[str, ...]) -> None:
-    async def before(pilot) -> None:
+def test_a_search(snap_compare, size, keys):
+    async def before(pilot):
         await settle(pilot)
         await press(pilot, "enter", *keys)
 
@@ -73,10 +71,10 @@ def test_a_search(snap_compare, size: tuple[int, int], keys: tuple[str, ...]) ->
     assert snap_compare(dashboard, terminal_size=size, run_before=before)
 
 
-def test_a_gone_daemon(snap_compare) -> None:
+def test_a_gone_daemon(snap_compare):
     fake = FakeDaemon()
 
-    async def before(pilot) -> None:
+    async def before(pilot):
         await settle(pilot)
         fake.reachable = False
         fake.now += 75.0
@@ -87,14 +85,14 @@ def test_a_gone_daemon(snap_compare) -> None:
 
 @pytest.mark.parametrize("state", ["gone", "empty", "stuck"])
 @pytest.mark.parametrize("size", [NARROW, WIDE], ids=["80x24", "120x40"])
-def test_a_state(snap_compare, state: str, size: tuple[int, int]) -> None:
+def test_a_state(snap_compare, state, size):
     fake = FakeDaemon()
     STATES[state](fake)
     assert snap_compare(make_dashboard(fake), terminal_size=size, run_before=settle)
 
 
-def test_the_smallest_terminal(snap_compare) -> None:
-    async def before(pilot) -> None:
+def test_the_smallest_terminal(snap_compare):
+    async def before(pilot):
         await settle(pilot)
         await press(pilot, "enter")
 

@@ -1,13 +1,8 @@
 """Texts of screens: the same one again places nothing anew, another one is shown."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from typing import Any
-
 import pytest
 from rich.text import Text
-from textual.app import App, ComposeResult
+from textual.app import App
 from textual.screen import Screen
 from textual.widgets import Static
 
@@ -21,22 +16,22 @@ class Page(App[None]):
 
     CSS = "#line { height: 1; }"
 
-    def compose(self) -> ComposeResult:
+    def compose(self):
         yield StaticText(id="words")
         yield StaticText(id="line")
         yield Static("below", id="below")
 
-    def text(self, id: str) -> StaticText:
+    def text(self, id):
         return self.query_one(f"#{id}", StaticText)
 
 
 @pytest.fixture
-def placed(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[None]]:
+def placed(monkeypatch):
     """An item for each time that everything on a screen was placed anew."""
-    times: list[None] = []
+    times = []
     place = Screen._refresh_layout
 
-    def refresh_layout(screen: Screen[Any], *how: Any, **more: Any) -> None:
+    def refresh_layout(screen, *how, **more):
         times.append(None)
         place(screen, *how, **more)
 
@@ -44,7 +39,7 @@ def placed(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[None]]:
     return times
 
 
-async def test_nothing_is_placed_anew_for_words_that_are_the_same_or_take_as_much(placed) -> None:
+async def test_nothing_is_placed_anew_for_words_that_are_the_same_or_take_as_much(placed):
     async with Page().run_test(size=(20, 8)) as pilot:
         words, line = pilot.app.text("words"), pilot.app.text("line")
         words.update(Text("one\ntwo"))
@@ -59,7 +54,7 @@ async def test_nothing_is_placed_anew_for_words_that_are_the_same_or_take_as_muc
         assert line.render_line(0).text.rstrip() == "13 s"
 
 
-async def test_what_stands_below_gives_way_to_more_words(placed) -> None:
+async def test_what_stands_below_gives_way_to_more_words(placed):
     async with Page().run_test(size=(20, 8)) as pilot:
         pilot.app.text("words").update(Text("one\ntwo\nthree"))
         await pilot.pause()
@@ -73,7 +68,7 @@ async def test_what_stands_below_gives_way_to_more_words(placed) -> None:
     "news",
     [Text("said", style="red"), Text.assemble(("said", "red")), Text("said, too"), "[b]said[/b]"],
 )
-async def test_other_words_and_other_colours_are_shown(news: str | Text) -> None:
+async def test_other_words_and_other_colours_are_shown(news):
     async with Page().run_test(size=(20, 8)) as pilot:
         line = pilot.app.text("line")
         line.update(Text("said"))
@@ -84,7 +79,7 @@ async def test_other_words_and_other_colours_are_shown(news: str | Text) -> None
         assert line.render_line(0) != before
 
 
-async def test_a_dashboard_that_is_told_the_same_again_stays_as_it_is_placed(placed) -> None:
+async def test_a_dashboard_that_is_told_the_same_again_stays_as_it_is_placed(placed):
     async with make_dashboard(SteeredDaemon()).run_test(size=(120, 40)) as pilot:
         await settle(pilot)
         placed.clear()

@@ -1,7 +1,5 @@
 """The first line answers "is it fine?" at every width, and what matters most is cut last."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -20,12 +18,12 @@ CAMPAIGNS = FakeDaemon().campaigns()
 JUDGED = {CAMPAIGN: Conclusion("fail", "3 unexpected", 3)}
 
 
-def line(width: int, **known: object) -> str:
+def line(width, **known):
     found = DashboardState(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, conclusions=JUDGED)
-    return status_text(replace(found, **known), NOW + 75.0, width).plain  # type: ignore[arg-type]
+    return status_text(replace(found, **known), NOW + 75.0, width).plain
 
 
-def test_with_room_everything_is_said_in_words() -> None:
+def test_with_room_everything_is_said_in_words():
     assert line(160) == (
         "✓ connected  ✗ 3 unexpected  ✗ 2 fail  ! 1 lost  ? 1 inconclusive  ✓ 8 pass  "
         "▶ 1 running  … 1 queued  12.5 runs/min  1 min 35 s left"
@@ -41,12 +39,12 @@ def test_with_room_everything_is_said_in_words() -> None:
         (LARGE, 38, "✓ ✗ 3 unexpected ✗1,200 fail ‼2 !7 ▶64"),
     ],
 )
-def test_where_it_is_narrow_words_go_before_numbers(overview, width: int, expected: str) -> None:
+def test_where_it_is_narrow_words_go_before_numbers(overview, width, expected):
     assert line(width, overview=overview) == expected
 
 
 @pytest.mark.parametrize("width", range(1, 200))
-def test_it_never_runs_over(width: int) -> None:
+def test_it_never_runs_over(width):
     for overview in (SMALL, LARGE, replace(LARGE, trouble="the disk is full")):
         assert len(line(width, overview=overview)) <= width
     for problem in ("no daemon answers at tcp/127.0.0.1:7447: start one", "keys: unreadable"):
@@ -54,14 +52,14 @@ def test_it_never_runs_over(width: int) -> None:
 
 
 @pytest.mark.parametrize("width", [198, 78, 38, 18])
-def test_that_no_run_can_start_is_said_at_every_width(width: int) -> None:
+def test_that_no_run_can_start_is_said_at_every_width(width):
     shown = line(width, overview=replace(LARGE, trouble="the disk is full"))
     assert "! no run" in shown
     assert "! no worker" in line(width, overview=replace(SMALL, workers=0))
 
 
 @pytest.mark.parametrize("width", [198, 120, 78])
-def test_how_far_compiling_is_is_said_at_every_usual_width(width: int) -> None:
+def test_how_far_compiling_is_is_said_at_every_usual_width(width):
     words = "compiling kernels 7/42 (once on this machine)"
     first = replace(SMALL, passed=0, failed=0, inconclusive=0, lost=0, running=2, queued=13,
                     rate=0.0, seconds_left=None, preparing=words)  # fmt: skip
@@ -70,33 +68,33 @@ def test_how_far_compiling_is_is_said_at_every_usual_width(width: int) -> None:
     assert "kernels" in shown
 
 
-def test_a_worker_that_starts_is_no_missing_worker() -> None:
+def test_a_worker_that_starts_is_no_missing_worker():
     starting = "starting the worker on this machine: loading the simulator"
     shown = line(120, overview=replace(SMALL, workers=0, preparing=starting))
     assert "! no worker" not in shown
     assert "starting" in shown
 
 
-def test_that_everything_is_paused_is_said() -> None:
+def test_that_everything_is_paused_is_said():
     paused = tuple(replace(row, paused=True) for row in CAMPAIGNS)
     assert "‖ paused" in line(160, campaigns=paused)
     assert "paused" not in line(160)
 
 
-def test_a_campaign_of_which_nothing_is_judged_does_not_stand_beside_what_has_passed() -> None:
+def test_a_campaign_of_which_nothing_is_judged_does_not_stand_beside_what_has_passed():
     shown = line(118, conclusions={CAMPAIGN: Conclusion("running", NONE_JUDGED)})
     assert NONE_JUDGED not in shown
     assert "pass" in shown
 
 
-def test_what_a_worker_prepares_is_shortened_before_counts_lose_their_words() -> None:
+def test_what_a_worker_prepares_is_shortened_before_counts_lose_their_words():
     words = "starting the worker on this machine: loading the simulator"
     shown = line(145, overview=replace(SMALL, preparing=words))
     assert "loading the simulator" in shown
     assert "✓ 8 pass" in shown
 
 
-def test_nothing_to_do_is_fine() -> None:
+def test_nothing_to_do_is_fine():
     nothing = replace(SMALL, **dict.fromkeys(
         ("queued", "running", "done", "lost", "cancelled", "passed", "failed", "inconclusive",
          "errors"), 0), seconds_left=None)  # fmt: skip
@@ -112,17 +110,17 @@ def test_nothing_to_do_is_fine() -> None:
         (18, "! no daemon"),
     ],
 )
-def test_a_gone_daemon_is_said_with_the_age_of_everything_else(width: int, expected: str) -> None:
+def test_a_gone_daemon_is_said_with_the_age_of_everything_else(width, expected):
     said = "no daemon answers at tcp/127.0.0.1:7447: start one with `scenario daemon`"
     assert line(width, connected=False, problem=said) == expected
 
 
-def test_a_daemon_that_is_not_understood_is_not_called_gone() -> None:
+def test_a_daemon_that_is_not_understood_is_not_called_gone():
     said = "the daemon's answer is not understood, versions differ? overview.rate: missing"
     shown = line(78, connected=False, problem=said, refused=True)
     assert shown == "! the daemon's answer is not understood, versions differ, 1 min old"
 
 
-def test_before_the_first_answer_it_is_connecting() -> None:
+def test_before_the_first_answer_it_is_connecting():
     assert status_text(DashboardState(), NOW, 78).plain == "… connecting"
     assert line(78, overview=None) == "… connecting"

@@ -1,17 +1,13 @@
 """Choosing a campaign file, what the check says of it, and handing it over."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 from textual.widgets import Input, Static
 
 from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, typed_folder
-from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
@@ -24,12 +20,12 @@ DEMO = Path(__file__).parents[3] / "campaigns"
 
 
 @pytest.fixture
-def fake() -> SteeredDaemon:
+def fake():
     return SteeredDaemon()
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """The campaigns that come with us, a broken one, and what is passed by."""
     for name in ("demo", "robots", "suts"):
         shutil.copytree(DEMO / name, tmp_path / name)
@@ -42,16 +38,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def make_dashboard(fake: SteeredDaemon) -> Dashboard:
+def make_dashboard(fake):
     """Files are examined in this process, which has loaded what that takes."""
     return inline.make_dashboard(fake, check_file=check_file)
 
 
-def about(pilot: Any) -> str:
+def about(pilot):
     return str(pilot.app.screen.query_one("#about", Static).render())
 
 
-async def opened_at(pilot: Any, file: str) -> None:
+async def opened_at(pilot, file):
     await settle(pilot)
     await press(pilot, "s")
     assert isinstance(pilot.app.screen, SubmitScreen)
@@ -59,7 +55,7 @@ async def opened_at(pilot: Any, file: str) -> None:
     await until(pilot, lambda: any(file in line for line in screen_text(pilot)[3:8]))
 
 
-async def test_a_campaign_is_checked_beside_its_name_and_submitted(fake, folder) -> None:
+async def test_a_campaign_is_checked_beside_its_name_and_submitted(fake, folder):
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await opened_at(pilot, "demo/camp")
         await until(pilot, lambda: "✓" in about(pilot))
@@ -74,7 +70,7 @@ async def test_a_campaign_is_checked_beside_its_name_and_submitted(fake, folder)
         assert ": 15 runs" in notices(pilot)
 
 
-async def test_the_cursor_goes_to_what_was_submitted(fake, folder) -> None:
+async def test_the_cursor_goes_to_what_was_submitted(fake, folder):
     async with make_dashboard(fake).run_test(size=(120, 30)) as pilot:
         await settle(pilot)
         rows = fake.campaigns()
@@ -84,7 +80,7 @@ async def test_the_cursor_goes_to_what_was_submitted(fake, folder) -> None:
         await until(pilot, lambda: table.key == rows[1].id)
 
 
-async def test_what_would_be_executed_is_said_before(fake, folder) -> None:
+async def test_what_would_be_executed_is_said_before(fake, folder):
     async with make_dashboard(fake).run_test(size=(120, 30)) as pilot:
         await opened_at(pilot, "demo/camp")
         await until(pilot, lambda: "✓" in about(pilot))
@@ -106,14 +102,12 @@ async def test_what_would_be_executed_is_said_before(fake, folder) -> None:
         ({"cached": 15, "seconds_anew": 30.0}, True, "; about 15 s on 2 slots"),
     ],
 )
-def test_a_plan_says_what_is_cached_and_how_long_the_rest_takes(
-    plan: dict[str, Any], fresh: bool, said: str
-) -> None:
+def test_a_plan_says_what_is_cached_and_how_long_the_rest_takes(plan, fresh, said):
     found = SubmissionPlan(3, 5, 15, **{"asked": True} | plan)
     assert plan_text(found, 2, fresh=fresh) == f"3 cells × 5 repeats = 15 runs{said}"
 
 
-async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folder) -> None:
+async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folder):
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await opened_at(pilot, "broken")
         await until(pilot, lambda: "✗" in about(pilot))
@@ -131,9 +125,7 @@ async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folde
     assert not fake.told("submit")
 
 
-async def test_where_there_is_no_campaign_the_screen_says_where_to_look(
-    fake, folder, monkeypatch
-) -> None:
+async def test_where_there_is_no_campaign_the_screen_says_where_to_look(fake, folder, monkeypatch):
     monkeypatch.chdir(folder / "robots")
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
@@ -145,7 +137,7 @@ async def test_where_there_is_no_campaign_the_screen_says_where_to_look(
         await until(pilot, lambda: "broken.yaml" in "\n".join(screen_text(pilot)))
 
 
-async def test_only_a_second_click_on_a_file_submits_it(fake, folder) -> None:
+async def test_only_a_second_click_on_a_file_submits_it(fake, folder):
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         await press(pilot, "s")
@@ -157,19 +149,19 @@ async def test_only_a_second_click_on_a_file_submits_it(fake, folder) -> None:
         await until(pilot, lambda: "not submitted: " in notices(pilot))
 
 
-def test_campaigns_near_are_found_those_changed_last_first(folder: Path) -> None:
+def test_campaigns_near_are_found_those_changed_last_first(folder):
     found = find_files(folder, is_campaign)
     assert found == (folder / "demo" / "campaign.yaml", folder / "broken.yaml")
 
 
-def test_letters_in_order_are_enough_to_find_a_file() -> None:
+def test_letters_in_order_are_enough_to_find_a_file():
     names = ("ortega2024/campaign.yaml", "demo/campaign.yaml")
     assert fuzzy_matches(names, "dcamp") == ("demo/campaign.yaml",)
     assert fuzzy_matches(names, "") == names
     assert fuzzy_matches(names, "xyz") == ()
 
 
-def test_only_a_path_leads_to_another_folder(tmp_path: Path) -> None:
+def test_only_a_path_leads_to_another_folder(tmp_path):
     (tmp_path / "lab").mkdir()
     assert typed_folder("./lab/cam", tmp_path) == (tmp_path / "lab", "cam")
     assert typed_folder("lab/cam", tmp_path) is None

@@ -1,26 +1,21 @@
 """The dashboard of a real daemon in a real terminal: typed at, resized, left alone, suspended."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from tests.daemon.batch.harness import ROOT, DaemonPart, daemon_at, eventually, finished
+from tests.daemon.batch.harness import ROOT, daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_spec, submission_of
 from tests.scenario_tui.recorded import record_run
 from tests.scenario_tui.terminal.pseudo_terminal import (
     ALTERNATE,
     MOUSE,
     PASTE,
-    Terminal,
     scenario,
     terminal,
 )
@@ -31,7 +26,7 @@ FEW_BYTES = 400
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(tmp_path_factory):
     """A daemon with a small campaign that is over."""
     with daemon_at(tmp_path_factory.mktemp("terminal") / "state", slots=1) as part:
         specs = (make_spec(scenario=name, outcome=outcome) for name, outcome in OUTCOMES.items())
@@ -41,17 +36,17 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
         yield part
 
 
-def dashboard(daemon: DaemonPart) -> list[str]:
+def dashboard(daemon):
     return scenario("tui", "--connect", daemon.endpoint)
 
 
-def restored(shown: Terminal) -> bool:
+def restored(shown):
     """Whether the terminal is as it was found."""
     modes = (ALTERNATE, PASTE, *MOUSE)
     return not any(shown.mode(mode) for mode in modes) and not shown.screen.cursor.hidden
 
 
-def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon) -> None:
+def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon):
     with terminal(dashboard(daemon)) as shown:
         shown.until("corridor-1")
         shown.until("✗ 1 fail")
@@ -84,7 +79,7 @@ def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon)
         assert client.overview().done == len(OUTCOMES)
 
 
-def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon) -> None:
+def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon):
     with terminal(dashboard(daemon)) as shown:
         shown.until("corridor-1")
         shown.type("\x1a")
@@ -101,12 +96,12 @@ def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon) -> None
         assert restored(shown)
 
 
-def test_while_nothing_happens_next_to_nothing_is_sent(daemon) -> None:
+def test_while_nothing_happens_next_to_nothing_is_sent(daemon):
     with terminal(dashboard(daemon)) as shown:
         shown.until("corridor-1")
         shown.until("✗ 1 fail")
 
-        def only_ages_grow() -> bool:
+        def only_ages_grow():
             before, began = shown.sent, time.monotonic()
             while time.monotonic() < began + 1.5:
                 shown.read(0.3)
@@ -116,7 +111,7 @@ def test_while_nothing_happens_next_to_nothing_is_sent(daemon) -> None:
         eventually(only_ages_grow)
 
 
-def test_sixteen_colours_and_ascii_are_enough(daemon) -> None:
+def test_sixteen_colours_and_ascii_are_enough(daemon):
     # The terminal of this test says nothing when it is asked, as old ones do.
     plain = {"TERM": "xterm", "LANG": "C"}
     with terminal(dashboard(daemon), environ=plain, background="") as shown:
@@ -125,7 +120,7 @@ def test_sixteen_colours_and_ascii_are_enough(daemon) -> None:
         shown.type("\r")
         shown.until("+ pass")
 
-        def is_reverse(run: str) -> bool:
+        def is_reverse(run):
             rows = [y for y, line in enumerate(shown.lines) if run in line]
             return bool(rows) and shown.screen.buffer[rows[0]][1].reverse
 
@@ -140,16 +135,14 @@ def test_sixteen_colours_and_ascii_are_enough(daemon) -> None:
 @pytest.mark.parametrize(
     ("background", "shown_on"), [("ffff/ffff/ffff", "fbfbf9"), ("1c1c/1c1c/1c1c", "12151a")]
 )
-def test_colours_follow_the_background_of_the_terminal(
-    daemon, background: str, shown_on: str
-) -> None:
+def test_colours_follow_the_background_of_the_terminal(daemon, background, shown_on):
     colours = {"COLORTERM": "truecolor"}
     with terminal(dashboard(daemon), environ=colours, background=background) as shown:
         shown.until("corridor-1")
         shown.until(lambda: shown.screen.buffer[10][2].bg == shown_on)
 
 
-def test_an_answer_that_comes_late_changes_the_colours_and_is_no_key(daemon) -> None:
+def test_an_answer_that_comes_late_changes_the_colours_and_is_no_key(daemon):
     colours = {"COLORTERM": "truecolor"}
     with terminal(dashboard(daemon), environ=colours, background="") as shown:
         shown.until("corridor-1")
@@ -168,7 +161,7 @@ def test_an_answer_that_comes_late_changes_the_colours_and_is_no_key(daemon) -> 
         assert restored(shown)
 
 
-def test_a_replay_waits_for_no_answer_either(tmp_path: Path) -> None:
+def test_a_replay_waits_for_no_answer_either(tmp_path):
     trace = record_run(tmp_path / "run.mcap")
     colours = {"COLORTERM": "truecolor"}
     with terminal(scenario("replay", str(trace)), environ=colours, background="") as shown:
@@ -181,7 +174,7 @@ def test_a_replay_waits_for_no_answer_either(tmp_path: Path) -> None:
         assert restored(shown)
 
 
-def test_a_dumb_terminal_is_told_what_to_do() -> None:
+def test_a_dumb_terminal_is_told_what_to_do():
     with terminal(scenario("tui"), environ={"TERM": "dumb"}) as shown:
         assert shown.wait() == 2
         assert "cannot be drawn on" in shown.text
@@ -191,13 +184,13 @@ def test_a_dumb_terminal_is_told_what_to_do() -> None:
 class Tmux:
     """A tmux of this test alone, with one window."""
 
-    def __init__(self, folder: Path, command: list[str]) -> None:
+    def __init__(self, folder, command):
         # Named from its folder: the whole path of a socket may be too long.
         self._folder, self._base = folder, ["tmux", "-S", "socket", "-f", "/dev/null"]
         line = " ".join(map(shlex.quote, command))
         self.call("new-session", "-d", "-c", str(ROOT), "-x", "80", "-y", "24", f"{line}; sleep 60")
 
-    def call(self, *arguments: str) -> str:
+    def call(self, *arguments):
         around = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": "/nowhere",
                   "SHELL": "/bin/sh", "SCENARIO_GLYPHS": "unicode"}  # fmt: skip
         done = subprocess.run(
@@ -207,15 +200,15 @@ class Tmux:
         return done.stdout
 
     @property
-    def text(self) -> str:
+    def text(self):
         return self.call("capture-pane", "-p")
 
-    def until(self, seen: str) -> None:
+    def until(self, seen):
         eventually(lambda: seen in self.text)
 
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
-def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path) -> None:
+def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path):
     window = Tmux(tmp_path, dashboard(daemon))
     try:
         window.until("corridor-1")

@@ -1,17 +1,8 @@
 """Our colours can be read: on every background they stand on, on dark and on light terminals."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
-
 import pytest
-from rich.color_triplet import ColorTriplet
-from rich.segment import Segment
 from textual._context import visible_screen_stack
 from textual.css.stylesheet import Stylesheet
-from textual.strip import Strip
 
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 from scenario_tui.dashboard.config import Config
@@ -41,13 +32,13 @@ CHECKED = CheckedFile(
 )
 
 
-def luminance(colour: ColorTriplet) -> float:
+def luminance(colour):
     """Relative luminance as the WCAG defines it."""
     parts = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in colour.normalized]
     return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
 
 
-def contrast(segment: Segment) -> float:
+def contrast(segment):
     style = segment.style
     assert style is not None
     assert style.color is not None
@@ -57,14 +48,14 @@ def contrast(segment: Segment) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-def is_text(segment: Segment) -> bool:
+def is_text(segment):
     written = segment.text.strip()
     style = segment.style
     coloured = style is not None and style.color is not None and style.bgcolor is not None
     return coloured and any(ord(sign) not in DRAWN for sign in written)
 
 
-def drawn(pilot: Any) -> list[Strip]:
+def drawn(pilot):
     """Return the lines of the screen in front and, around dialogs, of what is behind it."""
     screen = pilot.app.screen
     screen.refresh()
@@ -72,7 +63,7 @@ def drawn(pilot: Any) -> list[Strip]:
     return list(screen._compositor.render_strips())
 
 
-def poor(pilot: Any) -> Iterator[tuple[str, str]]:
+def poor(pilot):
     for strip in drawn(pilot):
         for segment in strip:
             if is_text(segment) and contrast(segment) < LEAST:
@@ -80,9 +71,7 @@ def poor(pilot: Any) -> Iterator[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
-async def test_every_text_can_be_read(
-    theme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_every_text_can_be_read(theme, tmp_path, monkeypatch):
     (tmp_path / "first.yaml").write_text("campaign: first\n")
     monkeypatch.chdir(tmp_path)
     config = Config(theme=theme)
@@ -98,7 +87,7 @@ async def test_every_text_can_be_read(
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
-async def test_a_search_and_the_banner_of_a_lost_connection_can_be_read(theme: str) -> None:
+async def test_a_search_and_the_banner_of_a_lost_connection_can_be_read(theme):
     fake = SearchingDaemon.finished()
     async with make_dashboard(fake, config=Config(theme=theme)).run_test(size=(120, 40)) as pilot:
         await settle(pilot)
@@ -118,9 +107,7 @@ STATES = ("gone", "question_mark", "c")
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 @pytest.mark.parametrize("keys", [(), ("enter",), ("m",), ("enter", "enter")])
-async def test_what_is_old_or_behind_a_dialog_can_be_read(
-    theme: str, keys: tuple[str, ...]
-) -> None:
+async def test_what_is_old_or_behind_a_dialog_can_be_read(theme, keys):
     fake = judged_campaign()
     async with make_dashboard(fake, config=Config(theme=theme)).run_test(size=(120, 40)) as pilot:
         await settle(pilot)
@@ -147,9 +134,7 @@ async def test_what_is_old_or_behind_a_dialog_can_be_read(
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 @pytest.mark.parametrize("keys", [(), ("enter",), ("m",), ("enter", "enter")])
-async def test_the_palette_and_what_is_behind_it_can_be_read(
-    theme: str, keys: tuple[str, ...]
-) -> None:
+async def test_the_palette_and_what_is_behind_it_can_be_read(theme, keys):
     app = make_dashboard(judged_campaign(), config=Config(theme=theme))
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(pilot)
@@ -163,7 +148,7 @@ async def test_the_palette_and_what_is_behind_it_can_be_read(
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 @pytest.mark.parametrize("colours", ["few", "none"])
-async def test_the_selection_is_seen_without_our_colours(theme: str, colours: Any) -> None:
+async def test_the_selection_is_seen_without_our_colours(theme, colours):
     app = make_dashboard(SteeredDaemon(), config=Config(theme=theme))
     app.apply_limits(TerminalLimits(colours))
     async with app.run_test(size=(80, 24)) as pilot:
@@ -177,7 +162,7 @@ async def test_the_selection_is_seen_without_our_colours(theme: str, colours: An
         assert any(segment.style and segment.style.reverse for segment in behind)
 
 
-async def test_our_theme_follows_the_terminal_unless_one_was_chosen() -> None:
+async def test_our_theme_follows_the_terminal_unless_one_was_chosen():
     light = BackgroundQuestion({"COLORFGBG": "0;15"})
     app = make_dashboard(SteeredDaemon())
     assert app.theme == DARK
@@ -189,7 +174,7 @@ async def test_our_theme_follows_the_terminal_unless_one_was_chosen() -> None:
         assert chosen.theme == "nord"
 
 
-async def test_style_sheets_are_parsed_once_before_the_first_screen(monkeypatch) -> None:
+async def test_style_sheets_are_parsed_once_before_the_first_screen(monkeypatch):
     parsed = []
     parse = Stylesheet.reparse
     monkeypatch.setattr(Stylesheet, "reparse", lambda sheet: parsed.append(sheet) or parse(sheet))

@@ -1,7 +1,5 @@
 """The top view: dots where geometry says, in the right layer, with the right glyphs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,14 +11,14 @@ from grammars.model.geometry import Pose2
 from grammars.model.kinematics import object_rings
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.widgets.cell_view import Canvas
-from scenario_tui.dashboard.widgets.map_frame import MapFrame, View, draw_view
+from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from tests.scenario_tui.fake import MISSION, ROBOT, make_live, make_scene
 
 # Dot positions of a braille cell by Unicode's own numbering: bit k is dot k+1.
 _DOT_OF_BIT = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3)]
 
 
-def dots_of(canvas: Canvas) -> set[tuple[int, int]]:
+def dots_of(canvas):
     """Read the dots back out of the characters."""
     codes, _ = canvas.cells()
     found = set()
@@ -32,11 +30,11 @@ def dots_of(canvas: Canvas) -> set[tuple[int, int]]:
     return found
 
 
-def view(**changes: object) -> View:
-    return View(make_scene(), ROBOT, MISSION, (0.0,), **changes)  # type: ignore[arg-type]
+def view(**changes):
+    return View(make_scene(), ROBOT, MISSION, (0.0,), **changes)
 
 
-def text(frame: MapFrame) -> str:
+def text(frame):
     codes, _ = frame.cells()
     return "\n".join("".join(map(chr, row)) for row in codes)
 
@@ -45,14 +43,14 @@ coordinate = st.integers(-5, 45)
 
 
 @given(st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=30))
-def test_dots_are_where_they_were_set(points: list[tuple[int, int]]) -> None:
+def test_dots_are_where_they_were_set(points):
     canvas = Canvas(10, 6, 1)
     canvas.points(np.array(points, dtype=float), 0)
     assert dots_of(canvas) == {(x, y) for x, y in points if 0 <= x < 20 and 0 <= y < 24}
 
 
 @given(*[st.integers(0, 19)] * 4)
-def test_a_line_has_no_gaps_and_keeps_to_its_way(x0: int, y0: int, x1: int, y1: int) -> None:
+def test_a_line_has_no_gaps_and_keeps_to_its_way(x0, y0, x1, y1):
     canvas = Canvas(10, 5, 1)
     canvas.lines(np.array([[x0, y0, x1, y1]], dtype=float), 0)
     dots = dots_of(canvas)
@@ -64,7 +62,7 @@ def test_a_line_has_no_gaps_and_keeps_to_its_way(x0: int, y0: int, x1: int, y1: 
         assert off <= 0.75 * max(length, 1.0)
 
 
-def test_a_cell_belongs_to_its_highest_layer_and_a_glyph_hides_dots() -> None:
+def test_a_cell_belongs_to_its_highest_layer_and_a_glyph_hides_dots():
     canvas = Canvas(2, 1, 3)
     canvas.points(np.array([[0.0, 0.0]]), 0)
     canvas.points(np.array([[1.0, 3.0]]), 2)
@@ -74,7 +72,7 @@ def test_a_cell_belongs_to_its_highest_layer_and_a_glyph_hides_dots() -> None:
     assert "".join(map(chr, codes[0])) == "⢁◆"
 
 
-def test_lintels_are_above_the_eye_and_leave_the_doorway_open() -> None:
+def test_lintels_are_above_the_eye_and_leave_the_doorway_open():
     frame = draw_view(view(), 76, 20)
     walls = frame.still.walls.dots > 0
     ((x, y),) = frame.still.projection.dots(np.array([[5.5, 4.1]]))
@@ -85,7 +83,7 @@ def test_lintels_are_above_the_eye_and_leave_the_doorway_open() -> None:
     assert wall[int(x // 2) + 10]
 
 
-def test_a_door_is_drawn_at_its_angle() -> None:
+def test_a_door_is_drawn_at_its_angle():
     (name,) = make_scene().joint_names
     shut = object_rings(make_scene(), 0.3, {name: 0.0})[0]
     ajar = object_rings(make_scene(), 0.3, {name: -math.pi / 2})[0]
@@ -100,22 +98,22 @@ def test_a_door_is_drawn_at_its_angle() -> None:
     ("yaw", "arrow"),
     [(0.0, "→"), (math.pi / 2, "↑"), (math.pi, "←"), (-math.pi / 2, "↓"), (0.8, "↗")],
 )
-def test_the_robot_is_an_arrow_that_points_where_it_looks(yaw: float, arrow: str) -> None:
+def test_the_robot_is_an_arrow_that_points_where_it_looks(yaw, arrow):
     assert arrow in text(draw_view(view(robot_pose=Pose2(6.0, 2.0, yaw)), 76, 20))
 
 
-def test_reached_waypoints_look_different() -> None:
+def test_reached_waypoints_look_different():
     shown = text(draw_view(view(reached=2), 76, 20))
     assert (shown.count("◇"), shown.count("◆")) == (2, 1)
 
 
-def test_zoom_keeps_the_robot_in_the_middle() -> None:
+def test_zoom_keeps_the_robot_in_the_middle():
     canvas = draw_view(view(robot_pose=Pose2(9.0, 1.0, 0.0)), 76, 20, zoom=4)
     rows = text(canvas).splitlines()
     assert rows[9][37] == "→" or rows[10][38] == "→" or rows[9][38] == "→" or rows[10][37] == "→"
 
 
-def test_a_trail_grows_with_the_way_and_starts_anew_with_a_new_attempt() -> None:
+def test_a_trail_grows_with_the_way_and_starts_anew_with_a_new_attempt():
     tracks = Tracks()
     for time in (0.0, 0.1, 20.0, 40.0):
         tracks.add(make_live(7, time))
@@ -128,7 +126,7 @@ def test_a_trail_grows_with_the_way_and_starts_anew_with_a_new_attempt() -> None
     assert len(again.trail) == 1
 
 
-def test_the_runs_longest_unheard_of_are_forgotten() -> None:
+def test_the_runs_longest_unheard_of_are_forgotten():
     tracks = Tracks()
     for index in range(100):
         tracks.add(make_live(index))

@@ -11,22 +11,19 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Final
 
 from tests.scenario_tui.terminal.paced_run import EXECUTOR
-from tests.scenario_tui.terminal.pseudo_terminal import ROOT, Terminal, terminal
+from tests.scenario_tui.terminal.pseudo_terminal import ROOT, terminal
 
-DOCUMENT: Final = ROOT / "docs" / "tutorials" / "first-hour.md"
-SIZE: Final = (120, 32)
-_HEADING: Final = "| press | you see |"
-_KEYS: Final = {"⏎": "\r", "esc": "\x1b", "tab": "\t", "space": " "}
-_PROMPT: Final = "$ "
-_COMMAND: Final = f"""\
+DOCUMENT = ROOT / "docs" / "tutorials" / "first-hour.md"
+SIZE = (120, 32)
+_HEADING = "| press | you see |"
+_KEYS = {"⏎": "\r", "esc": "\x1b", "tab": "\t", "space": " "}
+_PROMPT = "$ "
+_COMMAND = f"""\
 #!{sys.executable}
 from daemon.model import execution
 execution.DEFAULT_EXECUTOR = "{EXECUTOR}"
@@ -48,7 +45,7 @@ class Step:
     section: str = ""
 
 
-def read_steps(text: str) -> tuple[Step, ...]:
+def read_steps(text):
     """Return the steps of a document in their order."""
     steps, inside, section = [], False, ""
     for line in text.splitlines():
@@ -62,13 +59,7 @@ def read_steps(text: str) -> tuple[Step, ...]:
     return tuple(steps)
 
 
-def follow(
-    shell: Terminal,
-    steps: Sequence[Step],
-    until: Callable[[Callable[[], bool]], None] | None = None,
-    before: Callable[[Step], None] = lambda _: None,
-    then: Callable[[Step], None] = lambda _: None,
-) -> None:
+def follow(shell, steps, until=None, before=lambda _: None, then=lambda _: None):
     """Take the steps, and wait after each, by ``until``, for what is to be seen.
 
     ``before`` and ``then`` are called before and after each step.
@@ -83,14 +74,14 @@ def follow(
         then(step)
 
 
-def _shown(shell: Terminal, step: Step) -> bool:
+def _shown(shell, step):
     # A shell wraps lines that hold the path of a folder anywhere, in the middle of a word too.
     text, wrapped = shell.text, shell.text.replace("\n", "")
     return all(word in text or word in wrapped for word in step.words)
 
 
 @contextmanager
-def shell_in(folder: Path) -> Iterator[Terminal]:
+def shell_in(folder):
     """Open a shell in a folder with short campaigns, whose ``scenario`` is that of this copy.
 
     A daemon that was started in it and not stopped is stopped in the end.
@@ -120,7 +111,7 @@ def shell_in(folder: Path) -> Iterator[Terminal]:
             subprocess.run(stop, env=os.environ | around, capture_output=True, check=False)
 
 
-def _copy_campaigns(folder: Path) -> None:
+def _copy_campaigns(folder):
     """Copy the campaigns of the tutorial with fewer repeats, and with a pilot that needs no ROS."""
     for part in ("demo", "ortega2024", "robots", "suts"):
         shutil.copytree(ROOT / "campaigns" / part, folder / part)

@@ -1,7 +1,5 @@
 """A program in a real pseudo-terminal: type, read the screen, resize, count the bytes."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os
@@ -13,20 +11,18 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
 
 import pyte
 
-ROOT: Final = Path(__file__).parents[3]
-DEADLINE: Final = 120.0
+ROOT = Path(__file__).parents[3]
+DEADLINE = 120.0
 """Seconds after which a test is broken, and not the machine busy."""
 ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
-_PRIVATE: Final = 5
+_PRIVATE = 5
 """How far pyte shifts the numbers of private modes."""
-_ASKED: Final = b"\x1b]11;?\x1b\\"
-_KEPT: Final = ("PATH", "VIRTUAL_ENV", "PYTHONPATH")
+_ASKED = b"\x1b]11;?\x1b\\"
+_KEPT = ("PATH", "VIRTUAL_ENV", "PYTHONPATH")
 
 
 class Terminal:
@@ -35,18 +31,18 @@ class Terminal:
     Asked for its ``background`` it says that, nothing where it is empty, as old ones do.
     """
 
-    def __init__(self, pid: int, master: int, columns: int, rows: int, background: str) -> None:
+    def __init__(self, pid, master, columns, rows, background):
         self.pid, self._master = pid, master
         self._background = background
         self.screen = pyte.Screen(columns, rows)
         self._stream = pyte.ByteStream(self.screen)
         self.sent = 0
         self.raw = bytearray()
-        self._code: int | None = None
-        self._lines: list[str] | None = None
+        self._code = None
+        self._lines = None
 
     @property
-    def lines(self) -> list[str]:
+    def lines(self):
         """What a reader sees."""
         # Putting them together takes milliseconds, and who waits for something asks for them fifty
         # times a second: that was most of the time of the tests in terminals.
@@ -55,14 +51,14 @@ class Terminal:
         return self._lines
 
     @property
-    def text(self) -> str:
+    def text(self):
         return "\n".join(self.lines)
 
-    def mode(self, number: int) -> bool:
+    def mode(self, number):
         """Whether a private mode is set: ``CSI ? number h``."""
         return number << _PRIVATE in self.screen.mode
 
-    def read(self, seconds: float) -> None:
+    def read(self, seconds):
         """Take in what comes, for that long at most and until there is a pause of a tenth."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
@@ -70,7 +66,7 @@ class Terminal:
             if ready and not self._take():
                 return
 
-    def _take(self) -> bool:
+    def _take(self):
         try:
             data = os.read(self._master, 65536)
         except OSError:  # Linux says EIO when the program has left
@@ -83,7 +79,7 @@ class Terminal:
             self.type(f"\x1b]11;rgb:{self._background}\x1b\\")
         return bool(data)
 
-    def until(self, seen: str | Callable[[], bool], seconds: float = DEADLINE) -> None:
+    def until(self, seen, seconds=DEADLINE):
         """Read until some text is on the screen, or something else is true."""
         true = seen if callable(seen) else lambda: seen in self.text
         deadline = time.monotonic() + seconds
@@ -91,23 +87,23 @@ class Terminal:
             assert time.monotonic() < deadline, f"not in time: {seen!r}\n{self.text}"
             self.read(0.02)
 
-    def type(self, keys: str) -> None:
+    def type(self, keys):
         """Press keys."""
         os.write(self._master, keys.encode())
 
-    def resize(self, columns: int, rows: int) -> None:
+    def resize(self, columns, rows):
         """Change the size, as dragging the window does; the program gets SIGWINCH."""
         _set_size(self._master, columns, rows)
         self.screen.resize(rows, columns)
         self._lines = None
         os.kill(self.pid, signal.SIGWINCH)
 
-    def clear(self) -> None:
+    def clear(self):
         """Forget what is on the screen, and how it was set, as a terminal does that is reset."""
         self.screen.reset()
         self._lines = None
 
-    def wait(self, seconds: float = DEADLINE) -> int:
+    def wait(self, seconds=DEADLINE):
         """Read until the program has left; returns its exit code, minus the signal's number.
 
         What it said last is read then, however late: nobody else writes to this terminal.
@@ -123,12 +119,12 @@ class Terminal:
             pass
         return self._code
 
-    def stopped(self) -> bool:
+    def stopped(self):
         """Whether the program was suspended since this was last asked."""
         done, status = os.waitpid(self.pid, os.WNOHANG | os.WUNTRACED)
         return bool(done) and os.WIFSTOPPED(status)
 
-    def close(self) -> None:
+    def close(self):
         if self._code is None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
@@ -136,7 +132,7 @@ class Terminal:
         os.close(self._master)
 
 
-def typed_here(call: Callable[[], int], *, columns: int = 100, rows: int = 40) -> tuple[int, bytes]:
+def typed_here(call, *, columns=100, rows=40):
     """Call something of this process whose output goes to a terminal; return its code, the bytes.
 
     Standard input stays what it is: nothing is drawn that somebody would have to leave by a key.
@@ -145,7 +141,7 @@ def typed_here(call: Callable[[], int], *, columns: int = 100, rows: int = 40) -
     _set_size(slave, columns, rows)
     raw = bytearray()
 
-    def take() -> None:
+    def take():
         with contextlib.suppress(OSError):  # Linux says EIO when nobody writes any more
             while data := os.read(master, 65536):
                 raw.extend(data)
@@ -165,19 +161,12 @@ def typed_here(call: Callable[[], int], *, columns: int = 100, rows: int = 40) -
     return code, bytes(raw)
 
 
-def _set_size(descriptor: int, columns: int, rows: int) -> None:
+def _set_size(descriptor, columns, rows):
     fcntl.ioctl(descriptor, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
 
 @contextlib.contextmanager
-def terminal(
-    command: Sequence[str],
-    *,
-    columns: int = 80,
-    rows: int = 24,
-    environ: Mapping[str, str] | None = None,
-    background: str = "0000/0000/0000",
-) -> Iterator[Terminal]:
+def terminal(command, *, columns=80, rows=24, environ=None, background="0000/0000/0000"):
     """Run a command in a terminal of its own; nothing of it is left afterwards."""
     around = {name: os.environ[name] for name in _KEPT if name in os.environ}
     # Nobody's settings are to be read.
@@ -193,7 +182,7 @@ def terminal(
         shown.close()
 
 
-def _spawn(command: list[str], tty: str, environ: Mapping[str, str]) -> int:
+def _spawn(command, tty, environ):
     """Start a command; the terminal that a leader of a session opens first is the one it has."""
     actions = [
         (os.POSIX_SPAWN_OPEN, 0, tty, os.O_RDWR, 0),
@@ -203,6 +192,6 @@ def _spawn(command: list[str], tty: str, environ: Mapping[str, str]) -> int:
     return os.posix_spawn(command[0], command, environ, file_actions=actions, setsid=True)
 
 
-def scenario(*arguments: str) -> list[str]:
+def scenario(*arguments):
     """The command line of this working copy."""
     return [sys.executable, "-c", "from scenario_tui.cli import main; main()", *arguments]

@@ -5,28 +5,24 @@ one for each piece of output), with pauses cut short. The format:
 https://docs.asciinema.org/manual/asciicast/v2/
 """
 
-from __future__ import annotations
-
 import codecs
 import json
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Final
 
-from tests.scenario_tui.terminal.first_hour import DOCUMENT, Step, follow, read_steps, shell_in
-from tests.scenario_tui.terminal.pseudo_terminal import ALTERNATE, DEADLINE, ROOT, Terminal
+from tests.scenario_tui.terminal.first_hour import DOCUMENT, follow, read_steps, shell_in
+from tests.scenario_tui.terminal.pseudo_terminal import ALTERNATE, DEADLINE, ROOT
 
-CAST: Final = ROOT / "docs" / "pictures" / "first-hour.cast"
-LONGEST_PAUSE: Final = 1.5
+CAST = ROOT / "docs" / "pictures" / "first-hour.cast"
+LONGEST_PAUSE = 1.5
 """Seconds without output that are kept at most."""
-LARGEST: Final = 300_000
+LARGEST = 300_000
 """Bytes of a cast in the documentation."""
-_TO_BE_READ: Final = 1.2
+_TO_BE_READ = 1.2
 """Seconds for which what a step leads to stays, at least."""
 
-_LONGEST_WAIT: Final = 1.0
+_LONGEST_WAIT = 1.0
 """Second of which everything is kept while something is waited for."""
 _CANCEL, _REDRAW = "\x18", "\x0c"
 """What ends an escape sequence that was cut, and the key that draws the screen again."""
@@ -35,22 +31,22 @@ _CANCEL, _REDRAW = "\x18", "\x0c"
 class CastRecorder:
     """Drives a program in a terminal and keeps what it sends, by time."""
 
-    def __init__(self, shown: Terminal) -> None:
+    def __init__(self, shown):
         self._shown = shown
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
         self._kept = 0
         self._now = 0.0
         self._last = time.monotonic()
-        self.events: list[tuple[float, str, str]] = []
+        self.events = []
 
-    def take(self, seconds: float) -> None:
+    def take(self, seconds):
         """Let the program go on for a while."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             self._shown.read(min(left, 0.05))
             self._keep()
 
-    def until(self, seen: str | Callable[[], bool]) -> None:
+    def until(self, seen):
         """Let the program go on until a text is on the screen, or something is true.
 
         Of what it sends meanwhile the first seconds are kept, and how it looks in the end.
@@ -64,7 +60,7 @@ class CastRecorder:
             if waited > _LONGEST_WAIT and self._shown.mode(ALTERNATE):
                 self._skip(true)
 
-    def _skip(self, true: Callable[[], bool]) -> None:
+    def _skip(self, true):
         """Keep nothing until something is true, then all of the screen."""
         self._shown.until(true)
         self._kept = len(self._shown.raw)
@@ -73,11 +69,11 @@ class CastRecorder:
         self._shown.type(_REDRAW)
         self.take(_TO_BE_READ)
 
-    def mark(self, words: str) -> None:
+    def mark(self, words):
         """Name the place reached; players show it on their timeline."""
         self.events.append((round(self._now, 3), "m", words))
 
-    def _keep(self) -> None:
+    def _keep(self):
         sent, now = self._shown.raw[self._kept :], time.monotonic()
         if sent:
             self._kept += len(sent)
@@ -85,7 +81,7 @@ class CastRecorder:
             self._last = now
             self.events.append((round(self._now, 3), "o", self._decoder.decode(bytes(sent))))
 
-    def write(self, path: Path, title: str) -> None:
+    def write(self, path, title):
         """Write the cast."""
         screen = self._shown.screen
         head = {
@@ -101,13 +97,13 @@ class CastRecorder:
         path.write_text(text, "utf-8")
 
 
-def record_session(path: Path = CAST) -> None:
+def record_session(path=CAST):
     """Record how somebody follows the tutorial of the dashboard, its sections as marks."""
     steps = read_steps(DOCUMENT.read_text("utf-8"))
     with tempfile.TemporaryDirectory(prefix="lab-") as folder, shell_in(Path(folder)) as shell:
         cast = CastRecorder(shell)
 
-        def mark(step: Step) -> None:
+        def mark(step):
             if step.section not in (data for _, kind, data in cast.events if kind == "m"):
                 cast.mark(step.section)
 

@@ -1,14 +1,10 @@
 """The tutorial of the dashboard is true: its keys lead to what it says one sees."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 from tests.scenario_tui.terminal.first_hour import DOCUMENT, Step, follow, read_steps, shell_in
 from tests.scenario_tui.terminal.pseudo_terminal import ALTERNATE
 
 
-def test_steps_are_what_stands_in_backquotes_in_the_tables_of_steps() -> None:
+def test_steps_are_what_stands_in_backquotes_in_the_tables_of_steps():
     text = (
         "`not this`\n\n## Go\n\n| press | you see |\n|---|---|\n| `g` then `⏎` | `a`, or `b c` |\n"
         "| nothing | nor here |\n\n| key | means |\n|---|---|\n| `x` | `y` |\n"
@@ -16,11 +12,11 @@ def test_steps_are_what_stands_in_backquotes_in_the_tables_of_steps() -> None:
     assert read_steps(text) == (Step(("g", "⏎"), ("a", "b c"), "Go"),)
 
 
-def test_the_keys_of_the_first_hour_lead_to_what_it_says(tmp_path: Path) -> None:
+def test_the_keys_of_the_first_hour_lead_to_what_it_says(tmp_path):
     steps = read_steps(DOCUMENT.read_text("utf-8"))
     assert len(steps) > 20
 
-    def report_is_there(step: Step) -> None:
+    def report_is_there(step):
         if step.keys == ("o",):
             shell.until(lambda: bool(list((tmp_path / "robot").glob("demo-*.html"))))
 

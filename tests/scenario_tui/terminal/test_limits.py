@@ -1,13 +1,10 @@
 """Poor terminals: few colours, none, ASCII only; what is found out and what is made of it."""
 
-from __future__ import annotations
-
 import os
 import pty
 import select
 import termios
 import threading
-from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
@@ -33,7 +30,7 @@ BLACK = Color.parse("#121212")
 
 
 @pytest.fixture
-def terminal() -> Iterator[tuple[int, int]]:
+def terminal():
     """The two ends of a terminal: what shows it, and what a program in it reads and writes."""
     outside, inside = pty.openpty()
     yield outside, inside
@@ -42,14 +39,14 @@ def terminal() -> Iterator[tuple[int, int]]:
 
 
 @pytest.mark.parametrize("name", ["dumb", "unknown", ""])
-def test_a_dumb_terminal_is_refused_with_what_to_do(name: str) -> None:
+def test_a_dumb_terminal_is_refused_with_what_to_do(name):
     said = why_undrawable({"TERM": name})
     assert "cannot be drawn on" in said
     assert "scenario status" in said
 
 
 @pytest.mark.parametrize("name", ["xterm", "linux", "screen", "vt100", "tmux-256color"])
-def test_others_are_drawn_on(name: str) -> None:
+def test_others_are_drawn_on(name):
     assert why_undrawable({"TERM": name}) == ""
 
 
@@ -66,7 +63,7 @@ def test_others_are_drawn_on(name: str) -> None:
         ("truecolor", {"TERM": "xterm", "NO_COLOR": "1"}, "none"),
     ],
 )
-def test_colours_are_those_of_the_terminal(system: str, environ: dict[str, str], colours) -> None:
+def test_colours_are_those_of_the_terminal(system, environ, colours):
     assert terminal_limits(system, environ | {"SCENARIO_GLYPHS": "unicode"}) == TerminalLimits(
         colours
     )
@@ -87,9 +84,9 @@ def test_colours_are_those_of_the_terminal(system: str, environ: dict[str, str],
     ],
 )
 def test_signs_follow_the_locale_and_where_it_is_silent_the_terminal(
-    monkeypatch, environ: dict[str, str], utf8_mode: int, answer: bool | None, expected: bool
-) -> None:
-    def ask() -> bool:
+    monkeypatch, environ, utf8_mode, answer, expected
+):
+    def ask():
         assert answer is not None, "there was no need to ask"
         return answer
 
@@ -101,11 +98,11 @@ def test_signs_follow_the_locale_and_where_it_is_silent_the_terminal(
 
 
 @pytest.mark.parametrize(("column", "knows"), [(2, True), (4, False), (None, False)])
-def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows: bool) -> None:
+def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows):
     monkeypatch.setattr(capabilities, "_PATIENCE", 0.1 if column is None else 60.0)
     master, slave = pty.openpty()
 
-    def answer() -> None:
+    def answer():
         asked = b""
         while b"\x1b[6n" not in asked:
             asked += os.read(master, 64)
@@ -122,7 +119,7 @@ def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows:
         os.close(slave)
 
 
-def test_every_verdict_keeps_a_colour_of_its_own_hue() -> None:
+def test_every_verdict_keeps_a_colour_of_its_own_hue():
     names = {
         word: reduce_style(Style.parse(style), colours=True).color
         for word, style in DASHBOARD_STYLES.items()
@@ -136,27 +133,27 @@ def test_every_verdict_keeps_a_colour_of_its_own_hue() -> None:
     assert "blue" not in shown.values()  # nobody can read it on black
 
 
-def test_what_is_selected_is_in_reverse_and_nothing_else_has_a_background() -> None:
+def test_what_is_selected_is_in_reverse_and_nothing_else_has_a_background():
     selected, panel = Style.parse("bold #ddedf9 on #0178d4"), Style.parse("#e0e0e0 on #242f38")
     assert reduce_style(selected, colours=True) == Style(bold=True, reverse=True)
     assert reduce_style(selected, colours=False) == Style(bold=True, reverse=True)
     assert reduce_style(panel, colours=True) == Style()
 
 
-def test_on_a_light_theme_only_what_is_dark_stands_out() -> None:
+def test_on_a_light_theme_only_what_is_dark_stands_out():
     light = Style.parse("#202020 on #e0e0e0")
     assert reduce_style(light, colours=True, dark=False) == Style()
     assert reduce_style(Style.parse("#ffffff on #004578"), colours=True, dark=False).reverse
 
 
-def test_without_colours_only_attributes_are_left() -> None:
+def test_without_colours_only_attributes_are_left():
     segments = [Segment("✗ fail", Style.parse("bold #ff7b7b on #1e1e1e")), Segment("x")]
     (fail, rest) = ReducedColours(colours=False).apply(segments, BLACK)
     assert fail.style == Style(bold=True)
     assert rest.text == "x"
 
 
-def test_signs_in_ascii_differ_where_words_differ() -> None:
+def test_signs_in_ascii_differ_where_words_differ():
     signs = {word: to_ascii(glyph) for word, glyph in GLYPHS.items()}
     assert all(sign.isascii() and len(sign) == 1 for sign in signs.values())
     assert len(set(signs.values())) == len(signs)
@@ -173,29 +170,29 @@ def test_signs_in_ascii_differ_where_words_differ() -> None:
         ("Flur Süd, 漢字", "Flur Sud, ????"),
     ],
 )
-def test_everything_is_said_in_ascii_as_wide_as_before(text: str, expected: str) -> None:
+def test_everything_is_said_in_ascii_as_wide_as_before(text, expected):
     assert to_ascii(text) == expected
     assert cell_len(expected) == cell_len(text)
     (segment,) = AsciiGlyphs().apply([Segment(text, Style(bold=True))], BLACK)
     assert segment == Segment(expected, Style(bold=True))
 
 
-def keys_and_backgrounds(pieces: list[str]) -> list[object]:
+def keys_and_backgrounds(pieces):
     parser = AnswerParser()
     found = [message for piece in pieces for message in parser.feed(piece)]
-    return [m.light if isinstance(m, BackgroundTold) else m.key for m in found]  # type: ignore[attr-defined]
+    return [m.light if isinstance(m, BackgroundTold) else m.key for m in found]
 
 
 @pytest.mark.parametrize("end", ["\x07", "\x1b\\"])
 @pytest.mark.parametrize("cut", [2, 3, 5, 9, 23, 24])
-def test_a_late_answer_is_no_key_in_however_many_pieces(cut: int, end: str) -> None:
+def test_a_late_answer_is_no_key_in_however_many_pieces(cut, end):
     answer = f"\x1b]11;rgb:ffff/ffff/ffff{end}"
     assert keys_and_backgrounds([f"a{answer}b"]) == [True, "a", "b"]
     assert keys_and_backgrounds([answer[:cut], answer[cut:] + "b"]) == [True, "b"]
     assert keys_and_backgrounds([answer.replace("ffff", "0000")]) == [False]
 
 
-def test_keys_that_begin_like_an_answer_are_keys() -> None:
+def test_keys_that_begin_like_an_answer_are_keys():
     assert keys_and_backgrounds(["\x1b[A", "]11;"]) == ["up", "right_square_bracket", "1", "1",
                                                         "semicolon"]  # fmt: skip
 
@@ -209,9 +206,7 @@ def test_keys_that_begin_like_an_answer_are_keys() -> None:
         (b"\x1b[1;1R", False),
     ],
 )
-def test_a_terminal_tells_whether_its_background_is_light(
-    terminal: tuple[int, int], answer: bytes, light: bool
-) -> None:
+def test_a_terminal_tells_whether_its_background_is_light(terminal, answer, light):
     outside, inside = terminal
     asked = BackgroundQuestion({}, inside, inside)
     os.write(outside, answer)
@@ -223,15 +218,13 @@ def test_a_terminal_tells_whether_its_background_is_light(
 @pytest.mark.parametrize(
     ("told", "light"), [("0;15", True), ("15;0", False), ("0;default;15", True), ("15;8", False)]
 )
-def test_where_the_background_is_told_nothing_is_asked(
-    terminal: tuple[int, int], told: str, light: bool
-) -> None:
+def test_where_the_background_is_told_nothing_is_asked(terminal, told, light):
     outside, inside = terminal
     assert BackgroundQuestion({"COLORFGBG": told}, inside, inside).close() is light
     assert not select.select([outside], [], [], 0.0)[0]
 
 
-def test_nobody_waits_for_what_was_asked_early(terminal: tuple[int, int]) -> None:
+def test_nobody_waits_for_what_was_asked_early(terminal):
     outside, inside = terminal
     before = termios.tcgetattr(inside)
     silent = BackgroundQuestion({"COLORFGBG": "default"}, inside, inside)

@@ -1,7 +1,5 @@
 """The console for text of others: their signs are shown, our styles pass."""
 
-from __future__ import annotations
-
 import io
 
 from rich.live import Live
@@ -16,26 +14,26 @@ from tests.scenario_tui.poison import NAME, WORD, assert_harmless
 LOST = "\N{REPLACEMENT CHARACTER}"
 
 
-def console() -> tuple[PrintableConsole, io.StringIO]:
+def console():
     file = io.StringIO()
     return PrintableConsole(
         file=file, force_terminal=True, color_system="standard", width=60, _environ={}
     ), file
 
 
-def test_styles_stay_where_they_were() -> None:
+def test_styles_stay_where_they_were():
     shown, file = console()
     shown.print(Text.assemble(("a\x1bb", "bold"), ("\u202ec", "red")))
     assert file.getvalue() == f"\x1b[1ma{LOST}b\x1b[0m\x1b[31m{LOST}c\x1b[0m\n"
 
 
-def test_names_are_no_markup_and_no_pictures() -> None:
+def test_names_are_no_markup_and_no_pictures():
     shown, file = console()
     shown.print("[bold]x[/bold] [link=http://x]y[/link] [/] :car:")
     assert file.getvalue() == "[bold]x[/bold] [link=http://x]y[/link] [/] :car:\n"
 
 
-def test_whatever_it_stands_in() -> None:
+def test_whatever_it_stands_in():
     shown, file = console()
     table = Table(f"title{NAME}", caption=f"caption{NAME}")
     table.add_row(f"cell{NAME}", end_section=True)
@@ -48,7 +46,7 @@ def test_whatever_it_stands_in() -> None:
     assert WORD in assert_harmless(file.getvalue().encode())
 
 
-def test_columns_stay_beside_each_other() -> None:
+def test_columns_stay_beside_each_other():
     shown, file = console()
     table = Table.grid(padding=(0, 1))
     table.add_row("a\x1b\u202eb", "next")

@@ -1,12 +1,9 @@
 """Casts are what asciinema reads: a head, then times that only grow; so is the one of the docs."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import pyte
 
@@ -22,12 +19,12 @@ for word in ("naïve", "second", "third"):
 """
 
 
-def read(path: Path) -> tuple[dict[str, Any], list[tuple[float, str, str]]]:
+def read(path):
     head, *events = map(json.loads, path.read_text("utf-8").splitlines())
     return head, [(time, kind, data) for time, kind, data in events]
 
 
-def valid(path: Path) -> list[tuple[float, str, str]]:
+def valid(path):
     """The events of a cast, after a look at what the format asks for."""
     head, events = read(path)
     assert head["version"] == 2
@@ -38,7 +35,7 @@ def valid(path: Path) -> list[tuple[float, str, str]]:
     return events
 
 
-def test_what_a_program_sends_is_kept_by_time(tmp_path: Path) -> None:
+def test_what_a_program_sends_is_kept_by_time(tmp_path):
     with terminal([sys.executable, "-c", SLOW], columns=40, rows=5) as shown:
         cast = CastRecorder(shown)
         cast.until("naïve")
@@ -58,7 +55,7 @@ def test_what_a_program_sends_is_kept_by_time(tmp_path: Path) -> None:
     assert [data for _, kind, data in events if kind == "m"] == ["first"]
 
 
-def test_the_session_in_the_docs_can_be_played_and_names_no_machine() -> None:
+def test_the_session_in_the_docs_can_be_played_and_names_no_machine():
     assert CAST.stat().st_size < LARGEST
     head, _ = read(CAST)
     assert (head["width"], head["height"]) == SIZE
@@ -72,7 +69,7 @@ def test_the_session_in_the_docs_can_be_played_and_names_no_machine() -> None:
         assert f"{folder}/" not in written
 
 
-def test_the_session_in_the_docs_shows_what_the_tutorial_says() -> None:
+def test_the_session_in_the_docs_shows_what_the_tutorial_says():
     played = pyte.Screen(*SIZE)
     stream, written = pyte.Stream(played), ""
     steps = read_steps(DOCUMENT.read_text("utf-8"))

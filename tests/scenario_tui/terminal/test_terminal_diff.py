@@ -1,9 +1,6 @@
 """Thinned frames show the same screen as whole ones, in fewer bytes."""
 
-from __future__ import annotations
-
 import random
-from typing import Any
 
 import pyte
 import pytest
@@ -21,23 +18,23 @@ FRAME = (
 class Pair:
     """Two terminals: one gets every frame, the other what a shadow leaves of it."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.shadow = TerminalDiff()
         self.screens = tuple(pyte.Screen(COLUMNS, ROWS) for _ in range(2))
         self._whole, self._thin = (pyte.Stream(screen) for screen in self.screens)
 
-    def show(self, data: str) -> str:
+    def show(self, data):
         sent = self.shadow.reduce(data)
         self._whole.feed(data)
         self._thin.feed(sent)
         return sent
 
-    def assert_same(self) -> None:
+    def assert_same(self):
         whole, thin = (_shown(screen) for screen in self.screens)
         assert thin == whole
 
 
-def _shown(screen: pyte.Screen) -> Any:
+def _shown(screen):
     cells = [
         [(c.data, c.fg, c.bg, c.bold, c.reverse) for c in (screen.buffer[y][x] for x in range(40))]
         for y in range(ROWS)
@@ -45,14 +42,14 @@ def _shown(screen: pyte.Screen) -> Any:
     return cells, (screen.cursor.x, screen.cursor.y)
 
 
-def test_the_same_frame_again_sends_nothing() -> None:
+def test_the_same_frame_again_sends_nothing():
     pair = Pair()
     assert len(pair.show(FRAME)) > 40
     assert pair.show(FRAME) == ""
     pair.assert_same()
 
 
-def test_only_the_cell_that_changed_is_sent() -> None:
+def test_only_the_cell_that_changed_is_sent():
     pair = Pair()
     pair.show(FRAME)
     sent = pair.show(FRAME.replace("7 s", "8 s"))
@@ -60,7 +57,7 @@ def test_only_the_cell_that_changed_is_sent() -> None:
     pair.assert_same()
 
 
-def test_another_colour_is_a_change() -> None:
+def test_another_colour_is_a_change():
     pair = Pair()
     pair.show(FRAME)
     assert "campaigns" in pair.show(FRAME.replace("38;5;3", "38;5;4"))
@@ -68,14 +65,14 @@ def test_another_colour_is_a_change() -> None:
 
 
 @pytest.mark.parametrize("letters", ["ab ✓▶⠿─é", "ab 漢字 e\u0301"], ids=["narrow", "wide"])
-def test_any_frames_show_the_same(letters: str) -> None:
+def test_any_frames_show_the_same(letters):
     chance, pair = random.Random(20), Pair()
     for _ in range(300):
         pair.show(_some_frame(chance, letters))
         pair.assert_same()
 
 
-def _some_frame(chance: random.Random, letters: str) -> str:
+def _some_frame(chance, letters):
     frame = []
     for _ in range(chance.randint(1, 6)):
         row, column = chance.randrange(ROWS), chance.randrange(30)
@@ -89,7 +86,7 @@ def _some_frame(chance: random.Random, letters: str) -> str:
     return "".join([*frame, f"\x1b[{ROWS};1H"])
 
 
-def test_a_cleared_screen_is_drawn_whole() -> None:
+def test_a_cleared_screen_is_drawn_whole():
     pair = Pair()
     first = pair.show(FRAME)
     assert pair.show("\x1b[?1049h") == "\x1b[?1049h"
@@ -98,13 +95,13 @@ def test_a_cleared_screen_is_drawn_whole() -> None:
     assert pair.show(FRAME) == first
 
 
-def test_what_is_no_frame_goes_through() -> None:
+def test_what_is_no_frame_goes_through():
     shadow = TerminalDiff()
     for data in ("\x1b[?25l", "\x07", "\x1b]52;c;aGk=\x07", "\x1b[?1006h"):
         assert shadow.reduce(data) == data
 
 
-def test_a_frame_with_something_else_in_it_goes_through() -> None:
+def test_a_frame_with_something_else_in_it_goes_through():
     pair = Pair()
     pair.show(FRAME)
     linked = FRAME.replace("done", "\x1b]8;;http://x\x1b\\done\x1b]8;;\x1b\\")
@@ -112,7 +109,7 @@ def test_a_frame_with_something_else_in_it_goes_through() -> None:
     assert "nightly" in pair.show(FRAME)
 
 
-def test_updates_are_announced_only_when_there_are_some() -> None:
+def test_updates_are_announced_only_when_there_are_some():
     shadow = TerminalDiff()
     begin, end = "\x1b[?2026h", "\x1b[?2026l"
     sent = [shadow.reduce(data) for data in (begin, FRAME, end)]

@@ -1,13 +1,12 @@
 """What is said of cells and campaigns whose runs have not all finished."""
 
 from dataclasses import replace
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
 
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
-    Assessment,
     AssessmentRules,
     Expectation,
     ExpectedVerdict,
@@ -16,7 +15,7 @@ from daemon.model.assessments import (
 )
 from daemon.model.run_state import RunState
 from daemon.model.spec import Timing
-from daemon.model.status import RunDetail, RunRow
+from daemon.model.status import RunDetail
 from daemon.model.verdicts import Outcome, Verdict
 from scenario_tui.text.assessment_text import cell_notes
 from scenario_tui.text.results import conclude
@@ -26,7 +25,7 @@ from tests.scenario_tui.fake import make_row, make_spec
 UNFINISHED = ("queued", "running")
 
 
-def record(repeat: int, state: str, outcome: Outcome | None = None) -> RunRecord:
+def record(repeat, state, outcome=None):
     verdicts = () if outcome is None else (Verdict("buffer", "", outcome, 0.1, 0.1, "m"),)
     timing = None if outcome is None else Timing(1.0, 1.0, 9.0)
     return RunRecord(
@@ -35,7 +34,7 @@ def record(repeat: int, state: str, outcome: Outcome | None = None) -> RunRecord
     )  # fmt: skip
 
 
-def judged(*records: RunRecord, expected: ExpectedVerdict = "pass", **policy: Any) -> Assessment:
+def judged(*records, expected="pass", **policy):
     rules = AssessmentRules(
         RepeatPolicy(n=len(records), **policy),
         expectations=(Expectation("S1", "buffer", (), expected, "it is narrow"),),
@@ -43,7 +42,7 @@ def judged(*records: RunRecord, expected: ExpectedVerdict = "pass", **policy: An
     return assess(rules, records)
 
 
-def notes(*records: RunRecord, expected: ExpectedVerdict = "pass", **policy: Any) -> str:
+def notes(*records, expected="pass", **policy):
     (cell,) = judged(*records, expected=expected, **policy).cells
     return cell_notes(cell).plain
 
@@ -51,9 +50,7 @@ def notes(*records: RunRecord, expected: ExpectedVerdict = "pass", **policy: Any
 @pytest.mark.parametrize("state", UNFINISHED)
 @pytest.mark.parametrize("expected", get_args(ExpectedVerdict))
 @pytest.mark.parametrize("rule", ["all", "rate", "mean"])
-def test_an_oracle_with_runs_to_come_is_neither_inconclusive_nor_unexpected(
-    state: str, expected: ExpectedVerdict, rule: str
-) -> None:
+def test_an_oracle_with_runs_to_come_is_neither_inconclusive_nor_unexpected(state, expected, rule):
     passing = Outcome.FAIL if expected in ("fail", "mixed") else Outcome.PASS
     said = notes(record(0, "done", passing), record(1, state), expected=expected, rule=rule)
     assert "inconclusive" not in said
@@ -67,7 +64,7 @@ def test_an_oracle_with_runs_to_come_is_neither_inconclusive_nor_unexpected(
 
 
 @pytest.mark.parametrize("state", UNFINISHED)
-def test_what_runs_to_come_cannot_mend_is_marked_at_once(state: str) -> None:
+def test_what_runs_to_come_cannot_mend_is_marked_at_once(state):
     said = notes(record(0, "done", Outcome.FAIL), record(1, state))
     assert "✗ fail  buffer  ! expected pass" in said
     said = notes(record(0, "done", Outcome.PASS), record(1, state), expected="fail")
@@ -83,11 +80,11 @@ def test_what_runs_to_come_cannot_mend_is_marked_at_once(state: str) -> None:
         ("lost", "2 runs, none was judged: what was executed gave no result"),
     ],
 )
-def test_a_cell_without_a_verdict_says_why(state: str, words: str) -> None:
+def test_a_cell_without_a_verdict_says_why(state, words):
     assert words in notes(record(0, state), record(1, state))
 
 
-def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait() -> None:
+def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
     (cell,) = judged(record(0, "queued"), record(1, "running"), record(2, "lost")).cells
     assert (cell.word, cell.state) == ("running", "running")
 
@@ -105,9 +102,7 @@ def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait() -> None
         ((record(0, "done", Outcome.INCONCLUSIVE),), True, "? undecided"),
     ],
 )
-def test_the_conclusion_is_about_what_was_judged(
-    records: tuple[RunRecord, ...], finished: bool, words: str
-) -> None:
+def test_the_conclusion_is_about_what_was_judged(records, finished, words):
     assert conclude(judged(*records), finished=finished).glyph_text == words
 
 
@@ -123,11 +118,9 @@ def test_the_conclusion_is_about_what_was_judged(
         ({"state": RunState.LOST, "reason": "it broke"}, ("it broke", "was to be judged by")),
     ],
 )  # fmt: skip
-def test_a_run_without_a_result_says_how_it_stands(
-    changes: dict[str, Any], words: tuple[str, ...]
-) -> None:
+def test_a_run_without_a_result_says_how_it_stands(changes, words):
     fresh = {"outcome": None, "oracle": "", "margin": None, "worker": "", "trace": ""}
-    row: RunRow = replace(make_row(0), **(fresh | changes))
+    row = replace(make_row(0), **(fresh | changes))
     said = run_text(RunDetail(row, make_spec(row, "0" * 64), None), None).plain
     for part in words:
         assert part in said

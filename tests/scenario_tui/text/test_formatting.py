@@ -1,7 +1,5 @@
 """Numbers and words as people read them."""
 
-from __future__ import annotations
-
 import math
 import sys
 
@@ -34,7 +32,7 @@ from scenario_tui.text.run_text import evidence_parts
         (None, "m", "–"),
     ],
 )
-def test_margins_have_sign_three_digits_and_a_unit(value, unit, text) -> None:
+def test_margins_have_sign_three_digits_and_a_unit(value, unit, text):
     assert formatting.margin(value, unit) == text
 
 
@@ -52,7 +50,7 @@ def test_margins_have_sign_three_digits_and_a_unit(value, unit, text) -> None:
         (-3.0, "0 s"),
     ],
 )
-def test_durations_are_for_people(seconds, text) -> None:
+def test_durations_are_for_people(seconds, text):
     assert formatting.duration(seconds) == text
 
 
@@ -68,7 +66,7 @@ def test_durations_are_for_people(seconds, text) -> None:
         (math.nan, "–"),
     ],
 )
-def test_spans_below_a_second_are_told_apart(seconds, text) -> None:
+def test_spans_below_a_second_are_told_apart(seconds, text):
     assert formatting.fine_duration(seconds) == text
 
 
@@ -76,7 +74,7 @@ def test_spans_below_a_second_are_told_apart(seconds, text) -> None:
     ("age", "text"),
     [(0, "0 s ago"), (-5, "0 s ago"), (240, "4 min ago"), (90_000, "25 h ago"), (1e6, "11 d ago")],
 )
-def test_ages_have_one_unit(age, text) -> None:
+def test_ages_have_one_unit(age, text):
     assert formatting.age_text(1000.0, 1000.0 + age) == text
 
 
@@ -92,29 +90,29 @@ def test_ages_have_one_unit(age, text) -> None:
         (math.nan, "    │    "),
     ],
 )
-def test_bars_grow_from_the_middle_to_the_side_of_the_verdict(share, bar) -> None:
+def test_bars_grow_from_the_middle_to_the_side_of_the_verdict(share, bar):
     assert formatting.margin_bar(share) == bar
 
 
-def test_every_outcome_and_state_has_a_glyph_and_a_style() -> None:
+def test_every_outcome_and_state_has_a_glyph_and_a_style():
     for word in (*Outcome, *(state for state in RunState if state is not RunState.DONE)):
         assert formatting.glyph_word(str(word)).endswith(str(word))
         assert str(word) in formatting.TERMINAL_STYLES
         assert str(word) in formatting.SEVERITY
 
 
-def test_counting_uses_the_plural_for_all_but_one() -> None:
+def test_counting_uses_the_plural_for_all_but_one():
     assert count_noun(1, "run") == "1 run"
     assert count_noun(0, "run") == "0 runs"
     assert count_noun(12_000, "run") == "12,000 runs"
 
 
-def test_seeds_are_shown_short() -> None:
+def test_seeds_are_shown_short():
     assert formatting.brief_seed(3386250816931739734) == "338625…"
     assert formatting.brief_seed(20240101) == "20240101"
 
 
-def test_moments_in_notes_are_told_as_all_others() -> None:
+def test_moments_in_notes_are_told_as_all_others():
     note = "first at 34.65 s; the trace ends at 120.00 s, before the run; until 7.25 s, 0.25 s long"
     seen = Evidence(41.04, object="door_3", note=note)
     verdict = Verdict("clear", "", Outcome.FAIL, -0.1, -0.1, "m", seen)

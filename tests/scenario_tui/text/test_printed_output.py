@@ -1,7 +1,5 @@
 """What other programs printed: bounded, in whole lines, harmless to a terminal."""
 
-from __future__ import annotations
-
 import unicodedata
 
 import pytest
@@ -28,19 +26,19 @@ LOST = "\N{REPLACEMENT CHARACTER}"
         ("a\tb", ["a       b"]),
     ],
 )
-def test_lines_are_as_a_terminal_would_have_left_them(printed: str, lines: list[str]) -> None:
+def test_lines_are_as_a_terminal_would_have_left_them(printed, lines):
     assert printed_lines(printed) == lines
 
 
 @given(st.text(alphabet=st.characters(), max_size=200))
-def test_no_sign_is_left_that_a_terminal_obeys(text: str) -> None:
+def test_no_sign_is_left_that_a_terminal_obeys(text):
     left = {sign for line in printed_lines(text) for sign in line}
     assert not {unicodedata.category(sign) for sign in left} & {"Cc", "Cs", "Zl", "Zp"}
     turning = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
     assert not {unicodedata.bidirectional(sign) for sign in left} & set(turning)
 
 
-def test_the_last_lines_and_how_many_there_are_before() -> None:
+def test_the_last_lines_and_how_many_there_are_before():
     text = "\n".join(str(i) for i in range(50))
     assert last_lines(text) == ([str(i) for i in range(10, 50)], 10)
     assert last_lines(text, 2) == (["48", "49"], 48)

@@ -1,7 +1,5 @@
 """Round numbers on axes, and limits in view."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -14,7 +12,7 @@ VALUES = st.floats(-1e6, 1e6, allow_nan=False)
 
 
 @given(st.floats(1e-9, 1e9))
-def test_steps_are_one_two_or_five_and_not_too_small(least: float) -> None:
+def test_steps_are_one_two_or_five_and_not_too_small(least):
     step = round_step(least)
     digit = step / 10.0 ** math.floor(math.log10(step) + 1e-9)
     assert min(abs(digit - one) for one in (1.0, 2.0, 5.0)) < 1e-6
@@ -22,7 +20,7 @@ def test_steps_are_one_two_or_five_and_not_too_small(least: float) -> None:
 
 
 @given(VALUES, VALUES, st.integers(2, 60))
-def test_an_axis_always_has_a_tick_and_none_outside(a: float, b: float, rows: int) -> None:
+def test_an_axis_always_has_a_tick_and_none_outside(a, b, rows):
     scale = mark_axis(min(a, b), max(a, b), rows, 2.0)
     assert scale.low < scale.high
     assert scale.ticks
@@ -31,9 +29,7 @@ def test_an_axis_always_has_a_tick_and_none_outside(a: float, b: float, rows: in
 
 
 @given(VALUES, VALUES, VALUES, st.integers(2, 60))
-def test_values_and_limits_near_them_are_in_view(
-    a: float, b: float, limit: float, rows: int
-) -> None:
+def test_values_and_limits_near_them_are_in_view(a, b, limit, rows):
     low, high = min(a, b), max(a, b)
     scale = fit_axis(low, high, (limit,), rows, (1,))
     assert scale.low <= low <= high <= scale.high
@@ -41,7 +37,7 @@ def test_values_and_limits_near_them_are_in_view(
         assert -1e-9 <= scale.share(limit) <= 1 + 1e-9
 
 
-def test_there_is_room_beyond_a_limit_that_was_kept() -> None:
+def test_there_is_room_beyond_a_limit_that_was_kept():
     assert fit_axis(0.0, 0.4, (0.5,), 6, (1,)).high == pytest.approx(0.6)
     assert fit_axis(0.0, 0.4, (0.5,), 6).high == 0.5
     assert fit_axis(1.0, 2.0, (0.5,), 6, (-1,)).low < 0.5
@@ -52,5 +48,5 @@ def test_there_is_room_beyond_a_limit_that_was_kept() -> None:
     [(0.05, 0.05, "0.05"), (-20.0, 10.0, "−20"), (0.0, 0.5, "0.0"), (3e7, 1e7, "3e7"),
      (2e-6, 1e-6, "2e−6"), (-0.0, 1.0, "0"), (1500.0, 500.0, "1500")],
 )  # fmt: skip
-def test_ticks_are_as_short_as_their_step_allows(value: float, step: float, text: str) -> None:
+def test_ticks_are_as_short_as_their_step_allows(value, step, text):
     assert tick_text(value, step) == text

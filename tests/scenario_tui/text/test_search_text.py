@@ -1,7 +1,5 @@
 """A search in words: how far it is, what it found, what decides."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -35,7 +33,7 @@ from tests.scenario_tui.fake_search import (
 )
 
 
-def test_a_sparkline_always_has_nought_in_its_range() -> None:
+def test_a_sparkline_always_has_nought_in_its_range():
     assert sparkline([0.4, 0.2, 0.0]) == "█▅▁"
     assert sparkline([0.1, 0.1]) == "██"
     assert sparkline([-0.1, 0.1]) == "▁█"
@@ -43,7 +41,7 @@ def test_a_sparkline_always_has_nought_in_its_range() -> None:
     assert sparkline([]) == ""
 
 
-def test_a_sparkline_of_many_values_shows_the_smallest_of_each_cell() -> None:
+def test_a_sparkline_of_many_values_shows_the_smallest_of_each_cell():
     values = [1.0] * 2000
     values[1234] = -1.0
     shown = sparkline(values, 20)
@@ -52,7 +50,7 @@ def test_a_sparkline_of_many_values_shows_the_smallest_of_each_cell() -> None:
     assert sparkline([math.inf, 1.0, math.nan]) == "█"
 
 
-def test_the_tally_knows_first_failure_and_best_value_after_each_run() -> None:
+def test_the_tally_knows_first_failure_and_best_value_after_each_run():
     rows = (*make_proposals(), make_proposal_row(8, state=RunState.RUNNING))
     rows += (make_proposal_row(9, -0.5, phase="nearest"),)
     tally = tally_search(TASK, rows)
@@ -64,12 +62,12 @@ def test_the_tally_knows_first_failure_and_best_value_after_each_run() -> None:
     assert tally.smallest == ObjectiveValue(-0.031, -0.031, "m", "keeps-clear", "kitchen_door")
 
 
-def test_a_run_without_a_value_neither_fails_nor_is_best() -> None:
+def test_a_run_without_a_value_neither_fails_nor_is_best():
     tally = tally_search(TASK, (make_proposal_row(0, state=RunState.LOST),))
     assert (tally.explored, tally.failed, tally.smallest) == (1, 0, None)
 
 
-def test_parameters_are_shown_beside_what_is_written() -> None:
+def test_parameters_are_shown_beside_what_is_written():
     assert parameter_table(TASK, (8.54, 0.01, "kitchen_door")) == (
         ("doors_moving.kitchen_opens", "8 s", "8.54 s", True),
         ("robot.laser.noise", "0.01 m", "0.01 m", False),
@@ -77,7 +75,7 @@ def test_parameters_are_shown_beside_what_is_written() -> None:
     )
 
 
-def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs() -> None:
+def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs():
     swing = replace(TASK.parameters[1], low=-0.5, written=-0.1, unit="m")
     task = replace(TASK, parameters=(swing,))
     assert parameter_table(task, (-0.124,)) == ((swing.name, "−0.1 m", "−0.124 m", True),)
@@ -87,7 +85,7 @@ def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs() -
     assert named.shown("left-door") == "left-door"
 
 
-def test_where_in_its_range_a_value_lies() -> None:
+def test_where_in_its_range_a_value_lies():
     opens, noise, leading = TASK.parameters
     assert share_in_range(opens, 8.0) == pytest.approx(0.5)
     assert share_in_range(opens, 99.0) == 1.0
@@ -118,13 +116,13 @@ def test_where_in_its_range_a_value_lies() -> None:
         ),
     ],
 )
-def test_one_word_and_one_phrase_for_how_a_search_stands(row, word: str, phase: str) -> None:
+def test_one_word_and_one_phrase_for_how_a_search_stands(row, word, phase):
     assert search_word(row) == word
     assert phase_text(row) == phase
     assert phase in search_line(row)
 
 
-def test_a_line_for_a_search() -> None:
+def test_a_line_for_a_search():
     assert search_line(make_search("running")) == (
         "doors-in-time: looking for failures, 8 of 60 runs"
     )
@@ -133,7 +131,7 @@ def test_a_line_for_a_search() -> None:
     )
 
 
-def test_what_does_not_fail_is_the_oracle_that_was_searched_with() -> None:
+def test_what_does_not_fail_is_the_oracle_that_was_searched_with():
     calm = make_search(answer=replace(make_answer(), failed=0, first=None))
     assert "✓ keeps-clear does not fail" in headline(calm).plain
     scale = TASK.scales[0]
@@ -141,7 +139,7 @@ def test_what_does_not_fail_is_the_oracle_that_was_searched_with() -> None:
     assert "✓ nothing fails" in headline(replace(calm, task=everything)).plain
 
 
-def test_the_answer_begins_with_its_sentences() -> None:
+def test_the_answer_begins_with_its_sentences():
     text = "\n".join(line.plain for line in answer_lines(make_search()))
     assert text == (
         "doors-in-time  ✗ it can fail  Doors a little early or late\n"
@@ -163,7 +161,7 @@ def test_the_answer_begins_with_its_sentences() -> None:
     )
 
 
-def test_several_changes_of_the_nearest_failure_are_a_table() -> None:
+def test_several_changes_of_the_nearest_failure_are_a_table():
     answer = make_answer()
     assert answer.nearest is not None
     change = ParameterChange("robot.laser.noise", "m", 0.01, 0.024)
@@ -177,26 +175,26 @@ def test_several_changes_of_the_nearest_failure_are_a_table() -> None:
     ) in text
 
 
-def test_a_search_without_an_answer_says_how_it_stands() -> None:
+def test_a_search_without_an_answer_says_how_it_stands():
     lines = [line.plain for line in answer_lines(make_search("failed", note="flat.fpm:3: gone"))]
     assert lines[2] == "flat.fpm:3: gone"
     assert "it could not go on" in lines[-1]
 
 
-def test_what_chance_gives_as_well_is_dim() -> None:
+def test_what_chance_gives_as_well_is_dim():
     first, *others = influence_lines(TASK, make_answer())
     assert not first.style
     assert all(line.style for line in others)
 
 
-def test_influence_of_a_flat_margin_is_nothing() -> None:
+def test_influence_of_a_flat_margin_is_nothing():
     answer = make_answer()
     flat = replace(answer.influence[0], correlation=math.nan)
     (line,) = influence_lines(TASK, replace(answer, influence=(flat,)))
     assert line.plain.endswith("nan")
 
 
-def test_what_to_type_about_a_search() -> None:
+def test_what_to_type_about_a_search():
     running = dict(search_commands(make_search("running")))
     assert f"scenario cancel {SEARCH}" in running
     done = dict(search_commands(make_search()))

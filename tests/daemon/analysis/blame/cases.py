@@ -1,14 +1,8 @@
 """Campaigns with known culprits, and runs that are judged without being executed."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
-from pathlib import Path
-
-import pytest
+from collections.abc import Callable
 
 from daemon.analysis.blame import Candidate, CandidateResult
-from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 
 CAMPAIGN = """\
@@ -35,15 +29,15 @@ Rule = Callable[[Candidate], Outcome]
 class Pretended:
     """Stands in for the executor: verdicts by a rule about candidates, runs counted."""
 
-    def __init__(self, rule: Rule) -> None:
+    def __init__(self, rule):
         self._rule = rule
-        self.specs: list[RunSpec] = []
+        self.specs = []
         self.interrupt_after = 10**9
 
-    def __call__(self, candidates: Sequence[Candidate]) -> list[tuple[CandidateResult, ...]]:
+    def __call__(self, candidates):
         return [self._endings(candidate) for candidate in candidates]
 
-    def _endings(self, candidate: Candidate) -> tuple[CandidateResult, ...]:
+    def _endings(self, candidate):
         if len(self.specs) >= self.interrupt_after:
             raise KeyboardInterrupt
         self.specs.append(candidate.spec)
@@ -55,17 +49,17 @@ class Pretended:
         )
 
 
-def pretend(monkeypatch: pytest.MonkeyPatch, rule: Rule) -> Pretended:
+def pretend(monkeypatch, rule):
     pretended = Pretended(rule)
     monkeypatch.setattr("daemon.analysis.blame._runner.execute_candidates", pretended)
     return pretended
 
 
-def failing_if(condition: Callable[[RunSpec], bool]) -> Rule:
+def failing_if(condition):
     return lambda candidate: Outcome.FAIL if condition(candidate.spec) else Outcome.PASS
 
 
-def write(folder: Path, text: str = CAMPAIGN) -> Path:
+def write(folder, text=CAMPAIGN):
     path = folder / "tiny.yaml"
     path.write_text(text)
     return path

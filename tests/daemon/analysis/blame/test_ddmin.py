@@ -1,8 +1,6 @@
 """Delta debugging: laws that hold for any failure."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 
 from hypothesis import assume, given
@@ -13,11 +11,11 @@ from daemon.analysis.blame import LINEAR_STEPS, ddmin, find_flip, split_evenly
 Test = Callable[[tuple[int, ...]], bool]
 
 
-def asks(fails: Test) -> Callable[[Sequence[tuple[int, ...]]], int | None]:
+def asks(fails):
     return lambda tried: next((i for i, one in enumerate(tried) if fails(one)), None)
 
 
-def least(items: Sequence[int], fails: Test) -> tuple[int, ...]:
+def least(items, fails):
     found = tuple(items)
     for found in ddmin(items, asks(fails)):
         assert fails(found), "every configuration on the way fails"
@@ -29,16 +27,16 @@ CAUSES = st.sets(st.integers(0, 39), max_size=5)
 
 
 @given(SIZES, CAUSES)
-def test_the_cause_of_a_monotone_failure_is_found_exactly(size: int, cause: set[int]) -> None:
+def test_the_cause_of_a_monotone_failure_is_found_exactly(size, cause):
     cause = {item for item in cause if item < size}
     assert least(range(size), lambda kept: cause <= set(kept)) == tuple(sorted(cause))
 
 
 @given(st.integers(1, 12), st.randoms(use_true_random=False))
-def test_what_is_left_is_1_minimal_whatever_fails(size: int, chance) -> None:
+def test_what_is_left_is_1_minimal_whatever_fails(size, chance):
     whole, verdicts = tuple(range(size)), {}
 
-    def fails(kept: tuple[int, ...]) -> bool:
+    def fails(kept):
         if kept == whole:
             return True
         return verdicts.setdefault(kept, chance.random() < 0.3)
@@ -49,17 +47,17 @@ def test_what_is_left_is_1_minimal_whatever_fails(size: int, chance) -> None:
 
 
 @given(SIZES, CAUSES)
-def test_order_is_kept_and_every_step_is_smaller(size: int, cause: set[int]) -> None:
+def test_order_is_kept_and_every_step_is_smaller(size, cause):
     assume(cause & set(range(size)))
     steps = [tuple(range(size)), *ddmin(range(size), asks(lambda kept: bool(cause & set(kept))))]
     assert all(list(step) == sorted(step) for step in steps)
     assert all(len(late) < len(early) for early, late in pairwise(steps))
 
 
-def test_one_cause_among_many_takes_few_tests() -> None:
+def test_one_cause_among_many_takes_few_tests():
     asked = []
 
-    def fails(kept: tuple[int, ...]) -> bool:
+    def fails(kept):
         asked.append(kept)
         return 777 in kept
 
@@ -69,7 +67,7 @@ def test_one_cause_among_many_takes_few_tests() -> None:
 
 
 @given(st.lists(st.integers(), min_size=1, max_size=30, unique=True), st.integers(1, 30))
-def test_parts_are_the_whole_in_order_and_never_empty(items: list[int], parts: int) -> None:
+def test_parts_are_the_whole_in_order_and_never_empty(items, parts):
     found = split_evenly(items, min(parts, len(items)))
     assert [item for part in found for item in part] == items
     assert all(found)
@@ -77,15 +75,13 @@ def test_parts_are_the_whole_in_order_and_never_empty(items: list[int], parts: i
 
 
 @given(st.integers(1, 60), st.data())
-def test_the_flip_is_where_a_prefix_begins_to_fail(size: int, data) -> None:
+def test_the_flip_is_where_a_prefix_begins_to_fail(size, data):
     at = data.draw(st.integers(0, size - 1))
     assert find_flip(range(size), asks(lambda kept: at in kept)) == at
 
 
 @given(st.integers(1, 30), st.sets(st.integers(1, 29)))
-def test_of_a_failure_that_comes_and_goes_the_last_coming_is_preferred(
-    size: int, failing: set[int]
-) -> None:
+def test_of_a_failure_that_comes_and_goes_the_last_coming_is_preferred(size, failing):
     lengths = {length for length in failing if length < size} | {size}
     at = find_flip(range(size), asks(lambda kept: len(kept) in lengths))
     assert at + 1 in lengths

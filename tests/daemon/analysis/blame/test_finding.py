@@ -1,7 +1,5 @@
 """Which run is meant by what people write."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -14,11 +12,11 @@ from tests.daemon.analysis.blame.cases import CAMPAIGN, write
 
 
 @pytest.fixture
-def places(tmp_path: Path) -> StatePaths:
+def places(tmp_path):
     return StatePaths(tmp_path / "state")
 
 
-def test_a_place_in_a_campaign_file(places: StatePaths) -> None:
+def test_a_place_in_a_campaign_file(places):
     meant = find_run(["c.yaml", "S1", "pilot", "3"], places)
     assert (meant.campaign, meant.scenario, meant.sut, meant.repeat) == (
         Path("c.yaml"),
@@ -39,14 +37,12 @@ def test_a_place_in_a_campaign_file(places: StatePaths) -> None:
         (["a.mcap", "S1"], "or CAMPAIGN.yaml SCENARIO"),
     ],
 )
-def test_what_names_no_run_is_refused(places: StatePaths, words: list[str], message: str) -> None:
+def test_what_names_no_run_is_refused(places, words, message):
     with pytest.raises(ValueError, match=message):
         find_run(words, places)
 
 
-def test_a_trace_is_of_the_campaign_file_that_specifies_it(
-    folder: Path, places: StatePaths, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_trace_is_of_the_campaign_file_that_specifies_it(folder, places, monkeypatch):
     file = write(folder, CAMPAIGN.replace("16 s", "1 s"))
     planned = expand(load_campaign(file))
     execute(planned.runs[1], planned.scenes[0], trace_path=folder / "run.mcap")

@@ -1,11 +1,8 @@
 """Runs in processes of their own: what becomes of those that do not end well."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import time
-from pathlib import Path
 
 import pytest
 
@@ -17,19 +14,19 @@ from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, wri
 
 
 @pytest.fixture
-def candidate(folder: Path) -> Candidate:
+def candidate(folder):
     planned = expand(load_campaign(write(folder, CAMPAIGN.replace("16 s", "1 s"))))
     return Candidate(planned.runs[0], planned.scenes[0])
 
 
-def numbered(candidate: Candidate, count: int) -> list[Candidate]:
+def numbered(candidate, count):
     return [
         Candidate(dataclasses.replace(candidate.spec, seed=seed), candidate.scene)
         for seed in range(count)
     ]
 
 
-def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(candidate: Candidate) -> None:
+def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(candidate):
     doomed = dataclasses.replace(candidate.spec, seed=1)
 
     def execute_or_die(spec, scene, **rest):
@@ -45,29 +42,25 @@ def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(candidate: Can
     assert bad[0].verdict.evidence.note == "its process did not end well"
 
 
-def test_an_interrupt_leaves_no_process_behind(
-    candidate: Candidate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def never_end(*_, **__) -> None:
+def test_an_interrupt_leaves_no_process_behind(candidate, monkeypatch, tmp_path):
+    def never_end(*_, **__):
         (tmp_path / str(os.getpid())).touch()
         time.sleep(60.0)
 
-    def interrupted(*_) -> None:
+    def interrupted(*_):
         while len(list(tmp_path.glob("[0-9]*"))) < 2:
             time.sleep(0.01)
         raise KeyboardInterrupt
 
     monkeypatch.setattr("daemon.analysis.blame._runner._await", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        execute_candidates(numbered(candidate, 2), never_end)  # type: ignore[arg-type]
+        execute_candidates(numbered(candidate, 2), never_end)
     for name in tmp_path.glob("[0-9]*"):
         with pytest.raises(ProcessLookupError):
             os.kill(int(name.name), 0)
 
 
-def test_candidates_run_in_batches_up_to_the_first_that_fails(
-    candidate: Candidate, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_candidates_run_in_batches_up_to_the_first_that_fails(candidate, monkeypatch):
     pretended = pretend(monkeypatch, failing_if(lambda spec: spec.seed == 2))
     single = dataclasses.replace(candidate.spec, oracles=candidate.spec.oracles[:1])
     tried = numbered(Candidate(single, candidate.scene), 6)

@@ -1,7 +1,5 @@
 """The smallest failing run, written as a campaign: it specifies the very run, and fails again."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace
@@ -19,7 +17,7 @@ from daemon.analysis.blame import (
     save_campaign,
     sut_differences,
 )
-from daemon.campaign import CampaignCell, LayerLibrary, check, expand, load_campaign
+from daemon.campaign import LayerLibrary, check, expand, load_campaign
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from grammars.floorplan import load_floorplan
@@ -52,14 +50,12 @@ visitor walks along (6.6 m, 0 m), (1.6 m, 0 m), once, when bedroom_door starts t
 
 
 @pytest.mark.parametrize("text", [EVERYTHING, CLOCK])
-def test_behaviours_written_as_sentences_mean_the_same_to_the_last_bit(
-    campaigns: Path, text: str
-) -> None:
+def test_behaviours_written_as_sentences_mean_the_same_to_the_last_bit(campaigns, text):
     demo = campaigns / "demo"
     objects = [load_scenery(demo / f"{name}.scenery") for name in ("doors", "people")]
     scene = compile_scene(load_floorplan(demo / "flat.fpm"), objects)
 
-    def meant(said: str):
+    def meant(said):
         layers = [*objects, parse_scenery(said, "said.scenery")]
         seed = np.random.SeedSequence(5)
         return resolve_behaviours(scene, layers, seed=seed, limit=60.0).behaviours
@@ -69,14 +65,14 @@ def test_behaviours_written_as_sentences_mean_the_same_to_the_last_bit(
     assert meant(behaviour_sentences(behaviours, scene)) == behaviours
 
 
-def test_a_saved_run_is_the_smallest_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_saved_run_is_the_smallest_one(folder, monkeypatch):
     (folder / "later.scenery").write_text("kitchen_door starts at 20 deg\ntom is frozen\n")
     models, instances = (folder / "people.scenery").read_text().split("visitor       is a")
     (folder / "kinds.scenery").write_text(models)
     (folder / "people.scenery").write_text(f"visitor       is a{instances}")
     text = CAMPAIGN.replace("[doors, people]", "[kinds, doors, people, later]")
 
-    def fails(spec) -> bool:
+    def fails(spec):
         joints = {b.joint for b in spec.behaviours}
         return {"kitchen_door.hinge", "visitor.x"} <= joints and spec.repeat == 1
 
@@ -102,9 +98,7 @@ def test_a_saved_run_is_the_smallest_one(folder: Path, monkeypatch: pytest.Monke
     assert not [d for d in check(campaign) if d.severity is Severity.ERROR]
 
 
-def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(folder, monkeypatch):
     pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
     case = load_case(write(folder), "rude", "pilot", 1)
     runner = CandidateRunner(200)
@@ -112,7 +106,7 @@ def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(
     assert [run.repeat for run in expand(load_campaign(file)).runs] == [0]
 
 
-def test_it_can_be_moved_elsewhere_and_fails_in_the_same_way(folder: Path, tmp_path: Path) -> None:
+def test_it_can_be_moved_elsewhere_and_fails_in_the_same_way(folder, tmp_path):
     text = CAMPAIGN.replace("[doors, people]", "doors").replace("16 s", "26 s")
     text = text.replace(": {near: 1 m}", "")
     (folder / "courier.mission.yaml").write_text(
@@ -139,7 +133,7 @@ def test_it_can_be_moved_elsewhere_and_fails_in_the_same_way(folder: Path, tmp_p
         assert verdict == story.last, "the same run, the same verdict"
 
 
-def ros_cell(campaigns: Path, tmp_path: Path) -> tuple[CampaignCell, Path]:
+def ros_cell(campaigns, tmp_path):
     for name in ("ortega2024", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     text = (tmp_path / "ortega2024" / "first.yaml").read_text()
@@ -149,8 +143,8 @@ def ros_cell(campaigns: Path, tmp_path: Path) -> tuple[CampaignCell, Path]:
 
 
 def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
-    campaigns: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    campaigns, tmp_path, monkeypatch
+):
     cell, path = ros_cell(campaigns, tmp_path)
     corrected, a2s = cell.suts
     found = sut_differences(cell, a2s, LayerLibrary(path.parent))
@@ -165,7 +159,7 @@ def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
     wanted = found.sut((small,)).parameters
     tiny = wanted["move_base"]["local_costmap"]["footprint"]
 
-    def fails(spec) -> bool:
+    def fails(spec):
         return bool(spec.sut.parameters["move_base"]["local_costmap"]["footprint"] == tiny)
 
     pretend(monkeypatch, failing_if(fails))
@@ -179,9 +173,7 @@ def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
     assert "like:" in (tmp_path / "saved" / "suts" / "a2s.yaml").read_text()
 
 
-def test_a_variant_of_a_plan_and_layers_of_others_are_saved_as_they_are(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_variant_of_a_plan_and_layers_of_others_are_saved_as_they_are(folder, monkeypatch):
     layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors", "people")]
     plan = load_floorplan(folder / "flat.fpm")
     document = scenery_document(layers[1], plan, layers)
@@ -203,9 +195,7 @@ def test_a_variant_of_a_plan_and_layers_of_others_are_saved_as_they_are(
     )
 
 
-def test_files_that_would_specify_another_run_are_refused(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_that_would_specify_another_run_are_refused(folder, monkeypatch):
     pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
     case = load_case(write(folder), "rude", "", 0)
     runner = CandidateRunner(100)
@@ -216,9 +206,7 @@ def test_files_that_would_specify_another_run_are_refused(
         save_campaign(case, changed, folder / "saved", runner)
 
 
-def test_a_ros2_stack_is_saved_as_it_is_started_with_its_files(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_ros2_stack_is_saved_as_it_is_started_with_its_files(folder, monkeypatch):
     (folder / "params.yaml").write_text("amcl: {}\n")
     (folder / "base.yaml").write_text(
         "sut: base\nkind: ros2\nlaunch: nav {map} {params}\nfiles: {params: params.yaml}\n"
@@ -236,9 +224,7 @@ def test_a_ros2_stack_is_saved_as_it_is_started_with_its_files(
 
 
 @pytest.mark.parametrize("value", [OCCUPIED, 37])
-def test_the_map_of_ones_own_is_saved_beside_the_campaign(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, value: int
-) -> None:
+def test_the_map_of_ones_own_is_saved_beside_the_campaign(folder, monkeypatch, value):
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     scene = compile_scene(load_floorplan(folder / "flat.fpm"), [])
     grid = occupancy_grid(scene, laser_height=0.2)
@@ -254,9 +240,7 @@ def test_the_map_of_ones_own_is_saved_beside_the_campaign(
 
 
 @pytest.mark.parametrize("rule", ["outline", "touch", "centre"])
-def test_a_saved_campaign_draws_its_map_by_the_same_rule(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, rule: str
-) -> None:
+def test_a_saved_campaign_draws_its_map_by_the_same_rule(folder, monkeypatch, rule):
     pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
     case = load_case(write(folder, f"{CAMPAIGN}map: {{rule: {rule}}}\n"), "rude", "pilot", 0)
     runner = CandidateRunner(200)
@@ -265,15 +249,13 @@ def test_a_saved_campaign_draws_its_map_by_the_same_rule(
     assert (run.map.rule, run.map) == (rule, case.spec.map)
 
 
-def test_values_beside_the_names_of_layers_are_saved_with_them(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_values_beside_the_names_of_layers_are_saved_with_them(folder, monkeypatch):
     text = CAMPAIGN.replace("floorplan: flat", "floorplan: {flat: {room_length: 3.1 m}}")
     text = text.replace("mission: courier", "mission: {courier: {start.y: 0.1}}")
     text = text.replace("robot: courier", "robot: {courier: {laser.noise: 2 cm}}")
     text = text.replace("sut: [pilot]", "sut: [{pilot: {max_speed: 0.4, lookahead: 0.5}}]")
 
-    def fails(spec) -> bool:
+    def fails(spec):
         fast = spec.sut.parameters.get("max_speed") == 0.4
         return fast and "kitchen_door.hinge" in {b.joint for b in spec.behaviours}
 

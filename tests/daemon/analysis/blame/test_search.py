@@ -1,9 +1,6 @@
 """What the search finds when it is known what makes a run fail."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import pytest
 
@@ -20,10 +17,10 @@ from grammars.text.diagnostics import InputError
 from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
 
 
-def shuts(door: str):
+def shuts(door):
     """Fails where this door shuts in the robot's face while it heads for the bedroom."""
 
-    def fails(spec) -> bool:
+    def fails(spec):
         heads = any(w.id == "bedroom" for w in spec.mission.waypoints)
         return heads and any(
             isinstance(b, Trigger) and b.joint == f"{door}.hinge" for b in spec.behaviours
@@ -32,7 +29,7 @@ def shuts(door: str):
     return failing_if(fails)
 
 
-def test_a_case_put_together_again_is_the_run_itself(folder: Path) -> None:
+def test_a_case_put_together_again_is_the_run_itself(folder):
     case = load_case(write(folder), "rude", "pilot", 1)
     whole = (*case.added, *case.parts(case.added))
     (first, _) = case.spec.oracles
@@ -42,9 +39,7 @@ def test_a_case_put_together_again_is_the_run_itself(folder: Path) -> None:
     assert again.spec.oracles == (first,)
 
 
-def test_the_layer_the_door_and_the_waypoint_are_found(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_layer_the_door_and_the_waypoint_are_found(folder, monkeypatch):
     pretended = pretend(monkeypatch, shuts("kitchen_door"))
     case = load_case(write(folder), "rude", "", 0)
     runner = CandidateRunner(budget=100)
@@ -64,12 +59,10 @@ def test_the_layer_the_door_and_the_waypoint_are_found(
 
 
 @pytest.mark.parametrize("sut", ["pilot", "hasty"])
-def test_the_reason_stays_the_same_on_the_way(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, sut: str
-) -> None:
+def test_the_reason_stays_the_same_on_the_way(folder, monkeypatch, sut):
     (folder / "hasty.yaml").write_text("sut: hasty\nlike: pilot\nparameters: {max_speed: 0.7}\n")
 
-    def rule(candidate) -> Outcome:
+    def rule(candidate):
         """Fails a hasty robot whose kitchen door shuts, or that nothing holds open."""
         ways = {b.joint: b for b in candidate.spec.behaviours}
         door = any(thing.name == "kitchen_door" for thing in candidate.scene.objects)
@@ -90,9 +83,7 @@ def test_the_reason_stays_the_same_on_the_way(
     assert str(story.flips) == ("max_speed: 0.7" if sut == "hasty" else "doors_in_your_face")
 
 
-def test_what_fails_without_any_layer_is_told(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_fails_without_any_layer_is_told(folder, monkeypatch):
     pretend(monkeypatch, lambda _: Outcome.FAIL)
     story = explain_failure(load_case(write(folder), "rude", "", 0), CandidateRunner(100)).story
     assert (story.flips, story.layers, story.objects) == (None, (), ())
@@ -100,15 +91,13 @@ def test_what_fails_without_any_layer_is_told(
     assert story.minimal
 
 
-def test_overrides_and_parameters_are_suspects_too(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_overrides_and_parameters_are_suspects_too(folder, monkeypatch):
     (folder / "hasty.yaml").write_text(
         "sut: hasty\nlike: pilot\nparameters: {max_speed: 0.7, lookahead: 0.9}\n"
     )
     text = CAMPAIGN.replace("sut: [pilot]", "sut: [hasty]")
 
-    def fails(spec) -> bool:
+    def fails(spec):
         near = any(isinstance(b, Trigger) and b.distance == 1.0 for b in spec.behaviours)
         return near and spec.sut.parameters.get("max_speed") == 0.7
 
@@ -127,7 +116,7 @@ def test_overrides_and_parameters_are_suspects_too(
     assert found.smallest.spec.sut.parameters == {"max_speed": 0.7}
 
 
-def test_the_oracle_can_be_chosen(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_oracle_can_be_chosen(folder, monkeypatch):
     pretend(monkeypatch, lambda _: Outcome.FAIL)
     case = load_case(write(folder), "rude", "", 0)
     assert explain_failure(case, CandidateRunner(100)).story.verdict.oracle == "reached"
@@ -140,16 +129,14 @@ def test_the_oracle_can_be_chosen(folder: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("outcome", [Outcome.PASS, Outcome.ERROR, Outcome.INCONCLUSIVE])
-def test_a_run_that_does_not_fail_is_not_to_blame(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, outcome: Outcome
-) -> None:
+def test_a_run_that_does_not_fail_is_not_to_blame(folder, monkeypatch, outcome):
     pretended = pretend(monkeypatch, lambda _: outcome)
     with pytest.raises(NoFailureError, match=f"does not fail: reached {outcome}"):
         explain_failure(load_case(write(folder), "rude", "", 0), CandidateRunner(100))
     assert len(pretended.specs) == 1
 
 
-def test_a_spent_budget_keeps_what_was_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_spent_budget_keeps_what_was_found(folder, monkeypatch):
     pretended = pretend(monkeypatch, shuts("kitchen_door"))
     case = load_case(write(folder), "rude", "", 0)
     story = explain_failure(case, CandidateRunner(12)).story
@@ -162,7 +149,7 @@ def test_a_spent_budget_keeps_what_was_found(folder: Path, monkeypatch: pytest.M
         explain_failure(case, CandidateRunner(0))
 
 
-def test_an_interrupt_keeps_what_was_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_keeps_what_was_found(folder, monkeypatch):
     pretended = pretend(monkeypatch, shuts("kitchen_door"))
     pretended.interrupt_after = 14
     story = explain_failure(load_case(write(folder), "rude", "", 0), CandidateRunner(100)).story
@@ -171,9 +158,7 @@ def test_an_interrupt_keeps_what_was_found(folder: Path, monkeypatch: pytest.Mon
     assert "kitchen_door" in story.objects
 
 
-def test_an_interrupt_before_anything_is_known_is_one(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupt_before_anything_is_known_is_one(folder, monkeypatch):
     pretend(monkeypatch, shuts("kitchen_door")).interrupt_after = 0
     with pytest.raises(KeyboardInterrupt):
         explain_failure(load_case(write(folder), "rude", "", 0), CandidateRunner(100))
@@ -187,9 +172,7 @@ def test_an_interrupt_before_anything_is_known_is_one(
         ("rude", "", 2, "no repeat 2.*from 0"),
     ],
 )
-def test_what_is_not_in_the_campaign_is_refused(
-    folder: Path, scenario: str, sut: str, repeat: int, message: str
-) -> None:
+def test_what_is_not_in_the_campaign_is_refused(folder, scenario, sut, repeat, message):
     with pytest.raises(InputError) as caught:
         load_case(write(folder), scenario, sut, repeat)
     (diagnostic,) = caught.value.diagnostics

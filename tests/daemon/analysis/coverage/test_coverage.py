@@ -1,9 +1,6 @@
 """What campaigns exercise: features, pairs, doors, margins."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from hypothesis import example, given
@@ -28,16 +25,16 @@ from grammars.text import codec
 
 
 @pytest.fixture(scope="module")
-def paper(campaigns: Path) -> Coverage:
+def paper(campaigns):
     planned = expand(load_campaign(campaigns / "ortega2024" / "paper.yaml"))
     return planned_coverage(planned.runs, planned.scenes)
 
 
-def planned(found: Coverage) -> dict[str, int]:
+def planned(found):
     return {feature.feature: feature.planned for feature in found.features}
 
 
-def test_the_model_is_a_tree_whose_leaves_can_be_recognised() -> None:
+def test_the_model_is_a_tree_whose_leaves_can_be_recognised():
     paths = [feature.path for feature in MODEL.features]
     assert len(set(paths)) == len(paths)
     for index, feature in enumerate(MODEL.features):
@@ -52,7 +49,7 @@ def test_the_model_is_a_tree_whose_leaves_can_be_recognised() -> None:
         assert {exclusion.first, exclusion.second} <= set(paths)
 
 
-def test_the_papers_campaign_has_the_objectives_and_dynamics_of_section_4(paper: Coverage) -> None:
+def test_the_papers_campaign_has_the_objectives_and_dynamics_of_section_4(paper):
     runs = planned(paper)
     assert paper.runs == 40
     assert runs["objective/functional"] == 40
@@ -64,14 +61,14 @@ def test_the_papers_campaign_has_the_objectives_and_dynamics_of_section_4(paper:
     assert "sut/configuration/pilot" in runs
 
 
-def test_alternatives_are_met_once_a_run(paper: Coverage) -> None:
+def test_alternatives_are_met_once_a_run(paper):
     runs = planned(paper)
     for group in (f.path for f in MODEL.features if f.group == "alternative"):
         members = [count for path, count in runs.items() if path.rpartition("/")[0] == group]
         assert sum(members) == paper.runs, group
 
 
-def test_pairs_are_exercised_missing_or_excluded(paper: Coverage) -> None:
+def test_pairs_are_exercised_missing_or_excluded(paper):
     pairs, count = paper.pairs, len(paper.features)
     assert pairs.possible + pairs.excluded == count * (count - 1) // 2
     missing = {frozenset(pair) for pair in pairs.missing}
@@ -87,7 +84,7 @@ RUNS = st.lists(st.frozensets(st.sampled_from(PATHS)), max_size=6)
 
 
 @given(RUNS, st.frozensets(st.sampled_from(PATHS)))
-def test_another_run_never_takes_a_pair_away(runs, more) -> None:
+def test_another_run_never_takes_a_pair_away(runs, more):
     told = [RecognisedFeatures(tuple(run), tuple(run), False) for run in runs]
     before = {(p.first, p.second) for p in pair_counts(MODEL, told).exercised}
     told.append(RecognisedFeatures(tuple(more), tuple(more), False))
@@ -98,11 +95,11 @@ def test_another_run_never_takes_a_pair_away(runs, more) -> None:
     )
 
 
-def verdict(outcome: Outcome, margin: float | None, unit: str = "m") -> Verdict:
+def verdict(outcome, margin, unit="m"):
     return Verdict("clear", "always(clearance >= 0 m)", outcome, margin, margin, unit)
 
 
-def test_margins_are_counted_on_their_side_of_zero() -> None:
+def test_margins_are_counted_on_their_side_of_zero():
     judged = [
         verdict(Outcome.PASS, 0.1),
         verdict(Outcome.PASS, 0.0),
@@ -123,7 +120,7 @@ def test_margins_are_counted_on_their_side_of_zero() -> None:
 @given(st.lists(st.floats(-1e6, 1e6).filter(lambda v: v == 0 or abs(v) > 1e-9), min_size=1))
 @example([0.7])
 @example([-0.07, -0.07])
-def test_bins_hold_every_margin_and_have_an_edge_at_zero(values) -> None:
+def test_bins_hold_every_margin_and_have_an_edge_at_zero(values):
     edges = bin_edges(values)
     assert edges[0] <= min(values) <= max(values) < edges[-1]
     assert 0.0 in edges
@@ -132,7 +129,7 @@ def test_bins_hold_every_margin_and_have_an_edge_at_zero(values) -> None:
 
 
 @pytest.fixture(scope="module")
-def rude(campaigns: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def rude(campaigns, tmp_path_factory):
     """One run of the demonstration in which doors shut in the robot's face."""
     submission = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     spec = next(run for run in submission.runs if run.scenario == "rude-house")
@@ -141,7 +138,7 @@ def rude(campaigns: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_recorded_run_tells_what_happened_not_what_was_planned(rude: Path) -> None:
+def test_a_recorded_run_tells_what_happened_not_what_was_planned(rude):
     found = trace_coverage([rude], near=1.2)
     assert (found.runs, found.recorded) == (1, 1)
     features = {f.feature: (f.planned, f.done) for f in found.features}
@@ -160,7 +157,7 @@ def test_a_recorded_run_tells_what_happened_not_what_was_planned(rude: Path) -> 
     assert codec.from_json(Coverage, codec.to_json(found)) == found
 
 
-def test_a_file_that_is_no_trace_is_told(rude: Path, tmp_path: Path) -> None:
+def test_a_file_that_is_no_trace_is_told(rude, tmp_path):
     (tmp_path / "junk.mcap").write_bytes(b"nothing of the kind")
     found = trace_coverage([tmp_path / "junk.mcap", rude])
     assert found.runs == 1

@@ -1,14 +1,11 @@
 """Floor seen and driven on: kernels against plain versions, areas against geometry."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.analysis.coverage import (
@@ -60,7 +57,6 @@ def plain_footprints(shape, poses, ring, resolution=0.1):
     return cells
 
 
-@settings(max_examples=40)
 @given(
     st.lists(POSE, min_size=1, max_size=3),
     st.lists(
@@ -69,16 +65,15 @@ def plain_footprints(shape, poses, ring, resolution=0.1):
         max_size=4,
     ),
 )
-def test_rays_are_painted_as_the_plain_version_does(poses, readings) -> None:
+def test_rays_are_painted_as_the_plain_version_does(poses, readings):
     ranges = np.array([readings] * len(poses), np.float32)
     cells = np.zeros((30, 28), np.bool_)
     paint_rays(cells, 0.0, 0.0, 0.1, np.array(poses), ranges, -1.0, 0.7, 3.0)
     assert np.array_equal(cells, plain_rays(cells.shape, poses, ranges, -1.0, 0.7, 3.0))
 
 
-@settings(max_examples=20)
 @given(st.lists(POSE, min_size=1, max_size=2))
-def test_footprints_are_painted_as_the_plain_version_does(poses) -> None:
+def test_footprints_are_painted_as_the_plain_version_does(poses):
     cells = np.zeros((30, 28), np.bool_)
     paint_footprints(cells, 0.0, 0.0, 0.1, np.array(poses), RING, 0.45)
     plain = plain_footprints(cells.shape, poses, RING)
@@ -86,9 +81,8 @@ def test_footprints_are_painted_as_the_plain_version_does(poses) -> None:
     assert (cells != plain).sum() <= 1
 
 
-@settings(max_examples=20)
 @given(st.lists(st.tuples(st.floats(-1, 3), st.floats(-1, 3)), min_size=3, max_size=7))
-def test_cells_of_a_room_are_those_with_their_centre_inside(ring) -> None:
+def test_cells_of_a_room_are_those_with_their_centre_inside(ring):
     grid = OccupancyGrid(0.5, -1.0, -1.0, np.zeros((7, 8), np.int8))
     cells = room_cells(grid, Region("room", tuple(ring)))
     for row, column in np.ndindex(cells.shape):
@@ -96,7 +90,7 @@ def test_cells_of_a_room_are_those_with_their_centre_inside(ring) -> None:
         assert cells[row, column] == contains_point(tuple(ring), centre)
 
 
-def hall() -> Scene:
+def hall():
     """Two rooms of 4 m by 4 m side by side, a wall without a door between them."""
     rooms = (
         Region("west", ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))),
@@ -107,7 +101,7 @@ def hall() -> Scene:
 
 
 @pytest.fixture
-def driven(tmp_path: Path) -> Path:
+def driven(tmp_path):
     """A run straight on for 2 m through the western room that sees 1 m far all the time."""
     world = hall()
     with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
@@ -120,7 +114,7 @@ def driven(tmp_path: Path) -> Path:
     return tmp_path / "run.mcap"
 
 
-def test_areas_are_what_geometry_says(driven: Path) -> None:
+def test_areas_are_what_geometry_says(driven):
     trace = read_trace(driven, scans=True)
     grid = floor_grid(trace.scene, 0.25)
     area = floor_area(trace.scene, grid, [covered_cells(grid, trace)])
@@ -134,7 +128,7 @@ def test_areas_are_what_geometry_says(driven: Path) -> None:
     assert west.seen == area.seen
 
 
-def test_a_trace_without_scans_has_seen_nothing(driven: Path) -> None:
+def test_a_trace_without_scans_has_seen_nothing(driven):
     trace = read_trace(driven)
     grid = floor_grid(trace.scene, 0.25)
     cover = covered_cells(grid, trace)
@@ -144,7 +138,7 @@ def test_a_trace_without_scans_has_seen_nothing(driven: Path) -> None:
     assert area.runs == 2
 
 
-def test_what_any_laser_saw_was_seen(tmp_path: Path) -> None:
+def test_what_any_laser_saw_was_seen(tmp_path):
     laser = replace(ROBOT.laser, mount=Pose2(), angle_min=0.0, angle_max=1.5)
     rear = replace(laser, name="rear", mount=Pose2(0.0, 0.0, math.pi))
     both = replace(ROBOT, laser=replace(laser, name="front"), other_lasers=(rear,))

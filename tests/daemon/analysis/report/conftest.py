@@ -1,13 +1,8 @@
 """One campaign recorded and one page written, looked at by many tests."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from daemon.analysis.report import (
-    ReportData,
     SuggestedCommand,
     folder_input,
     read_report_data,
@@ -22,7 +17,7 @@ COMMAND = SuggestedCommand("scenario judge {run}", "judge it again")
 
 
 @pytest.fixture(scope="session")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A folder as `scenario run` leaves it."""
     made = tmp_path_factory.mktemp("results")
     specs = record_all(made)
@@ -33,10 +28,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def data(folder: Path) -> ReportData:
+def data(folder):
     return read_report_data(folder_input(folder), processes=1)
 
 
 @pytest.fixture(scope="session")
-def page(data: ReportData) -> str:
+def page(data):
     return write_page(data, (COMMAND,), processes=1)

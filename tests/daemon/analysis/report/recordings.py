@@ -1,9 +1,5 @@
 """A small campaign on disk: a robot in a corridor, past a door that shuts or does not."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
@@ -47,7 +43,7 @@ DECLARED = AssessmentRules(
 )
 
 
-def spec(scenario: str, sut: str, repeat: int) -> RunSpec:
+def spec(scenario, sut, repeat):
     shuts = Trigger("door-17.hinge", 0.0, -1.0, 1.3, Jump())
     return RunSpec(
         campaign=NAME,
@@ -65,7 +61,7 @@ def spec(scenario: str, sut: str, repeat: int) -> RunSpec:
     )
 
 
-def record(path: Path, run: RunSpec) -> Path:
+def record(path, run):
     """Record 20 s straight on; the estimate is off by 0.1 m, more in later repeats.
 
     Of the laser's rays one has a return.
@@ -95,7 +91,7 @@ def record(path: Path, run: RunSpec) -> Path:
     return path
 
 
-def record_all(folder: Path) -> tuple[RunSpec, ...]:
+def record_all(folder):
     specs = tuple(
         spec(scenario, sut, repeat)
         for scenario in (SHUT, OPEN)

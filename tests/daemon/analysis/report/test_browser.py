@@ -1,14 +1,10 @@
 """The page as a reader sees it, in headless Chromium; skipped where there is none."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
 import subprocess
 from html import unescape
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -50,7 +46,7 @@ PROBE = """
 """
 
 
-def look(page: str, folder: Path, width: int, *options: str) -> dict[str, Any]:
+def look(page, folder, width, *options):
     """Load the page with a probe that notes what is visible, and return the notes."""
     assert CHROMIUM is not None
     policy = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
@@ -64,13 +60,10 @@ def look(page: str, folder: Path, width: int, *options: str) -> dict[str, Any]:
     done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
     found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
     assert found is not None
-    notes: dict[str, Any] = json.loads(unescape(found[1]))
-    return notes
+    return json.loads(unescape(found[1]))
 
 
-def test_a_reader_at_a_desk_sees_the_answer_the_contents_and_the_figures(
-    page: str, tmp_path: Path
-) -> None:
+def test_a_reader_at_a_desk_sees_the_answer_the_contents_and_the_figures(page, tmp_path):
     seen = look(page, tmp_path, 1280)
     assert seen["answer"] == "No. 1 of 14 verdicts is not as expected."
     assert seen["answerBox"][1] < 200
@@ -87,7 +80,7 @@ def test_a_reader_at_a_desk_sees_the_answer_the_contents_and_the_figures(
     assert seen["overlaps"] == 0
 
 
-def test_a_reader_on_a_phone_in_the_dark_sees_the_same(page: str, tmp_path: Path) -> None:
+def test_a_reader_on_a_phone_in_the_dark_sees_the_same(page, tmp_path):
     seen = look(page, tmp_path, 500, "--blink-settings=preferredColorScheme=0")
     assert seen["answer"].startswith("No.")
     assert seen["pageWidth"] <= seen["windowWidth"]

@@ -1,7 +1,5 @@
 """What a report takes from traces: numbers by hand, tracks that keep what matters."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil
@@ -13,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.analysis.report import (
-    ReportData,
-    ReportRun,
     folder_input,
     oracle_limit,
     read_report_data,
@@ -40,7 +36,7 @@ from tests.daemon.analysis.report.recordings import (
 PAPER = Path("ortega2024") / "paper.yaml"
 
 
-def run_of(data: ReportData, scenario: str, sut: str, repeat: int = 0) -> ReportRun:
+def run_of(data, scenario, sut, repeat=0):
     (found,) = [
         run
         for run in data.runs
@@ -49,14 +45,14 @@ def run_of(data: ReportData, scenario: str, sut: str, repeat: int = 0) -> Report
     return found
 
 
-def test_a_folder_is_a_campaign_with_what_it_declares(folder: Path) -> None:
+def test_a_folder_is_a_campaign_with_what_it_declares(folder):
     chosen = folder_input(folder)
     assert (chosen.name, chosen.about, chosen.declared) == (NAME, ABOUT, DECLARED)
     assert len(chosen.records) == 4 * REPEATS
     assert [trigger.joint for trigger in chosen.watches] == ["door-17.hinge"]
 
 
-def test_traces_without_a_note_must_all_pass(folder: Path, tmp_path: Path) -> None:
+def test_traces_without_a_note_must_all_pass(folder, tmp_path):
     for trace in folder.glob("*.mcap"):
         (tmp_path / trace.name).symlink_to(trace)
     chosen = folder_input(tmp_path)
@@ -64,7 +60,7 @@ def test_traces_without_a_note_must_all_pass(folder: Path, tmp_path: Path) -> No
     assert read_report_data(chosen, processes=1).assessment.exit_code == 1
 
 
-def test_runs_are_judged_and_assessed(data: ReportData) -> None:
+def test_runs_are_judged_and_assessed(data):
     near = run_of(data, SHUT, SUTS[0])
     assert near.record.outcome is Outcome.FAIL
     assert run_of(data, SHUT, SUTS[1]).record.outcome is Outcome.PASS
@@ -72,7 +68,7 @@ def test_runs_are_judged_and_assessed(data: ReportData) -> None:
     assert (surprise.scenario, surprise.sut, surprise.oracle) == (OPEN, SUTS[0], "buffer")
 
 
-def test_measures_are_those_of_plain_geometry(data: ReportData) -> None:
+def test_measures_are_those_of_plain_geometry(data):
     found = run_of(data, OPEN, SUTS[0], 1).tracks.measures
     # The leaf of the door stands 2 cm out of the wall at y = 1 m.
     nearest = 1.0 - 0.02 - LATERAL[SUTS[0]] - 0.233
@@ -87,13 +83,13 @@ def test_measures_are_those_of_plain_geometry(data: ReportData) -> None:
     assert "speed at trigger" not in found
 
 
-def test_the_far_robot_has_nothing_in_its_buffer(data: ReportData) -> None:
+def test_the_far_robot_has_nothing_in_its_buffer(data):
     tracks = run_of(data, SHUT, SUTS[1]).tracks
     assert tracks.measures["time in buffer"] == 0.0
     assert tracks.inside.shape == (0, 2)
 
 
-def test_obstacles_in_the_buffer_are_seen_from_the_robot(data: ReportData) -> None:
+def test_obstacles_in_the_buffer_are_seen_from_the_robot(data):
     inside = run_of(data, OPEN, SUTS[0]).tracks.inside
     assert len(inside) > 100
     assert (np.abs(inside) < (0.55, 0.433)).all()
@@ -102,7 +98,7 @@ def test_obstacles_in_the_buffer_are_seen_from_the_robot(data: ReportData) -> No
         assert min(abs(y - beside - off) for off in (-0.02, 0.0, 0.02)) < 1e-6
 
 
-def test_laser_returns_in_the_buffer_are_seen_from_the_robot(data: ReportData) -> None:
+def test_laser_returns_in_the_buffer_are_seen_from_the_robot(data):
     near, far = (run_of(data, OPEN, sut).tracks.returns for sut in SUTS)
     assert len(near) == round(SECONDS) + 1
     angle, beside = math.radians(-114.592 + 161 * 1.273240), 1.0 - LATERAL[SUTS[0]]
@@ -111,7 +107,7 @@ def test_laser_returns_in_the_buffer_are_seen_from_the_robot(data: ReportData) -
     assert far.shape == (0, 2)
 
 
-def test_a_door_that_shuts_and_the_same_door_that_does_not(data: ReportData) -> None:
+def test_a_door_that_shuts_and_the_same_door_that_does_not(data):
     (fired,) = run_of(data, SHUT, SUTS[0]).tracks.encounters
     assert (fired.fired, fired.time, fired.speed_then) == (True, 14.0, SPEED)
     (would,) = run_of(data, OPEN, SUTS[0]).tracks.encounters
@@ -120,15 +116,15 @@ def test_a_door_that_shuts_and_the_same_door_that_does_not(data: ReportData) -> 
     assert would.time == pytest.approx((8.0 - ahead) / SPEED, abs=0.051)
 
 
-def test_contacts_are_kept(data: ReportData) -> None:
+def test_contacts_are_kept(data):
     assert run_of(data, OPEN, SUTS[0]).tracks.contacts == ((5.0, "wall-north", 2.5, 1.0),)
 
 
-def copied(folder: Path, to: Path) -> list[Path]:
+def copied(folder, to):
     return [Path(shutil.copy(trace, to)) for trace in sorted(folder.glob("*.mcap"))]
 
 
-def test_what_is_no_trace_is_named_and_left_out(folder: Path, tmp_path: Path) -> None:
+def test_what_is_no_trace_is_named_and_left_out(folder, tmp_path):
     copied(folder, tmp_path)[0].write_bytes(b"nothing of the kind")
     chosen = folder_input(tmp_path)
     ((file, why),) = chosen.unread
@@ -137,7 +133,7 @@ def test_what_is_no_trace_is_named_and_left_out(folder: Path, tmp_path: Path) ->
     assert len(chosen.records) == 4 * REPEATS - 1
 
 
-def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder: Path, tmp_path: Path) -> None:
+def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder, tmp_path):
     first = copied(folder, tmp_path)[0]
     first.write_bytes(first.read_bytes()[:-9000])
     data = read_report_data(folder_input(tmp_path), processes=1)
@@ -146,7 +142,7 @@ def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder: Path, tmp_path
     assert cut.record.outcome in (Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
 
 
-def test_a_trace_that_went_away_leaves_its_run(folder: Path, tmp_path: Path) -> None:
+def test_a_trace_that_went_away_leaves_its_run(folder, tmp_path):
     copied(folder, tmp_path)
     chosen = folder_input(tmp_path)
     Path(str(chosen.records[0].trace)).unlink()
@@ -155,12 +151,12 @@ def test_a_trace_that_went_away_leaves_its_run(folder: Path, tmp_path: Path) -> 
     assert data.runs[0].record.outcome is None
 
 
-def test_a_folder_without_traces_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_traces_is_refused(tmp_path):
     with pytest.raises(Refused, match="holds no traces"):
         folder_input(tmp_path)
 
 
-def test_a_folder_whose_note_tells_no_moment_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_a_folder_whose_note_tells_no_moment_is_refused(folder, tmp_path):
     copied(folder, tmp_path)
     note = {"name": "n", "about": "", "declared": {}, "submitted_at": 1e300}
     (tmp_path / "campaign.json").write_text(json.dumps(note), encoding="utf-8")
@@ -168,7 +164,7 @@ def test_a_folder_whose_note_tells_no_moment_is_refused(folder: Path, tmp_path: 
         folder_input(tmp_path)
 
 
-def test_many_processes_find_the_same(folder: Path, data: ReportData) -> None:
+def test_many_processes_find_the_same(folder, data):
     spread = read_report_data(folder_input(folder), processes=2)
     assert [run.record for run in spread.runs] == [run.record for run in data.runs]
     assert [r.tracks.measures for r in spread.runs] == [r.tracks.measures for r in data.runs]
@@ -183,14 +179,12 @@ def test_many_processes_find_the_same(folder: Path, data: ReportData) -> None:
         (("reached(mission, 0.25 m)", "no oracle at all"), None, 0.2),
     ],
 )  # fmt: skip
-def test_the_buffer_is_what_the_oracles_speak_of(
-    texts: tuple[str, ...], half: tuple[float, float] | None, margin: float
-) -> None:
+def test_the_buffer_is_what_the_oracles_speak_of(texts, half, margin):
     found = safety_buffer(texts)
     assert (found.half, found.margin) == (half, pytest.approx(margin))
 
 
-def test_a_box_narrower_than_the_robot_is_where_a_collision_begins(campaigns: Path) -> None:
+def test_a_box_narrower_than_the_robot_is_where_a_collision_begins(campaigns):
     """S2 of the paper asks for no collision and names no buffer: its box is no room around it."""
     runs = {run.scenario: run for run in expand(load_campaign(campaigns / PAPER)).runs}
     found = {}
@@ -203,7 +197,7 @@ def test_a_box_narrower_than_the_robot_is_where_a_collision_begins(campaigns: Pa
     assert found["S3.1"].half == (0.55, 0.433)
 
 
-def test_the_limit_of_a_signal_is_the_strictest() -> None:
+def test_the_limit_of_a_signal_is_the_strictest():
     texts = ("always(loc.error <= 0.35 m)", "never(loc.error > 1 m)", "always(loc.error < 30 cm)")
     assert oracle_limit(texts, "loc.error") == pytest.approx(0.3)
     assert oracle_limit(texts, "clearance") is None
@@ -214,9 +208,7 @@ def test_the_limit_of_a_signal_is_the_strictest() -> None:
     st.integers(0, 399),
     st.integers(10, 200),
 )
-def test_thinning_keeps_the_deepest_dip_and_the_highest_peak(
-    values: list[float], shift: int, points: int
-) -> None:
+def test_thinning_keeps_the_deepest_dip_and_the_highest_peak(values, shift, points):
     clearance = np.array(values)
     error = np.roll(clearance, shift)
     kept = thinned_indices(clearance, error, points)

@@ -1,7 +1,5 @@
 """Tables and JUnit files: what machines read says the same as the assessment."""
 
-from __future__ import annotations
-
 import csv
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -15,21 +13,17 @@ from lxml import etree
 from daemon.analysis.report import (
     COLUMNS,
     MEASURES,
-    ReportData,
-    ReportRun,
     write_csv,
     write_junit,
     write_parquet,
 )
-from daemon.model.assessments import Assessment, CellAssessment, CellVerdict
+from daemon.model.assessments import Assessment, CellVerdict
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome
 from tests.daemon.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
 
 
-def test_the_table_has_every_measure_and_margin_in_full_precision(
-    data: ReportData, tmp_path: Path
-) -> None:
+def test_the_table_has_every_measure_and_margin_in_full_precision(data, tmp_path):
     write_csv(data, tmp_path / "measures.csv")
     with (tmp_path / "measures.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -59,9 +53,7 @@ FORMULAS = ("=1+1", "+1+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1", 
         *((text, text) for text in ("-1.5", "+1e-3", "plain", "a=b", "")),
     ],
 )
-def test_no_name_becomes_a_formula_of_a_spreadsheet(
-    data: ReportData, tmp_path: Path, name: str, cell: str
-) -> None:
+def test_no_name_becomes_a_formula_of_a_spreadsheet(data, tmp_path, name, cell):
     run = next(run for run in data.runs if _least_margin(run) < 0.0)
     named = replace(run, record=replace(run.record, scenario=name))
     path = tmp_path / "measures.csv"
@@ -73,11 +65,11 @@ def test_no_name_becomes_a_formula_of_a_spreadsheet(
     assert str(_least_margin(run)) in {row["value"] for row in rows}
 
 
-def _least_margin(run: ReportRun) -> float:
+def _least_margin(run):
     return min((v.margin for v in run.record.verdicts if v.margin is not None), default=0.0)
 
 
-def test_parquet_is_the_same_table_with_types(data: ReportData, tmp_path: Path) -> None:
+def test_parquet_is_the_same_table_with_types(data, tmp_path):
     write_csv(data, tmp_path / "measures.csv")
     write_parquet(data, tmp_path / "measures.parquet")
     table = pyarrow.parquet.read_table(tmp_path / "measures.parquet")
@@ -89,11 +81,11 @@ def test_parquet_is_the_same_table_with_types(data: ReportData, tmp_path: Path) 
         assert {k: "" if v is None else str(v) for k, v in one.items()} == other
 
 
-def write(data: ReportData, path: Path) -> None:
+def write(data, path):
     write_junit(data.input.name, data.assessment, [run.record for run in data.runs], path)
 
 
-def cases(data: ReportData, folder: Path) -> dict[tuple[str, str], junitparser.TestCase]:
+def cases(data, folder):
     path = folder / "results.xml"
     write(data, path)
     return {
@@ -103,7 +95,7 @@ def cases(data: ReportData, folder: Path) -> dict[tuple[str, str], junitparser.T
     }
 
 
-def test_build_servers_see_failures_known_ones_and_passes(data: ReportData, tmp_path: Path) -> None:
+def test_build_servers_see_failures_known_ones_and_passes(data, tmp_path):
     found = cases(data, tmp_path)
     near, far = SUTS
     (unexpected,) = found[f"{OPEN_SHOWN}/{near}", "buffer"].result
@@ -117,14 +109,14 @@ def test_build_servers_see_failures_known_ones_and_passes(data: ReportData, tmp_
     assert len(found) == 3 * 4 + 2
 
 
-def only(data: ReportData, **changes: object) -> ReportData:
+def only(data, **changes):
     """A campaign of one oracle of one cell, changed."""
     cell = next(c for c in data.assessment.cells if (c.scenario, c.sut) == (SHUT, SUTS[0]))
-    oracle = replace(cell.oracles[-1], **changes)  # type: ignore[arg-type]
+    oracle = replace(cell.oracles[-1], **changes)
     return with_cell(data, replace(cell, oracles=(oracle,)))
 
 
-def with_cell(data: ReportData, cell: CellAssessment) -> ReportData:
+def with_cell(data, cell):
     return replace(data, assessment=Assessment((cell,), (), (), 0))
 
 
@@ -148,28 +140,26 @@ def with_cell(data: ReportData, cell: CellAssessment) -> ReportData:
         ({"verdict": Outcome.PASS, "expected": "any", "met": True}, None, ""),
     ],
 )  # fmt: skip
-def test_each_verdict_has_its_place_in_junit(
-    data: ReportData, tmp_path: Path, changes: dict[str, object], kind: str | None, type_: str
-) -> None:
+def test_each_verdict_has_its_place_in_junit(data, tmp_path, changes, kind, type_):
     (case,) = cases(only(data, **changes), tmp_path).values()
     shown = [(type(result).__name__, result.type) for result in case.result]
     assert shown == ([] if kind is None else [(kind, type_)])
 
 
-def test_a_cell_that_nothing_judged_is_an_error(data: ReportData, tmp_path: Path) -> None:
+def test_a_cell_that_nothing_judged_is_an_error(data, tmp_path):
     cell = replace(data.assessment.cells[0], oracles=(), verdict=Outcome.ERROR)
     (case,) = cases(with_cell(data, cell), tmp_path).values()
     assert isinstance(case.result[0], junitparser.Error)
 
 
-def test_names_no_xml_can_hold_are_made_holdable(data: ReportData, tmp_path: Path) -> None:
+def test_names_no_xml_can_hold_are_made_holdable(data, tmp_path):
     oracle = replace(data.assessment.cells[0].oracles[0], oracle="bell \x07", worst=None)
     assert isinstance(oracle, CellVerdict)
     cell = replace(data.assessment.cells[0], oracles=(oracle,), scenario="\x00")
     assert [name for _, name in cases(with_cell(data, cell), tmp_path)] == ["bell \ufffd"]
 
 
-def test_a_junit_file_is_valid_and_tells_times(data: ReportData, tmp_path: Path) -> None:
+def test_a_junit_file_is_valid_and_tells_times(data, tmp_path):
     timed = replace(
         data,
         runs=tuple(
@@ -193,7 +183,7 @@ def test_a_junit_file_is_valid_and_tells_times(data: ReportData, tmp_path: Path)
         assert int(root.get(key, "")) == sum(int(suite.get(key, "")) for suite in suites)
 
 
-def test_of_traces_alone_the_time_is_what_they_simulated(data: ReportData, tmp_path: Path) -> None:
+def test_of_traces_alone_the_time_is_what_they_simulated(data, tmp_path):
     write(data, tmp_path / "results.xml")
     suite = ET.parse(tmp_path / "results.xml").getroot().find("testsuite")
     assert suite is not None

@@ -1,7 +1,5 @@
 """The ten seconds around a moment: what moves in the picture is what moved in the run."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -21,7 +19,7 @@ SPEED, SHUTS, TOUCHES = 0.5, 9.0, 9.5
 
 
 @pytest.fixture(scope="module")
-def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trace(tmp_path_factory):
     """A robot that drives straight on for 20 s, beside a door that shuts by a radian."""
     path = tmp_path_factory.mktemp("moment") / "run.mcap"
     with TraceWriter(path, spec(SHUT, SUTS[0], 0), CORRIDOR) as writer:
@@ -35,13 +33,13 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def drawn(trace: Path, time: float) -> ET.Element:
+def drawn(trace, time):
     picture = plot_recorded_moment(trace, time, "wall-north")
     assert picture is not None
     return ET.fromstring(picture.svg("f0", "a moment"))
 
 
-def animated(figure: ET.Element, kind: str) -> list[list[list[float]]]:
+def animated(figure, kind):
     """The values of all movements of a kind, those that go farthest first."""
     found = [
         [[float(part) for part in value.split()] for value in str(e.get("values")).split(";")]
@@ -51,11 +49,11 @@ def animated(figure: ET.Element, kind: str) -> list[list[list[float]]]:
     return sorted(found, key=lambda values: abs(values[0][0] - values[-1][0]), reverse=True)
 
 
-def texts(figure: ET.Element) -> list[str]:
+def texts(figure):
     return ["".join(e.itertext()) for e in figure.iter() if str(e.tag).endswith("}text")]
 
 
-def test_a_robot_drives_as_far_as_it_drove(trace: Path) -> None:
+def test_a_robot_drives_as_far_as_it_drove(trace):
     figure = drawn(trace, 10.0)
     (track,) = animated(figure, "translate")
     metre = 252.0 / 7.0  # 5 m of way and 1 m beside it at both ends fill the width
@@ -63,7 +61,7 @@ def test_a_robot_drives_as_far_as_it_drove(trace: Path) -> None:
     assert {y for _, y in track} == {track[0][1]}
 
 
-def test_a_door_swings_around_its_hinge_when_it_swung(trace: Path) -> None:
+def test_a_door_swings_around_its_hinge_when_it_swung(trace):
     (turns,) = animated(drawn(trace, 10.0), "rotate")
     angles = [angle for (angle,) in turns]
     assert angles[-1] - angles[0] == pytest.approx(np.degrees(1.0), abs=0.2)
@@ -73,11 +71,11 @@ def test_a_door_swings_around_its_hinge_when_it_swung(trace: Path) -> None:
     assert (moving[-1] - moving[0]) / 8.0 == pytest.approx(1.0, abs=0.2)
 
 
-def test_what_does_not_move_is_not_animated(trace: Path) -> None:
+def test_what_does_not_move_is_not_animated(trace):
     assert animated(drawn(trace, 17.0), "rotate") == []
 
 
-def test_a_contact_flashes_when_it_happened(trace: Path) -> None:
+def test_a_contact_flashes_when_it_happened(trace):
     (circle, _) = [e for e in drawn(trace, 10.0).iter() if str(e.tag).endswith("circle")]
     (shown,) = list(circle)
     assert shown.get("values") == "hidden;visible;hidden"
@@ -90,9 +88,7 @@ def test_a_contact_flashes_when_it_happened(trace: Path) -> None:
 @pytest.mark.parametrize(
     ("time", "first", "last"), [(10.0, 3.0, 12.5), (0.0, 0.0, 10.0), (20.0, 10.0, 20.0)]
 )
-def test_ten_seconds_are_shown_also_at_the_ends_of_a_run(
-    trace: Path, time: float, first: float, last: float
-) -> None:
+def test_ten_seconds_are_shown_also_at_the_ends_of_a_run(trace, time, first, last):
     shown = [float(text.removesuffix(" s")) for text in texts(drawn(trace, time)) if " s" in text]
     assert shown[0] == pytest.approx(first)
     assert max(shown) == pytest.approx(last, abs=0.51)
@@ -100,7 +96,7 @@ def test_ten_seconds_are_shown_also_at_the_ends_of_a_run(
     assert shown[-1] == pytest.approx(time)
 
 
-def test_the_same_run_gives_the_same_bytes_and_few_of_them(trace: Path) -> None:
+def test_the_same_run_gives_the_same_bytes_and_few_of_them(trace):
     once, again = (plot_recorded_moment(trace, 10.0, "") for _ in range(2))
     assert once is not None
     assert again is not None
@@ -110,7 +106,7 @@ def test_the_same_run_gives_the_same_bytes_and_few_of_them(trace: Path) -> None:
     assert not re.search(r"<script|href=|url\((?!#)", svg)
 
 
-def test_paper_and_who_wants_less_motion_see_the_moment() -> None:
+def test_paper_and_who_wants_less_motion_see_the_moment():
     import templates.report
 
     css = (Path(templates.report.__file__).parent / "report.css").read_text("utf-8")

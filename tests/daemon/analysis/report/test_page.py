@@ -1,20 +1,15 @@
 """The page without a browser: well formed, alone in the world, escaped, and its numbers right."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import re
 from dataclasses import replace
-from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import html5lib
 import pytest
 
 from daemon.analysis.coverage import histogram_bars
 from daemon.analysis.report import (
-    ReportData,
     SuggestedCommand,
     format_quantity,
     headline,
@@ -40,30 +35,29 @@ HTML = "{http://www.w3.org/1999/xhtml}"
 
 
 @pytest.fixture(scope="module")
-def tree(page: str) -> Element:
+def tree(page):
     return parse(page)
 
 
-def parse(page: str) -> Element:
+def parse(page):
     """The page as a browser would understand it; anything not well formed raises."""
-    parsed: Element = html5lib.HTMLParser(strict=True).parse(page)
-    return parsed
+    return html5lib.HTMLParser(strict=True).parse(page)
 
 
-def words(element: Element) -> str:
+def words(element):
     return " ".join(" ".join(element.itertext()).split())
 
 
-def elements(tree: Element, name: str) -> list[Element]:
+def elements(tree, name):
     return list(tree.iter(f"{HTML}{name}"))
 
 
-def section(tree: Element, name: str) -> Element:
+def section(tree, name):
     (found,) = [e for e in tree.iter() if e.get("id") == name]
     return found
 
 
-def test_systems_that_are_not_repeatable_are_marked(data: ReportData, page: str) -> None:
+def test_systems_that_are_not_repeatable_are_marked(data, page):
     assert "not repeatable" not in page.casefold()
     external = tuple(
         replace(run, record=replace(run.record, repeatable=run.record.sut != SUTS[0]))
@@ -75,12 +69,12 @@ def test_systems_that_are_not_repeatable_are_marked(data: ReportData, page: str)
     assert marked.count("(not repeatable)") == 1
 
 
-def test_the_head_answers_in_one_line(tree: Element) -> None:
+def test_the_head_answers_in_one_line(tree):
     (line,) = [e for e in elements(tree, "p") if e.get("class") == "answer"]
     assert words(line) == "No. 1 of 14 verdicts is not as expected."
 
 
-def test_nothing_is_fetched_or_executed(page: str, tree: Element) -> None:
+def test_nothing_is_fetched_or_executed(page, tree):
     tags = {str(e.tag).rpartition("}")[2] for e in tree.iter()}
     assert not tags & {"script", "link", "iframe", "object", "embed", "form", "base"}
     for element in tree.iter():
@@ -93,7 +87,7 @@ def test_nothing_is_fetched_or_executed(page: str, tree: Element) -> None:
     assert outside <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
 
 
-def test_folders_of_the_machine_are_not_told(data: ReportData, page: str, folder: Path) -> None:
+def test_folders_of_the_machine_are_not_told(data, page, folder):
     assert str(folder) not in page
     assert f"<dt>from</dt><dd>the folder {folder.name}</dd>" in page
     elsewhere = replace(data.runs[0].record, trace="/home/somebody/store/7.mcap")
@@ -106,7 +100,7 @@ def test_folders_of_the_machine_are_not_told(data: ReportData, page: str, folder
     assert "Not read: 8.mcap: is not an MCAP file" in moved
 
 
-def test_everything_from_files_is_escaped(page: str, tree: Element) -> None:
+def test_everything_from_files_is_escaped(page, tree):
     for text in (NAME, ABOUT, WHY, SHUT, SUTS[1]):
         assert text not in page
     shown = words(section(tree, "answer"))
@@ -115,12 +109,12 @@ def test_everything_from_files_is_escaped(page: str, tree: Element) -> None:
     assert WHY in words(section(tree, "matrix"))
 
 
-def test_names_with_dollars_are_no_formulas(tree: Element) -> None:
+def test_names_with_dollars_are_no_formulas(tree):
     drawn = [words(e) for e in tree.iter() if str(e.tag).endswith("}text")]
     assert OPEN_SHOWN in drawn
 
 
-def test_identifiers_are_unique_and_references_lead_somewhere(page: str, tree: Element) -> None:
+def test_identifiers_are_unique_and_references_lead_somewhere(page, tree):
     found = [e.get("id") for e in tree.iter() if e.get("id")]
     assert len(found) == len(set(found))
     anchors = {str(e.get("href"))[1:] for e in elements(tree, "a")}
@@ -128,7 +122,7 @@ def test_identifiers_are_unique_and_references_lead_somewhere(page: str, tree: E
     assert references <= set(found)
 
 
-def test_the_matrix_says_what_the_assessment_says(data: ReportData, tree: Element) -> None:
+def test_the_matrix_says_what_the_assessment_says(data, tree):
     rows = list(section(tree, "matrix").iter(f"{HTML}tr"))[1:]
     cells = {(c.scenario, c.sut): c for c in data.assessment.cells}
     for row, scenario in zip(rows, dict.fromkeys(s for s, _ in cells), strict=True):
@@ -142,7 +136,7 @@ def test_the_matrix_says_what_the_assessment_says(data: ReportData, tree: Elemen
                 assert f"to {100 * oracle.high:.1f}".removesuffix(".0") in words(column)
 
 
-def test_tables_can_be_scrolled_by_keys_and_no_head_is_empty(tree: Element) -> None:
+def test_tables_can_be_scrolled_by_keys_and_no_head_is_empty(tree):
     """What axe-core asks for: whoever has no mouse comes to what is beside the edge."""
     scrolled = [e for e in tree.iter() if e.get("class") == "wide"] + elements(tree, "pre")
     assert {e.get("tabindex") for e in scrolled} == {"0"}
@@ -154,21 +148,19 @@ def test_tables_can_be_scrolled_by_keys_and_no_head_is_empty(tree: Element) -> N
         assert sum(covered) == len(list(table.iter(f"{HTML}tr"))) - 1
 
 
-def test_measures_of_a_scenario_stand_together_in_whatever_order_its_traces_are(
-    data: ReportData, page: str
-) -> None:
+def test_measures_of_a_scenario_stand_together_in_whatever_order_its_traces_are(data, page):
     cells = sorted(data.assessment.cells, key=lambda cell: cell.sut)
     assert len({cell.scenario for cell in cells[:2]}) == 2
     shuffled = replace(data, assessment=replace(data.assessment, cells=tuple(cells)))
 
-    def heads(page: str) -> list[tuple[str, str | None]]:
+    def heads(page):
         found = section(parse(page), "measures").iter(f"{HTML}th")
         return sorted((words(e), e.get("rowspan")) for e in found if e.get("scope") == "rowgroup")
 
     assert heads(write_page(shuffled, (), processes=1)) == heads(page)
 
 
-def test_numbers_beside_axes_are_not_cut(data: ReportData) -> None:
+def test_numbers_beside_axes_are_not_cut(data):
     """Millimetres have more digits than metres, and are as near to the edge."""
     small = tuple(
         replace(
@@ -189,7 +181,7 @@ def test_numbers_beside_axes_are_not_cut(data: ReportData) -> None:
     assert all(x >= digit * len(number) for x, number in numbers)
 
 
-def test_measures_are_means_over_the_repeats(data: ReportData, tree: Element) -> None:
+def test_measures_are_means_over_the_repeats(data, tree):
     table = next(section(tree, "measures").iter(f"{HTML}table"))
     names = [words(e).partition(" [")[0] for e in table.iter(f"{HTML}th")]
     row = next(r for r in table.iter(f"{HTML}tr") if SUTS[1] in words(r))
@@ -203,7 +195,7 @@ def test_measures_are_means_over_the_repeats(data: ReportData, tree: Element) ->
     assert shown["min clearance"] == f"{mean} ± {deviation}"
 
 
-def test_what_fails_comes_with_evidence_and_commands(data: ReportData, tree: Element) -> None:
+def test_what_fails_comes_with_evidence_and_commands(data, tree):
     found = section(tree, "findings")
     first = next(found.iter(f"{HTML}details"))
     assert OPEN_SHOWN in words(first)
@@ -215,14 +207,14 @@ def test_what_fails_comes_with_evidence_and_commands(data: ReportData, tree: Ele
     assert f"known: {WHY}" in known
 
 
-def test_comparisons_have_their_bounds(data: ReportData, tree: Element) -> None:
+def test_comparisons_have_their_bounds(data, tree):
     shown = words(section(tree, "comparisons"))
     for cell in data.assessment.comparisons:
         assert format_quantity(cell.mean, "s", signed=True) in shown
         assert format_quantity(cell.limit, "s") in shown
 
 
-def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> None:
+def test_every_figure_of_the_paper_is_there_and_has_a_name(tree):
     labels = [str(e.get("aria-label")) for e in tree.iter() if str(e.tag).endswith("}svg")]
     for start in (
         "The moment that decides buffer",
@@ -240,7 +232,7 @@ def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> Non
         assert any(label.startswith(start) for label in labels), start
 
 
-def test_figures_are_drawn_with_numbers_and_names_of_their_own(page: str) -> None:
+def test_figures_are_drawn_with_numbers_and_names_of_their_own(page):
     drawn = re.findall(r"<svg viewBox.*?</svg>", page, re.DOTALL)
     assert len(drawn) >= 8
     ids = re.findall(r'id="(f\d+-\d+)"', "".join(drawn))
@@ -253,14 +245,14 @@ def test_figures_are_drawn_with_numbers_and_names_of_their_own(page: str) -> Non
             assert re.fullmatch(f"(?:{piece})+", path), path[:80]
 
 
-def test_axes_have_round_numbers(tree: Element) -> None:
+def test_axes_have_round_numbers(tree):
     """Every figure with axes has at least two numbers along each, evenly apart."""
     figures = [e for e in tree.iter() if str(e.tag).endswith("}svg")]
     titled = ("Localisation error and", "Clearance over time", "Speed and turning")
     for figure in figures:
         if not str(figure.get("aria-label")).startswith(titled):
             continue
-        rows: dict[str, list[float]] = {}
+        rows = {}
         for text in figure.iter():
             if str(text.tag).endswith("}text") and "middle" in str(text.get("style")):
                 with contextlib.suppress(ValueError):
@@ -272,14 +264,14 @@ def test_axes_have_round_numbers(tree: Element) -> None:
         assert len(steps) == 1
 
 
-def test_the_same_runs_give_the_same_page(data: ReportData, page: str) -> None:
+def test_the_same_runs_give_the_same_page(data, page):
     again = write_page(
         data, (SuggestedCommand("scenario judge {run}", "judge it again"),), processes=2
     )
     assert again == page
 
 
-def test_runs_that_left_nothing_are_told_and_drawn_without(data: ReportData) -> None:
+def test_runs_that_left_nothing_are_told_and_drawn_without(data):
     empty = tuple(
         replace(
             run,
@@ -294,7 +286,7 @@ def test_runs_that_left_nothing_are_told_and_drawn_without(data: ReportData) -> 
     html5lib.HTMLParser(strict=True).parse(write_page(bare, (), processes=1))
 
 
-def test_words_of_a_verdict() -> None:
+def test_words_of_a_verdict():
     seen = Evidence(41.3, -0.012, 0.0, "door-17", "first at 40 s")
     verdict = Verdict("clear", "…", Outcome.FAIL, -0.012, -0.012, "m", seen)
     assert verdict_details(verdict) == "−0.012 m, at 41.3 s, door-17, first at 40 s"
@@ -313,13 +305,11 @@ def test_words_of_a_verdict() -> None:
         ((-0.05, -0.06), ("−0.0550", "0.0071")),
     ],
 )
-def test_means_have_digits_that_mean_something(
-    values: tuple[float, ...], shown: tuple[str, str]
-) -> None:
+def test_means_have_digits_that_mean_something(values, shown):
     assert mean_and_deviation(values) == shown
 
 
-def test_what_was_exercised_is_told_and_what_was_not(tree: Element, data: ReportData) -> None:
+def test_what_was_exercised_is_told_and_what_was_not(tree, data):
     part, coverage = section(tree, "coverage"), data.coverage
     assert coverage.runs == len(data.runs)
     assert f"these {coverage.runs} runs exercised" in words(part)
@@ -334,7 +324,7 @@ def test_what_was_exercised_is_told_and_what_was_not(tree: Element, data: Report
         assert histogram_bars(margin) in words(rows[margin.oracle])
 
 
-def test_the_head_tells_where_the_numbers_are_from(data: ReportData) -> None:
+def test_the_head_tells_where_the_numbers_are_from(data):
     origin = CampaignOrigin("c.yaml", "abcdef" * 10, 7, "0123456789abcdef", "main", changed=True)
     chosen = replace(
         data.input, origin=origin, submitted_at=1_800_000_000.0, finished_at=1_800_000_090.0
@@ -351,14 +341,14 @@ def test_the_head_tells_where_the_numbers_are_from(data: ReportData) -> None:
     assert f"page written by {own_version()}" in head
 
 
-def test_what_nobody_noted_is_left_out(page: str, tree: Element) -> None:
+def test_what_nobody_noted_is_left_out(page, tree):
     head = words(section(tree, "answer"))
     for name in ("executed", "campaign file", "version control", "seed", "machine"):
         assert f"<dt>{name}</dt>" not in page, head
     assert "<dt>simulated with</dt>" in page
 
 
-def test_the_building_is_there_small_and_with_its_names(tree: Element) -> None:
+def test_the_building_is_there_small_and_with_its_names(tree):
     drawn = {}
     for name in ("answer", "building"):
         plans = [e for e in section(tree, name).iter() if e.get("class") == "plan"]
@@ -373,20 +363,20 @@ def test_the_building_is_there_small_and_with_its_names(tree: Element) -> None:
     assert 0 < lines[0] <= lines[1]
 
 
-def moments(tree: Element) -> list[Element]:
+def moments(tree):
     figures = [e for e in tree.iter() if str(e.tag).endswith("}svg")]
     return [e for e in figures if str(e.get("aria-label")).startswith("The moment that decides")]
 
 
-def part(figure: Element, name: str) -> list[Element]:
+def part(figure, name):
     return [e for e in figure.iter() if e.get("class") == name]
 
 
-def animations(figure: Element, name: str) -> list[Element]:
+def animations(figure, name):
     return [e for e in figure.iter() if str(e.tag).endswith(f"}}{name}")]
 
 
-def test_each_failure_moves_by_itself_and_loops_as_one(page: str, tree: Element) -> None:
+def test_each_failure_moves_by_itself_and_loops_as_one(page, tree):
     found = moments(tree)
     assert len(found) >= 2
     for figure in found:
@@ -401,9 +391,7 @@ def test_each_failure_moves_by_itself_and_loops_as_one(page: str, tree: Element)
     assert max(len(figure.encode()) for figure in drawn) < 60_000
 
 
-def test_the_robot_of_a_failure_goes_where_it_went_and_waits_at_the_moment(
-    data: ReportData, tree: Element
-) -> None:
+def test_the_robot_of_a_failure_goes_where_it_went_and_waits_at_the_moment(data, tree):
     """It drives 0.5 m/s straight on: ten seconds are 5 m, and the same step each time."""
     figure = moments(tree)[0]
     tracks = [e for e in animations(figure, "animateTransform") if e.get("type") == "translate"]
@@ -417,8 +405,8 @@ def test_the_robot_of_a_failure_goes_where_it_went_and_waits_at_the_moment(
     assert caption.partition("around ")[2].partition(" s")[0] + " s" in times
 
 
-def test_figures_that_are_compared_have_the_same_scale(tree: Element) -> None:
-    scales: dict[str, set[tuple[str, ...]]] = {}
+def test_figures_that_are_compared_have_the_same_scale(tree):
+    scales = {}
     for figure in tree.iter():
         label = str(figure.get("aria-label"))
         for kind in (
@@ -434,7 +422,7 @@ def test_figures_that_are_compared_have_the_same_scale(tree: Element) -> None:
     assert all(len(found) == 1 for found in scales.values()), scales
 
 
-def test_intervals_of_comparisons_are_two_sided(data: ReportData, tree: Element) -> None:
+def test_intervals_of_comparisons_are_two_sided(data, tree):
     shown = words(section(tree, "comparisons"))
     for cell in data.assessment.comparisons:
         assert cell.interval is not None
@@ -445,7 +433,7 @@ def test_intervals_of_comparisons_are_two_sided(data: ReportData, tree: Element)
     assert "two-sided, 95 % confidence" in words(section(tree, "matrix"))
 
 
-def test_figures_of_the_paper_carry_their_numbers(tree: Element) -> None:
+def test_figures_of_the_paper_carry_their_numbers(tree):
     said = " ".join(words(e) for e in elements(tree, "small"))
     for number in (8, 9, 10, 11, 13, 14):
         assert f"Fig. {number}" in said

@@ -1,27 +1,24 @@
 """What others found: marks in figures, a table of the page, rows of the tables for machines."""
 
-from __future__ import annotations
-
 import csv
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from daemon.analysis.report import ReportData, write_csv, write_page
+from daemon.analysis.report import write_csv, write_page
 from daemon.model.assessments import ReferenceValue
 from tests.daemon.analysis.report.recordings import OPEN, SHUT, SUTS
 
 NEAR = SUTS[0]
 
 
-def reference(scenario: str, oracle: str, value: float, text: str, **other: object) -> object:
+def reference(scenario, oracle, value, text, **other):
     given = {"statistic": "mean", "unit": "s", "runs": 5} | other
     source = "Somebody & others"
     return ReferenceValue(
         "paper", source, scenario, (NEAR,), oracle, value=value, text=text, **given
-    )  # type: ignore[arg-type]
+    )
 
 
 REFERENCES = (
@@ -33,23 +30,23 @@ REFERENCES = (
 
 
 @pytest.fixture(scope="module")
-def told(data: ReportData) -> ReportData:
+def told(data):
     """The campaign with what somebody else found of it."""
     declared = replace(data.input.declared, references=REFERENCES)
     return replace(data, input=replace(data.input, declared=declared))
 
 
 @pytest.fixture(scope="module")
-def told_page(told: ReportData) -> str:
+def told_page(told):
     return write_page(told, (), processes=1)
 
 
-def figure(page: str, label: str) -> str:
+def figure(page, label):
     (found,) = re.findall(rf'<svg[^>]*aria-label="{label}"[^>]*>.*?</svg>', page, re.DOTALL)
     return str(found)
 
 
-def test_a_value_is_a_diamond_in_the_figure_of_its_measure(told_page: str, page: str) -> None:
+def test_a_value_is_a_diamond_in_the_figure_of_its_measure(told_page, page):
     said = "<title>paper 21.5 s ± 0.5 s, Somebody &amp; others</title>"
     assert said in figure(told_page, "Boxplots of duration by scenario")
     # By what the oracle measures, whatever the campaign calls it.
@@ -60,7 +57,7 @@ def test_a_value_is_a_diamond_in_the_figure_of_its_measure(told_page: str, page:
     assert "<title>paper" not in page
 
 
-def test_the_page_puts_them_beside_what_was_found(told_page: str) -> None:
+def test_the_page_puts_them_beside_what_was_found(told_page):
     table = told_page[told_page.index('id="references"') :]
     table = table[: table.index("</table>")]
     rows = [
@@ -76,7 +73,7 @@ def test_the_page_puts_them_beside_what_was_found(told_page: str) -> None:
     assert [row[8] for row in rows] == ["−1.5 s", "+1 s", "–", "+8.9 s"]
 
 
-def test_tables_for_machines_have_them(told: ReportData, tmp_path: Path) -> None:
+def test_tables_for_machines_have_them(told, tmp_path):
     write_csv(told, tmp_path / "m.csv")
     with (tmp_path / "m.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["kind"].startswith("reference")]
@@ -90,6 +87,6 @@ def test_tables_for_machines_have_them(told: ReportData, tmp_path: Path) -> None
     assert {row["object"] for row in rows} == {"paper: Somebody & others"}
 
 
-def test_two_scenarios_that_are_compared_are_drawn_in_one_figure(page: str) -> None:
+def test_two_scenarios_that_are_compared_are_drawn_in_one_figure(page):
     drawn = re.findall(r'aria-label="(Speed and turning speed in a run of [^"]*)"', page)
     assert len(drawn) == len(SUTS)

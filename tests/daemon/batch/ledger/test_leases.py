@@ -1,15 +1,10 @@
 """Leases in the ledger: who holds what, what others hear of it, what a daemon forgets."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
+from daemon.model.messages import Completion, LeaseRef, LedgerAnswer, ReleaseRequest
 from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = 1000.0
@@ -17,7 +12,7 @@ LATER = NOW + 100.0
 
 
 @pytest.fixture
-def book(tmp_path: Path) -> Iterator[LedgerWriter]:
+def book(tmp_path):
     db = connect(tmp_path / "ledger.db")
     book = LedgerWriter(db, lease=30.0)
     book.submit(make_submission("c", 1), NOW)
@@ -26,27 +21,27 @@ def book(tmp_path: Path) -> Iterator[LedgerWriter]:
 
 
 @pytest.fixture
-def reader(book: LedgerWriter, tmp_path: Path) -> Iterator[LedgerReader]:
+def reader(book, tmp_path):
     with LedgerReader.open(StatePaths(tmp_path)) as reader:
         yield reader
 
 
-def refs(*grants: Lease) -> tuple[LeaseRef, ...]:
+def refs(*grants):
     return tuple(LeaseRef(grant.run, grant.token) for grant in grants)
 
 
-def complete(book: LedgerWriter, worker: str, grant: Lease) -> LedgerAnswer:
+def complete(book, worker, grant):
     result = make_result(grant.spec)
     done = Completion(worker, grant.run, grant.attempt, grant.token, result)
     return book.complete(done, LATER)
 
 
-def heard(book: LedgerWriter) -> list[str]:
+def heard(book):
     """What the daemon passes on as a hint that something is not needed any more."""
     return [event.id for event in book.events if event.state == "superseded"]
 
 
-def replaced(book: LedgerWriter) -> tuple[Lease, Lease]:
+def replaced(book):
     """A run that is leased anew since the first lease has lapsed."""
     (first,) = book.lease("cut", 1, NOW)
     assert book.expire_leases(LATER - 10.0) == 1  # and it waits a little
@@ -54,9 +49,7 @@ def replaced(book: LedgerWriter) -> tuple[Lease, Lease]:
     return first, second
 
 
-def test_whoever_comes_second_is_told_to_stop_and_gets_a_hint(
-    book: LedgerWriter, reader: LedgerReader
-) -> None:
+def test_whoever_comes_second_is_told_to_stop_and_gets_a_hint(book, reader):
     first, second = replaced(book)
     assert book.renew("cut", refs(first), LATER) == ()
     assert book.renew("other", refs(second), LATER) == ()
@@ -67,7 +60,7 @@ def test_whoever_comes_second_is_told_to_stop_and_gets_a_hint(
     assert heard(book) == ["c.0"]
 
 
-def test_who_came_back_gets_a_hint_too(book: LedgerWriter) -> None:
+def test_who_came_back_gets_a_hint_too(book):
     first, second = replaced(book)
     book.renew("cut", refs(first), LATER)
     assert complete(book, "other", second) is LedgerAnswer.RECORDED
@@ -75,13 +68,13 @@ def test_who_came_back_gets_a_hint_too(book: LedgerWriter) -> None:
     assert book.renew("cut", refs(first), LATER) == refs(first)
 
 
-def test_nobody_is_told_to_stop_where_nobody_else_is_at_it(book: LedgerWriter) -> None:
+def test_nobody_is_told_to_stop_where_nobody_else_is_at_it(book):
     _, second = replaced(book)
     assert complete(book, "other", second) is LedgerAnswer.RECORDED
     assert heard(book) == []
 
 
-def test_a_worker_that_holds_nothing_any_more_is_not_busy(book: LedgerWriter) -> None:
+def test_a_worker_that_holds_nothing_any_more_is_not_busy(book):
     first, _ = replaced(book)
     assert book.busy_workers() == {"other"}
     book.expire_leases(LATER + 100.0)
@@ -91,9 +84,7 @@ def test_a_worker_that_holds_nothing_any_more_is_not_busy(book: LedgerWriter) ->
     assert book.busy_workers() == {"heir"}
 
 
-def test_who_comes_back_to_a_run_that_waits_has_failed_nothing(
-    book: LedgerWriter, reader: LedgerReader
-) -> None:
+def test_who_comes_back_to_a_run_that_waits_has_failed_nothing(book, reader):
     (grant,) = book.lease("cut", 1, NOW)
     book.expire_leases(LATER)
     assert reader.run("c.0").row.setbacks == 1
@@ -102,7 +93,7 @@ def test_who_comes_back_to_a_run_that_waits_has_failed_nothing(
     assert reader.run("c.0").row.setbacks == 0
 
 
-def test_what_a_worker_does_not_claim_it_never_got(book: LedgerWriter) -> None:
+def test_what_a_worker_does_not_claim_it_never_got(book):
     (grant,) = book.lease("w", 1, NOW, holder="worker.a")
     book.renew("w", (), NOW, holder="worker.b")  # a name of a worker is what anybody may say
     assert book.busy_workers() == {"w"}
@@ -112,7 +103,7 @@ def test_what_a_worker_does_not_claim_it_never_got(book: LedgerWriter) -> None:
     assert (again.attempt, again.token > grant.token) == (2, True)
 
 
-def test_why_an_attempt_failed_is_told_once(book: LedgerWriter, reader: LedgerReader) -> None:
+def test_why_an_attempt_failed_is_told_once(book, reader):
     (grant,) = book.lease("w", 1, NOW)
     book.release(ReleaseRequest("w", grant.run, grant.token, "it crashed", blame=True), NOW)
     book.lease("w", 1, LATER)

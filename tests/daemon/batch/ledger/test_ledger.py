@@ -1,6 +1,5 @@
 import sqlite3
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -17,22 +16,20 @@ NOW = 1_000_000.0
 
 
 @pytest.fixture
-def ledger(tmp_path: Path):  # type: ignore[no-untyped-def]
+def ledger(tmp_path):
     writing = connect(tmp_path / "ledger.db")
     with LedgerReader.open(StatePaths(tmp_path)) as reader:
         yield LedgerWriter(writing), reader, writing
     writing.close()
 
 
-def finish(book: LedgerWriter, result_of: dict[int, RunResult] | None = None) -> None:
+def finish(book, result_of=None):
     for grant in book.lease("w", 100, NOW):
         result = (result_of or {}).get(grant.spec.repeat) or make_result(grant.spec)
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), NOW)
 
 
-def test_submitting_twice_changes_nothing(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_submitting_twice_changes_nothing(ledger):
     book, reader, _ = ledger
     submission = make_submission("c", 5)
     assert not book.submit(submission, NOW).known
@@ -41,18 +38,14 @@ def test_submitting_twice_changes_nothing(
     assert (row.total, row.queued, row.submitted_at) == (5, 5, NOW)
 
 
-def test_another_campaign_cannot_take_a_known_id(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_another_campaign_cannot_take_a_known_id(ledger):
     book, _, _ = ledger
     book.submit(make_submission("c", 5), NOW)
     with pytest.raises(Refused, match="taken"):
         book.submit(make_submission("c", 6), NOW)
 
 
-def test_a_result_of_another_specification_is_refused(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_a_result_of_another_specification_is_refused(ledger):
     book, _, _ = ledger
     book.submit(make_submission("c", 2), NOW)
     one, other = book.lease("w", 2, NOW)
@@ -60,9 +53,7 @@ def test_a_result_of_another_specification_is_refused(
         book.complete(Completion("w", one.run, 1, one.token, make_result(other.spec)), NOW)
 
 
-def test_rows_show_the_deciding_oracle(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_rows_show_the_deciding_oracle(ledger):
     book, reader, _ = ledger
     submission = make_submission("c", 2)
     book.submit(submission, NOW)
@@ -82,14 +73,12 @@ def test_rows_show_the_deciding_oracle(
     assert reader.run("c.1").result == results[1]
 
 
-def _with(result: RunResult, verdicts: tuple[Verdict, ...], outcome: Outcome) -> RunResult:
+def _with(result, verdicts, outcome):
     trace, timing = result.trace, result.timing
     return RunResult(result.spec, outcome, verdicts, result.ended, trace, timing)
 
 
-def test_pages_filter_sort_and_count(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_pages_filter_sort_and_count(ledger):
     book, reader, _ = ledger
     submission = make_submission("c", 12)
     book.submit(submission, NOW)
@@ -116,9 +105,7 @@ def test_pages_filter_sort_and_count(
     assert down.rows[0].index == 11
 
 
-def test_the_worst_outcome_comes_first(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_the_worst_outcome_comes_first(ledger):
     book, reader, _ = ledger
     submission = make_submission("c", 4)
     book.submit(submission, NOW)
@@ -131,9 +118,7 @@ def test_the_worst_outcome_comes_first(
     assert [row.outcome for row in rows] == [*worst_first, None]
 
 
-def test_unknown_words_in_questions_come_back_with_a_hint(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_unknown_words_in_questions_come_back_with_a_hint(ledger):
     _, reader, _ = ledger
     with pytest.raises(Refused, match='did you mean "margin"'):
         reader.runs(RunQuery(sort="margn"))
@@ -143,9 +128,7 @@ def test_unknown_words_in_questions_come_back_with_a_hint(
         reader.run("c.0")
 
 
-def test_a_finished_campaign_says_so_once(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_a_finished_campaign_says_so_once(ledger):
     book, reader, _ = ledger
     book.submit(make_submission("c", 2), NOW)
     book.events.clear()
@@ -156,9 +139,7 @@ def test_a_finished_campaign_says_so_once(
     assert reader.campaigns()[0].finished_at == NOW
 
 
-def test_the_rate_is_runs_per_minute_lately(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_the_rate_is_runs_per_minute_lately(ledger):
     book, reader, _ = ledger
     book.submit(make_submission("c", 7), NOW)
     for i, grant in enumerate(book.lease("w", 7, NOW)):
@@ -168,9 +149,7 @@ def test_the_rate_is_runs_per_minute_lately(
     assert reader.rate(NOW + 9999) == 0.0
 
 
-def test_counting_does_not_read_the_runs(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection], tmp_path: Path
-) -> None:
+def test_counting_does_not_read_the_runs(ledger, tmp_path):
     book, _, db = ledger
     book.submit(make_submission("c", 1), NOW)
     db.execute("BEGIN")
@@ -190,7 +169,7 @@ def test_counting_does_not_read_the_runs(
     assert len(thousands) < 50
 
 
-def test_a_ledger_of_another_version_is_left_alone(tmp_path: Path) -> None:
+def test_a_ledger_of_another_version_is_left_alone(tmp_path):
     path = tmp_path / "ledger.db"
     connect(path).close()
     with sqlite3.connect(path) as db:
@@ -200,14 +179,14 @@ def test_a_ledger_of_another_version_is_left_alone(tmp_path: Path) -> None:
         connect(path)
 
 
-def test_a_damaged_ledger_is_named(tmp_path: Path) -> None:
+def test_a_damaged_ledger_is_named(tmp_path):
     path = tmp_path / "ledger.db"
     path.write_bytes(b"not a database, but long enough to be looked at" * 100)
     with pytest.raises(DaemonError, match=r"ledger\.db is not a usable ledger"):
         connect(path)
 
 
-def test_everything_is_still_there_after_reopening(tmp_path: Path) -> None:
+def test_everything_is_still_there_after_reopening(tmp_path):
     path = tmp_path / "ledger.db"
     db = connect(path)
     LedgerWriter(db).submit(make_submission("c", 2), NOW)
@@ -222,9 +201,7 @@ def test_everything_is_still_there_after_reopening(tmp_path: Path) -> None:
     again.close()
 
 
-def test_the_workload_has_what_waits_what_runs_and_what_repeats_took(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_the_workload_has_what_waits_what_runs_and_what_repeats_took(ledger):
     book, reader, _ = ledger
     book.submit(make_submission("before", 1), NOW)
     finish(book)
@@ -241,9 +218,7 @@ def test_the_workload_has_what_waits_what_runs_and_what_repeats_took(
     assert work.running == (RunInProgress("S1", "pilot", limit, 20.0, 7.0, 5.0),)
 
 
-def test_a_search_has_the_runs_it_will_propose_in_its_workload(
-    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
-) -> None:
+def test_a_search_has_the_runs_it_will_propose_in_its_workload(ledger):
     book, reader, _ = ledger
     list(book.submit_search(make_search("s"), "digest", lambda _: None, NOW))
     (work,) = reader.workload(NOW, {})

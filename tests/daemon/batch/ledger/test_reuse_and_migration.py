@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,7 +28,6 @@ from daemon.model.assessments import (
     Expectation,
     RegressionGate,
     RepeatPolicy,
-    RunRecord,
     ScenarioComparison,
 )
 from daemon.model.messages import (
@@ -43,7 +42,7 @@ from daemon.model.messages import (
 from daemon.model.packed_submission import pack_submission
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, SutReference, Timing
-from daemon.model.status import CampaignOrigin, CampaignRow, RunRow, Submission
+from daemon.model.status import CampaignOrigin
 from daemon.model.verdicts import Outcome
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
 
@@ -59,12 +58,12 @@ class Ledger:
     reader: LedgerReader
     places: StatePaths
 
-    def submit(self, name: str, *specs: RunSpec, **changes: object) -> Submission:
-        submission = replace(submission_of(name, *specs), **{"fresh": False} | changes)  # type: ignore[arg-type]
+    def submit(self, name, *specs, **changes):
+        submission = replace(submission_of(name, *specs), **{"fresh": False} | changes)
         self.book.submit(submission, NOW)
         return submission
 
-    def work(self, make: Make = make_result) -> int:
+    def work(self, make=make_result):
         """Execute what is queued until nothing is."""
         done = 0
         while grants := self.book.lease("w", 100, NOW):
@@ -77,18 +76,18 @@ class Ledger:
             done += len(grants)
         return done
 
-    def rows(self, campaign: str) -> tuple[RunRow, ...]:
+    def rows(self, campaign):
         return self.reader.runs(RunQuery(campaign)).rows
 
-    def records(self, campaign: str) -> tuple[RunRecord, ...]:
+    def records(self, campaign):
         return self.reader.records(RecordQuery(campaign, limit=1000))
 
-    def row(self, campaign: str) -> CampaignRow:
+    def row(self, campaign):
         return next(row for row in self.reader.campaigns() if row.id == campaign)
 
 
 @pytest.fixture
-def ledger(tmp_path: Path) -> Iterator[Ledger]:
+def ledger(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
     writing = connect(places.ledger)
@@ -98,15 +97,15 @@ def ledger(tmp_path: Path) -> Iterator[Ledger]:
     writing.close()
 
 
-def specs(count: int, *, scenario: str = "S1", first: int = 0) -> list[RunSpec]:
+def specs(count, *, scenario="S1", first=0):
     return [make_spec(repeat, scenario=scenario) for repeat in range(first, first + count)]
 
 
-def failing(spec: RunSpec) -> RunResult:
+def failing(spec):
     return make_result(spec, outcome=Outcome.FAIL, margin=-0.5)
 
 
-def test_what_a_submission_would_reuse_and_take_is_known_before(ledger: Ledger) -> None:
+def test_what_a_submission_would_reuse_and_take_is_known_before(ledger):
     first = ledger.submit("first", *specs(3))
     ledger.work(
         lambda spec: replace(make_result(spec), timing=Timing(2.0 + spec.repeat, 1.0, 10.0))
@@ -126,11 +125,11 @@ def test_what_a_submission_would_reuse_and_take_is_known_before(ledger: Ledger) 
     assert left.all == pytest.approx(3.0 + 6.0 + 3.0)
 
 
-def test_nothing_is_said_of_how_long_the_first_runs_of_all_take(ledger: Ledger) -> None:
+def test_nothing_is_said_of_how_long_the_first_runs_of_all_take(ledger):
     assert ledger.reader.forecast([planned(make_spec(0))]).seconds == (None,)
 
 
-def test_runs_of_systems_that_are_not_repeatable_are_not_reused(ledger: Ledger) -> None:
+def test_runs_of_systems_that_are_not_repeatable_are_not_reused(ledger):
     ledger.submit("first", *specs(1))
     ledger.work()
     (spec,) = specs(1)
@@ -138,7 +137,7 @@ def test_runs_of_systems_that_are_not_repeatable_are_not_reused(ledger: Ledger) 
     assert ledger.reader.forecast([replace(planned(spec), repeatable=False)]).cached == (False,)
 
 
-def test_a_run_of_another_scenario_is_forecast_by_its_limit(ledger: Ledger) -> None:
+def test_a_run_of_another_scenario_is_forecast_by_its_limit(ledger):
     ledger.submit("first", *specs(1))
     ledger.work()
     (spec,) = specs(1)
@@ -149,11 +148,11 @@ def test_a_run_of_another_scenario_is_forecast_by_its_limit(ledger: Ledger) -> N
     assert expected == pytest.approx(known / 4)
 
 
-def planned(spec: RunSpec) -> PlannedRun:
+def planned(spec):
     return PlannedRun(spec.digest, spec.scenario, spec.sut.name, spec.limit, spec.sut.repeatable)
 
 
-def test_only_runs_without_a_result_are_executed(ledger: Ledger) -> None:
+def test_only_runs_without_a_result_are_executed(ledger):
     ledger.submit("first", *specs(3))
     ledger.work()
     changed = make_spec(2, speed=1)
@@ -170,7 +169,7 @@ def test_only_runs_without_a_result_are_executed(ledger: Ledger) -> None:
     assert ledger.row("second").finished_at is not None
 
 
-def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger: Ledger) -> None:
+def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger):
     ledger.book.add_store("s3://bucket")
     ledger.submit("first", *specs(1))
     (grant,) = ledger.book.lease("w", 1, NOW, store="s3://bucket")
@@ -182,7 +181,7 @@ def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger: Le
     assert [record.trace for record in ledger.records("second")] == [url]
 
 
-def test_a_campaign_of_known_results_is_finished_at_once(ledger: Ledger) -> None:
+def test_a_campaign_of_known_results_is_finished_at_once(ledger):
     ledger.submit("first", *specs(3))
     ledger.work(failing)
     ledger.book.events = []
@@ -192,7 +191,7 @@ def test_a_campaign_of_known_results_is_finished_at_once(ledger: Ledger) -> None
     assert ledger.work() == 0
 
 
-def test_whoever_asks_for_fresh_runs_gets_them(ledger: Ledger) -> None:
+def test_whoever_asks_for_fresh_runs_gets_them(ledger):
     ledger.submit("first", *specs(3))
     ledger.work()
     ledger.submit("second", *specs(3), fresh=True)
@@ -200,7 +199,7 @@ def test_whoever_asks_for_fresh_runs_gets_them(ledger: Ledger) -> None:
     assert not any(row.cached for row in ledger.rows("second"))
 
 
-def test_a_fresh_run_that_comes_out_differently_raises_an_alarm(ledger: Ledger) -> None:
+def test_a_fresh_run_that_comes_out_differently_raises_an_alarm(ledger):
     ledger.submit("first", *specs(2))
     ledger.work()
     ledger.submit("second", *specs(2), fresh=True)
@@ -211,7 +210,7 @@ def test_a_fresh_run_that_comes_out_differently_raises_an_alarm(ledger: Ledger) 
     assert "first.1 gave" in ledger.rows("second")[1].reason
 
 
-def test_a_chain_of_cached_results_leads_to_the_run_that_was_executed(ledger: Ledger) -> None:
+def test_a_chain_of_cached_results_leads_to_the_run_that_was_executed(ledger):
     for name in ("first", "second", "third"):
         ledger.submit(name, *specs(1))
         ledger.work()
@@ -220,7 +219,7 @@ def test_a_chain_of_cached_results_leads_to_the_run_that_was_executed(ledger: Le
     assert row.trace == str(ledger.places.traces / "first" / "S1.pilot.0.mcap")
 
 
-def test_a_result_stays_when_its_trace_is_deleted_and_says_so(ledger: Ledger) -> None:
+def test_a_result_stays_when_its_trace_is_deleted_and_says_so(ledger):
     ledger.submit("first", *specs(1))
     ledger.work()
     (ledger.places.traces / "first" / "S1.pilot.0.mcap").unlink()
@@ -236,7 +235,7 @@ def test_a_result_stays_when_its_trace_is_deleted_and_says_so(ledger: Ledger) ->
     assert row.reason == ""
 
 
-def test_what_broke_is_executed_again(ledger: Ledger) -> None:
+def test_what_broke_is_executed_again(ledger):
     ledger.submit("first", *specs(2))
     ledger.work(lambda spec: make_result(spec, outcome=Outcome.ERROR))
     ledger.submit("second", *specs(2))
@@ -246,15 +245,15 @@ def test_what_broke_is_executed_again(ledger: Ledger) -> None:
 PATIENT = AssessmentRules(RepeatPolicy(2, "rate", 0.5, until_decided=True, at_most=16))
 
 
-def submit_patiently(ledger: Ledger, name: str = "c") -> None:
+def submit_patiently(ledger, name="c"):
     """Two scenarios of two repeats each, and fourteen more in reserve for each."""
     runs = [spec for scenario in ("S1", "S2") for spec in specs(2, scenario=scenario)]
     reserve = [s for scenario in ("S1", "S2") for s in specs(14, scenario=scenario, first=2)]
     ledger.submit(name, *runs, declared=PATIENT, reserve=tuple(reserve))
 
 
-def test_undecided_cells_get_more_repeats_and_decided_ones_do_not(ledger: Ledger) -> None:
-    def make(spec: RunSpec) -> RunResult:
+def test_undecided_cells_get_more_repeats_and_decided_ones_do_not(ledger):
+    def make(spec):
         # S1 always passes, which shows itself soon; S2 is a coin, which never does.
         coin = spec.scenario == "S2" and spec.repeat % 2
         return failing(spec) if coin else make_result(spec)
@@ -271,7 +270,7 @@ def test_undecided_cells_get_more_repeats_and_decided_ones_do_not(ledger: Ledger
     assert states == ["submitted", "extended", "extended", "extended", "finished"]
 
 
-def test_added_repeats_are_those_of_the_campaign_and_reused_too(ledger: Ledger) -> None:
+def test_added_repeats_are_those_of_the_campaign_and_reused_too(ledger):
     submit_patiently(ledger)
     ledger.work()
     submit_patiently(ledger, "again")
@@ -283,7 +282,7 @@ def test_added_repeats_are_those_of_the_campaign_and_reused_too(ledger: Ledger) 
     assert first == second
 
 
-def test_a_cancelled_campaign_is_not_extended(ledger: Ledger) -> None:
+def test_a_cancelled_campaign_is_not_extended(ledger):
     submit_patiently(ledger)
     for grant in ledger.book.lease("w", 3, NOW):
         done_by = ("w", grant.run, grant.attempt, grant.token)
@@ -294,7 +293,7 @@ def test_a_cancelled_campaign_is_not_extended(ledger: Ledger) -> None:
     assert ledger.work() == 13
 
 
-def test_a_campaign_keeps_what_it_declares(ledger: Ledger) -> None:
+def test_a_campaign_keeps_what_it_declares(ledger):
     declared = AssessmentRules(
         RepeatPolicy(5, "rate", 0.8),
         (ScenarioComparison("d", "delay", "S1", "S2", "goal", "<=", 30.0, "s", "delay(...)", "m"),),
@@ -307,7 +306,7 @@ def test_a_campaign_keeps_what_it_declares(ledger: Ledger) -> None:
         ledger.reader.declared("x")
 
 
-def test_a_campaign_keeps_where_it_was_written_the_first_time(ledger: Ledger) -> None:
+def test_a_campaign_keeps_where_it_was_written_the_first_time(ledger):
     first = CampaignOrigin("c.yaml", "0" * 64, 7, "a" * 40, "main", changed=False)
     submission = replace(submission_of("c", *specs(1)), origin=first)
     ledger.book.submit(submission, NOW)
@@ -318,7 +317,7 @@ def test_a_campaign_keeps_where_it_was_written_the_first_time(ledger: Ledger) ->
         ledger.reader.origin("x")
 
 
-def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
+def test_records_say_what_rows_do_not(ledger):
     ledger.submit("c", *specs(3))
     ledger.work(lambda spec: make_result(spec, margin=spec.repeat))
     ledger.book.submit(submission_of("d", *specs(1)), NOW)
@@ -330,7 +329,7 @@ def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
 
 
 @pytest.mark.parametrize("version", [1, 2, 3, 4, 5, 6, 7, 8])
-def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, version: int) -> None:
+def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path, version):
     path = tmp_path / "ledger.db"
     more = (", declared", ", x''") if version > 1 else ("", "")
     old = sqlite3.connect(path, isolation_level=None)
@@ -367,7 +366,7 @@ def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, ve
 
 
 @pytest.mark.parametrize("holder", ["", "worker.spare"])
-def test_leases_of_an_earlier_version_go_on(tmp_path: Path, holder: str) -> None:
+def test_leases_of_an_earlier_version_go_on(tmp_path, holder):
     """Under whatever name, since none was kept; those granted from then on under theirs only."""
     now_path, old_path = tmp_path / "now.db", tmp_path / "ledger.db"
     with closing(connect(now_path)) as now:
@@ -405,21 +404,21 @@ def test_leases_of_an_earlier_version_go_on(tmp_path: Path, holder: str) -> None
             book.complete(never, NOW, holder=holder)
 
 
-def external(spec: RunSpec) -> RunSpec:
+def external(spec):
     """The same run with a system that is not repeatable."""
     return replace(spec, sut=replace(spec.sut, parameters={"repeatable": False}))
 
 
-def differing(spec: RunSpec) -> RunResult:
+def differing(spec):
     """A result that no other execution gave."""
-    differing.calls += 1  # type: ignore[attr-defined]
-    return make_result(spec, margin=0.001 * differing.calls)  # type: ignore[attr-defined]
+    differing.calls += 1
+    return make_result(spec, margin=0.001 * differing.calls)
 
 
-differing.calls = 0  # type: ignore[attr-defined]
+differing.calls = 0
 
 
-def test_results_of_what_is_not_repeatable_are_never_used_again(ledger: Ledger) -> None:
+def test_results_of_what_is_not_repeatable_are_never_used_again(ledger):
     runs = [external(specs(1)[0]), specs(2)[1]]
     ledger.submit("first", *runs)
     ledger.work()
@@ -433,7 +432,7 @@ def test_results_of_what_is_not_repeatable_are_never_used_again(ledger: Ledger) 
     assert ledger.work() == 1
 
 
-def test_repeats_in_reserve_of_what_is_not_repeatable_are_executed_too(ledger: Ledger) -> None:
+def test_repeats_in_reserve_of_what_is_not_repeatable_are_executed_too(ledger):
     runs = tuple(external(spec) for spec in specs(16))
     for name in ("first", "second"):
         ledger.submit(name, *runs[:2], declared=PATIENT, reserve=runs[2:])
@@ -441,7 +440,7 @@ def test_repeats_in_reserve_of_what_is_not_repeatable_are_executed_too(ledger: L
     assert ledger.row("second").cached == 0
 
 
-def test_what_is_not_repeatable_may_come_out_differently_without_an_alarm(ledger: Ledger) -> None:
+def test_what_is_not_repeatable_may_come_out_differently_without_an_alarm(ledger):
     run = external(specs(1)[0])
     for name in ("first", "second"):
         ledger.submit(name, run)
@@ -452,7 +451,7 @@ def test_what_is_not_repeatable_may_come_out_differently_without_an_alarm(ledger
     assert [event for event in ledger.book.events if event.kind == "alarm"] == []
 
 
-def test_of_two_executions_of_one_run_the_first_stays(ledger: Ledger) -> None:
+def test_of_two_executions_of_one_run_the_first_stays(ledger):
     ledger.submit("first", external(specs(1)[0]))
     (slow,) = ledger.book.lease("slow", 1, NOW)
     ledger.book.expire_leases(NOW + 3600.0)
@@ -469,7 +468,7 @@ def test_of_two_executions_of_one_run_the_first_stays(ledger: Ledger) -> None:
     assert [event for event in ledger.book.events if event.kind == "alarm"] == []
 
 
-def test_executed_again_on_request_it_has_the_new_result(ledger: Ledger) -> None:
+def test_executed_again_on_request_it_has_the_new_result(ledger):
     ledger.submit("first", external(specs(1)[0]), specs(2)[1])
     ledger.work(lambda spec: make_result(spec, outcome=Outcome.ERROR))
     assert ledger.book.retry(RetryRequest("first", ("error",)), NOW) == 2
@@ -482,7 +481,7 @@ def test_executed_again_on_request_it_has_the_new_result(ledger: Ledger) -> None
     assert ledger.row("first").passed == 1
 
 
-def test_what_the_wall_clock_ended_may_come_out_otherwise_on_request(ledger: Ledger) -> None:
+def test_what_the_wall_clock_ended_may_come_out_otherwise_on_request(ledger):
     ledger.submit("first", *specs(1))
     note = "stopped after 5 s of wall clock time, 4.9 s of them in one call of update() (a.py:1)"
     ledger.work(lambda spec: replace(make_result(spec, outcome=Outcome.ERROR), note=note))
@@ -492,7 +491,7 @@ def test_what_the_wall_clock_ended_may_come_out_otherwise_on_request(ledger: Led
     assert (row.outcome, row.nondeterministic) == (Outcome.PASS, False)
 
 
-def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:
+def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
     submission = replace(submission_of("c", *specs(2)), reserve=tuple(specs(2, first=1)))

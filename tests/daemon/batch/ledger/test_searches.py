@@ -1,11 +1,7 @@
 """Searches in the ledger: runs added by position, ended by whoever proposes or by people."""
 
-from __future__ import annotations
-
 import sqlite3
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -16,11 +12,11 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server import stage_extension
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
 from daemon.model.packed_submission import pack_submission
-from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.proposals import ExtendRequest, ProposalQuery
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery
-from daemon.model.spec import LeadingMargin, RunResult, RunSpec
-from daemon.model.status import CampaignRow, Submission, SubmissionReceipt
+from daemon.model.spec import LeadingMargin
+from daemon.model.status import Submission
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 from tests.daemon.batch.samples import (
@@ -37,7 +33,7 @@ NOW = 1_000_000.0
 ANSWER = SearchAnswer("budget", 3, 3, 0, 1, 0, 0, 3, 1, 0.5, sentences=("three runs",))
 
 
-def led(spec: RunSpec) -> RunResult:
+def led(spec):
     lead = LeadingMargin("arrives", 0.25, "s", "door")
     return replace(make_result(spec, outcome=Outcome.FAIL, margin=-0.5), leads=(lead,))
 
@@ -45,20 +41,20 @@ def led(spec: RunSpec) -> RunResult:
 class Searches:
     """A ledger with a search ``s``."""
 
-    def __init__(self, places: StatePaths, book: LedgerWriter, reader: LedgerReader) -> None:
+    def __init__(self, places, book, reader):
         self.places, self.book, self.reader = places, book, reader
         self.submit("s")
 
-    def submit(self, name: str, digest: str = "d") -> SubmissionReceipt:
-        def place(_: bool) -> None:
+    def submit(self, name, digest="d"):
+        def place(_):
             self.places.search(name).mkdir(exist_ok=True)
 
         return finish(self.book.submit_search(make_search(name), digest, place, NOW))
 
-    def extend(self, first: int, count: int = 1, name: str = "s", **parameters: object) -> int:
-        return self.add(make_extension(name, first, count, **parameters))  # type: ignore[arg-type]
+    def extend(self, first, count=1, name="s", **parameters):
+        return self.add(make_extension(name, first, count, **parameters))
 
-    def add(self, request: ExtendRequest) -> int:
+    def add(self, request):
         staged = stage_extension(codec.to_json(request), self.places)
         steps = self.book.extend_in_steps(staged.campaign, staged.proposals, staged.rows, NOW)
         try:
@@ -67,7 +63,7 @@ class Searches:
         finally:
             staged.rows.unlink()
 
-    def work(self) -> int:
+    def work(self):
         done = 0
         while grants := self.book.lease("w", 100, NOW):
             for grant in grants:
@@ -80,18 +76,18 @@ class Searches:
             done += len(grants)
         return done
 
-    def rows(self, offset: int = 0, limit: int = 500, name: str = "s") -> tuple[ProposalRow, ...]:
+    def rows(self, offset=0, limit=500, name="s"):
         return self.reader.proposals(ProposalQuery(name, offset, limit))
 
-    def campaign(self, name: str = "s") -> CampaignRow:
+    def campaign(self, name="s"):
         return next(row for row in self.reader.campaigns() if row.id == name)
 
-    def say(self, **changes: object) -> None:
-        self.book.note_progress(replace(SearchProgress("s", "explore"), **changes), NOW)  # type: ignore[arg-type]
+    def say(self, **changes):
+        self.book.note_progress(replace(SearchProgress("s", "explore"), **changes), NOW)
 
 
 @pytest.fixture
-def searches(tmp_path: Path) -> Iterator[Searches]:
+def searches(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
     writing = connect(places.ledger)
@@ -101,7 +97,7 @@ def searches(tmp_path: Path) -> Iterator[Searches]:
     writing.close()
 
 
-def test_runs_are_added_by_position_and_only_once(searches: Searches) -> None:
+def test_runs_are_added_by_position_and_only_once(searches):
     assert searches.extend(0, 3) == 3
     assert searches.extend(0, 3) == 0
     assert searches.extend(2, 2) == 1
@@ -119,13 +115,13 @@ def test_runs_are_added_by_position_and_only_once(searches: Searches) -> None:
     assert searches.campaign().total == 4
 
 
-def test_runs_are_those_of_their_proposals(searches: Searches) -> None:
+def test_runs_are_those_of_their_proposals(searches):
     good = make_extension("s", 0, 2)
     for changes, words in (
         ({"number": 5}, "'doors.0' is not proposal 5 of s"),
         ({"values": (1.0, 2.0)}, "proposal 0 has 2 values, the search has 1 parameters"),
     ):
-        wrong = replace(good.proposals[0], **changes)  # type: ignore[arg-type]
+        wrong = replace(good.proposals[0], **changes)
         with pytest.raises(Refused, match=words):
             searches.add(replace(good, proposals=(wrong, good.proposals[1])))
     searches.extend(0)
@@ -136,7 +132,7 @@ def test_runs_are_those_of_their_proposals(searches: Searches) -> None:
     assert searches.campaign().total == 1
 
 
-def test_a_drawn_building_stands_behind_the_name_of_a_proposal(searches: Searches) -> None:
+def test_a_drawn_building_stands_behind_the_name_of_a_proposal(searches):
     proposal = make_proposal(0)
     for name, seed in (("doors.0", 17), ("doors.1", 17)):
         spec = make_spec(scenario=f"{name}@{seed}")
@@ -150,7 +146,7 @@ def test_a_drawn_building_stands_behind_the_name_of_a_proposal(searches: Searche
     assert [row.label for row in searches.rows()] == ["doors.0@17/pilot/0"]
 
 
-def test_pages_of_proposals_begin_at_a_position(searches: Searches) -> None:
+def test_pages_of_proposals_begin_at_a_position(searches):
     searches.extend(0, 300)
     searches.extend(300, 300)
     assert [row.proposal.position for row in searches.rows(298, 4)] == [298, 299, 300, 301]
@@ -159,7 +155,7 @@ def test_pages_of_proposals_begin_at_a_position(searches: Searches) -> None:
         searches.rows(name="other")
 
 
-def test_runs_of_a_search_are_leased_with_the_wish_for_leading_margins(searches: Searches) -> None:
+def test_runs_of_a_search_are_leased_with_the_wish_for_leading_margins(searches):
     searches.extend(0)
     searches.book.submit(submission_of("plain", make_extension("x", 9).runs.cells[0]), NOW)
     assert {lease.campaign: lease.leads for lease in searches.book.lease("w", 9, NOW)} == {
@@ -168,7 +164,7 @@ def test_runs_of_a_search_are_leased_with_the_wish_for_leading_margins(searches:
     }
 
 
-def test_a_search_stays_open_until_it_is_said_to_be_over(searches: Searches) -> None:
+def test_a_search_stays_open_until_it_is_said_to_be_over(searches):
     searches.extend(0, 2)
     assert searches.work() == 2
     row = searches.campaign()
@@ -189,7 +185,7 @@ def test_a_search_stays_open_until_it_is_said_to_be_over(searches: Searches) -> 
         searches.say()
 
 
-def test_runs_under_way_at_the_end_of_a_search_are_finished(searches: Searches) -> None:
+def test_runs_under_way_at_the_end_of_a_search_are_finished(searches):
     searches.extend(0, 2)
     searches.say(state="finished")
     assert searches.campaign().finished_at is None
@@ -204,9 +200,7 @@ def test_runs_under_way_at_the_end_of_a_search_are_finished(searches: Searches) 
 
 
 @pytest.mark.parametrize("runs", [0, 3])
-def test_a_cancelled_search_goes_on_when_it_is_submitted_or_retried(
-    searches: Searches, runs: int
-) -> None:
+def test_a_cancelled_search_goes_on_when_it_is_submitted_or_retried(searches, runs):
     for position in range(runs):
         searches.extend(position)
     assert searches.book.cancel("s", NOW) == runs
@@ -227,7 +221,7 @@ def test_a_cancelled_search_goes_on_when_it_is_submitted_or_retried(
     assert searches.work() == runs + 1
 
 
-def test_what_a_search_has_learnt_is_not_run_again(searches: Searches) -> None:
+def test_what_a_search_has_learnt_is_not_run_again(searches):
     searches.extend(0)
     searches.work()
     with pytest.raises(Refused, match="what it has learnt stays"):
@@ -240,7 +234,7 @@ def test_what_a_search_has_learnt_is_not_run_again(searches: Searches) -> None:
     assert searches.campaign().finished_at == NOW
 
 
-def test_results_are_used_again_among_searches_only(searches: Searches) -> None:
+def test_results_are_used_again_among_searches_only(searches):
     plain = [make_extension("x", n).runs.cells[0] for n in range(2)]
     searches.book.submit(submission_of("plain", *plain), NOW)
     searches.work()
@@ -257,7 +251,7 @@ def test_results_are_used_again_among_searches_only(searches: Searches) -> None:
     assert receipt.cached == 2
 
 
-def test_an_id_of_another_campaign_is_refused(searches: Searches) -> None:
+def test_an_id_of_another_campaign_is_refused(searches):
     with pytest.raises(Refused, match="taken by another campaign"):
         searches.submit("s", "other")
     assert not searches.submit("t").known
@@ -266,7 +260,7 @@ def test_an_id_of_another_campaign_is_refused(searches: Searches) -> None:
         searches.extend(0, name="plain")
 
 
-def test_all_searches_that_run_can_be_ended_at_once(searches: Searches) -> None:
+def test_all_searches_that_run_can_be_ended_at_once(searches):
     searches.submit("t")
     assert searches.book.running_searches() == {"s": 0, "t": 0}
     assert searches.book.fail_searches("it dies", NOW) == 2
@@ -277,7 +271,7 @@ def test_all_searches_that_run_can_be_ended_at_once(searches: Searches) -> None:
     assert searches.campaign().finished_at == NOW
 
 
-def test_a_search_is_deleted_with_all_that_it_has(searches: Searches) -> None:
+def test_a_search_is_deleted_with_all_that_it_has(searches):
     searches.extend(0, 2)
     searches.work()
     with pytest.raises(Refused, match="is a search that goes on: cancel it first"):
@@ -299,7 +293,7 @@ def test_a_search_is_deleted_with_all_that_it_has(searches: Searches) -> None:
     assert check_integrity(searches.places.ledger).violations == ()
 
 
-def test_files_of_no_search_are_strays(searches: Searches, tmp_path: Path) -> None:
+def test_files_of_no_search_are_strays(searches, tmp_path):
     left = (searches.places.search("gone"), searches.places.searches / ".search.0123abcd.tmp")
     for folder in left:
         folder.mkdir()
@@ -308,7 +302,7 @@ def test_files_of_no_search_are_strays(searches: Searches, tmp_path: Path) -> No
     assert found == dict(zip(left, ("files of no search", "temporary file"), strict=True))
 
 
-def test_the_answers_of_many_searches_fit_into_a_page(searches: Searches) -> None:
+def test_the_answers_of_many_searches_fit_into_a_page(searches):
     long = replace(ANSWER, sentences=("x" * 3 * 2**20,))
     for name in ("s", "t", "u"):
         if name != "s":
@@ -323,7 +317,7 @@ def test_the_answers_of_many_searches_fit_into_a_page(searches: Searches) -> Non
     assert searches.reader.searches(SearchQuery("s"))[0].answer == long
 
 
-def test_the_doctor_sees_a_search_that_is_not_whole(searches: Searches) -> None:
+def test_the_doctor_sees_a_search_that_is_not_whole(searches):
     searches.extend(0, 2)
     db = sqlite3.connect(searches.places.ledger, isolation_level=None)
     db.execute("INSERT INTO proposal VALUES ('s', 7, 7, 0, 'explore', 'tpe', 1, x'5b5d', '')")

@@ -1,11 +1,6 @@
 """Large results: none is taken, and those that an earlier version took are read in bounds."""
 
-from __future__ import annotations
-
-import sqlite3
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -20,7 +15,7 @@ from daemon.model.messages import (
     RecordQuery,
     RunQuery,
 )
-from daemon.model.spec import LARGEST_RESULT, RunResult
+from daemon.model.spec import LARGEST_RESULT
 from daemon.model.verbs import RECORDS, DaemonClient
 from daemon.model.verdicts import Evidence
 from grammars.text import codec
@@ -31,26 +26,24 @@ RUNS = 24
 
 
 @pytest.fixture
-def db(tmp_path: Path) -> Iterator[sqlite3.Connection]:
+def db(tmp_path):
     writing = connect(tmp_path / "ledger.db")
     yield writing
     writing.close()
 
 
 @pytest.fixture
-def reader(db: sqlite3.Connection, tmp_path: Path) -> Iterator[LedgerReader]:
+def reader(db, tmp_path):
     with LedgerReader.open(StatePaths(tmp_path)) as found:
         yield found
 
 
-def padded(result: RunResult, length: int, copies: int = 1) -> RunResult:
+def padded(result, length, copies=1):
     verdict = replace(result.verdicts[0], evidence=Evidence(note="x" * length))
     return replace(result, verdicts=(verdict,) * copies)
 
 
-def test_a_result_of_too_many_bytes_is_refused(
-    db: sqlite3.Connection, reader: LedgerReader
-) -> None:
+def test_a_result_of_too_many_bytes_is_refused(db, reader):
     book = LedgerWriter(db)
     book.submit(make_submission("c", 1), NOW)
     (grant,) = book.lease("w", 1, NOW)
@@ -62,7 +55,7 @@ def test_a_result_of_too_many_bytes_is_refused(
 
 
 @pytest.fixture
-def old(db: sqlite3.Connection) -> None:
+def old(db):
     """A ledger with results that an earlier version took: nearly, and much, too large."""
     book = LedgerWriter(db)
     book.submit(make_submission("c", RUNS), NOW)
@@ -77,7 +70,7 @@ def old(db: sqlite3.Connection) -> None:
 
 
 @pytest.mark.usefixtures("old")
-def test_old_results_of_megabytes_are_read_in_bounds(reader: LedgerReader, tmp_path: Path) -> None:
+def test_old_results_of_megabytes_are_read_in_bounds(reader, tmp_path):
     page = reader.records(RecordQuery("c", limit=1000))
     assert 0 < len(page) < RUNS
     largest = LARGEST_PAGE_BYTES + RUNS * 1000
@@ -93,23 +86,23 @@ def test_old_results_of_megabytes_are_read_in_bounds(reader: LedgerReader, tmp_p
 class LedgerClient(DaemonClient):
     """A client that asks a ledger; what it cannot be asked is not needed here."""
 
-    def __init__(self, reader: LedgerReader) -> None:
+    def __init__(self, reader):
         self._reader = reader
 
-    def ask(self, verb, request):  # type: ignore[no-untyped-def]
+    def ask(self, verb, request):
         assert verb is RECORDS
         return self._reader.records(request)
 
-    submit = events = watch = None  # type: ignore[assignment]
+    submit = events = watch = None
 
 
 @pytest.mark.usefixtures("old")
-def test_a_client_goes_on_after_a_page_that_is_shorter_than_asked(reader: LedgerReader) -> None:
+def test_a_client_goes_on_after_a_page_that_is_shorter_than_asked(reader):
     records = LedgerClient(reader).records("c")
     assert [record.id for record in records] == [f"c.{number}" for number in range(RUNS)]
 
 
-def test_a_page_of_runs_ends_at_its_bytes(db: sqlite3.Connection, reader: LedgerReader) -> None:
+def test_a_page_of_runs_ends_at_its_bytes(db, reader):
     LedgerWriter(db).submit(make_submission("c", 300), NOW)
     db.execute("UPDATE run SET reason = ?", ("x" * 20_000,))
     db.commit()

@@ -4,12 +4,9 @@ Workers are cut off and come back with old leases, bring late results, take over
 their name left; those of another name can use none of it.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -20,7 +17,6 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.model.messages import (
     Completion,
-    Lease,
     LeaseRef,
     LedgerAnswer,
     ReleaseRequest,
@@ -40,32 +36,32 @@ VARYING = "c.2"
 
 class LedgerMachine(RuleBasedStateMachine):
     @initialize()
-    def open(self) -> None:
+    def open(self):
         self.db = connect(Path(":memory:"))
         self.book = LedgerWriter(self.db, attempts=3, lease=LEASE)
         self.now = 1000.0
-        self.granted: list[tuple[str, Lease]] = []
-        self.first: dict[str, str] = {}
-        self.strikes: Counter[str] = Counter()
-        self.outdated: Counter[str] = Counter()
+        self.granted = []
+        self.first = {}
+        self.strikes = Counter()
+        self.outdated = Counter()
         specs = [make_spec(i) for i in range(3)]
         specs[2] = replace(specs[2], sut=replace(specs[2].sut, parameters={"repeatable": False}))
         self.submission = submission_of("c", *specs)
         self.book.submit(self.submission, self.now)
 
-    def teardown(self) -> None:
+    def teardown(self):
         if hasattr(self, "db"):
             self.db.close()
 
     @rule(worker=WORKERS, count=st.integers(0, 3))
-    def lease(self, worker: str, count: int) -> None:
+    def lease(self, worker, count):
         grants = self.book.lease(worker, count, self.now, holder=HOLDERS[worker])
         assert len(grants) <= count
         self.granted += [(worker, grant) for grant in grants]
 
     @precondition(lambda self: self.granted)
     @rule(data=st.data(), variant=st.sampled_from("aaab"))
-    def complete(self, data: st.DataObject, variant: str) -> None:
+    def complete(self, data, variant):
         worker, grant = data.draw(st.sampled_from(self.granted))
         result = make_result(grant.spec, trace=TraceInfo(variant * 64, 1, 1))
         before = self.state(grant.run)
@@ -92,14 +88,14 @@ class LedgerMachine(RuleBasedStateMachine):
 
     @precondition(lambda self: self.granted)
     @rule(data=st.data(), blame=st.booleans())
-    def release(self, data: st.DataObject, blame: bool) -> None:
+    def release(self, data, blame):
         worker, grant = data.draw(st.sampled_from(self.granted))
         request = ReleaseRequest(worker, grant.run, grant.token, "why", blame)
         answer = self.book.release(request, self.now, holder=HOLDERS[worker])
         self.strikes[grant.run] += blame and answer is LedgerAnswer.DONE
 
     @rule(worker=WORKERS, honest=st.booleans(), adopts=st.booleans())
-    def renew(self, worker: str, honest: bool, adopts: bool) -> None:
+    def renew(self, worker, honest, adopts):
         """A worker says what it has: also what lapsed long ago, or what a dead one has left."""
         holder = HOLDERS[worker]
         names = [w for w in HOLDERS if HOLDERS[w] == holder] if adopts else [worker]
@@ -125,7 +121,7 @@ class LedgerMachine(RuleBasedStateMachine):
 
     @precondition(lambda self: self.granted)
     @rule(data=st.data())
-    def intrude(self, data: st.DataObject) -> None:
+    def intrude(self, data):
         """Whoever has another key can do nothing with a lease, whatever it calls itself."""
         worker, grant = data.draw(st.sampled_from(self.granted))
         foreign = "worker.other" if HOLDERS[worker] else "worker.spare"
@@ -145,18 +141,18 @@ class LedgerMachine(RuleBasedStateMachine):
         assert list(self.db.iterdump()) == before
 
     @rule(seconds=st.sampled_from([1.0, 4.0, 11.0]))
-    def time_passes(self, seconds: float) -> None:
+    def time_passes(self, seconds):
         self.now += seconds
         self.book.expire_leases(self.now)
         assert all(r["lease_until"] >= self.now for r in self.rows() if r["state"] == "running")
 
     @rule()
-    def cancel(self) -> None:
+    def cancel(self):
         self.book.cancel("c", self.now)
         assert all(row["state"] not in ("queued", "running") for row in self.rows())
 
     @rule(only=st.sampled_from(["lost", "cancelled", "pass", "all"]))
-    def retry(self, only: str) -> None:
+    def retry(self, only):
         before = {row["id"]: row for row in self.rows()}
         self.book.retry(RetryRequest("c", (only,)), self.now)
         for row in self.rows():
@@ -170,20 +166,20 @@ class LedgerMachine(RuleBasedStateMachine):
                     del self.first[VARYING]
 
     @rule()
-    def restart(self) -> None:
+    def restart(self):
         self.book = LedgerWriter(self.db, attempts=3, lease=LEASE)
         self.book.extend_leases(self.now)
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self):
         cursor = self.db.execute("SELECT * FROM run")
         names = [column[0] for column in cursor.description]
         return [dict(zip(names, row, strict=True)) for row in cursor]
 
-    def state(self, run: str) -> RunState:
+    def state(self, run):
         return next(RunState(row["state"]) for row in self.rows() if row["id"] == run)
 
     @invariant()
-    def results_are_the_first_ones(self) -> None:
+    def results_are_the_first_ones(self):
         if not hasattr(self, "db"):
             return
         assert dict(self.db.execute("SELECT run, digest FROM result")) == self.first
@@ -195,18 +191,18 @@ class LedgerMachine(RuleBasedStateMachine):
                 assert not row["result"]
 
     @invariant()
-    def nothing_but_blame_is_a_strike(self) -> None:
+    def nothing_but_blame_is_a_strike(self):
         if hasattr(self, "db"):
             assert all(row["strikes"] == self.strikes[row["id"]] for row in self.rows())
 
     @invariant()
-    def tokens_are_never_shared(self) -> None:
+    def tokens_are_never_shared(self):
         if hasattr(self, "db"):
             tokens = [grant.token for _, grant in self.granted]
             assert len(set(tokens)) == len(tokens)
 
     @invariant()
-    def counts_add_up(self) -> None:
+    def counts_add_up(self):
         if not hasattr(self, "db"):
             return
         counted = {
@@ -217,7 +213,7 @@ class LedgerMachine(RuleBasedStateMachine):
         assert counted == Counter((row["state"], row["outcome"]) for row in self.rows())
 
     @invariant()
-    def a_campaign_is_finished_when_nothing_is_under_way(self) -> None:
+    def a_campaign_is_finished_when_nothing_is_under_way(self):
         if not hasattr(self, "db"):
             return
         waiting = any(row["state"] in ("queued", "running") for row in self.rows())
@@ -226,4 +222,4 @@ class LedgerMachine(RuleBasedStateMachine):
 
 
 TestLedger = LedgerMachine.TestCase
-TestLedger.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
+TestLedger.settings = settings(stateful_step_count=30)

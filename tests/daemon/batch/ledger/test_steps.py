@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,6 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger import (
     LedgerReader,
     LedgerWriter,
-    Steps,
     check_integrity,
     names,
     stage_submission,
@@ -30,7 +28,6 @@ from daemon.model.messages import (
 )
 from daemon.model.packed_submission import pack_submission
 from daemon.model.run_state import RunState
-from daemon.model.status import Submission
 from tests.daemon.batch.samples import make_result, make_spec, make_submission, submission_of
 
 NOW = 1_000_000.0
@@ -46,17 +43,17 @@ class Ledger:
     reader: LedgerReader
     places: StatePaths
 
-    def entering(self, submission: Submission) -> Steps[object]:
+    def entering(self, submission):
         staged = self.places.incoming / f"{submission.campaign}.db"
         staged.unlink(missing_ok=True)
         stage_submission(pack_submission(submission), staged)
         return self.book.submit_in_steps(staged, NOW)
 
-    def leased(self, count: int = 1) -> list[str]:
+    def leased(self, count=1):
         with self.book.transaction():
             return [lease.run for lease in self.book.lease("w", count, NOW)]
 
-    def work(self) -> None:
+    def work(self):
         """Execute what is queued, each run with a trace."""
         with self.book.transaction():
             for lease in self.book.lease("w", 1000, NOW):
@@ -66,24 +63,24 @@ class Ledger:
                 done = (lease.run, lease.attempt, lease.token, make_result(lease.spec))
                 assert self.book.complete(Completion("w", *done), NOW) is LedgerAnswer.RECORDED
 
-    def rows(self, table: str) -> int:
+    def rows(self, table):
         with closing(sqlite3.connect(self.places.ledger)) as db:
             return int(db.execute(f"SELECT count(*) FROM {table}").fetchone()[0])
 
-    def sound(self) -> None:
+    def sound(self):
         found = check_integrity(self.places.ledger)
         assert (found.damage, found.violations) == ((), ())
 
 
 @pytest.fixture
-def ledger(tmp_path: Path) -> Iterator[Ledger]:
+def ledger(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
     with LedgerWriter.open(places) as book, LedgerReader.open(places) as reader:
         yield Ledger(book, reader, places)
 
 
-def do(book: LedgerWriter, steps: Steps[object], count: int = 10_000) -> object:
+def do(book, steps, count=10_000):
     """Do steps, a transaction each; returns the value when they are over."""
     for _ in range(count):
         with book.transaction():
@@ -94,7 +91,7 @@ def do(book: LedgerWriter, steps: Steps[object], count: int = 10_000) -> object:
     return None
 
 
-def test_of_a_submission_nothing_is_seen_before_it_is_whole(ledger: Ledger) -> None:
+def test_of_a_submission_nothing_is_seen_before_it_is_whole(ledger):
     book, reader = ledger.book, ledger.reader
     ledger.book.submit(make_submission("other", 1), NOW)
     steps = ledger.entering(make_submission("c", RUNS))
@@ -122,13 +119,13 @@ def test_of_a_submission_nothing_is_seen_before_it_is_whole(ledger: Ledger) -> N
     assert ledger.leased(5) == ["other.0"]
     ledger.sound()
     receipt = do(book, steps)
-    assert (receipt.runs, receipt.known) == (RUNS, False)  # type: ignore[attr-defined]
+    assert (receipt.runs, receipt.known) == (RUNS, False)
     assert reader.counts()[1]["queued"] == RUNS
     assert ledger.leased() == ["c.0"]
     ledger.sound()
 
 
-def test_what_was_given_up_in_the_middle_is_removed_or_begun_anew(ledger: Ledger) -> None:
+def test_what_was_given_up_in_the_middle_is_removed_or_begun_anew(ledger):
     book = ledger.book
     submission = make_submission("c", RUNS)
     for removing in (0, 2):
@@ -140,15 +137,15 @@ def test_what_was_given_up_in_the_middle_is_removed_or_begun_anew(ledger: Ledger
     assert do(book, book.remove_hidden_in_steps()) == 1
     assert not book.hides_anything
     assert {ledger.rows(table) for table in ("campaign", "run", "spec", "part", "tally")} == {0}
-    assert do(book, ledger.entering(submission)).runs == RUNS  # type: ignore[attr-defined]
-    assert do(book, ledger.entering(submission)).known  # type: ignore[attr-defined]
+    assert do(book, ledger.entering(submission)).runs == RUNS
+    assert do(book, ledger.entering(submission)).known
     other = make_submission("c", RUNS + 1)
     with pytest.raises(Refused, match="taken"):
         do(book, ledger.entering(other))
     ledger.sound()
 
 
-def test_what_is_being_cancelled_is_not_leased_meanwhile(ledger: Ledger) -> None:
+def test_what_is_being_cancelled_is_not_leased_meanwhile(ledger):
     book = ledger.book
     book.submit(make_submission("c", RUNS), NOW)
     steps = book.cancel_in_steps("c", NOW)
@@ -162,7 +159,7 @@ def test_what_is_being_cancelled_is_not_leased_meanwhile(ledger: Ledger) -> None
     ledger.sound()
 
 
-def test_a_campaign_that_is_retried_does_not_end_in_the_middle(ledger: Ledger) -> None:
+def test_a_campaign_that_is_retried_does_not_end_in_the_middle(ledger):
     book = ledger.book
     book.submit(make_submission("c", RUNS), NOW)
     book.cancel("c", NOW)
@@ -175,7 +172,7 @@ def test_a_campaign_that_is_retried_does_not_end_in_the_middle(ledger: Ledger) -
     ledger.sound()
 
 
-def test_what_is_given_up_holds_nothing_back(ledger: Ledger) -> None:
+def test_what_is_given_up_holds_nothing_back(ledger):
     ledger.book.submit(make_submission("c", RUNS), NOW)
     steps = ledger.book.cancel_in_steps("c", NOW)
     do(ledger.book, steps, 1)
@@ -183,7 +180,7 @@ def test_what_is_given_up_holds_nothing_back(ledger: Ledger) -> None:
     assert ledger.leased() == ["c.250"]
 
 
-def test_a_deleted_campaign_is_gone_at_once_and_its_rows_soon(ledger: Ledger) -> None:
+def test_a_deleted_campaign_is_gone_at_once_and_its_rows_soon(ledger):
     book, reader = ledger.book, ledger.reader
     specs = [make_spec(i, scenario=f"S{i % 2}") for i in range(RUNS)]
     book.submit(replace(submission_of("old", *specs), reserve=(make_spec(9, scenario="R"),)), NOW)
@@ -215,7 +212,7 @@ def test_a_deleted_campaign_is_gone_at_once_and_its_rows_soon(ledger: Ledger) ->
     ledger.sound()
 
 
-def test_a_trace_that_another_campaign_uses_is_handed_over(ledger: Ledger) -> None:
+def test_a_trace_that_another_campaign_uses_is_handed_over(ledger):
     book, reader, places = ledger.book, ledger.reader, ledger.places
     specs = [make_spec(i) for i in range(3)]
     book.submit(submission_of("old", *specs), NOW)
@@ -236,7 +233,7 @@ def test_a_trace_that_another_campaign_uses_is_handed_over(ledger: Ledger) -> No
     ledger.sound()
 
 
-def test_nothing_is_reused_of_what_is_being_removed(ledger: Ledger) -> None:
+def test_nothing_is_reused_of_what_is_being_removed(ledger):
     book = ledger.book
     book.submit(submission_of("old", make_spec()), NOW)
     ledger.work()
@@ -246,14 +243,14 @@ def test_nothing_is_reused_of_what_is_being_removed(ledger: Ledger) -> None:
     assert receipt.cached == 0
 
 
-def test_campaigns_come_in_pages(ledger: Ledger) -> None:
+def test_campaigns_come_in_pages(ledger):
     for i in range(5):
         one = make_submission(f"c{i}", 1)
         ledger.book.submit(replace(one, name="odd" if i % 2 else "even"), NOW)
     ledger.book.cancel("c4", NOW)
 
-    def ids(**fields: object) -> list[str]:
-        return [row.id for row in ledger.reader.campaigns(CampaignQuery(**fields))]  # type: ignore[arg-type]
+    def ids(**fields):
+        return [row.id for row in ledger.reader.campaigns(CampaignQuery(**fields))]
 
     assert ids() == ["c4", "c3", "c2", "c1", "c0"]
     assert ids(offset=1, limit=2) == ["c3", "c2"]

@@ -1,11 +1,8 @@
 """What nobody needs goes, and nothing else does."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import time
-from pathlib import Path
 
 import pytest
 
@@ -24,7 +21,7 @@ UNKNOWN = "e" * 64
 
 
 @pytest.fixture
-def places(tmp_path: Path) -> StatePaths:
+def places(tmp_path):
     """A state directory with a campaign that has one scene and one file."""
     places = StatePaths(tmp_path / "state")
     places.make_folders()
@@ -37,20 +34,20 @@ def places(tmp_path: Path) -> StatePaths:
     return places
 
 
-def leave(path: Path, age: float, text: str = "") -> Path:
+def leave(path, age, text=""):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     os.utime(path, (time.time() - age,) * 2)
     return path
 
 
-def leave_folder(path: Path, age: float) -> Path:
+def leave_folder(path, age):
     path.mkdir(parents=True)
     os.utime(path, (time.time() - age,) * 2)
     return path
 
 
-def leave_strays(places: StatePaths) -> set[Path]:
+def leave_strays(places):
     """One of each kind, old enough to go; folders come last, or they would be young again."""
     work = StatePaths(places.state / "work" / "elsewhere")
     strays = {
@@ -71,7 +68,7 @@ def leave_strays(places: StatePaths) -> set[Path]:
     return strays
 
 
-def keep(places: StatePaths) -> set[Path]:
+def keep(places):
     """What looks like them and stays: young, in use, or of a campaign."""
     kept = {
         leave(places.incoming / f"known.1.7.{UNKNOWN}.part", 0.1 * HOUR),
@@ -89,7 +86,7 @@ def keep(places: StatePaths) -> set[Path]:
     return kept
 
 
-def test_strays_go_and_nothing_else(places: StatePaths) -> None:
+def test_strays_go_and_nothing_else(places):
     kept = keep(places)
     busy = leave(places.spool / "living" / "lock", 2 * WEEK)
     leave_folder(places.traces / "known-too", 0)
@@ -106,7 +103,7 @@ def test_strays_go_and_nothing_else(places: StatePaths) -> None:
     assert all(path.exists() for path in (*kept, busy))
 
 
-def test_a_campaign_on_its_way_keeps_what_it_needs(places: StatePaths) -> None:
+def test_a_campaign_on_its_way_keeps_what_it_needs(places):
     for name in (f"{UNKNOWN}.json", f"{SCENE.digest}.json"):
         leave(places.scenes / name, 2 * HOUR)
     submission = make_submission("next", 1, files={"wheels": f"sha256:{UNKNOWN}"})
@@ -117,7 +114,7 @@ def test_a_campaign_on_its_way_keeps_what_it_needs(places: StatePaths) -> None:
     assert (places.files / UNKNOWN).exists()
 
 
-def test_nothing_goes_when_nobody_says_what_is_needed(places: StatePaths, tmp_path: Path) -> None:
+def test_nothing_goes_when_nobody_says_what_is_needed(places, tmp_path):
     old = leave(places.scenes / f"{UNKNOWN}.json", 2 * HOUR)
     data = bytearray(places.ledger.read_bytes())
     data[4096:] = b"\xff" * len(data[4096:])
@@ -129,7 +126,7 @@ def test_nothing_goes_when_nobody_says_what_is_needed(places: StatePaths, tmp_pa
         find_strays(StatePaths(tmp_path / "never"), time.time())
 
 
-def test_a_daemon_keeps_house_by_itself(places: StatePaths) -> None:
+def test_a_daemon_keeps_house_by_itself(places):
     strays = leave_strays(places)
     with daemon_at(places.state) as daemon, daemon.client():
         (noted,) = eventually(lambda: daemon.noted("strays removed"))

@@ -12,7 +12,6 @@ from daemon.batch.ledger.transitions import (
     Released,
     Renewed,
     Retried,
-    RunEvent,
     advance,
 )
 from daemon.model.messages import LedgerAnswer
@@ -22,37 +21,37 @@ QUEUED = ExecutionState()
 RUNNING = advance(QUEUED, Leased("w", 7, 30.0), attempts=3).run
 
 
-def after(run: ExecutionState, *events: RunEvent) -> ExecutionState:
+def after(run, *events):
     for event in events:
         run = advance(run, event, attempts=3).run
     return run
 
 
-def test_a_lease_makes_a_queued_run_run() -> None:
+def test_a_lease_makes_a_queued_run_run():
     expected = ExecutionState(
         RunState.RUNNING, attempt=1, worker="w", token=7, lease_until=30.0, granted=7
     )
     assert expected == RUNNING
 
 
-def test_only_queued_runs_can_be_leased() -> None:
+def test_only_queued_runs_can_be_leased():
     change = advance(RUNNING, Leased("v", 8, 40.0), attempts=3)
     assert change.answer is LedgerAnswer.STALE
     assert change.run == RUNNING
 
 
-def test_renewing_extends_but_never_shortens_a_lease() -> None:
+def test_renewing_extends_but_never_shortens_a_lease():
     assert after(RUNNING, Renewed("w", 7, 50.0)).lease_until == 50.0
     assert after(RUNNING, Renewed("w", 7, 10.0)).lease_until == 30.0
 
 
 @pytest.mark.parametrize("event", [Released(6, "x", blame=True), Lapsed(6)])
-def test_an_older_lease_that_ends_ends_nothing(event: RunEvent) -> None:
+def test_an_older_lease_that_ends_ends_nothing(event):
     change = advance(RUNNING, event, attempts=3)
     assert (change.answer, change.run) == (LedgerAnswer.STALE, RUNNING)
 
 
-def test_a_lapse_is_nobodys_fault_and_a_renewal_takes_the_run_back() -> None:
+def test_a_lapse_is_nobodys_fault_and_a_renewal_takes_the_run_back():
     waiting = after(RUNNING, Lapsed(7))
     assert (waiting.state, waiting.strikes, waiting.lapses) == (RunState.QUEUED, 0, 1)
     back = advance(waiting, Renewed("adopter", 7, 90.0), attempts=3)
@@ -60,7 +59,7 @@ def test_a_lapse_is_nobodys_fault_and_a_renewal_takes_the_run_back() -> None:
     assert back.run == replace(RUNNING, worker="adopter", lease_until=90.0)
 
 
-def test_two_that_are_at_a_run_both_go_on_until_one_has_the_result() -> None:
+def test_two_that_are_at_a_run_both_go_on_until_one_has_the_result():
     replaced = after(RUNNING, Lapsed(7), Leased("v", 8, 60.0))
     change = advance(replaced, Renewed("w", 7, 90.0), attempts=3)
     assert (change.answer, change.run) == (LedgerAnswer.DONE, replaced)
@@ -73,7 +72,7 @@ def test_two_that_are_at_a_run_both_go_on_until_one_has_the_result() -> None:
     assert after(left, Renewed("w", 7, 90.0)).token == 7
 
 
-def test_a_run_whose_workers_all_fall_silent_is_lost_in_the_end() -> None:
+def test_a_run_whose_workers_all_fall_silent_is_lost_in_the_end():
     run = QUEUED
     for token in range(1, MOST_LAPSES + 1):
         assert run.state is RunState.QUEUED
@@ -87,13 +86,13 @@ def test_a_run_whose_workers_all_fall_silent_is_lost_in_the_end() -> None:
 
 
 @pytest.mark.parametrize("heard", [Renewed("w", 7, 90.0), Released(8, "full", blame=False)])
-def test_lapses_count_in_a_row_only(heard: RunEvent) -> None:
+def test_lapses_count_in_a_row_only(heard):
     waiting = after(RUNNING, Lapsed(7))
     events = (heard,) if isinstance(heard, Renewed) else (Leased("v", 8, 9.0), heard)
     assert after(waiting, *events).lapses == 0
 
 
-def test_the_first_result_is_recorded_the_second_is_known() -> None:
+def test_the_first_result_is_recorded_the_second_is_known():
     first = advance(RUNNING, Completed(7, "aa"), attempts=3)
     assert first.record
     assert first.answer is LedgerAnswer.RECORDED
@@ -104,7 +103,7 @@ def test_the_first_result_is_recorded_the_second_is_known() -> None:
     assert second.run == first.run
 
 
-def test_another_result_is_an_alarm_and_changes_nothing_but_the_reason() -> None:
+def test_another_result_is_an_alarm_and_changes_nothing_but_the_reason():
     done = after(RUNNING, Completed(7, "aa"))
     change = advance(done, Completed(9, "bb"), attempts=3)
     assert change.answer is LedgerAnswer.DIFFERS
@@ -113,20 +112,20 @@ def test_another_result_is_an_alarm_and_changes_nothing_but_the_reason() -> None
     assert replace(change.run, reason="") == done
 
 
-def test_another_result_of_what_is_not_repeatable_is_not_needed() -> None:
+def test_another_result_of_what_is_not_repeatable_is_not_needed():
     done = after(replace(RUNNING, repeatable=False), Completed(7, "aa"))
     change = advance(done, Completed(9, "bb"), attempts=3)
     assert (change.answer, change.record, change.run) == (LedgerAnswer.REDUNDANT, False, done)
 
 
-def test_retried_what_is_not_repeatable_gets_a_new_result() -> None:
+def test_retried_what_is_not_repeatable_gets_a_new_result():
     done = after(replace(RUNNING, repeatable=False), Completed(7, "aa"))
     retried = after(done, Retried())
     assert (retried.state, retried.result) == (RunState.QUEUED, "")
     assert after(after(RUNNING, Completed(7, "aa")), Retried()).result == "aa"
 
 
-def test_a_late_result_is_taken_from_a_lease_that_lapsed() -> None:
+def test_a_late_result_is_taken_from_a_lease_that_lapsed():
     again = after(RUNNING, Lapsed(7), Leased("v", 8, 60.0))
     change = advance(again, Completed(7, "aa"), attempts=3)
     assert change.answer is LedgerAnswer.RECORDED
@@ -134,7 +133,7 @@ def test_a_late_result_is_taken_from_a_lease_that_lapsed() -> None:
     assert advance(change.run, Renewed("v", 8, 90.0), attempts=3).answer is LedgerAnswer.STALE
 
 
-def test_a_run_is_lost_after_three_bad_endings() -> None:
+def test_a_run_is_lost_after_three_bad_endings():
     run = QUEUED
     for token in range(3):
         assert run.state is RunState.QUEUED
@@ -144,7 +143,7 @@ def test_a_run_is_lost_after_three_bad_endings() -> None:
     assert run.reason == "crash"
 
 
-def test_giving_back_without_blame_never_loses_a_run() -> None:
+def test_giving_back_without_blame_never_loses_a_run():
     run = QUEUED
     for token in range(10):
         run = after(run, Leased("w", token, 1.0), Released(token, "leaving", blame=False))
@@ -152,13 +151,13 @@ def test_giving_back_without_blame_never_loses_a_run() -> None:
     assert run.attempt == 10
 
 
-def test_a_late_result_revives_a_lost_run() -> None:
+def test_a_late_result_revives_a_lost_run():
     lost = replace(QUEUED, state=RunState.LOST, strikes=3)
     assert after(lost, Completed(2, "aa")).state is RunState.DONE
 
 
 @pytest.mark.parametrize("run", [QUEUED, RUNNING])
-def test_cancelled_runs_take_no_result(run: ExecutionState) -> None:
+def test_cancelled_runs_take_no_result(run):
     cancelled = after(run, Cancelled())
     assert cancelled.state is RunState.CANCELLED
     change = advance(cancelled, Completed(7, "aa"), attempts=3)
@@ -166,13 +165,13 @@ def test_cancelled_runs_take_no_result(run: ExecutionState) -> None:
     assert not change.record
 
 
-def test_a_retried_run_starts_with_a_clean_slate_and_its_attempts_counted() -> None:
+def test_a_retried_run_starts_with_a_clean_slate_and_its_attempts_counted():
     lost = replace(QUEUED, state=RunState.LOST, strikes=3, attempt=3, reason="crash")
     again = after(lost, Retried())
     assert again == ExecutionState(attempt=3)
 
 
-def test_repeating_a_done_run_keeps_its_result_whatever_happens() -> None:
+def test_repeating_a_done_run_keeps_its_result_whatever_happens():
     done = after(RUNNING, Completed(7, "aa"))
     again = after(done, Retried(), Leased("w", 9, 1.0))
     assert again.state is RunState.RUNNING
@@ -194,9 +193,7 @@ def test_repeating_a_done_run_keeps_its_result_whatever_happens() -> None:
         (True, False, LedgerAnswer.KNOWN),
     ],
 )
-def test_what_was_executed_before_a_retry_is_not_what_was_asked_for(
-    repeatable: bool, stopped: bool, answer: LedgerAnswer
-) -> None:
+def test_what_was_executed_before_a_retry_is_not_what_was_asked_for(repeatable, stopped, answer):
     first = after(replace(RUNNING, repeatable=repeatable), Completed(7, "aa"))
     for again in (
         after(first, Retried(stopped)),
@@ -208,9 +205,7 @@ def test_what_was_executed_before_a_retry_is_not_what_was_asked_for(
 
 
 @pytest.mark.parametrize("repeatable", [True, False])
-def test_a_late_result_of_a_lost_or_cancelled_run_is_as_good_after_a_retry(
-    repeatable: bool,
-) -> None:
+def test_a_late_result_of_a_lost_or_cancelled_run_is_as_good_after_a_retry(repeatable):
     run = replace(RUNNING, repeatable=repeatable)
     for ended in (after(run, Cancelled()), replace(run, state=RunState.LOST, token=0)):
         again = after(ended, Retried())
@@ -218,5 +213,5 @@ def test_a_late_result_of_a_lost_or_cancelled_run_is_as_good_after_a_retry(
         assert after(again, Renewed("w", 7, 90.0)).state is RunState.RUNNING
 
 
-def test_what_is_under_way_is_not_retried() -> None:
+def test_what_is_under_way_is_not_retried():
     assert advance(RUNNING, Retried(), attempts=3).answer is LedgerAnswer.STALE

@@ -1,11 +1,6 @@
 """Whose results count: doubted specifications, voided keys, and how much a key may hold."""
 
-from __future__ import annotations
-
-import sqlite3
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -25,14 +20,14 @@ BAD, GOOD = "worker.bad", "worker.good"
 class Ledger:
     """A ledger with both its sides, and workers of several keys."""
 
-    def __init__(self, writing: sqlite3.Connection, reader: LedgerReader, path: Path) -> None:
+    def __init__(self, writing, reader, path):
         self.book, self.reader, self.path = LedgerWriter(writing), reader, path
 
-    def submit(self, name: str, runs: int = 2) -> int:
+    def submit(self, name, runs=2):
         submission = replace(make_submission(name, runs), fresh=False)
         return self.book.submit(submission, NOW).cached
 
-    def work(self, holder: str = "", margin: float = 0.5) -> list[LedgerAnswer]:
+    def work(self, holder="", margin=0.5):
         answers = []
         for grant in self.book.lease("w", 100, NOW, holder=holder):
             made = make_result(grant.spec, margin=margin)
@@ -40,18 +35,18 @@ class Ledger:
             answers.append(self.book.complete(done, NOW + 1.0, holder=holder))
         return answers
 
-    def void(self, holder: str) -> list[str]:
+    def void(self, holder):
         return [name for names in self.book.void_key(holder, NOW) for name in names]
 
-    def states(self, campaign: str) -> list[RunState]:
+    def states(self, campaign):
         return [row.state for row in self.reader.runs(RunQuery(campaign)).rows]
 
-    def sound(self) -> bool:
+    def sound(self):
         return check_integrity(self.path).violations == ()
 
 
 @pytest.fixture
-def ledger(tmp_path: Path) -> Iterator[Ledger]:
+def ledger(tmp_path):
     places = StatePaths(tmp_path)
     writing = connect(places.ledger)
     writing.execute("PRAGMA synchronous = OFF")
@@ -60,7 +55,7 @@ def ledger(tmp_path: Path) -> Iterator[Ledger]:
     writing.close()
 
 
-def test_a_specification_that_came_out_differently_is_executed_each_time(ledger: Ledger) -> None:
+def test_a_specification_that_came_out_differently_is_executed_each_time(ledger):
     ledger.submit("first")
     ledger.work()
     assert ledger.submit("second") == 2
@@ -72,7 +67,7 @@ def test_a_specification_that_came_out_differently_is_executed_each_time(ledger:
     assert ledger.submit("fourth") == 0
 
 
-def test_two_runs_of_one_specification_that_differ_are_both_doubted(ledger: Ledger) -> None:
+def test_two_runs_of_one_specification_that_differ_are_both_doubted(ledger):
     ledger.submit("first", 1)
     ledger.submit("second", 1)
     (one,) = ledger.book.lease("a", 1, NOW)
@@ -83,7 +78,7 @@ def test_two_runs_of_one_specification_that_differ_are_both_doubted(ledger: Ledg
     assert ledger.submit("third", 1) == 0
 
 
-def test_what_a_key_brought_is_told_by_campaign(ledger: Ledger) -> None:
+def test_what_a_key_brought_is_told_by_campaign(ledger):
     ledger.submit("first", 3)
     ledger.work(BAD)
     ledger.submit("second", 4)
@@ -98,7 +93,7 @@ def test_what_a_key_brought_is_told_by_campaign(ledger: Ledger) -> None:
     assert ledger.reader.deliveries(GOOD) == KeyDeliveries(GOOD, (), 0)
 
 
-def test_what_a_voided_key_brought_is_run_again(ledger: Ledger) -> None:
+def test_what_a_voided_key_brought_is_run_again(ledger):
     ledger.submit("own", 1)
     ledger.work(GOOD)
     ledger.submit("first", 3)
@@ -126,7 +121,7 @@ def test_what_a_voided_key_brought_is_run_again(ledger: Ledger) -> None:
     assert ledger.submit("later", 3) == 3
 
 
-def test_nothing_is_taken_from_a_voided_key(ledger: Ledger) -> None:
+def test_nothing_is_taken_from_a_voided_key(ledger):
     ledger.submit("first")
     ledger.void(BAD)
     with pytest.raises(Refused, match=r'key "worker\.bad" brings was voided'):
@@ -135,7 +130,7 @@ def test_nothing_is_taken_from_a_voided_key(ledger: Ledger) -> None:
     ledger.book.check_trusted("")
 
 
-def test_a_result_is_not_used_again_while_its_key_is_being_voided(ledger: Ledger) -> None:
+def test_a_result_is_not_used_again_while_its_key_is_being_voided(ledger):
     ledger.submit("first")
     ledger.work(BAD)
     steps = ledger.book.void_key(BAD, NOW)
@@ -145,7 +140,7 @@ def test_a_result_is_not_used_again_while_its_key_is_being_voided(ledger: Ledger
     steps.close()
 
 
-def test_a_repetition_under_way_brings_the_result_that_counts() -> None:
+def test_a_repetition_under_way_brings_the_result_that_counts():
     done = advance(
         advance(ExecutionState(), Leased("w", 1, 9.0), attempts=3).run,
         Completed(1, "a"),
@@ -161,10 +156,10 @@ def test_a_repetition_under_way_brings_the_result_that_counts() -> None:
     assert advance(ExecutionState(), void, attempts=3).answer is LedgerAnswer.STALE
 
 
-def test_no_worker_and_no_key_empties_a_queue(ledger: Ledger) -> None:
+def test_no_worker_and_no_key_empties_a_queue(ledger):
     ledger.submit("long", 300)
 
-    def take(worker: str, holder: str, slots: tuple[int, int]) -> int:
+    def take(worker, holder, slots):
         room = ledger.book.room_for_leases(worker, holder, slots)
         return len(ledger.book.lease(worker, min(1024, room), NOW, holder=holder))
 
@@ -176,7 +171,7 @@ def test_no_worker_and_no_key_empties_a_queue(ledger: Ledger) -> None:
     assert take("mine", "", (8, 8)) == 80
 
 
-def test_a_key_holds_more_leases_the_more_it_has_brought(ledger: Ledger) -> None:
+def test_a_key_holds_more_leases_the_more_it_has_brought(ledger):
     ledger.submit("short", 10)
     ledger.work(GOOD)
     assert ledger.book.room_for_leases("one", GOOD, (8, 8)) == 64 + 2 * 8

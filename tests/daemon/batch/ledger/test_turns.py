@@ -1,14 +1,11 @@
 """Campaigns take turns, wait while they are paused, and go first when they matter more."""
 
-from __future__ import annotations
-
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.batch.errors import Refused
@@ -23,17 +20,17 @@ NOW = 1000.0
 
 
 @pytest.fixture
-def book(tmp_path: Path) -> Iterator[LedgerWriter]:
+def book(tmp_path):
     db = connect(tmp_path / "ledger.db")
     yield LedgerWriter(db)
     db.close()
 
 
-def leased(book: LedgerWriter, count: int = 100) -> list[str]:
+def leased(book, count=100):
     return [grant.run for grant in book.lease("w", count, NOW)]
 
 
-def test_campaigns_take_turns_however_workers_ask(book: LedgerWriter) -> None:
+def test_campaigns_take_turns_however_workers_ask(book):
     for name, runs in (("a", 4), ("b", 2)):
         book.submit(make_submission(name, runs), NOW)
     assert leased(book, 1) + leased(book, 2) + leased(book) == [
@@ -41,14 +38,14 @@ def test_campaigns_take_turns_however_workers_ask(book: LedgerWriter) -> None:
     ]  # fmt: skip
 
 
-def test_one_that_comes_later_need_not_wait_for_those_before(book: LedgerWriter) -> None:
+def test_one_that_comes_later_need_not_wait_for_those_before(book):
     book.submit(make_submission("long", 50), NOW)
     leased(book, 10)
     book.submit(make_submission("short", 2), NOW)
     assert leased(book, 4) == ["short.0", "long.10", "short.1", "long.11"]
 
 
-def test_higher_priority_goes_first(book: LedgerWriter) -> None:
+def test_higher_priority_goes_first(book):
     for name in ("a", "b", "c"):
         book.submit(make_submission(name, 2), NOW)
     book.set_priority("b", 5, NOW)
@@ -56,7 +53,7 @@ def test_higher_priority_goes_first(book: LedgerWriter) -> None:
     assert leased(book) == ["b.0", "b.1", "c.0", "c.1", "a.0", "a.1"]
 
 
-def test_runs_a_worker_cannot_execute_wait_for_another_one(book: LedgerWriter) -> None:
+def test_runs_a_worker_cannot_execute_wait_for_another_one(book):
     plugged = [replace(make_spec(i), sut=SutReference("mine", "plugged", {})) for i in range(2)]
     book.submit(submission_of("a", *plugged), NOW)
     book.submit(submission_of("b", *plugged[:1], make_spec(1)), NOW)
@@ -65,7 +62,7 @@ def test_runs_a_worker_cannot_execute_wait_for_another_one(book: LedgerWriter) -
     assert leased(book) == ["a.0", "b.0", "a.1"]
 
 
-def test_a_paused_campaign_waits_and_finishes_what_runs(book: LedgerWriter) -> None:
+def test_a_paused_campaign_waits_and_finishes_what_runs(book):
     book.submit(make_submission("a", 3), NOW)
     (running,) = book.lease("w", 1, NOW)
     assert book.pause("a", NOW, paused=True) == 2
@@ -79,7 +76,7 @@ def test_a_paused_campaign_waits_and_finishes_what_runs(book: LedgerWriter) -> N
     assert leased(book) == ["a.1", "a.2"]
 
 
-def test_a_paused_campaign_can_be_cancelled_and_tried_again(book: LedgerWriter) -> None:
+def test_a_paused_campaign_can_be_cancelled_and_tried_again(book):
     book.submit(make_submission("a", 2), NOW)
     book.pause("a", NOW, paused=True)
     assert book.cancel("a", NOW) == 2
@@ -89,7 +86,7 @@ def test_a_paused_campaign_can_be_cancelled_and_tried_again(book: LedgerWriter) 
     assert leased(book) == ["a.0", "a.1"]
 
 
-def test_rows_say_so(tmp_path: Path, book: LedgerWriter) -> None:
+def test_rows_say_so(tmp_path, book):
     book.submit(make_submission("a", 1), NOW)
     book.pause("a", NOW, paused=True)
     book.set_priority("a", 7, NOW)
@@ -99,7 +96,7 @@ def test_rows_say_so(tmp_path: Path, book: LedgerWriter) -> None:
     assert (row.paused, row.priority, row.queued) == (True, 7, 1)
 
 
-def test_unknown_campaigns_are_refused(book: LedgerWriter) -> None:
+def test_unknown_campaigns_are_refused(book):
     with pytest.raises(Refused, match="no campaign x"):
         book.pause("x", NOW, paused=True)
     with pytest.raises(Refused, match="no campaign x"):
@@ -116,9 +113,8 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=30)
 @given(sizes=st.lists(st.integers(1, 4), min_size=3, max_size=3), steps=STEPS)
-def test_leases_follow_the_plain_rule(sizes: list[int], steps: list[tuple[str, int]]) -> None:
+def test_leases_follow_the_plain_rule(sizes, steps):
     """Against queues in memory: unpaused, highest priority, served longest ago, in order."""
     db = connect(Path(":memory:"))
     book = LedgerWriter(db)

@@ -1,46 +1,39 @@
 """Runs wait after attempts without a result, ever longer, and beside them others go on."""
 
-from __future__ import annotations
-
-import sqlite3
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, retry_delay
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import Completion, Lease, ReleaseRequest, RetryRequest, RunQuery
-from daemon.model.status import RunRow
+from daemon.model.messages import Completion, ReleaseRequest, RetryRequest, RunQuery
 from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = 1_000_000.0
 
 
 @pytest.fixture
-def db(tmp_path: Path) -> Iterator[sqlite3.Connection]:
+def db(tmp_path):
     found = connect(tmp_path / "ledger.db")
     yield found
     found.close()
 
 
 @pytest.fixture
-def book(db: sqlite3.Connection) -> LedgerWriter:
+def book(db):
     made = LedgerWriter(db, attempts=3)
     made.submit(make_submission("c", 3), NOW)
     return made
 
 
-def rows(tmp_path: Path) -> list[RunRow]:
+def rows(tmp_path):
     with LedgerReader.open(StatePaths(tmp_path)) as reader:
         return list(reader.runs(RunQuery("c")).rows)
 
 
-def give_back(book: LedgerWriter, grant: Lease, now: float, *, blame: bool = False) -> None:
+def give_back(book, grant, now, *, blame=False):
     book.release(ReleaseRequest("w", grant.run, grant.token, "no disk", blame), now)
 
 
-def test_the_delay_doubles_up_to_minutes_and_runs_differ() -> None:
+def test_the_delay_doubles_up_to_minutes_and_runs_differ():
     delays = [retry_delay("c.0", setbacks) for setbacks in range(1, 20)]
     for setbacks, delay in enumerate(delays):
         whole = min(2.0**setbacks, 300.0)
@@ -50,9 +43,7 @@ def test_the_delay_doubles_up_to_minutes_and_runs_differ() -> None:
 
 
 @pytest.mark.parametrize("blame", [False, True])
-def test_a_run_without_a_result_waits_while_others_are_leased(
-    book: LedgerWriter, tmp_path: Path, blame: bool
-) -> None:
+def test_a_run_without_a_result_waits_while_others_are_leased(book, tmp_path, blame):
     (first,) = book.lease("w", 1, NOW)
     give_back(book, first, NOW, blame=blame)
     assert [grant.run for grant in book.lease("w", 9, NOW)] == ["c.1", "c.2"]
@@ -66,7 +57,7 @@ def test_a_run_without_a_result_waits_while_others_are_leased(
     assert rows(tmp_path)[0].not_before == NOW + 10.0 + retry_delay("c.0", 2)
 
 
-def test_a_result_or_a_person_begins_anew(book: LedgerWriter, tmp_path: Path) -> None:
+def test_a_result_or_a_person_begins_anew(book, tmp_path):
     first, second, _ = book.lease("w", 3, NOW)
     give_back(book, first, NOW)
     book.expire_leases(NOW + 100.0)
@@ -78,13 +69,13 @@ def test_a_result_or_a_person_begins_anew(book: LedgerWriter, tmp_path: Path) ->
     assert [grant.run for grant in book.lease("w", 9, NOW)] == ["c.0", "c.2"]
 
 
-def test_a_lease_that_nobody_began_is_no_failed_attempt(book: LedgerWriter) -> None:
+def test_a_lease_that_nobody_began_is_no_failed_attempt(book):
     book.lease("w", 3, NOW)
     book.renew("w", (), NOW)
     assert len(book.lease("w", 9, NOW)) == 3
 
 
-def test_a_clock_that_was_set_lets_nobody_wait_for_ever(book: LedgerWriter, tmp_path: Path) -> None:
+def test_a_clock_that_was_set_lets_nobody_wait_for_ever(book, tmp_path):
     (first,) = book.lease("w", 1, NOW)
     give_back(book, first, NOW)
     book.shift_leases(1000.0)
@@ -92,9 +83,7 @@ def test_a_clock_that_was_set_lets_nobody_wait_for_ever(book: LedgerWriter, tmp_
     assert book.end_waits(NOW) == 1  # it was set back while no daemon looked
 
 
-def test_what_lacks_something_waits_for_it_and_others_go_first(
-    book: LedgerWriter, tmp_path: Path
-) -> None:
+def test_what_lacks_something_waits_for_it_and_others_go_first(book, tmp_path):
     lacks = {0: "its scene is gone", 1: "its scene is gone"}
     grants = book.lease("w", 9, NOW, missing=lambda spec: lacks.get(spec.repeat, ""))
     assert [grant.run for grant in grants] == ["c.2"]
@@ -106,8 +95,8 @@ def test_what_lacks_something_waits_for_it_and_others_go_first(
     assert len(book.lease("w", 9, NOW)) == 2
 
 
-def test_runs_that_wait_are_not_looked_through(db: sqlite3.Connection, book: LedgerWriter) -> None:
-    asked: list[str] = []
+def test_runs_that_wait_are_not_looked_through(db, book):
+    asked = []
     db.set_trace_callback(asked.append)
     book.lease("w", 1, NOW)
     db.set_trace_callback(None)

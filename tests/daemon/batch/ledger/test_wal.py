@@ -1,14 +1,10 @@
 """The WAL of a ledger, read without SQLite, says what SQLite says, and what it does not say."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import sqlite3
 import stat
-from collections.abc import Iterator
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 
@@ -24,7 +20,7 @@ FRAME = 24 + PAGE
 
 
 @pytest.fixture
-def busy(tmp_path: Path) -> Iterator[Path]:
+def busy(tmp_path):
     """A ledger that somebody has open, with campaigns that are in its WAL only."""
     path = tmp_path / "busy" / "ledger.db"
     path.parent.mkdir()
@@ -36,7 +32,7 @@ def busy(tmp_path: Path) -> Iterator[Path]:
         yield path
 
 
-def killed(ledger: Path, name: str = "killed") -> Path:
+def killed(ledger, name="killed"):
     """What is left of a ledger whose daemon was killed now."""
     target = ledger.parent.parent / name
     shutil.rmtree(target, ignore_errors=True)
@@ -44,26 +40,26 @@ def killed(ledger: Path, name: str = "killed") -> Path:
     return target / ledger.name
 
 
-def flip(path: Path, at: int) -> None:
+def flip(path, at):
     data = bytearray(path.read_bytes())
     data[at] ^= 1 << (at % 8)
     path.write_bytes(data)
 
 
-def wal(ledger: Path) -> Path:
+def wal(ledger):
     return ledger.with_name("ledger.db-wal")
 
 
-def index(ledger: Path) -> Path:
+def index(ledger):
     return ledger.with_name("ledger.db-shm")
 
 
-def campaigns(ledger: Path) -> int:
+def campaigns(ledger):
     with closing(sqlite3.connect(ledger)) as db:
         return int(db.execute("SELECT count(*) FROM campaign").fetchone()[0])
 
 
-def test_a_wal_is_sound_while_it_is_written_and_after_a_kill(busy: Path) -> None:
+def test_a_wal_is_sound_while_it_is_written_and_after_a_kill(busy):
     here, left = read_wal(busy), read_wal(killed(busy))
     assert here == left
     assert (here.damaged, here.lost, here.checkpointed) == (False, 0, 0)
@@ -72,9 +68,7 @@ def test_a_wal_is_sound_while_it_is_written_and_after_a_kill(busy: Path) -> None
 
 
 @pytest.mark.parametrize("with_index", [True, False])
-def test_a_wrong_bit_is_noticed_exactly_when_sqlite_loses_something(
-    busy: Path, with_index: bool
-) -> None:
+def test_a_wrong_bit_is_noticed_exactly_when_sqlite_loses_something(busy, with_index):
     chance = random.Random(5)
     size = wal(busy).stat().st_size
     # Without the index nobody can tell whether the last transaction was torn or acknowledged.
@@ -93,7 +87,7 @@ def test_a_wrong_bit_is_noticed_exactly_when_sqlite_loses_something(
         assert found.lost == 0 or lost <= found.lost + 1
 
 
-def test_what_was_never_committed_is_not_lost(busy: Path) -> None:
+def test_what_was_never_committed_is_not_lost(busy):
     torn = killed(busy)
     with wal(torn).open("ab") as file:
         file.write(wal(torn).read_bytes()[HEADER : HEADER + FRAME // 2])
@@ -108,7 +102,7 @@ def test_what_was_never_committed_is_not_lost(busy: Path) -> None:
     assert (read_wal(copied).damaged, read_wal(copied).lost) == (True, 0)
 
 
-def test_no_wal_is_fine_unless_something_was_only_there(busy: Path, tmp_path: Path) -> None:
+def test_no_wal_is_fine_unless_something_was_only_there(busy, tmp_path):
     assert read_wal(tmp_path / "none" / "ledger.db").size == 0
     left = killed(busy)
     wal(left).unlink()
@@ -117,7 +111,7 @@ def test_no_wal_is_fine_unless_something_was_only_there(busy: Path, tmp_path: Pa
     assert not read_wal(left).damaged
 
 
-def test_a_damaged_wal_is_put_aside_before_sqlite_drops_what_is_behind(busy: Path) -> None:
+def test_a_damaged_wal_is_put_aside_before_sqlite_drops_what_is_behind(busy):
     left = killed(busy)
     flip(wal(left), HEADER + read_wal(busy).sound // 2 * FRAME + 500)
     before = wal(left).read_bytes()
@@ -132,7 +126,7 @@ def test_a_damaged_wal_is_put_aside_before_sqlite_drops_what_is_behind(busy: Pat
     assert set_damaged_aside(left, NOW) == (read_wal(left), None)
 
 
-def test_old_pages_of_a_damaged_wal_do_not_cover_newer_ones_of_the_ledger(busy: Path) -> None:
+def test_old_pages_of_a_damaged_wal_do_not_cover_newer_ones_of_the_ledger(busy):
     with (
         LedgerWriter.open(StatePaths(busy.parent)) as ledger,
         closing(connect(busy)) as reading,

@@ -1,12 +1,9 @@
 """The examination of what is damaged: it never fails, and believes no digest it has not taken."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import sqlite3
 import time
-from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -14,7 +11,7 @@ import pytest
 
 from daemon.batch.errors import DaemonError, KeysUnusable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.operation import DoctorFinding, FindingLevel, check_keys, examine
+from daemon.batch.operation import FindingLevel, check_keys, examine
 from daemon.batch.paths import Endpoint, StatePaths, find_endpoint
 from daemon.batch.permissions import refuse_exposed_keys
 from daemon.model.messages import Completion
@@ -26,7 +23,7 @@ NOW = time.time()
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> StatePaths:
+def recorded(tmp_path_factory):
     """A state directory with six runs, four of which have results."""
     places = StatePaths(tmp_path_factory.mktemp("recorded") / "state")
     places.make_folders()
@@ -41,25 +38,25 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> StatePaths:
 
 
 @pytest.fixture
-def places(recorded: StatePaths, tmp_path: Path) -> StatePaths:
+def places(recorded, tmp_path):
     return StatePaths(Path(shutil.copytree(recorded.state, tmp_path / "state")))
 
 
-def worries(places: StatePaths, **how: bool) -> list[DoctorFinding]:
+def worries(places, **how):
     found = examine(places, NOBODY, places.state.parent / "here", **how)
     told = [f for f in found if f.level is not FindingLevel.OK]
     assert all(finding.remedy for finding in told)
     return [f for f in told if f.subject != "kernels"]
 
 
-def change(places: StatePaths, *statements: str) -> None:
+def change(places, *statements):
     with closing(sqlite3.connect(places.ledger)) as db, db:
         for statement in statements:
             db.execute(statement)
 
 
 @pytest.mark.parametrize("how", [{}, {"quick": True}, {"traces": True}])
-def test_a_healthy_place_is_whole(places: StatePaths, how: dict[str, bool]) -> None:
+def test_a_healthy_place_is_whole(places, how):
     assert worries(places, **how) == []
 
 
@@ -89,14 +86,12 @@ def test_a_healthy_place_is_whole(places: StatePaths, how: dict[str, bool]) -> N
         ),
     ],
 )
-def test_what_was_changed_afterwards_is_found(
-    places: StatePaths, statement: str, words: str
-) -> None:
+def test_what_was_changed_afterwards_is_found(places, statement, words):
     change(places, statement)
     assert any(words in finding.message for finding in worries(places))
 
 
-def test_scenes_files_and_traces_are_held_against_what_was_recorded(places: StatePaths) -> None:
+def test_scenes_files_and_traces_are_held_against_what_was_recorded(places):
     (places.files / ("a" * 64)).write_bytes(b"something else")
     trace = places.traces / "c" / "S1.pilot.0.mcap"
     trace.parent.mkdir()
@@ -117,7 +112,7 @@ def test_scenes_files_and_traces_are_held_against_what_was_recorded(places: Stat
     assert "1 scenes or files of runs that wait are gone" in said
 
 
-def _mutate(data: bytearray, chance: random.Random) -> None:
+def _mutate(data, chance):
     at, way = chance.randrange(len(data)), chance.randrange(4)
     if way == 0:
         data[at] ^= 1 << chance.randrange(8)
@@ -130,8 +125,8 @@ def _mutate(data: bytearray, chance: random.Random) -> None:
 
 
 def test_a_damaged_ledger_never_ends_the_examination_nor_the_daemon_in_a_traceback(
-    recorded: StatePaths, tmp_path: Path
-) -> None:
+    recorded, tmp_path
+):
     chance, found = random.Random(11), 0
     sound = recorded.ledger.read_bytes()
     for number in range(40):
@@ -170,18 +165,14 @@ def test_a_damaged_ledger_never_ends_the_examination_nor_the_daemon_in_a_traceba
         (lambda p: (p.state / "ledger.db-wal.damaged-x").write_bytes(b""), "ledger"),
     ],
 )
-def test_whatever_lies_there_is_a_line_with_a_remedy(
-    places: StatePaths, spoil: Callable[[StatePaths], object], subject: str | None
-) -> None:
+def test_whatever_lies_there_is_a_line_with_a_remedy(places, spoil, subject):
     spoil(places)
     subjects = {f.subject for f in worries(places) if f.level is FindingLevel.PROBLEM}
     assert subjects == ({subject} if subject else set())
     find_endpoint(state=places.state, environ={})
 
 
-def test_a_ledger_that_somebody_holds_is_not_called_damaged(
-    places: StatePaths, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_ledger_that_somebody_holds_is_not_called_damaged(places, monkeypatch):
     with ExitStack() as stack:
         db = stack.enter_context(closing(sqlite3.connect(places.ledger, isolation_level=None)))
         db.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -192,7 +183,7 @@ def test_a_ledger_that_somebody_holds_is_not_called_damaged(
     assert "fuser" in finding.remedy
 
 
-def test_keys_that_others_could_put_there_are_a_problem(tmp_path: Path) -> None:
+def test_keys_that_others_could_put_there_are_a_problem(tmp_path):
     keys = tmp_path / "keys"
     (keys / "worker.spare").mkdir(parents=True, mode=0o700)
     (keys / "worker.spare" / "key.pem").touch()

@@ -1,20 +1,16 @@
 """The examination finds what is wrong, says what to do, and changes nothing."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import sqlite3
 import time
-from collections.abc import Callable
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.ledger._steps import finish
-from daemon.batch.operation import DoctorFinding, FindingLevel, examine
+from daemon.batch.operation import FindingLevel, examine
 from daemon.batch.paths import Endpoint, StatePaths
 from daemon.model.search_answer import SearchProgress
 from grammars.text import codec
@@ -24,7 +20,7 @@ NOBODY = Endpoint("tcp/127.0.0.1:1", "default")
 
 
 @pytest.fixture
-def places(tmp_path: Path) -> StatePaths:
+def places(tmp_path):
     """A state directory after three runs were queued."""
     places = StatePaths(tmp_path / "state")
     places.make_folders()
@@ -35,15 +31,13 @@ def places(tmp_path: Path) -> StatePaths:
     return places
 
 
-def found(
-    places: StatePaths, subject: str, endpoint: Endpoint = NOBODY
-) -> tuple[DoctorFinding, ...]:
+def found(places, subject, endpoint=NOBODY):
     findings = examine(places, endpoint, places.state.parent)
     assert all((f.remedy == "") == (f.level is FindingLevel.OK) for f in findings)
     return tuple(f for f in findings if f.subject == subject)
 
 
-def test_a_healthy_place_has_no_problem_and_is_not_changed(places: StatePaths) -> None:
+def test_a_healthy_place_has_no_problem_and_is_not_changed(places):
     before = {path: path.read_bytes() for path in places.state.rglob("*") if path.is_file()}
     findings = examine(places, NOBODY, places.state.parent)
     assert {f.subject: f.level for f in findings if f.level is FindingLevel.PROBLEM} == {}
@@ -53,14 +47,14 @@ def test_a_healthy_place_has_no_problem_and_is_not_changed(places: StatePaths) -
     assert before.items() <= after.items()
 
 
-def _tear(path: Path) -> None:
+def _tear(path):
     with path.open("r+b") as file:
         file.seek(4096 * 3)
         file.write(b"\xa5" * 4096 * 3)
 
 
-def _drop(table: str) -> Callable[[Path], None]:
-    def act(path: Path) -> None:
+def _drop(table):
+    def act(path):
         with closing(sqlite3.connect(path)) as db, db:
             db.execute(f"DELETE FROM {table}")
 
@@ -77,16 +71,14 @@ def _drop(table: str) -> Callable[[Path], None]:
         (_drop("campaign"), "refers to nothing"),
     ],
 )
-def test_a_damaged_ledger_is_a_problem(
-    places: StatePaths, damage: Callable[[Path], None], words: str
-) -> None:
+def test_a_damaged_ledger_is_a_problem(places, damage, words):
     damage(places.ledger)
     (finding,) = found(places, "ledger")
     assert finding.level is FindingLevel.PROBLEM
     assert words in f"{finding.subject} {finding.message}"
 
 
-def test_a_clock_that_was_set_back_is_a_problem(places: StatePaths) -> None:
+def test_a_clock_that_was_set_back_is_a_problem(places):
     with closing(sqlite3.connect(places.ledger)) as db, db:
         db.execute("UPDATE event SET at = ?", (time.time() + 3600.0,))
     (finding,) = found(places, "clock")
@@ -95,7 +87,7 @@ def test_a_clock_that_was_set_back_is_a_problem(places: StatePaths) -> None:
     )  # fmt: skip
 
 
-def test_what_others_can_write_is_a_problem(places: StatePaths) -> None:
+def test_what_others_can_write_is_a_problem(places):
     places.traces.chmod(0o777)
     (finding,) = found(places, "state")
     assert (finding.level, finding.remedy) == (
@@ -104,7 +96,7 @@ def test_what_others_can_write_is_a_problem(places: StatePaths) -> None:
     )
 
 
-def test_leftovers_are_named_unless_somebody_uses_them(places: StatePaths) -> None:
+def test_leftovers_are_named_unless_somebody_uses_them(places):
     here = places.state.parent
     partial = places.traces / "known" / ".a.mcap.12.tmp"
     unknown = places.traces / "unheard-of"
@@ -122,7 +114,7 @@ def test_leftovers_are_named_unless_somebody_uses_them(places: StatePaths) -> No
     assert not any(str(path) in messages for path in (living, busy))
 
 
-def test_searches_that_failed_or_lack_their_files_are_named(places: StatePaths) -> None:
+def test_searches_that_failed_or_lack_their_files_are_named(places):
     assert found(places, "searches") == ()
     with closing(connect(places.ledger)) as db:
         book = LedgerWriter(db, paths=places)
@@ -140,9 +132,7 @@ def test_searches_that_failed_or_lack_their_files_are_named(places: StatePaths) 
     assert failed.message == "bad failed: it broke"
 
 
-def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(
-    places: StatePaths,
-) -> None:
+def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(places):
     contact = '{"endpoint": "tcp/127.0.0.1:1", "pid": %d, "version": "0", "started_at": 0.0}'
     told = Endpoint("tcp/127.0.0.1:1", "daemon.json")
     assert found(places, "daemon")[0].level is FindingLevel.OK
@@ -154,7 +144,7 @@ def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(
     assert found(places, "daemon", asked)[0].level is FindingLevel.PROBLEM
 
 
-def test_an_endpoint_is_judged(places: StatePaths) -> None:
+def test_an_endpoint_is_judged(places):
     far = Endpoint("tcp/192.0.2.1:x", "SCENARIO_CONNECT")
     assert found(places, "endpoint", far)[0].level is FindingLevel.PROBLEM
     assert found(places, "endpoint")[0].level is FindingLevel.OK
@@ -165,16 +155,14 @@ def test_an_endpoint_is_judged(places: StatePaths) -> None:
     assert found(places, "endpoint", wrong)[0].message.startswith("unixsock-stream/nowhere, from")
 
 
-def test_a_place_that_is_not_there_yet_is_fine(tmp_path: Path) -> None:
+def test_a_place_that_is_not_there_yet_is_fine(tmp_path):
     places = StatePaths(tmp_path / "later")
     findings = examine(places, NOBODY, tmp_path)
     assert not any(f.level is FindingLevel.PROBLEM for f in findings)
     assert not places.state.exists()
 
 
-def test_another_package_of_our_name_is_worth_a_warning(
-    places: StatePaths, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_package_of_our_name_is_worth_a_warning(places, tmp_path, monkeypatch):
     (finding,) = found(places, "packages")
     assert finding.level is FindingLevel.OK
     (tmp_path / "path").mkdir()

@@ -1,7 +1,5 @@
 """Metrics: text that a strict reader of Prometheus' format takes, with the right numbers."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -15,11 +13,11 @@ _HEAD = re.compile(rf"# (HELP|TYPE) ({_NAME}) (.*)\Z")
 Metrics = dict[tuple[str, frozenset[tuple[str, str]]], float]
 
 
-def read_exposition(text: str) -> Metrics:
+def read_exposition(text):
     """Read exposition format 0.0.4 strictly: HELP and TYPE first, families whole, no doubles."""
     assert text.endswith("\n")
-    found: Metrics = {}
-    families: list[str] = []
+    found = {}
+    families = []
     for line in text[:-1].split("\n"):
         if head := _HEAD.match(line):
             assert (head[2] in families) == (head[1] == "TYPE")
@@ -36,7 +34,7 @@ def read_exposition(text: str) -> Metrics:
     return found
 
 
-def _unescaped(text: str) -> str:
+def _unescaped(text):
     return re.sub(r"\\(.)", lambda m: "\n" if m[1] == "n" else m[1], text)
 
 
@@ -57,10 +55,10 @@ STANDING = DaemonStatus(
 )
 
 
-def test_numbers_are_those_of_the_daemon() -> None:
+def test_numbers_are_those_of_the_daemon():
     found = read_exposition(prometheus_text(STANDING))
 
-    def value(name: str, **labels: str) -> float:
+    def value(name, **labels):
         return found[f"scenario_{name}", frozenset(labels.items())]
 
     assert value("info", version="1.2") == 1
@@ -82,7 +80,7 @@ def test_numbers_are_those_of_the_daemon() -> None:
     assert value("trouble") == 0
 
 
-def test_an_idle_daemon_in_trouble_has_metrics_too() -> None:
+def test_an_idle_daemon_in_trouble_has_metrics_too():
     quiet = replace(STANDING, overview=replace(OVERVIEW, trouble="full"), campaigns=(), workers=())
     found = read_exposition(prometheus_text(quiet))
     assert found["scenario_trouble", frozenset()] == 1

@@ -1,11 +1,7 @@
 """Traces go when space is wanted back: of finished campaigns, oldest first; results stay."""
 
-from __future__ import annotations
-
 import sqlite3
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -28,13 +24,13 @@ SIZE = 100
 class Store:
     """A state directory with campaigns that finished at 10, 20 ... seconds."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.places = StatePaths.find(folder)
         self.places.make_folders()
         self.db = connect(self.places.ledger)
         self.book = LedgerWriter(self.db)
 
-    def work(self, campaign: str, at: float, count: int = 100) -> None:
+    def work(self, campaign, at, count=100):
         for grant in self.book.lease("w", count, at):
             path = self.places.trace(grant.trace)
             path.parent.mkdir(exist_ok=True)
@@ -42,17 +38,17 @@ class Store:
             done = ("w", grant.run, grant.attempt, grant.token, make_result(grant.spec))
             self.book.complete(Completion(*done), at)
 
-    def finish(self, campaign: str, at: float) -> None:
+    def finish(self, campaign, at):
         self.book.submit(make_submission(campaign, 3), at)
         self.work(campaign, at)
 
-    def left(self) -> dict[str, int]:
+    def left(self):
         folders = sorted(self.places.traces.iterdir())
         return {folder.name: len(list(folder.glob("*.mcap"))) for folder in folders}
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
+def store(tmp_path):
     store = Store(tmp_path)
     for i, name in enumerate(("a", "b", "c"), start=1):
         store.finish(name, 10.0 * i)
@@ -60,7 +56,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
     store.db.close()
 
 
-def test_the_newest_campaigns_keep_their_traces(store: Store) -> None:
+def test_the_newest_campaigns_keep_their_traces(store):
     swept = sweep_traces(store.places, RetentionPolicy(newest=1), 100.0)
     assert [trace.campaign for trace in swept.gone] == ["a"] * 3 + ["b"] * 3
     assert (swept.freed, swept.kept) == (6 * SIZE, 3 * SIZE)
@@ -68,23 +64,23 @@ def test_the_newest_campaigns_keep_their_traces(store: Store) -> None:
     assert sweep_traces(store.places, RetentionPolicy(newest=1), 100.0) == SweepResult((), 3 * SIZE)
 
 
-def test_traces_of_campaigns_that_finished_long_ago_go(store: Store) -> None:
+def test_traces_of_campaigns_that_finished_long_ago_go(store):
     sweep_traces(store.places, RetentionPolicy(age=15.0), 30.0)
     assert store.left() == {"b": 3, "c": 3}
 
 
-def test_the_oldest_go_until_the_rest_fits(store: Store) -> None:
+def test_the_oldest_go_until_the_rest_fits(store):
     swept = sweep_traces(store.places, RetentionPolicy(size=5 * SIZE), 100.0)
     assert (swept.freed, swept.kept) == (4 * SIZE, 5 * SIZE)
     assert store.left() == {"b": 2, "c": 3}
 
 
-def test_a_dry_run_removes_nothing(store: Store) -> None:
+def test_a_dry_run_removes_nothing(store):
     assert len(sweep_traces(store.places, RetentionPolicy(newest=0), 100.0, dry=True).gone) == 9
     assert store.left() == {"a": 3, "b": 3, "c": 3}
 
 
-def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store: Store) -> None:
+def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store):
     shared = make_spec(0, scenario="shared")
     store.book.submit(submission_of("old", shared), 1.0)
     store.work("old", 1.0)
@@ -96,7 +92,7 @@ def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store
     assert store.left() == {"a": 3, "new": 1, "old": 1}
 
 
-def test_results_stay_and_say_that_the_trace_is_gone(store: Store) -> None:
+def test_results_stay_and_say_that_the_trace_is_gone(store):
     sweep_traces(store.places, RetentionPolicy(newest=0), 100.0)
     with LedgerReader.open(store.places) as reader:
         row = reader.runs(RunQuery("a")).rows[0]
@@ -107,13 +103,11 @@ def test_results_stay_and_say_that_the_trace_is_gone(store: Store) -> None:
     assert record.trace is None
 
 
-def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(store, monkeypatch):
     choose = RetentionPolicy.choose
 
-    def choose_slowly(*arguments: object) -> object:
-        chosen = choose(*arguments)  # type: ignore[arg-type]
+    def choose_slowly(*arguments):
+        chosen = choose(*arguments)
         store.book.retry(RetryRequest("b", ("all",)), 60.0)
         return chosen
 
@@ -123,7 +117,7 @@ def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(
     assert (len(swept.gone), swept.kept) == (6, 3 * SIZE)
 
 
-def test_what_is_no_ledger_of_this_version_is_left_alone(tmp_path: Path) -> None:
+def test_what_is_no_ledger_of_this_version_is_left_alone(tmp_path):
     with pytest.raises(DaemonError, match="nothing was ever run there"):
         sweep_traces(StatePaths(tmp_path), RetentionPolicy(), 0.0)
     (tmp_path / "ledger.db").write_bytes(b"no database at all" * 100)

@@ -1,7 +1,5 @@
 """Units that systemd takes, with paths that need quoting, and time to finish what runs."""
 
-from __future__ import annotations
-
 import configparser
 import os
 import re
@@ -19,21 +17,21 @@ from daemon.model.execution import RunLimits
 AWKWARD = Path('/srv/my robots/50%/$HOME/"x"\\y')
 
 
-def parsed(unit: str) -> configparser.ConfigParser:
+def parsed(unit):
     parser = configparser.ConfigParser(interpolation=None)
-    parser.optionxform = str  # type: ignore[assignment, method-assign]
+    parser.optionxform = str
     parser.read_string(unit)
     return parser
 
 
-def words(line: str) -> list[str]:
+def words(line):
     """The words of a command as systemd.service(5) reads them."""
     quoted = re.findall(r'"((?:[^"\\]|\\.)*)"', line)
     assert " ".join(f'"{word}"' for word in quoted) == line
     return [re.sub(r"\\(.)", r"\1", word).replace("%%", "%").replace("$$", "$") for word in quoted]
 
 
-def test_the_daemon_is_given_the_time_its_drain_takes() -> None:
+def test_the_daemon_is_given_the_time_its_drain_takes():
     service = parsed(daemon_unit(AWKWARD, AWKWARD, "tcp/127.0.0.1:7447", 2))["Service"]
     assert words(service["ExecStart"]) == [
         "/usr/bin/env", str(AWKWARD), "daemon", "--state", str(AWKWARD),
@@ -45,14 +43,14 @@ def test_the_daemon_is_given_the_time_its_drain_takes() -> None:
     assert service["Restart"] == "on-failure"
 
 
-def test_a_daemon_whose_traces_go_elsewhere_keeps_doing_so() -> None:
+def test_a_daemon_whose_traces_go_elsewhere_keeps_doing_so():
     unit = daemon_unit(Path("/bin/scenario"), Path("/s"), traces="s3://bucket/50%", quota="20GiB")
     command = words(parsed(unit)["Service"]["ExecStart"])
     assert command[command.index("--traces") + 1] == "s3://bucket/50%"
     assert command[command.index("--quota") + 1] == "20GiB"
 
 
-def test_a_worker_is_given_the_time_of_a_run() -> None:
+def test_a_worker_is_given_the_time_of_a_run():
     service = parsed(worker_unit(Path("/bin/scenario"), "tcp/far:7447"))["Service"]
     assert words(service["ExecStart"]) == ["/bin/scenario", "worker", "--connect", "tcp/far:7447"]
     assert float(service["TimeoutStopSec"]) > RunLimits().wall_of(0.0)
@@ -62,7 +60,7 @@ def test_a_worker_is_given_the_time_of_a_run() -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
-def test_systemd_takes_them(tmp_path: Path) -> None:
+def test_systemd_takes_them(tmp_path):
     for name in ("plain", "my 100% robots", 'a "b" $HOME'):
         folder = tmp_path / name
         folder.mkdir()
@@ -78,7 +76,7 @@ def test_systemd_takes_them(tmp_path: Path) -> None:
     assert "nonsense" in _verify(folder).stderr
 
 
-def _verify(folder: Path) -> subprocess.CompletedProcess[str]:
+def _verify(folder):
     # Not the folder of the test: paths of the sockets of others in it would be too long.
     with tempfile.TemporaryDirectory() as runtime:
         return subprocess.run(

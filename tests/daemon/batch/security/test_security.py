@@ -5,13 +5,10 @@ import shutil
 import stat
 import subprocess
 import tarfile
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 
 import pytest
-import zenoh
 
 from daemon.batch import bus
 from daemon.batch.client import Client
@@ -34,13 +31,12 @@ from daemon.model import verbs
 from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
 from daemon.model.messages import ALIVE, ASK, EVENTS, JUDGED, LIVE, WORK
 from daemon.model.spec import Snapshot
-from daemon.model.status import ChangeEvent, LiveSnapshot
+from daemon.model.status import LiveSnapshot
 from daemon.model.verbs import VERBS, Role
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Drive
 from grammars.text import codec
 from tests.daemon.batch.harness import (
-    DaemonPart,
     Part,
     daemon_at,
     eventually,
@@ -53,12 +49,12 @@ NOW = datetime.now(UTC).replace(microsecond=0)
 HERE = ("localhost", "127.0.0.1")
 
 
-def tls() -> str:
+def tls():
     return free_endpoint().replace("tcp/", "tls/")
 
 
 @pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def keys(tmp_path_factory):
     """Keys of everybody; "anna" is revoked before the daemon starts."""
     folder = tmp_path_factory.mktemp("keys") / "all"
     create_authority(folder, HERE, NOW)
@@ -68,7 +64,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def daemon(keys: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(keys, tmp_path_factory):
     state = tmp_path_factory.mktemp("secure") / "state"
     with daemon_at(state, listen=tls(), keys=str(keys)) as part:
         with Client.open(eventually(lambda: reached(part)), keys=keys / "operator") as client:
@@ -76,25 +72,23 @@ def daemon(keys: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dae
         yield part
 
 
-def reached(part: DaemonPart) -> str:
+def reached(part):
     contact = StatePaths(part.state).read_contact()
     return "" if contact is None else part.endpoint
 
 
-def as_role(daemon: DaemonPart, keys: Path, name: str) -> Client:
+def as_role(daemon, keys, name):
     return Client.open(daemon.endpoint, keys=keys / name, timeout=30.0)
 
 
-def raw(daemon: DaemonPart, keys: Path, name: str) -> zenoh.Session:
+def raw(daemon, keys, name):
     return bus.open_client(daemon.endpoint, find_credentials(Role.OPERATOR, keys / name))
 
 
 # --- roles, against a real daemon
 
 
-def test_each_role_may_do_its_own_and_is_told_why_not_the_rest(
-    daemon: DaemonPart, keys: Path
-) -> None:
+def test_each_role_may_do_its_own_and_is_told_why_not_the_rest(daemon, keys):
     with as_role(daemon, keys, "operator") as operator:
         assert operator.submit(make_submission("mine", 2)).runs == 2
         with pytest.raises(Refused, match='the key "operator" is that of an operator'):
@@ -110,18 +104,16 @@ def test_each_role_may_do_its_own_and_is_told_why_not_the_rest(
         worker.overview()
 
 
-def answered(session: zenoh.Session, name: str, verb: str) -> bool:
+def answered(session, name, verb):
     return bool(list(session.get(f"{ASK}/{name}/{verb}", payload=b"{", timeout=60.0)))
 
 
 @pytest.mark.parametrize("role", CLIENT_ROLES)
-def test_the_bus_itself_drops_what_a_role_may_not_ask(
-    daemon: DaemonPart, keys: Path, role: Role
-) -> None:
+def test_the_bus_itself_drops_what_a_role_may_not_ask(daemon, keys, role):
     with raw(daemon, keys, role) as session:
         verbs = {verb for verb in VERBS if answered(session, role, verb)}
         assert verbs == set(allowed_verbs(role))
-        replies: list[zenoh.Reply] = []
+        replies = []
         for key in (f"{ASK}/*/*", f"{ASK}/**", "**", f"{ASK}/*/{allowed_verbs(role)[0]}"):
             session.get(key, replies.append, payload=b"{", timeout=60.0)
             # What is asked later is answered: nothing else will be.
@@ -132,13 +124,11 @@ def test_the_bus_itself_drops_what_a_role_may_not_ask(
         assert tellers <= {str(session.zid())}
 
 
-def test_nobody_can_answer_publish_or_listen_in_the_daemons_place(
-    daemon: DaemonPart, keys: Path
-) -> None:
-    heard: list[str] = []
-    stolen: list[str] = []
+def test_nobody_can_answer_publish_or_listen_in_the_daemons_place(daemon, keys):
+    heard = []
+    stolen = []
 
-    def note(sample: zenoh.Sample) -> None:
+    def note(sample):
         heard.append(str(sample.key_expr))
 
     with (
@@ -149,8 +139,8 @@ def test_nobody_can_answer_publish_or_listen_in_the_daemons_place(
         raw(daemon, keys, "worker") as curious,
         raw(daemon, keys, "viewer") as nosy,
     ):
-        events: list[ChangeEvent] = []
-        lives: list[LiveSnapshot] = []
+        events = []
+        lives = []
         watcher.events(events.append, lives.append)
         curious.declare_subscriber("**", note)
         nosy.declare_subscriber("**", note)
@@ -168,8 +158,8 @@ def test_nobody_can_answer_publish_or_listen_in_the_daemons_place(
         assert heard == stolen == lives == []
 
 
-def test_a_viewer_watches_a_run_and_its_worker_knows(daemon: DaemonPart, keys: Path) -> None:
-    told: list[LiveSnapshot] = []
+def test_a_viewer_watches_a_run_and_its_worker_knows(daemon, keys):
+    told = []
     picture = LiveSnapshot(
         "first.1", Snapshot(1.0, 9.0, Pose2(), None, 0, 1, (), returns=(100, 200))
     )
@@ -185,10 +175,8 @@ def test_a_viewer_watches_a_run_and_its_worker_knows(daemon: DaemonPart, keys: P
         eventually(lambda: not mine.matching_status.matching)
 
 
-def test_a_viewer_is_told_what_a_run_is_judged_by_without_control_characters(
-    daemon: DaemonPart, keys: Path
-) -> None:
-    told: list[LiveJudgement] = []
+def test_a_viewer_is_told_what_a_run_is_judged_by_without_control_characters(daemon, keys):
+    told = []
     line = LogLine(1.0, "sut", "\x1b[2Jgone")
     said = LiveJudgement("first.1", 1.0, (), (), (), (), (line,))
     with as_role(daemon, keys, "viewer") as watcher, raw(daemon, keys, "worker") as worker:
@@ -206,13 +194,11 @@ def test_a_viewer_is_told_what_a_run_is_judged_by_without_control_characters(
         assert [one.log[0].text for one in told] == ["\N{REPLACEMENT CHARACTER}[2Jgone"]
 
 
-def owner(daemon: DaemonPart) -> Client:
+def owner(daemon):
     return Client.open(StatePaths(daemon.state).endpoint, timeout=30.0)
 
 
-def test_a_revoked_key_gets_no_answer_and_is_told_what_that_may_mean(
-    daemon: DaemonPart, keys: Path
-) -> None:
+def test_a_revoked_key_gets_no_answer_and_is_told_what_that_may_mean(daemon, keys):
     with (
         as_role(daemon, keys, "viewer.anna") as anna,
         pytest.raises(Unreachable, match=r'does not answer to the key "viewer\.anna".*revoked'),
@@ -220,9 +206,7 @@ def test_a_revoked_key_gets_no_answer_and_is_told_what_that_may_mean(
         anna.overview()
 
 
-def test_who_has_no_key_of_this_authority_does_not_come_in(
-    daemon: DaemonPart, keys: Path, tmp_path: Path
-) -> None:
+def test_who_has_no_key_of_this_authority_does_not_come_in(daemon, keys, tmp_path):
     create_authority(tmp_path / "other", HERE, NOW)
     foreign = tmp_path / "foreign"
     shutil.copytree(tmp_path / "other" / "operator", foreign)
@@ -238,14 +222,14 @@ def test_who_has_no_key_of_this_authority_does_not_come_in(
         Client.open(plain)
 
 
-def test_a_daemon_must_have_the_name_it_is_called_by(daemon: DaemonPart, keys: Path) -> None:
+def test_a_daemon_must_have_the_name_it_is_called_by(daemon, keys):
     elsewhere = daemon.endpoint.replace("127.0.0.1", "127.0.0.2")
     holder = find_credentials(Role.OPERATOR, keys)
     with pytest.raises(Unreachable):
         bus.open_client(elsewhere, holder)
 
 
-def test_the_key_of_a_worker_makes_no_daemon(keys: Path, tmp_path: Path) -> None:
+def test_the_key_of_a_worker_makes_no_daemon(keys, tmp_path):
     with pytest.raises(KeysUnusable, match="not one of a daemon"):
         find_daemon_credentials(with_register(keys, "worker", tmp_path / "worker"))
     fake = find_daemon_credentials(keys)
@@ -256,22 +240,20 @@ def test_the_key_of_a_worker_makes_no_daemon(keys: Path, tmp_path: Path) -> None
         bus.open_client(endpoint, find_credentials(Role.OPERATOR, keys))
 
 
-def with_register(keys: Path, name: str, folder: Path) -> Path:
+def with_register(keys, name, folder):
     shutil.copytree(keys / name, folder)
     shutil.copy(keys / "register.json", folder / "register.json")
     return folder
 
 
-def test_a_remote_worker_executes_runs_over_tls(
-    daemon: DaemonPart, keys: Path, tmp_path: Path
-) -> None:
+def test_a_remote_worker_executes_runs_over_tls(daemon, keys, tmp_path):
     pack_key(keys, "worker", tmp_path / "there")
     with worker_for(daemon, 2, "--keys", str(tmp_path / "there")), owner(daemon) as mine:
         mine.submit(make_submission("remote", 4))
         eventually(lambda: mine.campaigns()[0].done == 4)
 
 
-def test_the_owner_needs_no_key_on_the_daemons_machine(daemon: DaemonPart) -> None:
+def test_the_owner_needs_no_key_on_the_daemons_machine(daemon):
     with owner(daemon) as mine:
         assert mine.overview().state == str(daemon.state)
     found = StatePaths(daemon.state).socket
@@ -281,7 +263,7 @@ def test_the_owner_needs_no_key_on_the_daemons_machine(daemon: DaemonPart) -> No
 # --- who may listen and connect where
 
 
-def test_plain_tcp_for_other_machines_must_be_asked_for(tmp_path: Path) -> None:
+def test_plain_tcp_for_other_machines_must_be_asked_for(tmp_path):
     options = ("--state", str(tmp_path / "state"), "--listen", "tcp/0.0.0.0:7447", "--slots", "0")
     part = Part("serve", tmp_path / "log", *options)
     assert part.wait() == 3
@@ -289,15 +271,13 @@ def test_plain_tcp_for_other_machines_must_be_asked_for(tmp_path: Path) -> None:
     assert "Traceback" not in part.output
 
 
-def test_insecure_is_said_aloud() -> None:
+def test_insecure_is_said_aloud():
     assert exposure_warning("tcp/0.0.0.0:1").startswith("INSECURE: everybody in the network")
     assert "an account on this machine" in exposure_warning("tcp/127.0.0.1:1")
     assert exposure_warning("tls/0.0.0.0:1") == exposure_warning("") == ""
 
 
-def test_nobody_speaks_plain_tcp_to_another_machine_by_mistake(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_nobody_speaks_plain_tcp_to_another_machine_by_mistake(monkeypatch):
     with pytest.raises(DaemonError, match="use tls/ with keys"):
         Client.open("tcp/192.0.2.1:7447")
     for endpoint in ("tcp/127.0.0.9:1", "tcp/[::1]:1", "tcp/localhost:1", "unixsock-stream//a"):
@@ -312,7 +292,7 @@ def test_nobody_speaks_plain_tcp_to_another_machine_by_mistake(
         assert not is_local(endpoint)
 
 
-def test_an_endpoint_carries_no_settings_for_the_bus() -> None:
+def test_an_endpoint_carries_no_settings_for_the_bus():
     assert is_endpoint("tls/server:7447")
     assert is_endpoint("unixsock-stream//run/scenario/daemon.sock")
     for text in (
@@ -326,14 +306,12 @@ def test_an_endpoint_carries_no_settings_for_the_bus() -> None:
         assert not is_endpoint(text)
 
 
-def test_without_a_word_only_the_own_daemon_is_asked(tmp_path: Path) -> None:
+def test_without_a_word_only_the_own_daemon_is_asked(tmp_path):
     environ = {"SCENARIO_STATE": str(tmp_path)}
     assert find_endpoint("", None, environ).address == StatePaths(tmp_path).endpoint
 
 
-def test_a_socket_with_a_long_path_lies_with_the_temporary_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_socket_with_a_long_path_lies_with_the_temporary_files(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     places = StatePaths(tmp_path / ("long" * 40))
     assert len(os.fsencode(places.socket)) < len(os.fsencode(tmp_path)) + 45
@@ -351,14 +329,14 @@ def test_a_socket_with_a_long_path_lies_with_the_temporary_files(
 # --- the rules
 
 
-def test_every_verb_has_its_roles_and_its_size() -> None:
+def test_every_verb_has_its_roles_and_its_size():
     for name, verb in VERBS.items():
         assert verb.roles <= set(CLIENT_ROLES), name
         assert verb.roles, name
         assert 0 < verb.largest <= verbs.SUBMIT.largest
 
 
-def test_viewers_change_nothing_and_only_workers_touch_leases() -> None:
+def test_viewers_change_nothing_and_only_workers_touch_leases():
     steering = {
         "submit",
         "cancel",
@@ -377,14 +355,14 @@ def test_viewers_change_nothing_and_only_workers_touch_leases() -> None:
     assert allowed_verbs(Role.DAEMON) == ()
 
 
-def test_a_denial_names_the_key_and_who_is_needed() -> None:
+def test_a_denial_names_the_key_and_who_is_needed():
     words = denial_text("viewer.anna", Role.VIEWER, verbs.SUBMIT)
     assert words.startswith('submit: the key "viewer.anna" is that of a viewer')
     assert "for the key of an operator" in words
     assert denial_text("viewer", Role.VIEWER, verbs.RUNS) == ""
 
 
-def test_access_control_knows_valid_keys_only(keys: Path) -> None:
+def test_access_control_knows_valid_keys_only(keys):
     made = json.loads(json.dumps(access_control(load_register(keys))))
     names = [name for one in made["subjects"] for name in one.get("cert_common_names", ())]
     assert sorted(names) == ["operator", "viewer", "worker"]
@@ -394,7 +372,7 @@ def test_access_control_knows_valid_keys_only(keys: Path) -> None:
 # --- keys
 
 
-def test_keys_are_private_and_never_overwritten(keys: Path, tmp_path: Path) -> None:
+def test_keys_are_private_and_never_overwritten(keys, tmp_path):
     for path in keys.rglob("*"):
         assert not path.stat().st_mode & 0o077 or path.name == "register.json", path
     before = {path: path.read_bytes() for path in keys.rglob("*.pem")}
@@ -408,26 +386,26 @@ def test_keys_are_private_and_never_overwritten(keys: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["../x", "A", "a.b", "x" * 41, "a b", "-a", "a\n"])
-def test_the_name_of_a_key_must_be_one(keys: Path, name: str) -> None:
+def test_the_name_of_a_key_must_be_one(keys, name):
     with pytest.raises(KeysUnusable, match="is no name of a key"):
         issue_key(keys, Role.VIEWER, name, (), NOW)
 
 
 @pytest.mark.parametrize("host", ["", "a b", "*", "-x", "a/b", "x" * 300])
-def test_the_host_of_a_daemon_must_be_one(tmp_path: Path, host: str) -> None:
+def test_the_host_of_a_daemon_must_be_one(tmp_path, host):
     with pytest.raises(KeysUnusable, match="neither the name of a host nor an address"):
         create_authority(tmp_path / "keys", (host,), NOW)
     assert not (tmp_path / "keys").exists()
 
 
-def test_a_key_that_others_can_read_is_not_used(keys: Path, tmp_path: Path) -> None:
+def test_a_key_that_others_can_read_is_not_used(keys, tmp_path):
     shutil.copytree(keys / "viewer", tmp_path / "viewer")
     (tmp_path / "viewer" / "key.pem").chmod(0o640)
     with pytest.raises(KeysUnusable, match="others can read"):
         find_credentials(Role.VIEWER, tmp_path / "viewer")
 
 
-def test_damaged_keys_are_said(keys: Path, tmp_path: Path) -> None:
+def test_damaged_keys_are_said(keys, tmp_path):
     shutil.copytree(keys, tmp_path / "keys")
     (tmp_path / "keys" / "viewer" / "cert.pem").write_text("nonsense")
     with pytest.raises(KeysUnusable, match="is none of ours"):
@@ -440,7 +418,7 @@ def test_damaged_keys_are_said(keys: Path, tmp_path: Path) -> None:
         issue_key(tmp_path / "keys", Role.VIEWER, "late", (), NOW)
 
 
-def test_a_bundle_unpacks_into_a_key_and_is_never_overwritten(keys: Path, tmp_path: Path) -> None:
+def test_a_bundle_unpacks_into_a_key_and_is_never_overwritten(keys, tmp_path):
     archive = tmp_path / "worker.tar"
     pack_key(keys, "worker", archive)
     assert stat.S_IMODE(archive.stat().st_mode) == 0o600
@@ -456,7 +434,7 @@ def test_a_bundle_unpacks_into_a_key_and_is_never_overwritten(keys: Path, tmp_pa
     assert find_daemon_credentials(tmp_path / "daemon").credentials.role is Role.DAEMON
 
 
-def test_openssl_agrees_with_the_certificates(keys: Path) -> None:
+def test_openssl_agrees_with_the_certificates(keys):
     if shutil.which("openssl") is None:
         pytest.skip("there is no openssl here")
     for name, purpose in (("daemon", "sslserver"), ("worker", "sslclient")):
@@ -466,8 +444,8 @@ def test_openssl_agrees_with_the_certificates(keys: Path) -> None:
         assert done.returncode == 0, done.stderr
 
 
-def test_doctor_warns_before_keys_expire(keys: Path) -> None:
-    def levels(days: float) -> dict[str, FindingLevel]:
+def test_doctor_warns_before_keys_expire(keys):
+    def levels(days):
         now = (NOW + timedelta(days=days)).timestamp()
         return {f.message.split('"')[1]: f.level for f in check_keys(keys, now, needed=True)}
 
@@ -479,7 +457,7 @@ def test_doctor_warns_before_keys_expire(keys: Path) -> None:
     assert alone.level is FindingLevel.OK
 
 
-def test_doctor_misses_keys_only_where_they_are_needed(tmp_path: Path) -> None:
+def test_doctor_misses_keys_only_where_they_are_needed(tmp_path):
     assert [*check_keys(tmp_path / "none", 0.0, needed=False)] == []
     assert [f.level for f in check_keys(tmp_path / "none", 0.0, needed=True)] == [
         FindingLevel.PROBLEM
@@ -499,20 +477,20 @@ def test_doctor_misses_keys_only_where_they_are_needed(tmp_path: Path) -> None:
         ("two\\\\\x1b", "two\\\\�"),
     ],
 )
-def test_control_characters_do_not_reach_terminals(text: str, shown: str) -> None:
+def test_control_characters_do_not_reach_terminals(text, shown):
     for escaped in (True, False):
         document = json.dumps([text], ensure_ascii=escaped).encode()
         assert json.loads(strip_control_characters(document)) == [shown]
 
 
-def test_numbers_are_finite() -> None:
+def test_numbers_are_finite():
     for text in ("NaN", "Infinity", "-Infinity", "1e999", "1" + "0" * 400):
         with pytest.raises(ValueError, match="finite number"):
             codec.from_json(tuple[float, ...], f"[{text}]")
     assert codec.from_json(tuple[float, ...], b"[1e308, 2]") == (1e308, 2.0)
 
 
-def test_what_is_infinite_on_purpose_travels() -> None:
+def test_what_is_infinite_on_purpose_travels():
     boundless = replace(ROBOT.drive, law="imposed", max_force=math.inf, max_torque=math.inf)
     text = codec.to_json(boundless)
     assert codec.from_json(Drive, text, exactly=True) == boundless
@@ -525,9 +503,7 @@ class Exact:
     count: int
 
 
-def test_a_socket_of_somebody_else_is_not_connected_to(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_socket_of_somebody_else_is_not_connected_to(tmp_path, monkeypatch):
     (tmp_path / "daemon.sock").touch()
     me = os.getuid()
     monkeypatch.setattr(os, "getuid", lambda: me + 1)
@@ -535,9 +511,7 @@ def test_a_socket_of_somebody_else_is_not_connected_to(
         Client.open(f"unixsock-stream/{tmp_path}/daemon.sock")
 
 
-def test_plain_tcp_that_is_asked_for_is_listened_at(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_plain_tcp_that_is_asked_for_is_listened_at(tmp_path, monkeypatch):
     places = StatePaths(tmp_path)
     wide = "tcp/0.0.0.0:7447"
     assert prepare_endpoints(places, wide, insecure=True).endpoints == (places.endpoint, wide)
@@ -548,7 +522,7 @@ def test_plain_tcp_that_is_asked_for_is_listened_at(
     )
 
 
-def test_no_file_of_the_daemon_has_a_secret(daemon: DaemonPart, keys: Path) -> None:
+def test_no_file_of_the_daemon_has_a_secret(daemon, keys):
     secrets = [path.read_text().splitlines()[1] for path in keys.rglob("key.pem")]
     files = [path for path in daemon.state.rglob("*") if path.is_file()]
     assert {"daemon.log", "ledger.db"} <= {path.name for path in files}

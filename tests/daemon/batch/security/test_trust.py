@@ -1,7 +1,5 @@
 """Names of keys, over TLS against a real daemon: who asks, who is believed, who is let in."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -10,11 +8,9 @@ import socket
 import sqlite3
 import ssl
 import subprocess
-from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
-from pathlib import Path
 
 import psutil
 import pytest
@@ -25,7 +21,7 @@ from daemon.batch.acceptor import MOST_GREETED, MOST_SILENT_EACH
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.security import Credentials, Role, find_credentials, find_daemon_credentials
+from daemon.batch.security import Role, find_credentials, find_daemon_credentials
 from daemon.batch.security.authority import create_authority, issue_key, revoke_key
 from daemon.batch.server import MOST_WAITING, AcceptorProcess, EventLog
 from daemon.model import verbs
@@ -34,26 +30,25 @@ from daemon.model.messages import (
     Completion,
     Empty,
     ErrorReply,
-    Lease,
     LeaseRequest,
     LedgerAnswer,
     WorkerInfo,
 )
 from daemon.model.run_state import RunState
 from grammars.text import codec
-from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually, free_endpoint
+from tests.daemon.batch.harness import alive, daemon_at, eventually, free_endpoint
 from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = datetime.now(UTC).replace(microsecond=0)
 HERE = ("localhost", "127.0.0.1", "::1")
 
 
-def tls() -> str:
+def tls():
     return free_endpoint().replace("tcp/", "tls/")
 
 
 @pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def keys(tmp_path_factory):
     folder = tmp_path_factory.mktemp("keys") / "all"
     create_authority(folder, HERE, NOW)
     for name in ("spare", "bad", "good"):
@@ -65,33 +60,33 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def daemon(keys: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(keys, tmp_path_factory):
     state = tmp_path_factory.mktemp("trust") / "state"
     with daemon_at(state, listen=tls(), keys=str(keys), lease=900.0) as part:
         eventually(lambda: reached(part))
         yield part
 
 
-def reached(part: DaemonPart) -> bool:
+def reached(part):
     return StatePaths(part.state).read_contact() is not None
 
 
 class Holder:
     """A worker of a key by what it says on the bus."""
 
-    def __init__(self, daemon: DaemonPart, session: zenoh.Session, key: Credentials) -> None:
+    def __init__(self, daemon, session, key):
         self.daemon, self.session, self.key = daemon, session, key
         self.me = WorkerInfo(
             f"of-{key.name.replace('.', '-')}", "h", 1, version("scenario-tui"), 4, 0
         )
 
-    def ask(self, verb: verbs.Verb[..., verbs.A], request: object) -> verbs.A:
+    def ask(self, verb, request):
         return bus.ask(self.session, self.daemon.endpoint, verb, request, 60.0, self.key)
 
-    def lease(self, count: int = 100) -> tuple[Lease, ...]:
+    def lease(self, count=100):
         return self.ask(verbs.LEASE, LeaseRequest(self.me, count)).grants
 
-    def complete(self, grant: Lease, margin: float = 0.5) -> LedgerAnswer:
+    def complete(self, grant, margin=0.5):
         trace = StatePaths(self.daemon.state).trace(grant.trace)
         trace.parent.mkdir(parents=True, exist_ok=True)
         trace.write_bytes(self.key.name.encode())
@@ -101,27 +96,27 @@ class Holder:
 
 
 @contextmanager
-def holder(daemon: DaemonPart, keys: Path, name: str) -> Iterator[Holder]:
+def holder(daemon, keys, name):
     key = find_credentials(Role.WORKER, keys / name)
     with bus.open_client(daemon.endpoint, key) as session:
         yield Holder(daemon, session, key)
 
 
-def as_key(daemon: DaemonPart, keys: Path, name: str) -> Client:
+def as_key(daemon, keys, name):
     return Client.open(daemon.endpoint, keys=keys / name, timeout=60.0)
 
 
-def owner(daemon: DaemonPart) -> Client:
+def owner(daemon):
     return Client.open(StatePaths(daemon.state).endpoint, timeout=60.0)
 
 
 # --- names
 
 
-def test_a_key_asks_under_its_own_name_only(daemon: DaemonPart, keys: Path) -> None:
+def test_a_key_asks_under_its_own_name_only(daemon, keys):
     with owner(daemon) as mine, holder(daemon, keys, "worker.spare") as spare:
         mine.submit(make_submission("named", 2))
-        replies: list[zenoh.Reply] = []
+        replies = []
         body = codec.to_json(LeaseRequest(spare.me, 1))
         for name in ("worker", "owner", "operator", "*", "**", "worker.spar$*"):
             spare.session.get(f"{ASK}/{name}/lease", replies.append, payload=body, timeout=60.0)
@@ -136,7 +131,7 @@ def test_a_key_asks_under_its_own_name_only(daemon: DaemonPart, keys: Path) -> N
         mine.cancel("named")
 
 
-def test_a_worker_of_another_key_keeps_its_name(daemon: DaemonPart, keys: Path) -> None:
+def test_a_worker_of_another_key_keeps_its_name(daemon, keys):
     with holder(daemon, keys, "worker.spare") as one, holder(daemon, keys, "worker") as other:
         one.lease()
         other.me = one.me
@@ -146,7 +141,7 @@ def test_a_worker_of_another_key_keeps_its_name(daemon: DaemonPart, keys: Path) 
             other.ask(verbs.WELCOME, other.me)
 
 
-def test_a_revoked_key_is_refused_by_a_daemon_that_runs(daemon: DaemonPart, keys: Path) -> None:
+def test_a_revoked_key_is_refused_by_a_daemon_that_runs(daemon, keys):
     with as_key(daemon, keys, "viewer.late") as late:
         late.overview()
         revoke_key(keys, "viewer.late", NOW)
@@ -156,7 +151,7 @@ def test_a_revoked_key_is_refused_by_a_daemon_that_runs(daemon: DaemonPart, keys
     assert [line["key"] for line in daemon.noted("key revoked")] == ["viewer.late"]
 
 
-def refusal(client: Client) -> str:
+def refusal(client):
     try:
         client.overview()
     except Refused as error:
@@ -167,7 +162,7 @@ def refusal(client: Client) -> str:
 # --- voided keys
 
 
-def test_what_a_voided_key_brought_goes_and_comes_again(daemon: DaemonPart, keys: Path) -> None:
+def test_what_a_voided_key_brought_goes_and_comes_again(daemon, keys):
     with (
         owner(daemon) as mine,
         as_key(daemon, keys, "operator") as operator,
@@ -199,13 +194,13 @@ def test_what_a_voided_key_brought_goes_and_comes_again(daemon: DaemonPart, keys
 # --- floods
 
 
-def test_a_flood_under_one_key_keeps_nobody_else_waiting(daemon: DaemonPart, keys: Path) -> None:
+def test_a_flood_under_one_key_keeps_nobody_else_waiting(daemon, keys):
     calm = find_credentials(Role.VIEWER, keys / "viewer.calm")
     loud = find_credentials(Role.OPERATOR, keys / "operator.loud")
     ledger, problems = StatePaths(daemon.state).ledger, list[zenoh.Reply]()
     sent = 0
 
-    def note(reply: zenoh.Reply) -> None:
+    def note(reply):
         if reply.err is not None:
             problems.append(reply)
 
@@ -217,13 +212,13 @@ def test_a_flood_under_one_key_keeps_nobody_else_waiting(daemon: DaemonPart, key
         # Held up, so that they wait however fast they come.
         lock.execute("BEGIN IMMEDIATE")
 
-        def send(count: int) -> None:
+        def send(count):
             nonlocal sent
             sent += count
             for _ in range(count):
                 flood.get(f"{ASK}/operator.loud/cancel", note, payload=b'{"id":"no"}', timeout=60.0)
 
-        def turned_away() -> list[ErrorReply]:
+        def turned_away():
             # Some may have waited for the ledger in vain before enough have come.
             found = [codec.from_json(ErrorReply, r.err.payload.to_bytes()) for r in tuple(problems)]
             if not (too_many := [one for one in found if "too many" in one.problem]):
@@ -245,7 +240,7 @@ def test_a_flood_under_one_key_keeps_nobody_else_waiting(daemon: DaemonPart, key
 
 
 @pytest.fixture
-def silence(daemon: DaemonPart) -> Iterator[int]:
+def silence(daemon):
     port = int(daemon.endpoint.rpartition(":")[2])
     with ExitStack() as stack:
         for _ in range(2 * MOST_SILENT_EACH):
@@ -253,13 +248,13 @@ def silence(daemon: DaemonPart) -> Iterator[int]:
         yield port
 
 
-def test_silent_connections_keep_nobody_out(daemon: DaemonPart, keys: Path, silence: int) -> None:
+def test_silent_connections_keep_nobody_out(daemon, keys, silence):
     assert silence
     with as_key(daemon, keys, "viewer") as client:
         client.overview()
 
 
-def test_handshakes_that_do_not_go_on_keep_nobody_else_out(daemon: DaemonPart, keys: Path) -> None:
+def test_handshakes_that_do_not_go_on_keep_nobody_else_out(daemon, keys):
     port = int(daemon.endpoint.rpartition(":")[2])
     here = ("127.0.0.2", 0)
     with ExitStack() as stack:
@@ -271,7 +266,7 @@ def test_handshakes_that_do_not_go_on_keep_nobody_else_out(daemon: DaemonPart, k
             client.overview()
 
 
-def client_hello() -> bytes:
+def client_hello():
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     sent = ssl.MemoryBIO()
@@ -280,7 +275,7 @@ def client_hello() -> bytes:
     return sent.read()
 
 
-def test_what_is_no_hello_is_sent_away(daemon: DaemonPart) -> None:
+def test_what_is_no_hello_is_sent_away(daemon):
     port = int(daemon.endpoint.rpartition(":")[2])
     for words in (
         b"GET / HTTP/1.1\r\n\r\n",
@@ -292,14 +287,14 @@ def test_what_is_no_hello_is_sent_away(daemon: DaemonPart) -> None:
             assert end_of(one) == b""
 
 
-def end_of(one: socket.socket) -> bytes:
+def end_of(one):
     try:
         return one.recv(1)
     except ConnectionResetError:
         return b""
 
 
-def test_who_comes_over_tls_is_not_the_owner(daemon: DaemonPart, keys: Path) -> None:
+def test_who_comes_over_tls_is_not_the_owner(daemon, keys):
     with bus.open_client(
         daemon.endpoint, find_credentials(Role.WORKER, keys / "worker")
     ) as session:
@@ -308,13 +303,13 @@ def test_who_comes_over_tls_is_not_the_owner(daemon: DaemonPart, keys: Path) -> 
                 assert list(session.get(f"{ASK}/{name}/{verb}", payload=b"{}", timeout=60.0)) == []
 
 
-def test_the_port_opens_again_and_closes_with_the_daemon(keys: Path, tmp_path: Path) -> None:
+def test_the_port_opens_again_and_closes_with_the_daemon(keys, tmp_path):
     with daemon_at(tmp_path / "state", listen=tls(), keys=str(keys)) as part:
         eventually(lambda: reached(part))
         first = int(part.noted("acceptor started")[0]["pid"])
         os.kill(first, signal.SIGKILL)
 
-        def answers() -> bool:
+        def answers():
             try:
                 with as_key(part, keys, "viewer") as client:
                     client.overview()
@@ -328,7 +323,7 @@ def test_the_port_opens_again_and_closes_with_the_daemon(keys: Path, tmp_path: P
         eventually(lambda: not alive([second]))
 
 
-def test_it_listens_at_addresses_of_either_kind(keys: Path, tmp_path: Path) -> None:
+def test_it_listens_at_addresses_of_either_kind(keys, tmp_path):
     with closing(socket.socket(socket.AF_INET6)) as probe:
         try:
             probe.bind(("::1", 0))
@@ -351,7 +346,7 @@ def test_it_listens_at_addresses_of_either_kind(keys: Path, tmp_path: Path) -> N
     log.close()
 
 
-def test_an_address_that_is_taken_is_said(keys: Path, tmp_path: Path) -> None:
+def test_an_address_that_is_taken_is_said(keys, tmp_path):
     log = EventLog(tmp_path / "log")
     with closing(socket.create_server(("127.0.0.1", 0))) as taken, closing(log):
         port = taken.getsockname()[1]
@@ -359,19 +354,17 @@ def test_an_address_that_is_taken_is_said(keys: Path, tmp_path: Path) -> None:
             AcceptorProcess(f"tls/127.0.0.1:{port}", log)
 
 
-def test_a_daemon_without_a_process_for_connections_goes_on_and_tries_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_daemon_without_a_process_for_connections_goes_on_and_tries_again(tmp_path, monkeypatch):
     log = EventLog(tmp_path / "log")
     acceptor = AcceptorProcess(free_endpoint().replace("tcp/", "tls/"), log)
 
-    tries: list[int] = []
+    tries = []
 
-    def none_left(*_: object, **__: object) -> None:
+    def none_left(*_, **__):
         tries.append(1)
         raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
-    def events() -> list[str]:
+    def events():
         return [json.loads(line)["event"] for line in (tmp_path / "log").read_text().splitlines()]
 
     with closing(log), closing(acceptor):

@@ -9,17 +9,13 @@ import hashlib
 import json
 import pickle
 import sqlite3
-from collections.abc import Iterator
 from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import pytest
-import zenoh
 
 from daemon.batch import bus
-from daemon.batch.client import Client
 from daemon.batch.paths import StatePaths
 from daemon.model import verbs
 from daemon.model.messages import (
@@ -35,7 +31,6 @@ from daemon.model.messages import (
     FileUploadChunk,
     IdRequest,
     KeyRequest,
-    Lease,
     LeaseRef,
     LeaseRequest,
     LedgerAnswer,
@@ -53,9 +48,9 @@ from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ProposalQuery
 from daemon.model.search_answer import SearchProgress, SearchQuery
 from daemon.model.spec import TraceInfo
-from daemon.model.verbs import VERBS, A, AnyVerb, Verb
+from daemon.model.verbs import VERBS
 from grammars.text import codec
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_extension, make_result, make_search, make_submission
 
 ME = WorkerInfo("hostile-1", "host", 1, version("scenario-tui"), 4, 0)
@@ -67,7 +62,7 @@ UP = "../../../../tmp/escaped"
 class Target:
     """A daemon with a finished run, a leased one and a queued one, and all it keeps."""
 
-    def __init__(self, daemon: DaemonPart, client: Client, session: zenoh.Session) -> None:
+    def __init__(self, daemon, client, session):
         self.daemon = daemon
         self.session = session
         client.submit(make_submission("camp", 3))
@@ -84,16 +79,16 @@ class Target:
         gone = self.ask(verbs.RENEW, RenewRequest(ME, holds)).gone
         assert {hold.token for hold in gone} == {9, 2**53}
 
-    def ask(self, verb: Verb[..., A], request: object) -> A:
+    def ask(self, verb, request):
         return bus.ask(self.session, self.daemon.endpoint, verb, request, 60.0)
 
-    def complaint(self, verb: AnyVerb | str, body: bytes) -> str:
+    def complaint(self, verb, body):
         """Send a message as it is; return the reason for which it was refused."""
         refused, words = self.send(verb, body)
         assert refused, (verb, body[:200], words[:200])
         return codec.from_json(ErrorReply, words).problem
 
-    def send(self, verb: AnyVerb | str, body: bytes) -> tuple[bool, bytes]:
+    def send(self, verb, body):
         replies = list(self.session.get(f"{ASK}/{OWNER}/{verb}", payload=body, timeout=60.0))
         assert len(replies) == 1, (verb, body[:200])
         reply = replies[0]
@@ -101,7 +96,7 @@ class Target:
             return True, reply.err.payload.to_bytes()
         return False, reply.ok.payload.to_bytes()
 
-    def everything(self) -> tuple[list[str], list[tuple[str, int]]]:
+    def everything(self):
         """What the ledger says, statement by statement, and all files with their sizes."""
         places = StatePaths(self.daemon.state)
         with (
@@ -125,13 +120,13 @@ class Target:
         return dump, [(str(path), path.stat().st_size) for path in paths]
 
 
-def completion_of(grant: Lease) -> Completion:
+def completion_of(grant):
     result = make_result(grant.spec, trace=INFO)
     return Completion(ME.id, grant.run, grant.attempt, grant.token, result)
 
 
 @pytest.fixture(scope="module")
-def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
+def target(tmp_path_factory):
     with (
         daemon_at(tmp_path_factory.mktemp("hostile") / "state", lease=900.0) as daemon,
         daemon.client() as client,
@@ -152,7 +147,7 @@ def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
 
 
 class Bomb:
-    def __reduce__(self) -> tuple[Any, tuple[str]]:
+    def __reduce__(self):
         return Path.touch, ("/tmp/never",)
 
 
@@ -176,7 +171,7 @@ ANYWHERE = (
 
 
 @pytest.mark.parametrize("verb", VERBS.values(), ids=str)
-def test_what_is_no_request_is_refused_with_a_reason(target: Target, verb: AnyVerb) -> None:
+def test_what_is_no_request_is_refused_with_a_reason(target, verb):
     assert len(ANYWHERE) >= 30
     for body in ANYWHERE:
         words = target.complaint(verb, body)
@@ -188,7 +183,7 @@ def test_what_is_no_request_is_refused_with_a_reason(target: Target, verb: AnyVe
 
 
 @pytest.mark.parametrize("verb", [verbs.OVERVIEW, verbs.SUBMIT, verbs.COMPLETE], ids=str)
-def test_a_hundred_megabytes_are_refused_with_a_reason(target: Target, verb: AnyVerb) -> None:
+def test_a_hundred_megabytes_are_refused_with_a_reason(target, verb):
     words = target.complaint(verb, b" " * 100_000_000)
     assert words == f"the request has 100000000 bytes, at most {verb.largest} are taken"
 
@@ -201,7 +196,7 @@ WRONG = (
 """Values for a field that wants something else."""
 
 
-def valid(target: Target) -> dict[AnyVerb, object]:
+def valid(target):
     """A request of each verb that has fields; sent as they are, these would do something."""
     chunk = TraceUploadChunk(ME.id, target.leased.run, target.leased.token, "0" * 64, 4, 0, "", "")
     release = ReleaseRequest(ME.id, target.leased.run, target.leased.token, "why", blame=True)
@@ -244,7 +239,7 @@ IDS = {"id", "campaign", "run", "scene", "sha256", "worker", "spec"}
 """Fields that name something: no other text names it."""
 
 
-def spoilt(document: Any, *, ids: bool) -> Iterator[bytes]:
+def spoilt(document, *, ids):
     """The request with one field spoilt: of another type, out of range, missing, or unknown."""
     for path in paths(document):
         leaf = at(document, path)
@@ -257,7 +252,7 @@ def spoilt(document: Any, *, ids: bool) -> Iterator[bytes]:
     yield dumped(document | {"extra": 1})
 
 
-def fits(wrong: Any, leaf: Any, name: Any, *, ids: bool) -> bool:
+def fits(wrong, leaf, name, *, ids):
     """Whether a value may well do in place of ``leaf``, so that nothing says it is wrong."""
     if leaf is None:
         return True
@@ -271,7 +266,7 @@ def fits(wrong: Any, leaf: Any, name: Any, *, ids: bool) -> bool:
     return type(wrong) is type(leaf)
 
 
-def paths(document: Any, before: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def paths(document, before=()):
     """Every place in a document, the first three levels deep."""
     if isinstance(document, dict) and len(before) < 3:
         for key, value in document.items():
@@ -279,19 +274,19 @@ def paths(document: Any, before: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ..
             yield from paths(value, (*before, key))
 
 
-def at(document: Any, path: tuple[Any, ...]) -> Any:
+def at(document, path):
     for key in path:
         document = document[key]
     return document
 
 
-def replaced(document: Any, path: tuple[Any, ...], value: Any) -> Any:
+def replaced(document, path, value):
     if not path:
         return value
     return document | {path[0]: replaced(document[path[0]], path[1:], value)}
 
 
-def dumped(document: Any) -> bytes:
+def dumped(document):
     return json.dumps(document).encode()
 
 
@@ -301,7 +296,7 @@ WITH_FIELDS = [verb for verb in VERBS.values() if verb.request is not Empty]
 
 
 @pytest.mark.parametrize("verb", WITH_FIELDS, ids=str)
-def test_a_request_with_one_spoilt_field_is_refused(target: Target, verb: AnyVerb) -> None:
+def test_a_request_with_one_spoilt_field_is_refused(target, verb):
     document = codec.to_plain(valid(target)[verb])
     # What acts must name what there is.
     bodies = list(spoilt(document, ids=verb not in ANSWERED))
@@ -310,7 +305,7 @@ def test_a_request_with_one_spoilt_field_is_refused(target: Target, verb: AnyVer
         target.complaint(verb, body)
 
 
-def test_numbers_out_of_range_are_refused(target: Target) -> None:
+def test_numbers_out_of_range_are_refused(target):
     for verb, field in (
         (verbs.CAMPAIGNS, "limit"),
         (verbs.RUNS, "offset"),
@@ -334,7 +329,7 @@ def test_numbers_out_of_range_are_refused(target: Target) -> None:
             target.complaint(verb, dumped(document | {field: number}))
 
 
-def test_what_is_stale_or_said_twice_changes_nothing(target: Target) -> None:
+def test_what_is_stale_or_said_twice_changes_nothing(target):
     again = codec.to_plain(target.completion)
     assert target.ask(verbs.COMPLETE, target.completion).answer is LedgerAnswer.KNOWN
     assert b"known" in target.send(verbs.COMPLETE, dumped(again | {"worker": "thief"}))[1]
@@ -354,7 +349,7 @@ def test_what_is_stale_or_said_twice_changes_nothing(target: Target) -> None:
     assert target.ask(verbs.RELEASE, over).answer is LedgerAnswer.STALE
 
 
-def test_ids_never_become_paths(target: Target, tmp_path: Path) -> None:
+def test_ids_never_become_paths(target, tmp_path):
     outside = Path(target.daemon.state).parent
     before = sorted(outside.iterdir())
     for name in (UP, "/etc/passwd", "..", ".", "~", "camp/../..", "camp\x00", "C:\\x", "file:///x"):
@@ -374,10 +369,10 @@ def test_ids_never_become_paths(target: Target, tmp_path: Path) -> None:
     assert sorted(outside.iterdir()) == before
 
 
-def test_keys_that_are_no_verbs_are_refused(target: Target) -> None:
+def test_keys_that_are_no_verbs_are_refused(target):
     for key in ("*", "evaluate", "Submit", "submit%20", "__init__", "x" * 5000, "ＳＵＢＭＩＴ"):
         assert "does not know how to" in target.complaint(key, b"{}")
-    replies: list[zenoh.Reply] = []
+    replies = []
     for key in ("../ask/submit", "a/b/c"):
         target.session.get(f"{ASK}/{key}", replies.append, payload=b"{}", timeout=60.0)
         # What is asked later is answered: nothing else will be.
@@ -388,8 +383,8 @@ def test_keys_that_are_no_verbs_are_refused(target: Target) -> None:
 BUSY = "the daemon is busy, 2048 requests wait already"
 
 
-def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) -> None:
-    replies: list[zenoh.Reply] = []
+def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target):
+    replies = []
     ledger = StatePaths(target.daemon.state).ledger
     with closing(sqlite3.connect(ledger, isolation_level=None)) as lock:
         lock.execute("BEGIN IMMEDIATE")
@@ -407,12 +402,12 @@ def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) 
     assert sum(BUSY not in problem.problem for problem in problems(replies)) >= 2048
 
 
-def problems(replies: list[zenoh.Reply]) -> list[ErrorReply]:
+def problems(replies):
     """What those say that have come so far."""
     return [codec.from_json(ErrorReply, reply.err.payload.to_bytes()) for reply in tuple(replies)]
 
 
-def test_every_request_with_fields_is_spoilt(target: Target) -> None:
+def test_every_request_with_fields_is_spoilt(target):
     without = {verbs.OVERVIEW, verbs.WORKERS, verbs.DISK, verbs.SHUTDOWN}
     assert set(valid(target)) == set(WITH_FIELDS) == set(VERBS.values()) - without
     for verb, request in valid(target).items():

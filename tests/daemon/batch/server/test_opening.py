@@ -1,38 +1,34 @@
 """A daemon on a full disk, where others can write, on a damaged ledger; what a kill leaves."""
 
-from __future__ import annotations
-
 import os
 import sqlite3
 import stat
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from pathlib import Path
 
 import pytest
 
 from daemon.batch.errors import Unavailable
 from daemon.batch.ledger import damaged_copies, read_wal
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_submission
 
 ROOT = os.geteuid() == 0
 
 
-def wal(daemon: DaemonPart) -> Path:
+def wal(daemon):
     return daemon.state / "ledger.db-wal"
 
 
-def flip_a_bit(path: Path, at: int) -> None:
+def flip_a_bit(path, at):
     data = bytearray(path.read_bytes())
     data[at] ^= 4
     path.write_bytes(data)
 
 
 @contextmanager
-def old_state_in_use(ledger: Path) -> Iterator[None]:
+def old_state_in_use(ledger):
     """Read an older state meanwhile, so that what comes then has to stay in the WAL."""
     with closing(sqlite3.connect(f"{ledger.as_uri()}?mode=ro", uri=True)) as db:
         db.execute("BEGIN")
@@ -40,7 +36,7 @@ def old_state_in_use(ledger: Path) -> Iterator[None]:
         yield
 
 
-def test_no_wrong_bit_in_a_wal_costs_something_without_a_word(tmp_path: Path) -> None:
+def test_no_wrong_bit_in_a_wal_costs_something_without_a_word(tmp_path):
     with daemon_at(tmp_path / "state") as daemon:
         with daemon.client() as client:
             for number in range(5):
@@ -70,7 +66,7 @@ def test_no_wrong_bit_in_a_wal_costs_something_without_a_word(tmp_path: Path) ->
         assert daemon.noted("ledger damaged")
 
 
-def test_a_daemon_waits_for_room_and_says_so(tmp_path: Path) -> None:
+def test_a_daemon_waits_for_room_and_says_so(tmp_path):
     full = tmp_path / "full"
     full.touch()
     with daemon_at(tmp_path / "state", module="tests.daemon.batch.full_disk") as daemon:
@@ -88,7 +84,7 @@ def test_a_daemon_waits_for_room_and_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not ROOT, reason="a small file system is mounted by root only")
-def test_a_daemon_starts_again_on_a_disk_that_is_really_full(tmp_path: Path) -> None:
+def test_a_daemon_starts_again_on_a_disk_that_is_really_full(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
     mounting = ["mount", "-t", "tmpfs", "-o", "size=64m", "tmpfs", str(disk)]
@@ -113,7 +109,7 @@ def test_a_daemon_starts_again_on_a_disk_that_is_really_full(tmp_path: Path) -> 
         subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
-def _fill(path: Path) -> None:
+def _fill(path):
     with path.open("wb", buffering=0) as file:
         try:
             while True:
@@ -122,14 +118,14 @@ def _fill(path: Path) -> None:
             return
 
 
-def served(state: Path) -> tuple[int, str]:
+def served(state):
     """Start a daemon that is expected to refuse; returns its code and its words."""
     command = [sys.executable, "-m", "daemon", "serve", "--state", str(state), "--slots", "0"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     return done.returncode, done.stderr
 
 
-def test_others_may_neither_write_nor_read_there(tmp_path: Path) -> None:
+def test_others_may_neither_write_nor_read_there(tmp_path):
     state = tmp_path / "state"
     state.mkdir()
     state.chmod(0o770)
@@ -154,7 +150,7 @@ def test_others_may_neither_write_nor_read_there(tmp_path: Path) -> None:
     assert {"ledger.db-wal", "ledger.db-shm", "daemon.log", "daemon.json"} <= set(files)
 
 
-def _mode(path: Path) -> int:
+def _mode(path):
     return stat.S_IMODE(path.stat().st_mode)
 
 
@@ -165,7 +161,7 @@ def _mode(path: Path) -> int:
         lambda state: (state.rmdir(), state.touch()),
     ],
 )
-def test_a_daemon_that_cannot_work_there_says_why_and_leaves(tmp_path: Path, spoil) -> None:
+def test_a_daemon_that_cannot_work_there_says_why_and_leaves(tmp_path, spoil):
     state = tmp_path / "state"
     state.mkdir(mode=0o700)
     spoil(state)

@@ -1,16 +1,12 @@
 """Whose turn it is, who is not heard any more, and how much one name may ask."""
 
-from __future__ import annotations
-
 import json
 import os
-from collections.abc import Iterator
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
 
-from daemon.batch.errors import DaemonError, Refused, Unavailable
+from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.security import find_daemon_credentials
 from daemon.batch.security.authority import create_authority, revoke_key
 from daemon.batch.server import MOST_WAITING, EventLog, RequestLimits, TurnQueue
@@ -21,30 +17,30 @@ NOW = datetime.now(UTC).replace(microsecond=0)
 class Clock:
     now = 100.0
 
-    def __call__(self) -> float:
+    def __call__(self):
         return self.now
 
 
 @pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def keys(tmp_path_factory):
     folder = tmp_path_factory.mktemp("keys") / "all"
     create_authority(folder, ("localhost",), NOW)
     return folder
 
 
 @pytest.fixture
-def log(tmp_path: Path) -> Iterator[EventLog]:
+def log(tmp_path):
     made = EventLog(tmp_path / "log")
     yield made
     made.close()
 
 
-def words(no: DaemonError | None, kind: type[DaemonError]) -> str:
+def words(no, kind):
     assert type(no) is kind
     return str(no)
 
 
-def test_a_name_asks_so_much_and_not_more(keys: Path, log: EventLog, tmp_path: Path) -> None:
+def test_a_name_asks_so_much_and_not_more(keys, log, tmp_path):
     clock = Clock()
     limits = RequestLimits(log, find_daemon_credentials(keys), clock, rate=10.0, burst=20.0)
     for _ in range(20):
@@ -69,7 +65,7 @@ def test_a_name_asks_so_much_and_not_more(keys: Path, log: EventLog, tmp_path: P
     )
 
 
-def test_a_name_has_so_much_waiting_and_not_more(keys: Path, log: EventLog) -> None:
+def test_a_name_has_so_much_waiting_and_not_more(keys, log):
     limits = RequestLimits(log, find_daemon_credentials(keys), Clock())
     for _ in range(MOST_WAITING):
         assert limits.admit("worker", 0) is None
@@ -81,7 +77,7 @@ def test_a_name_has_so_much_waiting_and_not_more(keys: Path, log: EventLog) -> N
     assert "too many requests" in words(limits.admit("operator", 1), Unavailable)
 
 
-def test_who_was_revoked_is_not_heard_any_more(tmp_path: Path, log: EventLog) -> None:
+def test_who_was_revoked_is_not_heard_any_more(tmp_path, log):
     folder = tmp_path / "keys"
     create_authority(folder, ("localhost",), NOW)
     clock = Clock()
@@ -110,15 +106,15 @@ def test_who_was_revoked_is_not_heard_any_more(tmp_path: Path, log: EventLog) ->
     assert limits.admit("viewer", 0) is None
 
 
-def test_without_keys_there_is_nobody_but_the_owner(log: EventLog) -> None:
+def test_without_keys_there_is_nobody_but_the_owner(log):
     limits = RequestLimits(log)
     assert limits.admit("owner", 0) is None
     for name in ("worker", "*", "", "x" * 1000):
         assert words(limits.admit(name, 0), Refused).startswith("this daemon knows no key")
 
 
-def test_names_take_turns() -> None:
-    line: TurnQueue[str] = TurnQueue()
+def test_names_take_turns():
+    line = TurnQueue()
     for number in range(5):
         line.put(f"flood {number}", "flood")
     for number in range(2):

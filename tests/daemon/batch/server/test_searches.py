@@ -1,11 +1,8 @@
 """Searches at the daemon: what is admitted of them, and what clients see."""
 
-from __future__ import annotations
-
 import base64
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +11,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server import _searches as searches
 from daemon.batch.server import stage_extension, stage_search
 from daemon.model.packed_submission import PackedRun
-from daemon.model.search import MOST_PROPOSALS, BundledFile, SearchSubmission
+from daemon.model.search import MOST_PROPOSALS, BundledFile
 from daemon.model.search_answer import SearchProgress
 from daemon.model.verbs import EXTEND, PROGRESS
 from grammars.text import codec
@@ -22,7 +19,7 @@ from tests.daemon.batch.harness import daemon_at
 from tests.daemon.batch.samples import make_extension, make_search, make_submission
 
 
-def refused(search: SearchSubmission, folder: Path) -> str:
+def refused(search, folder):
     """Why the files of a search are not taken; nothing of them is there afterwards."""
     with pytest.raises(Refused) as caught:
         searches.stage_search_here(codec.to_json(search), folder)
@@ -31,17 +28,17 @@ def refused(search: SearchSubmission, folder: Path) -> str:
 
 
 @pytest.fixture
-def places(tmp_path: Path) -> StatePaths:
+def places(tmp_path):
     places = StatePaths(tmp_path / "state")
     places.make_folders()
     return places
 
 
-def kept(places: StatePaths) -> list[Path]:
+def kept(places):
     return [*places.searches.iterdir(), *places.incoming.iterdir()]
 
 
-def test_the_files_of_a_search_come_back_as_they_were(tmp_path: Path) -> None:
+def test_the_files_of_a_search_come_back_as_they_were(tmp_path):
     image = "P5" * searches.LARGE_REQUEST
     search = make_search("s", {"a/campaign.yaml": "campaign: test", "maps/flat.pgm": image})
     idle = "tests.daemon.search.fake_search:idle"
@@ -82,13 +79,13 @@ def test_the_files_of_a_search_come_back_as_they_were(tmp_path: Path) -> None:
         "a\nb", "x" * 201, "a/..",
     ],
 )  # fmt: skip
-def test_a_file_that_leads_elsewhere_is_refused_with_all_others(tmp_path: Path, path: str) -> None:
+def test_a_file_that_leads_elsewhere_is_refused_with_all_others(tmp_path, path):
     search = make_search("s")
     bad = replace(search, files=(*search.files, BundledFile(path, "")))
     assert "no path of a file" in refused(bad, tmp_path)
 
 
-def bundled(path: str, data: bytes = b"x") -> BundledFile:
+def bundled(path, data=b"x"):
     return BundledFile(path, base64.b64encode(data).decode())
 
 
@@ -102,9 +99,7 @@ def bundled(path: str, data: bytes = b"x") -> BundledFile:
         ((bundled("c.yaml"), *(bundled(f"{n}", b"x" * 2**23) for n in range(5))), "32 MiB"),
     ],
 )
-def test_what_is_wrong_with_files_is_said(
-    tmp_path: Path, files: tuple[BundledFile, ...], words: str
-) -> None:
+def test_what_is_wrong_with_files_is_said(tmp_path, files, words):
     search = replace(make_search("s"), files=files, file="c.yaml")
     assert words in refused(search, tmp_path)
 
@@ -127,14 +122,12 @@ def test_what_is_wrong_with_files_is_said(
         {"method": "m" * 1000},
     ],
 )
-def test_what_no_campaign_file_asks_for_is_refused(
-    tmp_path: Path, changes: dict[str, object]
-) -> None:
+def test_what_no_campaign_file_asks_for_is_refused(tmp_path, changes):
     (wrong,) = changes
     assert wrong in refused(make_search("s", **changes), tmp_path)
 
 
-def test_files_that_were_lost_come_with_the_same_search_again(places: StatePaths) -> None:
+def test_files_that_were_lost_come_with_the_same_search_again(places):
     payload = codec.to_json(make_search("s"))
     folder = places.search("s")
     for lose in (
@@ -160,7 +153,7 @@ def test_files_that_were_lost_come_with_the_same_search_again(places: StatePaths
     assert kept(places) == [folder]
 
 
-def test_a_search_that_is_refused_leaves_nothing(places: StatePaths) -> None:
+def test_a_search_that_is_refused_leaves_nothing(places):
     search = make_search("s")
     bad = replace(search, files=(*search.files, BundledFile("../up", "")))
     for wrong in (bad, replace(search, campaign="../s"), replace(search, file="none")):
@@ -169,7 +162,7 @@ def test_a_search_that_is_refused_leaves_nothing(places: StatePaths) -> None:
     assert kept(places) == []
 
 
-def test_runs_that_are_not_what_was_proposed_are_refused(places: StatePaths) -> None:
+def test_runs_that_are_not_what_was_proposed_are_refused(places):
     good = make_extension("s", 4, 2)
     later = tuple(replace(one, position=one.position + 5 * one.number) for one in good.proposals)
     noisy = tuple(run._replace(repeat=1) for run in good.runs.runs)
@@ -188,7 +181,7 @@ def test_runs_that_are_not_what_was_proposed_are_refused(places: StatePaths) -> 
     assert kept(places) == []
 
 
-def test_a_plain_campaign_is_no_search(tmp_path: Path) -> None:
+def test_a_plain_campaign_is_no_search(tmp_path):
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         client.submit(make_submission("plain", 1))
         assert client.campaigns()[0].search == ""
@@ -202,7 +195,7 @@ def test_a_plain_campaign_is_no_search(tmp_path: Path) -> None:
                 ask()
 
 
-def test_runs_that_find_no_room_are_asked_for_again(places: StatePaths) -> None:
+def test_runs_that_find_no_room_are_asked_for_again(places):
     shutil.rmtree(places.scenes)
     places.scenes.touch()  # as good as a disk that takes nothing more
     with pytest.raises(Unavailable, match="cannot be stored"):

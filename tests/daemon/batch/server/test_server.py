@@ -1,38 +1,35 @@
 import concurrent.futures
 import signal
 import socket
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import psutil
 import pytest
 
 from daemon.batch import bus
-from daemon.batch.client import Client
 from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
 from daemon.model import verbs
 from daemon.model.messages import ASK, OWNER, ErrorReply
 from grammars.text import codec
-from tests.daemon.batch.harness import DaemonPart, Part, daemon_at, eventually
+from tests.daemon.batch.harness import Part, daemon_at, eventually
 from tests.daemon.batch.samples import SCENE, make_spec, make_submission, submission_of
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(tmp_path_factory):
     with daemon_at(tmp_path_factory.mktemp("server") / "state") as part:
         part.client().close()  # it is up: some tests ask past the client
         yield part
 
 
 @pytest.fixture
-def client(daemon: DaemonPart) -> Iterator[Client]:
+def client(daemon):
     with daemon.client() as connected:
         yield connected
 
 
-def raw(daemon: DaemonPart, key: str, payload: bytes) -> str:
+def raw(daemon, key, payload):
     """Ask past the client; returns the daemon's complaint."""
     with bus.open_client(daemon.endpoint) as session:
         replies = list(session.get(key, payload=payload, timeout=60.0))
@@ -41,7 +38,7 @@ def raw(daemon: DaemonPart, key: str, payload: bytes) -> str:
     return codec.from_json(ErrorReply, replies[0].err.payload.to_bytes()).problem
 
 
-def test_the_daemon_listens_once_and_on_loopback_only(daemon: DaemonPart, client: Client) -> None:
+def test_the_daemon_listens_once_and_on_loopback_only(daemon, client):
     sockets = psutil.Process(daemon.pid).net_connections("inet")
     listening = [s for s in sockets if s.status == psutil.CONN_LISTEN]
     assert [s.laddr.ip for s in listening] == ["127.0.0.1"]
@@ -49,7 +46,7 @@ def test_the_daemon_listens_once_and_on_loopback_only(daemon: DaemonPart, client
     assert client.overview().workers == 0
 
 
-def test_a_submission_is_in_the_ledger_when_the_receipt_comes(client: Client) -> None:
+def test_a_submission_is_in_the_ledger_when_the_receipt_comes(client):
     submission = make_submission("whole", 4)
     receipt = client.submit(submission)
     assert (receipt.runs, receipt.known) == (4, False)
@@ -59,7 +56,7 @@ def test_a_submission_is_in_the_ledger_when_the_receipt_comes(client: Client) ->
     assert client.scene(SCENE.digest) == SCENE
 
 
-def test_a_bad_submission_is_refused_as_a_whole_with_all_reasons(client: Client) -> None:
+def test_a_bad_submission_is_refused_as_a_whole_with_all_reasons(client):
     spec = make_spec()
     orphan = replace(make_spec(1), scene="0" * 64)
     endless = replace(make_spec(2), limit=-1.0)
@@ -75,12 +72,12 @@ def test_a_bad_submission_is_refused_as_a_whole_with_all_reasons(client: Client)
 
 
 @pytest.mark.parametrize("name", ["../up", "a b", "", "x" * 200])
-def test_a_campaign_id_must_be_one(client: Client, name: str) -> None:
+def test_a_campaign_id_must_be_one(client, name):
     with pytest.raises(Refused, match="not a campaign id"):
         client.submit(make_submission(name))
 
 
-def test_names_of_scenarios_stay_inside_the_traces(client: Client, daemon: DaemonPart) -> None:
+def test_names_of_scenarios_stay_inside_the_traces(client, daemon):
     client.submit(submission_of("names", make_spec(scenario="../../etc/passwd")))
     with pytest.raises(Refused, match="no usable file name"):
         client.submit(submission_of("names2", make_spec(scenario="x" * 300)))
@@ -92,22 +89,22 @@ def test_names_of_scenarios_stay_inside_the_traces(client: Client, daemon: Daemo
 
 
 @pytest.mark.parametrize("payload", [b"", b"{", b"[]", b'{"id": 7}', b"\xff\xfe", b"[" * 10_000])
-def test_malformed_requests_are_refused(daemon: DaemonPart, payload: bytes) -> None:
+def test_malformed_requests_are_refused(daemon, payload):
     assert "malformed" in raw(daemon, f"{ASK}/{OWNER}/cancel", payload)
 
 
-def test_oversized_requests_are_refused_unread(daemon: DaemonPart) -> None:
+def test_oversized_requests_are_refused_unread(daemon):
     limit = verbs.RUN.largest
     complaint = raw(daemon, f"{ASK}/{OWNER}/run", b" " * (limit + 1))
     assert f"at most {limit}" in complaint
 
 
-def test_unknown_verbs_are_refused(daemon: DaemonPart) -> None:
+def test_unknown_verbs_are_refused(daemon):
     assert "does not know how to" in raw(daemon, f"{ASK}/{OWNER}/evaluate", b"{}")
     assert "does not know how to" in raw(daemon, f"{ASK}/{OWNER}/*", b"{}")
 
 
-def test_questions_about_unknown_things_are_refused(client: Client) -> None:
+def test_questions_about_unknown_things_are_refused(client):
     for question in (
         lambda: client.run("no.1"),
         lambda: client.cancel("no"),
@@ -120,7 +117,7 @@ def test_questions_about_unknown_things_are_refused(client: Client) -> None:
             question()
 
 
-def test_cancelled_runs_can_be_retried(client: Client) -> None:
+def test_cancelled_runs_can_be_retried(client):
     client.submit(make_submission("again", 6))
     assert client.cancel("again") == 6
     assert client.cancel("again") == 0
@@ -130,8 +127,8 @@ def test_cancelled_runs_can_be_retried(client: Client) -> None:
     assert (row.queued, row.finished_at, row.finished) == (6, None, False)
 
 
-def test_many_clients_ask_at_once(daemon: DaemonPart, client: Client) -> None:
-    def campaign(number: int) -> int:
+def test_many_clients_ask_at_once(daemon, client):
+    def campaign(number):
         client.submit(make_submission(f"many-{number}", 3))
         return client.runs(f"many-{number}").total
 
@@ -139,14 +136,14 @@ def test_many_clients_ask_at_once(daemon: DaemonPart, client: Client) -> None:
         assert list(pool.map(campaign, range(24))) == [3] * 24
 
 
-def test_a_request_that_nobody_waits_for_does_no_harm(daemon: DaemonPart, client: Client) -> None:
+def test_a_request_that_nobody_waits_for_does_no_harm(daemon, client):
     with bus.open_client(daemon.endpoint) as session:
         handler = session.get(f"{ASK}/{OWNER}/overview", payload=b"{}", timeout=1.0)
         del handler
     assert client.overview().state == str(daemon.state)
 
 
-def test_a_second_daemon_on_the_directory_is_refused(daemon: DaemonPart, tmp_path: Path) -> None:
+def test_a_second_daemon_on_the_directory_is_refused(daemon, tmp_path):
     options = ("--state", str(daemon.state), "--listen", "tcp/127.0.0.1:1", "--slots", "0")
     second = Part("serve", tmp_path / "second.log", *options)
     assert second.wait() == 4
@@ -154,7 +151,7 @@ def test_a_second_daemon_on_the_directory_is_refused(daemon: DaemonPart, tmp_pat
     assert f"process {daemon.pid}" in second.output
 
 
-def test_a_taken_port_is_named(daemon: DaemonPart, tmp_path: Path) -> None:
+def test_a_taken_port_is_named(daemon, tmp_path):
     options = ("--state", str(tmp_path / "other"), "--listen", daemon.endpoint, "--slots", "0")
     second = Part("serve", tmp_path / "second.log", *options)
     assert second.wait() == 3
@@ -164,7 +161,7 @@ def test_a_taken_port_is_named(daemon: DaemonPart, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("way", ["shutdown", "SIGTERM", "SIGINT"])
-def test_a_daemon_leaves_cleanly(tmp_path: Path, way: str) -> None:
+def test_a_daemon_leaves_cleanly(tmp_path, way):
     with daemon_at(tmp_path / "state") as daemon:
         with daemon.client() as client:
             if way == "shutdown":
@@ -177,7 +174,7 @@ def test_a_daemon_leaves_cleanly(tmp_path: Path, way: str) -> None:
         assert daemon.output == ""
 
 
-def test_strange_traffic_does_not_stop_the_daemon(daemon: DaemonPart, client: Client) -> None:
+def test_strange_traffic_does_not_stop_the_daemon(daemon, client):
     with bus.open_client(daemon.endpoint) as session:
         session.put("scenario/v1/event", b"not json")
         session.put("scenario/v1/ask/run", b"not a question")
@@ -186,16 +183,14 @@ def test_strange_traffic_does_not_stop_the_daemon(daemon: DaemonPart, client: Cl
     assert client.overview().workers == 0
 
 
-def test_the_time_left_is_said_once_a_run_has_finished_and_not_of_what_is_paused(
-    tmp_path: Path,
-) -> None:
+def test_the_time_left_is_said_once_a_run_has_finished_and_not_of_what_is_paused(tmp_path):
     gate = tmp_path / "gate"
     held = (make_spec(n, until=str(gate)) for n in range(1, 4))
     with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
         assert client.overview().seconds_left is None
         client.submit(submission_of("c", make_spec(0, sleep=0.2, until=str(tmp_path)), *held))
 
-        def said() -> float | None:
+        def said():
             row = client.campaign("c")
             assert row is not None
             return row.seconds_left if row.done == 1 and row.running else None

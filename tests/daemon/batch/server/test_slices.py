@@ -1,13 +1,9 @@
 """Large campaigns and the leases of others: nothing lapses, nothing half is ever seen."""
 
-from __future__ import annotations
-
 import queue
 import sqlite3
 import threading
-from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager, suppress
-from pathlib import Path
 
 import pytest
 
@@ -21,7 +17,7 @@ from daemon.batch.server import _threads as threads
 from daemon.model.packed_submission import pack_submission
 from grammars.text import codec
 from tests.chaos.light import LightWorker
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 
 MANY = 20_000
@@ -30,13 +26,13 @@ MANY = 20_000
 class NoCheckpoints:
     patience = None
 
-    def note_changes(self) -> None:
+    def note_changes(self):
         """Nothing is idle here."""
 
     act = note_changes
 
 
-def entered(daemon: DaemonPart) -> tuple[int, int]:
+def entered(daemon):
     """How many campaigns are hidden in the ledger, and how many runs they have."""
     with closing(sqlite3.connect(StatePaths(daemon.state).ledger)) as db:
         hidden = db.execute("SELECT count(*) FROM campaign WHERE visible = 0").fetchone()[0]
@@ -46,12 +42,12 @@ def entered(daemon: DaemonPart) -> tuple[int, int]:
     return hidden, runs
 
 
-def test_a_submission_that_is_killed_in_the_middle_leaves_nothing(tmp_path: Path) -> None:
+def test_a_submission_that_is_killed_in_the_middle_leaves_nothing(tmp_path):
     large = make_submission("large", MANY)
     with daemon_at(tmp_path / "state") as daemon:
         with daemon.client() as client:
 
-            def submit() -> None:
+            def submit():
                 with suppress(DaemonError):
                     client.submit(large)
 
@@ -78,7 +74,7 @@ def test_a_submission_that_is_killed_in_the_middle_leaves_nothing(tmp_path: Path
             assert client.campaigns() == ()
 
 
-def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path: Path) -> None:
+def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path):
     with (
         daemon_at(tmp_path / "state", lease=3.0) as daemon,
         daemon.client() as client,
@@ -90,7 +86,7 @@ def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path: Path) 
         leased = worker.lease()
         over, lost = threading.Event(), []
 
-        def renew() -> None:
+        def renew():
             while not over.is_set():
                 with suppress(DaemonError):  # the writer is held up
                     lost.append(worker.renew(leased))
@@ -112,12 +108,12 @@ def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path: Path) 
         assert client.run("c.0").row.attempt == 1
 
 
-def test_between_two_slices_others_have_their_turn(tmp_path: Path, monkeypatch) -> None:
+def test_between_two_slices_others_have_their_turn(tmp_path, monkeypatch):
     monkeypatch.setattr(threads, "_SLICE", 0.0)
-    told: list[object] = []
+    told = []
     waiting, go_on = threading.Event(), threading.Event()
 
-    def long(name: str) -> Generator[None, None, str]:
+    def long(name):
         for i in range(3):
             told.append(f"{name}{i}")
             waiting.set()
@@ -125,12 +121,12 @@ def test_between_two_slices_others_have_their_turn(tmp_path: Path, monkeypatch) 
             yield
         return name
 
-    def failing() -> Generator[None, None, None]:
+    def failing():
         yield
         raise Refused("no")
 
     with LedgerWriter.open(StatePaths(tmp_path)) as ledger:
-        writer = WriterThread(ledger, lambda _: None, NoCheckpoints())  # type: ignore[arg-type]
+        writer = WriterThread(ledger, lambda _: None, NoCheckpoints())
         writer.start()
         done = told.append
         for act in (lambda _: long("a"), lambda _: failing(), lambda _: long("b")):
@@ -154,19 +150,17 @@ def test_between_two_slices_others_have_their_turn(tmp_path: Path, monkeypatch) 
         assert told[-1] == "c" or isinstance(told[-1], Unavailable)
 
 
-def test_a_renewal_that_could_not_be_written_holds_up_no_lapse(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    answers: queue.SimpleQueue[object] = queue.SimpleQueue()
+def test_a_renewal_that_could_not_be_written_holds_up_no_lapse(tmp_path, monkeypatch):
+    answers = queue.SimpleQueue()
 
     @contextmanager
-    def full_disk() -> Iterator[None]:
+    def full_disk():
         raise Unavailable("the ledger cannot be written: database or disk is full")
         yield
 
     with LedgerWriter.open(StatePaths(tmp_path)) as ledger:
         monkeypatch.setattr(ledger, "transaction", full_disk)
-        writer = WriterThread(ledger, lambda _: None, NoCheckpoints())  # type: ignore[arg-type]
+        writer = WriterThread(ledger, lambda _: None, NoCheckpoints())
         writer.start()
         writer.offer(LedgerJob(lambda _: "renewed", answers.put, renews=True))
         assert isinstance(answers.get(timeout=60.0), Unavailable)
@@ -178,16 +172,14 @@ def test_a_renewal_that_could_not_be_written_holds_up_no_lapse(
         writer.finish()
 
 
-def test_a_tick_that_comes_late_is_a_stall() -> None:
+def test_a_tick_that_comes_late_is_a_stall():
     meter = StallMeter(0.5)
     assert [meter.measure(at) for at in (10.0, 10.5, 11.2)] == [0.0, 0.0, 0.0]
     assert meter.measure(15.0) == pytest.approx(3.3)
     assert meter.measure(15.0) == 0.0
 
 
-def test_a_process_of_its_own_says_what_is_wrong_with_a_submission(
-    tmp_path: Path, monkeypatch
-) -> None:
+def test_a_process_of_its_own_says_what_is_wrong_with_a_submission(tmp_path, monkeypatch):
     monkeypatch.setattr(submissions, "LARGE_REQUEST", 0)
     places = StatePaths(tmp_path)
     places.make_folders()

@@ -6,10 +6,7 @@ import hashlib
 import os
 import random
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -46,22 +43,22 @@ class Site:
     journal: EventLog
     grant: Lease
 
-    def chunk(self, offset: int, part: bytes, **changes: Any) -> TraceUploadChunk:
+    def chunk(self, offset, part, **changes):
         sha256 = hashlib.sha256(TRACE).hexdigest()
         made = TraceUploadChunk("w", self.grant.run, self.grant.token, sha256, len(TRACE), offset)
         text, digest = encode_chunk(part)
         return replace(made, **({"data": text, "digest": digest} | changes))
 
-    def take(self, offset: int, part: bytes, **changes: Any) -> UploadProgress:
+    def take(self, offset, part, **changes):
         return self.intake.add_chunk(self.reader, self.chunk(offset, part, **changes))
 
-    def completion(self, data: bytes = TRACE, **changes: Any) -> Completion:
+    def completion(self, data=TRACE, **changes):
         info = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
         result = make_result(self.grant.spec, trace=info)
         made = Completion("w", self.grant.run, 1, self.grant.token, result, uploaded=True)
         return replace(made, **changes)
 
-    def complete(self, completion: Completion) -> LedgerAnswer:
+    def complete(self, completion):
         """What the daemon does with a completion."""
         if self.intake.is_missing(self.book, completion):
             return LedgerAnswer.MISSING
@@ -70,15 +67,15 @@ class Site:
         return answer
 
     @property
-    def trace(self) -> Path:
+    def trace(self):
         return self.places.trace(self.grant.trace)
 
-    def incoming(self) -> list[str]:
+    def incoming(self):
         return sorted(path.suffix for path in self.places.incoming.iterdir())
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
+def site(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
     journal = EventLog(places.log)
@@ -89,7 +86,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     journal.close()
 
 
-def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site: Site) -> None:
+def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site):
     assert site.take(0, b"") == UploadProgress(0, complete=False)
     assert site.take(0, TRACE[:400]) == UploadProgress(400, complete=False)
     assert site.take(400, TRACE[400:]) == UploadProgress(1000, complete=True)
@@ -99,7 +96,7 @@ def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site: Site) 
     assert site.incoming() == []
 
 
-def test_another_daemon_goes_on_where_the_first_one_was(site: Site) -> None:
+def test_another_daemon_goes_on_where_the_first_one_was(site):
     site.take(0, TRACE[:400])
     site.intake = TraceUploads(site.places, site.journal)
     assert site.take(0, b"") == UploadProgress(400, complete=False)
@@ -108,7 +105,7 @@ def test_another_daemon_goes_on_where_the_first_one_was(site: Site) -> None:
     assert site.take(0, b"").complete
 
 
-def test_a_part_that_does_not_continue_changes_nothing(site: Site) -> None:
+def test_a_part_that_does_not_continue_changes_nothing(site):
     site.take(0, TRACE[:400])
     for offset in (0, 399, 401, 2**50):
         received = site.take(offset, TRACE[:100])
@@ -119,14 +116,14 @@ def test_a_part_that_does_not_continue_changes_nothing(site: Site) -> None:
 @pytest.mark.parametrize(
     "changes", [{"digest": "0" * 64}, {"data": "bm90aGluZw=="}, {"data": "not base64!"}]
 )
-def test_a_damaged_part_is_sent_again(site: Site, changes: dict[str, str]) -> None:
+def test_a_damaged_part_is_sent_again(site, changes):
     received = site.take(0, TRACE[:400], **changes)
     assert (received.offset, received.complete) == (0, False)
     assert "damaged" in received.problem
     assert site.take(0, TRACE).complete
 
 
-def test_a_whole_that_is_another_one_begins_again(site: Site) -> None:
+def test_a_whole_that_is_another_one_begins_again(site):
     received = site.take(0, TRACE[:-1] + b"!")
     assert (received.offset, received.complete) == (0, False)
     assert "another digest" in received.problem
@@ -134,7 +131,7 @@ def test_a_whole_that_is_another_one_begins_again(site: Site) -> None:
     assert site.take(0, TRACE).complete
 
 
-def test_a_result_without_its_trace_is_not_recorded(site: Site) -> None:
+def test_a_result_without_its_trace_is_not_recorded(site):
     assert site.complete(site.completion()) is LedgerAnswer.MISSING
     assert site.complete(site.completion(uploaded=False)) is LedgerAnswer.MISSING
     site.take(0, TRACE[:400])
@@ -142,12 +139,12 @@ def test_a_result_without_its_trace_is_not_recorded(site: Site) -> None:
     assert site.book.awaits_result("c.0", site.grant.token)
 
 
-def test_more_than_announced_is_refused(site: Site) -> None:
+def test_more_than_announced_is_refused(site):
     with pytest.raises(Refused, match="more bytes than the 1000 announced"):
         site.take(0, TRACE + b"!")
 
 
-def test_whoever_was_ever_leased_the_run_may_send(site: Site) -> None:
+def test_whoever_was_ever_leased_the_run_may_send(site):
     """Late or not, while there is no result; the parts of two do not get into each other's way."""
     for token in (0, site.grant.token + 1):
         with pytest.raises(Refused, match="never leased"):
@@ -167,13 +164,13 @@ def test_whoever_was_ever_leased_the_run_may_send(site: Site) -> None:
     assert site.trace.read_bytes() == TRACE
 
 
-def test_under_the_key_of_another_nothing_is_sent(site: Site) -> None:
+def test_under_the_key_of_another_nothing_is_sent(site):
     with pytest.raises(Refused, match="under another key"):
         site.intake.add_chunk(site.reader, site.chunk(0, TRACE), holder="worker.spare")
     assert site.incoming() == []
 
 
-def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(site: Site) -> None:
+def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(site):
     note = "stopped after 5 s of wall clock time"
     site.take(0, TRACE)
     first = site.completion()
@@ -187,7 +184,7 @@ def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(sit
     assert (site.incoming(), site.trace.exists()) == ([], False)
 
 
-def test_what_is_cancelled_is_not_wanted(site: Site) -> None:
+def test_what_is_cancelled_is_not_wanted(site):
     site.take(0, TRACE[:400])
     site.book.cancel("c", NOW)
     assert site.take(400, TRACE[400:]).complete  # nothing is written
@@ -195,7 +192,7 @@ def test_what_is_cancelled_is_not_wanted(site: Site) -> None:
     assert site.incoming() == []
 
 
-def test_a_lost_acknowledgement_costs_no_second_transfer(site: Site) -> None:
+def test_a_lost_acknowledgement_costs_no_second_transfer(site):
     site.take(0, TRACE)
     site.complete(site.completion())
     assert site.take(0, b"").complete
@@ -203,7 +200,7 @@ def test_a_lost_acknowledgement_costs_no_second_transfer(site: Site) -> None:
     assert site.trace.read_bytes() == TRACE
 
 
-def test_a_repetition_leaves_the_trace_or_brings_it_back(site: Site) -> None:
+def test_a_repetition_leaves_the_trace_or_brings_it_back(site):
     site.take(0, TRACE)
     site.complete(site.completion())
     site.book.retry(RetryRequest("c", ("all",)), NOW)
@@ -216,7 +213,7 @@ def test_a_repetition_leaves_the_trace_or_brings_it_back(site: Site) -> None:
     assert site.trace.read_bytes() == TRACE
 
 
-def test_another_result_never_replaces_the_trace_recorded(site: Site) -> None:
+def test_another_result_never_replaces_the_trace_recorded(site):
     site.take(0, TRACE)
     site.complete(site.completion())
     other = site.completion(b"something else")
@@ -225,13 +222,13 @@ def test_another_result_never_replaces_the_trace_recorded(site: Site) -> None:
 
 
 @pytest.mark.parametrize("run", ["../../c.0", "c.0/..", "/etc/passwd", "c", "", "c.0\x00", "d.0"])
-def test_names_that_are_none_are_refused(site: Site, run: str) -> None:
+def test_names_that_are_none_are_refused(site, run):
     with pytest.raises(Refused):
         site.take(0, TRACE, run=run)
     assert site.incoming() == []
 
 
-def test_hostile_digests_and_sizes_do_not_pass_the_border(site: Site) -> None:
+def test_hostile_digests_and_sizes_do_not_pass_the_border(site):
     good = codec.to_plain(site.chunk(0, b"x"))
     for field, value in (
         ("sha256", "../../../etc/passwd"),
@@ -245,7 +242,7 @@ def test_hostile_digests_and_sizes_do_not_pass_the_border(site: Site) -> None:
             codec.from_plain(TraceUploadChunk, good | {field: value})
 
 
-def test_uploads_are_bounded_in_number(site: Site) -> None:
+def test_uploads_are_bounded_in_number(site):
     site.intake = TraceUploads(site.places, site.journal, most=2)
     for name in ("a", "b"):
         (site.places.incoming / name).touch()
@@ -253,7 +250,7 @@ def test_uploads_are_bounded_in_number(site: Site) -> None:
         site.take(0, TRACE)
 
 
-def test_a_full_disk_makes_uploads_wait(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_makes_uploads_wait(site, monkeypatch):
     monkeypatch.setattr(StatePaths, "disk_shortage", lambda _: "the disk is full")
     with pytest.raises(Unavailable, match="the disk is full"):
         site.take(0, TRACE)
@@ -261,7 +258,7 @@ def test_a_full_disk_makes_uploads_wait(site: Site, monkeypatch: pytest.MonkeyPa
     assert site.take(0, TRACE).complete
 
 
-def test_an_upload_nobody_goes_on_with_is_given_up(site: Site) -> None:
+def test_an_upload_nobody_goes_on_with_is_given_up(site):
     site.take(0, TRACE[:400])
     (part,) = site.places.incoming.iterdir()
     long_ago = time.time() - 7200.0
@@ -271,7 +268,7 @@ def test_an_upload_nobody_goes_on_with_is_given_up(site: Site) -> None:
     assert site.incoming() == []
 
 
-def test_a_trace_elsewhere_must_be_where_a_store_of_ours_has_it(site: Site) -> None:
+def test_a_trace_elsewhere_must_be_where_a_store_of_ours_has_it(site):
     sha256 = hashlib.sha256(TRACE).hexdigest()
     url = trace_url("s3://bucket/traces", site.grant.trace, sha256)
     done = site.completion(location=url, uploaded=False)

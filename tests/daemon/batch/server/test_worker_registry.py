@@ -1,20 +1,18 @@
 """Which workers there are, which of them are away, and when one is forgotten."""
 
-from __future__ import annotations
-
 from daemon.batch.server import WorkerRegistry
 from daemon.model.messages import WorkerInfo
 
 
-def info(name: str) -> WorkerInfo:
+def info(name):
     return WorkerInfo(name, "host", 1, "1", 2, 0)
 
 
-def away(registry: WorkerRegistry, now: float) -> dict[str, bool]:
+def away(registry, now):
     return {row.id: row.away for row in registry.rows(now)}
 
 
-def test_a_worker_that_lost_its_connection_is_away_until_it_is_back() -> None:
+def test_a_worker_that_lost_its_connection_is_away_until_it_is_back():
     registry = WorkerRegistry(silence=30.0)
     assert registry.record_contact(info("w"), 100.0)
     registry.disconnected("w", 101.0)
@@ -33,7 +31,7 @@ def test_a_worker_that_lost_its_connection_is_away_until_it_is_back() -> None:
     assert away(registry, 120.0) == {}
 
 
-def test_a_worker_that_is_silent_is_away_whatever_its_connection_says() -> None:
+def test_a_worker_that_is_silent_is_away_whatever_its_connection_says():
     registry = WorkerRegistry(silence=30.0)
     registry.record_contact(info("w"), 100.0)
     registry.shift(3600.0)  # a clock that is set is no silence

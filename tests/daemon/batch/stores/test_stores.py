@@ -1,10 +1,7 @@
 """Stores by URL: what is refused, and that a trace there is whole or not there."""
 
-from __future__ import annotations
-
 import os
 import uuid
-from pathlib import Path
 
 import pytest
 
@@ -24,7 +21,7 @@ from daemon.batch.stores import (
 
 
 @pytest.fixture(params=["file", "memory"])
-def store(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+def store(request, tmp_path):
     if request.param == "file":
         return (tmp_path / "a store").as_uri()
     return f"memory://{uuid.uuid4().hex}/traces"
@@ -44,19 +41,19 @@ def store(request: pytest.FixtureRequest, tmp_path: Path) -> str:
         ("s3://bucket/a b", "no plain URL"),
     ],
 )
-def test_what_is_no_store_is_refused(url: str, complaint: str) -> None:
+def test_what_is_no_store_is_refused(url, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
         check_store_url(url)
     assert "secret" not in str(caught.value)
 
 
-def test_usual_stores_are_taken() -> None:
+def test_usual_stores_are_taken():
     assert check_store_url("s3://bucket/traces/") == "s3://bucket/traces"
     assert check_store_url("file:///mnt/traces") == "file:///mnt/traces"
     assert check_store_url("sftp://me@host/traces") == "sftp://me@host/traces"
 
 
-def test_a_trace_goes_there_and_back(store: str, tmp_path: Path) -> None:
+def test_a_trace_goes_there_and_back(store, tmp_path):
     probe_store(store)
     source, back = tmp_path / "trace.mcap", tmp_path / "back"
     source.write_bytes(os.urandom(1000))
@@ -74,14 +71,12 @@ def test_a_trace_goes_there_and_back(store: str, tmp_path: Path) -> None:
     assert local_copy(trace, cache=tmp_path / "cache").name == f"{trace.sha256}.mcap"
 
 
-def test_nothing_partial_is_left_in_a_store(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_partial_is_left_in_a_store(tmp_path, monkeypatch):
     source = tmp_path / "trace.mcap"
     source.write_bytes(b"x" * 1000)
     store = (tmp_path / "store").as_uri()
 
-    def full(*_: object) -> None:
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
@@ -90,13 +85,13 @@ def test_nothing_partial_is_left_in_a_store(
     assert list((tmp_path / "store" / "c").iterdir()) == []
 
 
-def test_a_store_without_its_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_store_without_its_library_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "s3fs", None)
     with pytest.raises(StoreUnusable, match="Install s3fs"):
         probe_store("s3://bucket/traces")
 
 
-def test_a_damaged_trace_in_a_store_is_said_to_be(store: str, tmp_path: Path) -> None:
+def test_a_damaged_trace_in_a_store_is_said_to_be(store, tmp_path):
     source = tmp_path / "trace.mcap"
     source.write_bytes(b"x" * 1000)
     put_in_store(source, f"{store}/t.mcap")
@@ -106,20 +101,20 @@ def test_a_damaged_trace_in_a_store_is_said_to_be(store: str, tmp_path: Path) ->
         )
 
 
-def test_a_trace_of_another_machine_needs_its_daemon(tmp_path: Path) -> None:
+def test_a_trace_of_another_machine_needs_its_daemon(tmp_path):
     trace = TraceReference("c.0", "/nowhere/t.mcap", "0" * 64, 1000)
     with pytest.raises(TraceUnavailable, match="name its daemon with --connect"):
         local_copy(trace, cache=tmp_path)
 
 
-def test_a_file_of_the_same_name_and_size_is_not_mistaken(tmp_path: Path) -> None:
+def test_a_file_of_the_same_name_and_size_is_not_mistaken(tmp_path):
     there = tmp_path / "t.mcap"
     there.write_bytes(b"x" * 1000)
     with pytest.raises(TraceUnavailable):
         local_copy(TraceReference("c.0", str(there), "0" * 64, 1000), cache=tmp_path / "cache")
 
 
-def test_the_cache_is_bounded(tmp_path: Path) -> None:
+def test_the_cache_is_bounded(tmp_path):
     cache = tmp_path / "cache"
     for number in range(4):
         source = tmp_path / f"{number}.mcap"

@@ -1,16 +1,12 @@
 """Threads between a gateway and its cluster: what they do not expect ends no work in silence."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading
 from contextlib import closing
 from multiprocessing import Pipe
-from pathlib import Path
 from queue import SimpleQueue
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -27,21 +23,19 @@ from tests.daemon.batch.samples import make_spec
 SCHEDULER = DaskScheduler("tcp://nowhere:1")
 
 
-def test_a_cluster_is_looked_at_again_whatever_its_client_raises(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_cluster_is_looked_at_again_whatever_its_client_raises(monkeypatch):
     for name in ("_PERIOD", "_AFTER_LOSS"):
         monkeypatch.setattr(_connection, name, 0.001)
-    said: list[str] = []
-    looks: list[int] = []
+    said = []
+    looks = []
 
-    def nthreads() -> dict[str, int]:
+    def nthreads():
         looks.append(1)
         if len(looks) == 1:  # what a client says whose scheduler goes in that very moment
             raise AttributeError("'NoneType' object has no attribute 'ncores'")
         return {}
 
-    made: Any = ClusterConnection(
+    made = ClusterConnection(
         SCHEDULER, "none", changed=lambda: None, on_event=lambda _: None, log=said.append
     )
     made._client = SimpleNamespace(status="running", nthreads=nthreads, close=lambda **_: None)
@@ -52,17 +46,17 @@ def test_a_cluster_is_looked_at_again_whatever_its_client_raises(
     assert said[1] == "the Dask scheduler tcp://nowhere:1 is back"
 
 
-def test_what_is_wanted_of_a_job_last_is_what_it_is_told_last() -> None:
-    told: list[tuple[str, ...]] = []
+def test_what_is_wanted_of_a_job_last_is_what_it_is_told_last():
+    told = []
     asked, go_on = threading.Event(), threading.Event()
 
-    def run(_: object, __: str, ___: str, wanted: tuple[str, ...], **____: object) -> None:
+    def run(_, __, ___, wanted, **____):
         if wanted == ("details",):  # a scheduler that takes its time
             asked.set()
             assert go_on.wait(60.0)
         told.append(wanted)
 
-    made: Any = ClusterConnection(
+    made = ClusterConnection(
         SCHEDULER, "none", changed=lambda: None, on_event=lambda _: None, log=lambda _: None
     )
     made._client = SimpleNamespace(status="running", run=run, close=lambda **_: None)
@@ -79,12 +73,12 @@ def test_what_is_wanted_of_a_job_last_is_what_it_is_told_last() -> None:
 
 
 @pytest.mark.parametrize("answer", [None, (b"{}",), ("{}", 1, 2), (7, b"", b"")])
-def test_an_answer_of_another_form_ends_its_attempt(tmp_path: Path, answer: object) -> None:
-    told: list[Any] = []
+def test_an_answer_of_another_form_ends_its_attempt(tmp_path, answer):
+    told = []
     task = SimpleNamespace(
         key="0", add_done_callback=told.append, result=lambda: answer, release=lambda: None
     )
-    gateway: Any = Gateway(SCHEDULER, "none", slots=1, log=lambda _: None)
+    gateway = Gateway(SCHEDULER, "none", slots=1, log=lambda _: None)
     with closing(gateway):
         gateway._cluster = SimpleNamespace(
             topic="topic", submit=lambda *_: (task, frozenset()), close=lambda: None
@@ -99,10 +93,10 @@ def test_an_answer_of_another_form_ends_its_attempt(tmp_path: Path, answer: obje
 
 
 @pytest.mark.parametrize("words", [b"", b"no JSON"])
-def test_who_waits_for_a_launcher_hears_that_it_ended_or_is_not_understood(words: bytes) -> None:
+def test_who_waits_for_a_launcher_hears_that_it_ended_or_is_not_understood(words):
     ours, theirs = Pipe()
-    inbox: SimpleQueue[LaunchReport] = SimpleQueue()
-    launcher: Any = RemoteLauncher.__new__(RemoteLauncher)
+    inbox = SimpleQueue()
+    launcher = RemoteLauncher.__new__(RemoteLauncher)
     launcher._wire, launcher._inboxes, launcher.ended = ours, {"key": inbox}, False
     sleeping = [sys.executable, "-c", "import time; time.sleep(600.0)"]
     with ours, theirs, subprocess.Popen(sleeping) as launcher._process:
@@ -120,14 +114,14 @@ def test_who_waits_for_a_launcher_hears_that_it_ended_or_is_not_understood(words
     assert end.why == "the process that starts runs ended"
 
 
-def test_a_launcher_that_ends_while_its_run_is_stopped_has_ended_and_lacks_no_room() -> None:
+def test_a_launcher_that_ends_while_its_run_is_stopped_has_ended_and_lacks_no_room():
     ours, theirs = Pipe()
-    inbox: SimpleQueue[LaunchReport] = SimpleQueue()
-    launcher: Any = RemoteLauncher.__new__(RemoteLauncher)
+    inbox = SimpleQueue()
+    launcher = RemoteLauncher.__new__(RemoteLauncher)
     launcher._wire, launcher._sending, launcher.ended = ours, threading.Lock(), False
     end = AttemptEnd("the process that starts runs ended")
 
-    def wanted() -> bool:
+    def wanted():
         inbox.put(LaunchReport("key", end=end))  # as its reader does, at that very moment
         return False
 

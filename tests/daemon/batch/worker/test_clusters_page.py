@@ -1,7 +1,5 @@
 """The recipes of docs/clusters.md: executed where this machine can, read by who reads them else."""
 
-from __future__ import annotations
-
 import configparser
 import os
 import re
@@ -9,10 +7,8 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 from ruamel.yaml import YAML
@@ -57,7 +53,7 @@ DASK_TLS = "DASK_DISTRIBUTED__COMM__TLS"
 CA = ("--tls-ca-file", "ca.pem")
 
 
-def script(name: str) -> str:
+def script(name):
     """The block whose first line says that it is that file."""
     (text,) = (text for _, text in BLOCKS if text.startswith(f"# {name}"))
     return str(text)
@@ -66,7 +62,7 @@ def script(name: str) -> str:
 @pytest.mark.parametrize(
     ("kind", "text"), SHELL, ids=[text.split("\n")[0][:40] for _, text in SHELL]
 )
-def test_shell_is_shell(kind: str, text: str) -> None:
+def test_shell_is_shell(kind, text):
     if kind == "console":
         text = re.sub(r"^\$ ", "", text, flags=re.MULTILINE)
     command = ["sh" if kind == "sh" else "bash", "-n"]
@@ -74,23 +70,23 @@ def test_shell_is_shell(kind: str, text: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_python_compiles_and_units_are_read() -> None:
+def test_python_compiles_and_units_are_read():
     for kind, text in BLOCKS:
         if kind == "python":
             compile(text, "clusters.md", "exec")
     (unit,) = (text for kind, text in BLOCKS if kind == "ini")
     read = configparser.ConfigParser(interpolation=None)
-    read.optionxform = str  # type: ignore[assignment,method-assign]
+    read.optionxform = str
     read.read_string(unit)
     assert read["Service"]["Restart"] == "always"
 
 
-def objects() -> list[dict[str, Any]]:
+def objects():
     (text,) = (text for kind, text in BLOCKS if kind == "yaml")
     return list(YAML(typ="safe").load_all(text))
 
 
-def paths(value: Any, at: str = "") -> Iterator[str]:
+def paths(value, at=""):
     """Where the leaves of an object are; items of a list lie where the list does."""
     if isinstance(value, dict) and value:
         for key, item in value.items():
@@ -102,7 +98,7 @@ def paths(value: Any, at: str = "") -> Iterator[str]:
         yield at
 
 
-def test_the_objects_of_kubernetes_have_fields_of_its_api() -> None:
+def test_the_objects_of_kubernetes_have_fields_of_its_api():
     found = objects()
     assert [one["kind"] for one in found] == [
         "Deployment", "Service", "Deployment", "NetworkPolicy", "NetworkPolicy",
@@ -128,7 +124,7 @@ def test_the_objects_of_kubernetes_have_fields_of_its_api() -> None:
             assert mounted == {volume["name"] for volume in pod["spec"]["volumes"]}
 
 
-def test_policies_let_through_the_ports_that_are_used() -> None:
+def test_policies_let_through_the_ports_that_are_used():
     found = {(one["kind"], one["metadata"]["name"]): one["spec"] for one in objects()}
     labels = {name for kind, name in found if kind == "Deployment"}
     args = found["Deployment", "dask-worker"]["template"]["spec"]["containers"][0]["args"]
@@ -143,7 +139,7 @@ def test_policies_let_through_the_ports_that_are_used() -> None:
         assert open_ports == ([service["port"]] if name == "dask-scheduler" else used)
 
 
-def test_figures_of_memory_add_up() -> None:
+def test_figures_of_memory_add_up():
     found = next(one for one in objects() if one["metadata"]["name"] == "dask-worker")
     (container,) = found["spec"]["template"]["spec"]["containers"]
     threads = int(container["args"][container["args"].index("--nthreads") + 1])
@@ -156,7 +152,7 @@ def test_figures_of_memory_add_up() -> None:
 
 
 @contextmanager
-def program(folder: Path, *command: str) -> Iterator[subprocess.Popen[bytes]]:
+def program(folder, *command):
     """A program of the page with its certificates; nothing of it is left afterwards."""
     with (folder / f"{Path(command[0]).name}.log").open("ab") as log:
         process = subprocess.Popen(
@@ -172,14 +168,12 @@ def program(folder: Path, *command: str) -> Iterator[subprocess.Popen[bytes]]:
         process.wait(DEADLINE)
 
 
-def tls(name: str) -> tuple[str, ...]:
+def tls(name):
     return (*CA, "--tls-cert", f"{name}.pem", "--tls-key", f"{name}.key")
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="there is no openssl")
-def test_workers_of_the_recipe_come_back_when_their_scheduler_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_of_the_recipe_come_back_when_their_scheduler_does(tmp_path, monkeypatch):
     names = ("certificates.sh", "keep-going.sh")
     for name in names:
         (tmp_path / name).write_text(script(name))

@@ -1,44 +1,41 @@
 """A gateway between a real daemon and a real Dask cluster; what goes wrong, goes wrong for real."""
 
 import hashlib
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import psutil
 import pytest
 
-from daemon.batch.client import Client
 from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import attach_files
 from daemon.model.execution import DEFAULT_EXECUTOR
-from daemon.model.live_judgement import LiveJudgement
 from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
-from daemon.model.status import LiveSnapshot, Submission
+from daemon.model.status import Submission
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
-from tests.daemon.batch.dask_harness import Dask, dask_in, gateway, gateway_for
-from tests.daemon.batch.harness import DaemonPart, Part, alive, daemon_at, eventually
+from tests.daemon.batch.dask_harness import dask_in, gateway, gateway_for
+from tests.daemon.batch.harness import alive, daemon_at, eventually
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 
 
 @pytest.fixture(scope="module")
-def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+def dask(tmp_path_factory):
     """A cluster of one worker with two threads."""
     with dask_in(tmp_path_factory.mktemp("dask"), 2) as cluster:
         yield cluster
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(tmp_path_factory):
     """A daemon without slots of its own, where a run is lost the second time it is blamed."""
     with daemon_at(tmp_path_factory.mktemp("daemon") / "state", attempts=2) as part:
         yield part
 
 
 @pytest.fixture(scope="module")
-def worker(dask: Dask, daemon: DaemonPart) -> Iterator[Part]:
+def worker(dask, daemon):
     with gateway_for(dask, daemon) as part, daemon.client() as client:
         eventually(lambda: client.overview().workers == 1)
         eventually(lambda: client.workers()[0].slots == 2)
@@ -46,16 +43,16 @@ def worker(dask: Dask, daemon: DaemonPart) -> Iterator[Part]:
 
 
 @pytest.fixture
-def client(daemon: DaemonPart, worker: Part) -> Iterator[Client]:
+def client(daemon, worker):
     with daemon.client() as connected:
         yield connected
 
 
-def done(client: Client, campaign: str) -> bool:
+def done(client, campaign):
     return next(row.finished for row in client.campaigns() if row.id == campaign)
 
 
-def test_runs_come_back_with_results_and_traces(client: Client) -> None:
+def test_runs_come_back_with_results_and_traces(client):
     client.submit(make_submission("plain", 6, outcome="fail"))
     eventually(lambda: done(client, "plain"))
     for row in client.runs("plain").rows:
@@ -65,9 +62,7 @@ def test_runs_come_back_with_results_and_traces(client: Client) -> None:
         assert hashlib.sha256(Path(row.trace).read_bytes()).hexdigest() == result.trace.sha256
 
 
-def test_files_of_systems_travel_into_the_cluster(
-    client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_of_systems_travel_into_the_cluster(client, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     (tmp_path / "policy").write_bytes(b"weights")
     files = attach_files({"model": tmp_path / "policy"})
@@ -79,7 +74,7 @@ def test_files_of_systems_travel_into_the_cluster(
         assert Path(row.trace).read_bytes().endswith(digest.encode())
 
 
-def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) -> None:
+def test_every_run_has_a_fresh_and_nice_process(client, tmp_path):
     log = tmp_path / "log"
     client.submit(make_submission("fresh", 6, log=str(log)))
     eventually(lambda: done(client, "fresh"))
@@ -88,7 +83,7 @@ def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) 
     assert all(int(nice) >= 10 for _, _, nice in lines)
 
 
-def test_a_run_that_crashes_is_blamed_and_harms_no_other(client: Client) -> None:
+def test_a_run_that_crashes_is_blamed_and_harms_no_other(client):
     poison = make_spec(0, crash=[1, 2])
     client.submit(submission_of("poison", poison, *(make_spec(i) for i in range(1, 5))))
     eventually(lambda: done(client, "poison"))
@@ -98,7 +93,7 @@ def test_a_run_that_crashes_is_blamed_and_harms_no_other(client: Client) -> None
     assert [(row.state, row.attempt) for row in others] == [(RunState.DONE, 1)] * 4
 
 
-def test_limits_are_kept_where_it_executes(dask: Dask, tmp_path: Path) -> None:
+def test_limits_are_kept_where_it_executes(dask, tmp_path):
     specs = make_spec(0, allocate=2048), make_spec(1, sleep=600.0)
     # By a gateway of its own: on a busy machine 3 s may be too short for any other run.
     limits = ("--wall", "3", "--memory", str(2**30))
@@ -115,7 +110,7 @@ def test_limits_are_kept_where_it_executes(dask: Dask, tmp_path: Path) -> None:
         client.cancel("limits")
 
 
-def test_cancelling_stops_the_processes_at_once(client: Client, dask: Dask, tmp_path: Path) -> None:
+def test_cancelling_stops_the_processes_at_once(client, dask, tmp_path):
     log = tmp_path / "log"
     client.submit(make_submission("cancel", 4, sleep=600.0, log=str(log)))
     running = eventually(lambda: started(log, 2))
@@ -126,7 +121,7 @@ def test_cancelling_stops_the_processes_at_once(client: Client, dask: Dask, tmp_
     eventually(lambda: not list((dask.folder / "scratch").rglob("attempt-*")))
 
 
-def started(log: Path, count: int) -> list[psutil.Process]:
+def started(log, count):
     """The processes of the runs that have begun and are not over, once there are as many."""
     lines = log.read_text().splitlines() if log.exists() else []
     pids = [int(line.split()[1]) for line in lines]
@@ -134,8 +129,8 @@ def started(log: Path, count: int) -> list[psutil.Process]:
     return going if len(going) >= count else []
 
 
-def test_running_runs_are_seen_live(client: Client) -> None:
-    seen: list[LiveSnapshot] = []
+def test_running_runs_are_seen_live(client):
+    seen = []
     with client.events(lambda _: None, seen.append):
         client.submit(make_submission("live", 1, sleep=600.0))
         eventually(lambda: [live.run for live in seen].count("live.0") > 1)
@@ -144,9 +139,9 @@ def test_running_runs_are_seen_live(client: Client) -> None:
     assert times == sorted(times)
 
 
-def test_a_run_in_the_cluster_is_watched_and_judged(client: Client, tmp_path: Path) -> None:
-    seen: list[LiveSnapshot] = []
-    judged: list[LiveJudgement] = []
+def test_a_run_in_the_cluster_is_watched_and_judged(client, tmp_path):
+    seen = []
+    judged = []
     log = tmp_path / "log"
     client.submit(make_submission("watched", 1, sleep=600.0, log=str(log)))
     with client.watch("watched.0", seen.append, judged.append):
@@ -160,9 +155,9 @@ def test_a_run_in_the_cluster_is_watched_and_judged(client: Client, tmp_path: Pa
     assert len(judged[-1].log) == 2000
 
 
-def test_a_run_that_dask_begins_anew_elsewhere_is_still_watched(tmp_path: Path) -> None:
-    seen: list[LiveSnapshot] = []
-    judged: list[LiveJudgement] = []
+def test_a_run_that_dask_begins_anew_elsewhere_is_still_watched(tmp_path):
+    seen = []
+    judged = []
     log = tmp_path / "log"
     with (
         dask_in(tmp_path / "dask", kind="patient") as dask,
@@ -186,7 +181,7 @@ def test_a_run_that_dask_begins_anew_elsewhere_is_still_watched(tmp_path: Path) 
         client.cancel("anew")
 
 
-def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_path: Path) -> None:
+def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask, tmp_path):
     # On a busy machine a lease may lapse before its run begins: then it begins again.
     with (
         daemon_at(tmp_path / "state", attempts=50, lease=3.0) as daemon,
@@ -201,9 +196,7 @@ def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_pa
         eventually(lambda: client.overview().queued == 2)
 
 
-def test_a_dask_worker_that_dies_costs_its_runs_nothing_but_time(
-    client: Client, dask: Dask, tmp_path: Path
-) -> None:
+def test_a_dask_worker_that_dies_costs_its_runs_nothing_but_time(client, dask, tmp_path):
     (victim,) = dask.start_workers(1)
     eventually(lambda: client.workers()[0].slots == 3)
     log, gate = tmp_path / "log", tmp_path / "gate"
@@ -221,9 +214,7 @@ def test_a_dask_worker_that_dies_costs_its_runs_nothing_but_time(
     eventually(lambda: client.workers()[0].slots == 2)
 
 
-def test_dask_workers_of_another_version_are_left_out(
-    dask: Dask, client: Client, worker: Part
-) -> None:
+def test_dask_workers_of_another_version_are_left_out(dask, client, worker):
     slots = client.workers()[0].slots
     dask.start_workers(8, kind="other")
     dask.start_workers(8, kind="lacking")
@@ -235,16 +226,14 @@ def test_dask_workers_of_another_version_are_left_out(
     assert [row.attempt for row in client.runs("versions").rows] == [1] * 8
 
 
-def test_a_scheduler_without_this_version_is_refused(daemon: DaemonPart, tmp_path: Path) -> None:
+def test_a_scheduler_without_this_version_is_refused(daemon, tmp_path):
     with dask_in(tmp_path, kind="lacking") as cluster:
         part = gateway(cluster, daemon)
         assert part.wait() == 5
     assert "pip install 'scenario-tui==" in part.output
 
 
-def test_a_real_run_leaves_the_same_bytes_as_here(
-    dask: Dask, campaigns: Path, tmp_path: Path
-) -> None:
+def test_a_real_run_leaves_the_same_bytes_as_here(dask, campaigns, tmp_path):
     demo = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     spec = replace(demo.runs[0], sut=SutReference("idle", "idle", {}), limit=1.0)
     submission = Submission("c", "C", "", "text", (spec,), demo.scenes[:1], fresh=True)

@@ -1,14 +1,9 @@
 """What a worker waits for while a run ends."""
 
-from __future__ import annotations
-
 import os
-from collections.abc import Iterator
 from multiprocessing import Pipe
-from multiprocessing.connection import Connection, wait
-from pathlib import Path
+from multiprocessing.connection import wait
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -20,7 +15,7 @@ from tests.daemon.batch.samples import make_spec
 
 
 @pytest.fixture
-def guardian() -> Iterator[Any]:
+def guardian():
     """A process that goes on until ``held`` is closed, as far as can be seen from outside."""
     sentinel, held = os.pipe()
     yield SimpleNamespace(sentinel=sentinel, held=held, exitcode=None)
@@ -28,15 +23,13 @@ def guardian() -> Iterator[Any]:
     os.close(held)
 
 
-def execution_of(guardian: Any, wire: Connection, folder: Path) -> ForkedExecution:
+def execution_of(guardian, wire, folder):
     lease = Lease("c.0", "c", 1, 7, "c/S1.mcap", make_spec())
     attempt = Attempt.prepare(folder / "attempt-1", lease)
     return ForkedExecution(attempt, guardian, wire, 1e9, float("inf"), lambda: None, lambda: None)
 
 
-def test_a_pipe_the_run_has_closed_wakes_nobody_while_its_guardian_ends(
-    tmp_path: Path, guardian: Any
-) -> None:
+def test_a_pipe_the_run_has_closed_wakes_nobody_while_its_guardian_ends(tmp_path, guardian):
     ours, theirs = Pipe(duplex=False)
     execution = execution_of(guardian, ours, tmp_path)
     with ours:
@@ -50,9 +43,7 @@ def test_a_pipe_the_run_has_closed_wakes_nobody_while_its_guardian_ends(
         assert execution.end.why == "no such door"
 
 
-def test_a_run_that_was_killed_in_the_middle_of_a_message_ends_nobody_else(
-    tmp_path: Path, guardian: Any
-) -> None:
+def test_a_run_that_was_killed_in_the_middle_of_a_message_ends_nobody_else(tmp_path, guardian):
     ours, theirs = Pipe(duplex=False)
     execution = execution_of(guardian, ours, tmp_path)
     with ours:

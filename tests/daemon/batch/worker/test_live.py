@@ -1,16 +1,11 @@
 """What is published of running runs: nothing unless somebody listens, and no more than the line."""
 
-from __future__ import annotations
-
-from collections.abc import Collection, Iterator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from daemon.batch import bus
-from daemon.batch.client import Client
 from daemon.batch.run_process import Wanted
 from daemon.batch.worker import _live
 from daemon.batch.worker._live import LINE_RATE, LineBudget, LivePublisher
@@ -21,7 +16,7 @@ from daemon.model.status import LiveSnapshot
 from daemon.model.verbs import OVERVIEW
 from grammars.model.geometry import Pose2
 from grammars.text import codec
-from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.harness import daemon_at, eventually
 
 RUN = "c.0"
 POINTS = tuple(range(-430, 430))
@@ -32,15 +27,15 @@ LOG = tuple(LogLine(i / 7.0, "sut", f"{i * 7919 % 100003:x} {i}") for i in range
 class Told:
     """An execution that tells what it is given to."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.attempt = SimpleNamespace(lease=SimpleNamespace(run=RUN))
         self.live = self.judged = b""
-        self.wanted: list[Collection[Wanted]] = []
+        self.wanted = []
 
-    def watch(self, wanted: frozenset[Wanted]) -> None:
+    def watch(self, wanted):
         self.wanted.append(wanted)
 
-    def tells(self, time: float, *, judged: bool = False) -> None:
+    def tells(self, time, *, judged=False):
         picture = Snapshot(time, 60.0, Pose2(time), None, 0, 1, (), returns=POINTS)
         self.live = codec.to_json(LiveSnapshot(RUN, picture))
         if judged:
@@ -48,25 +43,25 @@ class Told:
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(tmp_path_factory):
     with daemon_at(tmp_path_factory.mktemp("daemon") / "state") as part:
         yield part
 
 
 @pytest.fixture
-def client(daemon: DaemonPart) -> Iterator[Client]:
+def client(daemon):
     with daemon.client() as connected:
         yield connected
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+def clock(monkeypatch):
     now = SimpleNamespace(time=1000.0)
     monkeypatch.setattr(_live, "time", SimpleNamespace(monotonic=lambda: now.time))
     return now
 
 
-def publish_seconds(publisher: LivePublisher, told: Any, clock: Any, seconds: int) -> None:
+def publish_seconds(publisher, told, clock, seconds):
     """Let a run tell itself ten times a second, and what it is judged by once a second."""
     for step in range(10 * seconds):
         clock.time += 0.1
@@ -76,11 +71,9 @@ def publish_seconds(publisher: LivePublisher, told: Any, clock: Any, seconds: in
         bus.ask(publisher.session, "the daemon", OVERVIEW, Empty(), 30.0)
 
 
-def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(
-    daemon: DaemonPart, client: Client, clock: SimpleNamespace
-) -> None:
-    told: Any = Told()
-    heard: list[LiveSnapshot] = []
+def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(daemon, client, clock):
+    told = Told()
+    heard = []
     with bus.open_client(daemon.endpoint) as session:
         publisher = LivePublisher(session, "worker-1")
         publish_seconds(publisher, told, clock, 2)
@@ -91,12 +84,10 @@ def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(
         assert (told.wanted, heard) == ([], [])
 
 
-def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(
-    daemon: DaemonPart, client: Client, clock: SimpleNamespace
-) -> None:
-    told: Any = Told()
-    sizes: dict[str, list[int]] = {}
-    judged: list[LiveJudgement] = []
+def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(daemon, client, clock):
+    told = Told()
+    sizes = {}
+    judged = []
     seconds = 20
     with (
         bus.open_client(daemon.endpoint) as session,
@@ -104,14 +95,14 @@ def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(
         client.watch(RUN, lambda _: None, judged.append),
     ):
 
-        def weigh(sample: Any) -> None:
+        def weigh(sample):
             sizes.setdefault(str(sample.key_expr), []).append(len(sample.payload.to_bytes()))
 
         subscriber = line.declare_subscriber(f"{LIVE}/**", weigh)
         publisher = LivePublisher(session, "worker-1")
         both = {Wanted.DETAILS, Wanted.JUDGEMENT}
 
-        def is_known() -> bool:
+        def is_known():
             told.tells(0.0)
             publisher.publish(told)
             return bool(told.wanted) and both <= set(told.wanted[-1])
@@ -131,7 +122,7 @@ def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(
     assert max(sizes[f"{LIVE}/owner/worker-1"]) < 300
 
 
-def test_a_short_message_after_a_pause_is_never_left_out() -> None:
+def test_a_short_message_after_a_pause_is_never_left_out():
     budget = LineBudget(filled_at=0.0)
     budget.spend(200_000)
     assert not budget.allows(1.0)
@@ -140,18 +131,16 @@ def test_a_short_message_after_a_pause_is_never_left_out() -> None:
     assert budget.allows(6.0)
 
 
-def test_who_watches_a_run_is_told_of_no_other_and_of_nothing_that_cannot_be(
-    daemon: DaemonPart, client: Client
-) -> None:
-    seen: list[LiveSnapshot] = []
-    judged: list[LiveJudgement] = []
+def test_who_watches_a_run_is_told_of_no_other_and_of_nothing_that_cannot_be(daemon, client):
+    seen = []
+    judged = []
     key = f"{LIVE}/owner/worker-1/{RUN}"
 
-    def snapshot(run: str, time: float, waiting: str = "") -> bytes:
+    def snapshot(run, time, waiting=""):
         picture = Snapshot(time, 60.0, Pose2(time), None, 0, 1, (), waiting=waiting)
         return codec.to_json(LiveSnapshot(run, picture))
 
-    def judgement(run: str, *log: LogLine) -> bytes:
+    def judgement(run, *log):
         return pack_judgement(LiveJudgement(run, 1.0, (), (), (), (), log))
 
     with client.watch(RUN, seen.append, judged.append), bus.open_client(daemon.endpoint) as session:
@@ -168,11 +157,9 @@ def test_who_watches_a_run_is_told_of_no_other_and_of_nothing_that_cannot_be(
     assert "\x1b" not in seen[0].snapshot.waiting + judged[0].log[0].text
 
 
-def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(
-    daemon: DaemonPart, client: Client, clock: SimpleNamespace
-) -> None:
-    told: Any = Told()
-    seen: list[LiveSnapshot] = []
+def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(daemon, client, clock):
+    told = Told()
+    seen = []
     with (
         bus.open_client(daemon.endpoint) as session,
         client.events(lambda _: None, seen.append),
@@ -180,7 +167,7 @@ def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(
     ):
         publisher = LivePublisher(session, "worker-1")
 
-        def is_watched() -> bool:
+        def is_watched():
             clock.time += 1.0
             told.tells(1.0)
             publisher.publish(told)
@@ -197,9 +184,7 @@ def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(
 
 
 @pytest.mark.parametrize(("told", "said"), [(12.5, 12.5), (1e300, MOST_SIMULATED), (-1.0, 0.0)])
-def test_a_renewal_never_says_of_a_run_what_is_refused(
-    daemon: DaemonPart, told: float, said: float
-) -> None:
+def test_a_renewal_never_says_of_a_run_what_is_refused(daemon, told, said):
     with bus.open_client(daemon.endpoint) as session:
         publisher, run = LivePublisher(session, "worker-1"), Told()
         run.tells(told)
@@ -213,7 +198,7 @@ def test_a_renewal_never_says_of_a_run_what_is_refused(
 
 
 @pytest.mark.parametrize("mark", ["", "details", "details judgement", "margin"])
-def test_the_word_for_a_run_is_read_by_it(tmp_path: Path, mark: str) -> None:
+def test_the_word_for_a_run_is_read_by_it(tmp_path, mark):
     from multiprocessing import Pipe
 
     from daemon.batch.run_process import WATCHED, SnapshotSender

@@ -1,7 +1,5 @@
 """How far ahead a worker leases, and how long it leaves off after trouble."""
 
-from __future__ import annotations
-
 import time
 
 import pytest
@@ -14,14 +12,14 @@ from daemon.batch.worker import BackgroundAsks, LeasePace, WorkerTrouble
     [(0.0, 0.5, 8, 0), (0.2, 0.5, 8, 6), (0.2, 60.0, 8, 0), (5.0, 0.5, 8, 8), (0.2, 0.0, 8, 0)],
 )
 def test_as_many_are_leased_ahead_as_end_during_two_round_trips(
-    monkeypatch: pytest.MonkeyPatch, way: float, duration: float, slots: int, ahead: int
-) -> None:
+    monkeypatch, way, duration, slots, ahead
+):
     pace = LeasePace()
     assert pace.ahead(slots) == 0
     now = 100.0
     monkeypatch.setattr(time, "monotonic", lambda: now)
 
-    def ask() -> str:
+    def ask():
         nonlocal now
         now += way
         return "answer"
@@ -31,7 +29,7 @@ def test_as_many_are_leased_ahead_as_end_during_two_round_trips(
     assert pace.ahead(slots) == ahead
 
 
-def test_pauses_double_until_a_success(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pauses_double_until_a_success(monkeypatch):
     now = 100.0
     monkeypatch.setattr(time, "monotonic", lambda: now)
     trouble, whole = WorkerTrouble(), 1.0
@@ -48,7 +46,7 @@ def test_pauses_double_until_a_success(monkeypatch: pytest.MonkeyPatch) -> None:
     assert trouble.until - now <= 1.25
 
 
-def test_answers_are_taken_once_and_wake_the_loop() -> None:
+def test_answers_are_taken_once_and_wake_the_loop():
     asks = BackgroundAsks()
     asks.start("one", lambda: 1)
     asks.start("two", lambda: 1 // 0)

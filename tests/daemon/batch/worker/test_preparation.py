@@ -1,7 +1,5 @@
 """What a run began with is done in the fork server for those like it, and who is kept out."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -9,7 +7,6 @@ from dataclasses import replace
 from multiprocessing import Pipe
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -20,9 +17,8 @@ from daemon.batch.worker._fork_server_preparation import ForkServerPreparation
 from daemon.model.execution import DEFAULT_EXECUTOR, EXECUTOR_VARIABLE, PREPARATION_VARIABLE
 from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.messages import Lease
-from daemon.model.spec import MapSettings, RunSpec, SutReference
+from daemon.model.spec import MapSettings, SutReference
 from daemon.run import execute, warm_up
-from grammars.model.scene import Scene
 from grammars.text import codec
 from tests.daemon.batch.samples import SCENE, make_result, make_spec
 
@@ -51,27 +47,25 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]))
 
 
 @pytest.fixture
-def preparation(monkeypatch: pytest.MonkeyPatch) -> ForkServerPreparation:
+def preparation(monkeypatch):
     monkeypatch.setenv(EXECUTOR_VARIABLE, DEFAULT_EXECUTOR)
     monkeypatch.setenv(PREPARATION_VARIABLE, "")
     return ForkServerPreparation(lambda *_: pytest.fail("nothing is to be compiled"))
 
 
-def example() -> list[str]:
+def example():
     """What the fork server is told to do: the file of a scene, the specification of a run."""
     return Path(os.environ[PREPARATION_VARIABLE]).read_text().split("\n")[1:]
 
 
-def ended(folder: Path, spec: RunSpec, **changes: Any) -> Attempt:
+def ended(folder, spec, **changes):
     attempt = Attempt.prepare(folder, Lease("c.0", "c", 1, 7, "c/0.mcap", spec))
     result = replace(make_result(spec), **changes)
     (folder / RESULT).write_bytes(codec.to_json(result))
     return attempt
 
 
-def test_what_a_run_began_with_is_done_once_for_those_like_it(
-    preparation: ForkServerPreparation, tmp_path: Path
-) -> None:
+def test_what_a_run_began_with_is_done_once_for_those_like_it(preparation, tmp_path):
     first, second = make_spec(0), make_spec(1)
     preparation.take_ended(ended(tmp_path / "a", first), tmp_path / "scene.json")
     preparation.take_ended(ended(tmp_path / "b", second), tmp_path / "scene.json")
@@ -81,9 +75,7 @@ def test_what_a_run_began_with_is_done_once_for_those_like_it(
     assert example()[1] == codec.to_json(finer).decode()
 
 
-def test_what_might_keep_the_fork_server_is_left_to_the_runs(
-    preparation: ForkServerPreparation, tmp_path: Path
-) -> None:
+def test_what_might_keep_the_fork_server_is_left_to_the_runs(preparation, tmp_path):
     spec = make_spec()
     long = replace(make_result(spec).timing, cpu=1e3)
     plugin = replace(spec, sut=replace(spec.sut, kind="their-stack"))
@@ -102,7 +94,7 @@ def test_what_might_keep_the_fork_server_is_left_to_the_runs(
     assert example() == []
 
 
-def serve(folder: Path, spec: RunSpec, scene: Scene, listed: str) -> tuple[int, str]:
+def serve(folder, spec, scene, listed):
     """Execute a run in a child of a fork server that was told ``listed``: it cannot draw a map."""
     (folder / "scene.json").write_bytes(codec.to_json(scene))
     (folder / "spec.json").write_bytes(codec.to_json(spec))
@@ -119,7 +111,7 @@ def serve(folder: Path, spec: RunSpec, scene: Scene, listed: str) -> tuple[int, 
     return done.returncode, done.stderr
 
 
-def test_a_run_that_finds_its_map_made_leaves_the_same_bytes(tmp_path: Path) -> None:
+def test_a_run_that_finds_its_map_made_leaves_the_same_bytes(tmp_path):
     warm_up(kernel_rooms("pilot", {}))  # the server takes from the disk what is there
     spec = replace(make_spec(), limit=0.5, oracles=())
     example = f"{tmp_path / 'scene.json'}\n{codec.to_json(replace(spec, seed=9)).decode()}"
@@ -128,7 +120,7 @@ def test_a_run_that_finds_its_map_made_leaves_the_same_bytes(tmp_path: Path) -> 
     assert (tmp_path / "trace.mcap").read_bytes() == (tmp_path / "here.mcap").read_bytes()
 
 
-def test_a_fork_server_outlives_a_scene_that_is_gone(tmp_path: Path) -> None:
+def test_a_fork_server_outlives_a_scene_that_is_gone(tmp_path):
     spec = make_spec()
     listed = f"1 daemon.simulator\n{tmp_path / 'gone.json'}\n{codec.to_json(spec).decode()}"
     code, said = serve(tmp_path, spec, SCENE, listed)
@@ -138,14 +130,12 @@ def test_a_fork_server_outlives_a_scene_that_is_gone(tmp_path: Path) -> None:
     assert "'NoneType' object is not callable" in said
 
 
-def test_only_what_the_system_of_a_run_calls_is_compiled_and_how_far_that_is_is_said(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_only_what_the_system_of_a_run_calls_is_compiled_and_how_far_that_is_is_said(monkeypatch):
     monkeypatch.setenv(EXECUTOR_VARIABLE, DEFAULT_EXECUTOR)
     monkeypatch.setenv(PREPARATION_VARIABLE, "")
     ours, theirs = Pipe(duplex=False)
     process = SimpleNamespace(join=lambda: None, close=lambda: None)
-    preparation = ForkServerPreparation(lambda *_: (process, ours))  # type: ignore[arg-type]
+    preparation = ForkServerPreparation(lambda *_: (process, ours))
     pilot, ros = SutReference("p", "pilot", {}), SutReference("r", "ros", {})
     assert not preparation.prepare(pilot, 0)
     listed = Path(os.environ[PREPARATION_VARIABLE]).read_text().split()[1:]

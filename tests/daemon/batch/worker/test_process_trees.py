@@ -1,18 +1,13 @@
 """Nothing that a run has started outlives it, whatever ends it: processes that are really there."""
 
-from __future__ import annotations
-
 import signal
-from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 
 import psutil
 import pytest
 
-from daemon.batch.client import Client
 from daemon.model.run_state import RunState
-from tests.daemon.batch.harness import DaemonPart, alive, daemon_at, eventually, worker_for
+from tests.daemon.batch.harness import alive, daemon_at, eventually, worker_for
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 
 RUNS = {
@@ -24,7 +19,7 @@ RUNS = {
 }
 
 
-def processes(file: Path) -> list[psutil.Process]:
+def processes(file):
     """The processes that a run said it had left behind, those that are there."""
     found = []
     for number in map(int, file.read_text().split()):
@@ -33,7 +28,7 @@ def processes(file: Path) -> list[psutil.Process]:
     return found
 
 
-def test_nothing_outlives_a_run_however_it_ends(tmp_path: Path) -> None:
+def test_nothing_outlives_a_run_however_it_ends(tmp_path):
     specs = [
         make_spec(number, leaves=str(tmp_path / str(number)), **what)
         for number, what in enumerate(RUNS.values())
@@ -52,7 +47,7 @@ def test_nothing_outlives_a_run_however_it_ends(tmp_path: Path) -> None:
         assert "SIGKILL" in reasons[2]
 
 
-def test_nothing_outlives_a_run_whose_time_is_up(tmp_path: Path) -> None:
+def test_nothing_outlives_a_run_whose_time_is_up(tmp_path):
     file = tmp_path / "left"
     settings = {"wall": 2.0, "attempts": 1}
     with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.client() as client:
@@ -64,20 +59,18 @@ def test_nothing_outlives_a_run_whose_time_is_up(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(tmp_path_factory):
     with daemon_at(tmp_path_factory.mktemp("trees") / "state", lease=1800.0) as part:
         yield part
 
 
 @pytest.fixture(scope="module")
-def client(daemon: DaemonPart) -> Iterator[Client]:
+def client(daemon):
     with daemon.client() as connected:
         yield connected
 
 
-def test_nothing_outlives_a_run_that_is_not_wanted(
-    daemon: DaemonPart, client: Client, tmp_path: Path
-) -> None:
+def test_nothing_outlives_a_run_that_is_not_wanted(daemon, client, tmp_path):
     with worker_for(daemon):
         begun = begin(client, "cancelled", tmp_path / "left")
         client.cancel("cancelled")
@@ -85,9 +78,7 @@ def test_nothing_outlives_a_run_that_is_not_wanted(
 
 
 @pytest.mark.parametrize("number", [signal.SIGQUIT, signal.SIGKILL], ids=lambda n: n.name)
-def test_nothing_outlives_a_worker(
-    daemon: DaemonPart, client: Client, tmp_path: Path, number: signal.Signals
-) -> None:
+def test_nothing_outlives_a_worker(daemon, client, tmp_path, number):
     with worker_for(daemon) as worker:
         begun = begin(client, f"worker-{number:d}", tmp_path / "left")
         worker.signal(number)
@@ -96,7 +87,7 @@ def test_nothing_outlives_a_worker(
     client.cancel(f"worker-{number:d}")
 
 
-def test_nothing_outlives_a_fork_server(daemon: DaemonPart, client: Client, tmp_path: Path) -> None:
+def test_nothing_outlives_a_fork_server(daemon, client, tmp_path):
     with worker_for(daemon) as worker:
         begun = begin(client, "server", tmp_path / "left")
         (server,) = [one for one in psutil.Process(worker.pid).children() if one.children()]
@@ -105,7 +96,7 @@ def test_nothing_outlives_a_fork_server(daemon: DaemonPart, client: Client, tmp_
         eventually(lambda: not alive(begun))
 
 
-def begin(client: Client, campaign: str, file: Path) -> list[psutil.Process]:
+def begin(client, campaign, file):
     """Have a run begin that lasts; returns what it has left behind so far."""
     client.submit(make_submission(campaign, 1, leaves=str(file), sleep=600.0))
     return eventually(lambda: file.exists() and len(found := processes(file)) == 2 and found)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,6 @@ from daemon.model.messages import (
     Lease,
     LedgerAcknowledgement,
     LedgerAnswer,
-    TraceUploadChunk,
     UploadProgress,
 )
 from daemon.model.spec import TraceInfo
@@ -41,7 +39,7 @@ class Daemon:
     sizes: list[int] = field(default_factory=list)
     completions: list[Any] = field(default_factory=list)
 
-    def ask(self, verb: object, request: Any) -> object:
+    def ask(self, verb, request):
         if verb is verbs.COMPLETE:
             self.completions.append(request)
             return LedgerAcknowledgement(
@@ -49,7 +47,7 @@ class Daemon:
             )
         return self._receive(request)
 
-    def _receive(self, chunk: TraceUploadChunk) -> UploadProgress:
+    def _receive(self, chunk):
         if self.faults:
             fault = self.faults.pop(0)
             if isinstance(fault, UploadProgress):
@@ -62,12 +60,12 @@ class Daemon:
 
 
 @pytest.fixture
-def daemon() -> Daemon:
+def daemon():
     return Daemon()
 
 
 @pytest.fixture
-def attempt(tmp_path: Path) -> Attempt:
+def attempt(tmp_path):
     """A finished attempt in the spool."""
     spec = make_spec()
     (tmp_path / TRACE).write_bytes(DATA)
@@ -77,22 +75,20 @@ def attempt(tmp_path: Path) -> Attempt:
 
 
 @pytest.fixture
-def uploader(daemon: Daemon, tmp_path: Path) -> ResultUploader:
+def uploader(daemon, tmp_path):
     return uploader_of(daemon, tmp_path)
 
 
-def uploader_of(daemon: Daemon, folder: Path, **options: float) -> ResultUploader:
+def uploader_of(daemon, folder, **options):
     paths = WorkerPaths(StatePaths(folder / "own"), shared=False)
-    return ResultUploader(daemon, "w", paths, lambda _: None, **options)  # type: ignore[arg-type]
+    return ResultUploader(daemon, "w", paths, lambda _: None, **options)
 
 
-def delivered(uploader: ResultUploader, attempt: Attempt) -> Callable[[], bool]:
+def delivered(uploader, attempt):
     return lambda: uploader.deliver(attempt)
 
 
-def test_parts_grow_on_a_quick_link(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
-) -> None:
+def test_parts_grow_on_a_quick_link(uploader, daemon, attempt):
     eventually(delivered(uploader, attempt))
     assert daemon.arrived == DATA
     sent = [size for size in daemon.sizes if size]
@@ -102,9 +98,7 @@ def test_parts_grow_on_a_quick_link(
     assert (completion.token, completion.uploaded, completion.location) == (7, True, "")
 
 
-def test_a_break_costs_a_question_and_smaller_parts(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
-) -> None:
+def test_a_break_costs_a_question_and_smaller_parts(uploader, daemon, attempt):
     daemon.arrived = DATA[:100_000]  # of before
     daemon.faults = [Unreachable("gone")]
     before = uploader._chunk
@@ -115,9 +109,7 @@ def test_a_break_costs_a_question_and_smaller_parts(
     assert daemon.arrived == DATA
 
 
-def test_faults_on_the_way_are_not_for_ever(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
-) -> None:
+def test_faults_on_the_way_are_not_for_ever(uploader, daemon, attempt):
     daemon.faults = [UploadProgress(0, complete=False, problem="the chunk is damaged")] * 5
     with pytest.raises(OSError, match="does not arrive: the chunk is damaged"):
         eventually(delivered(uploader, attempt))
@@ -125,9 +117,7 @@ def test_faults_on_the_way_are_not_for_ever(
     assert daemon.arrived == DATA
 
 
-def test_a_daemon_without_room_is_asked_again_later(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
-) -> None:
+def test_a_daemon_without_room_is_asked_again_later(uploader, daemon, attempt):
     """Not as if it was gone: then nothing else would be told to it either."""
     daemon.faults = [Unavailable("the disk is full")]
     with pytest.raises(OSError, match="the disk is full"):
@@ -135,15 +125,13 @@ def test_a_daemon_without_room_is_asked_again_later(
     eventually(delivered(uploader, attempt))
 
 
-def test_a_stale_lease_ends_it(uploader: ResultUploader, daemon: Daemon, attempt: Attempt) -> None:
+def test_a_stale_lease_ends_it(uploader, daemon, attempt):
     daemon.faults = [Refused("the lease 7 of c.0 is stale")]
     with pytest.raises(Refused):
         uploader.deliver(attempt)
 
 
-def test_a_trace_the_daemon_has_lost_is_sent_again(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
-) -> None:
+def test_a_trace_the_daemon_has_lost_is_sent_again(uploader, daemon, attempt):
     daemon.answers = [LedgerAnswer.MISSING]
     assert not uploader.deliver(attempt)
     daemon.arrived = b""
@@ -152,9 +140,7 @@ def test_a_trace_the_daemon_has_lost_is_sent_again(
     assert len(daemon.completions) == 2
 
 
-def test_a_trace_damaged_in_the_spool_is_never_sent(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
-) -> None:
+def test_a_trace_damaged_in_the_spool_is_never_sent(uploader, daemon, attempt):
     (attempt.folder / TRACE).write_bytes(DATA[:-1])
     with pytest.raises(ValueError, match="damaged in the spool"):
         uploader.deliver(attempt)
@@ -164,9 +150,7 @@ def test_a_trace_damaged_in_the_spool_is_never_sent(
     assert not daemon.arrived
 
 
-def test_a_slow_link_leaves_time_for_everything_else(
-    daemon: Daemon, attempt: Attempt, tmp_path: Path
-) -> None:
+def test_a_slow_link_leaves_time_for_everything_else(daemon, attempt, tmp_path):
     uploader = uploader_of(daemon, tmp_path, turn=0.0)
     turns = 1
     while not uploader.deliver(attempt):
@@ -183,9 +167,7 @@ def test_a_slow_link_leaves_time_for_everything_else(
         (LedgerAnswer.REDUNDANT, False),
     ],
 )
-def test_a_store_gets_it_directly(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt, answer: LedgerAnswer, stays: bool
-) -> None:
+def test_a_store_gets_it_directly(uploader, daemon, attempt, answer, stays):
     store = (attempt.folder / "store").as_uri()
     attempt = Attempt(replace(attempt.lease, store=store), attempt.folder)
     daemon.answers = [answer]
@@ -197,9 +179,7 @@ def test_a_store_gets_it_directly(
     assert not daemon.arrived
 
 
-def test_a_store_that_cannot_be_written_keeps_it_in_the_spool(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
-) -> None:
+def test_a_store_that_cannot_be_written_keeps_it_in_the_spool(uploader, daemon, attempt):
     (attempt.folder / "store").write_text("no folder")
     store = (attempt.folder / "store").as_uri()
     attempt = Attempt(replace(attempt.lease, store=store), attempt.folder)
@@ -210,7 +190,7 @@ def test_a_store_that_cannot_be_written_keeps_it_in_the_spool(
 
 
 @pytest.fixture
-def small(tmp_path: Path) -> Attempt:
+def small(tmp_path):
     """A finished attempt whose trace is small."""
     (tmp_path / "small").mkdir()
     spec, data = make_spec(), DATA[:1000]
@@ -220,9 +200,7 @@ def small(tmp_path: Path) -> Attempt:
     return Attempt(Lease("c.0", "c", 1, 7, "c/S1.pilot.0.mcap", spec), tmp_path / "small")
 
 
-def test_a_small_trace_travels_with_its_result(
-    uploader: ResultUploader, daemon: Daemon, small: Attempt
-) -> None:
+def test_a_small_trace_travels_with_its_result(uploader, daemon, small):
     assert uploader.deliver(small)
     (completion,) = daemon.completions
     sha256 = completion.result.trace.sha256
@@ -231,17 +209,13 @@ def test_a_small_trace_travels_with_its_result(
     assert uploader.moved == 1000
 
 
-def test_one_that_came_damaged_is_sent_part_by_part(
-    uploader: ResultUploader, daemon: Daemon, small: Attempt
-) -> None:
+def test_one_that_came_damaged_is_sent_part_by_part(uploader, daemon, small):
     daemon.answers = [LedgerAnswer.MISSING]
     eventually(delivered(uploader, small))
     assert daemon.arrived == DATA[:1000]
     assert [bool(one.trace) for one in daemon.completions] == [True, False]
 
 
-def test_one_that_is_too_large_for_a_slow_link_is_sent_part_by_part(
-    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
-) -> None:
+def test_one_that_is_too_large_for_a_slow_link_is_sent_part_by_part(uploader, daemon, attempt):
     eventually(delivered(uploader, attempt))
     assert [one.trace for one in daemon.completions] == [""]

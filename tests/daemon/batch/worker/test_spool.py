@@ -1,10 +1,7 @@
 """What a dead worker left in the spool, and who may take it over."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -16,29 +13,29 @@ from tests.daemon.batch.samples import make_spec
 
 
 @pytest.fixture
-def places(tmp_path: Path) -> StatePaths:
+def places(tmp_path):
     paths = StatePaths(tmp_path)
     paths.make_folders()
     return paths
 
 
-def lease(position: int) -> Lease:
+def lease(position):
     return Lease(f"c.{position}", "c", 1, 7 + position, f"c/{position}.mcap", make_spec(position))
 
 
-def leave(places: StatePaths, holder: str = "") -> None:
+def leave(places, holder=""):
     """A worker that dies with two attempts, the first of them finished."""
     with closing(Spool(places, "dead", holder)) as spool:
         (spool.open(lease(0)).folder / RESULT).touch()
         spool.open(lease(1))
 
 
-def adopt(places: StatePaths, worker: str, holder: str = "") -> AdoptedWork:
+def adopt(places, worker, holder=""):
     with closing(Spool(places, worker, holder)) as spool:
         return spool.adopt()
 
 
-def test_finished_attempts_and_all_other_leases_are_adopted_once(places: StatePaths) -> None:
+def test_finished_attempts_and_all_other_leases_are_adopted_once(places):
     with closing(Spool(places, "heir")) as heir:
         with closing(Spool(places, "living")) as living:
             living.open(lease(2))
@@ -52,9 +49,7 @@ def test_finished_attempts_and_all_other_leases_are_adopted_once(places: StatePa
         assert heir.adopt() == AdoptedWork()
 
 
-def test_attempts_of_a_run_that_was_deleted_and_submitted_again_keep_apart(
-    places: StatePaths,
-) -> None:
+def test_attempts_of_a_run_that_was_deleted_and_submitted_again_keep_apart(places):
     with closing(Spool(places, "one")) as spool:
         before, again = spool.open(lease(0)), spool.open(replace(lease(0), token=9))
         before.discard()
@@ -63,14 +58,14 @@ def test_attempts_of_a_run_that_was_deleted_and_submitted_again_keep_apart(
         assert not again.folder.parent.exists()
 
 
-def test_what_was_leased_under_another_key_waits_for_that_key(places: StatePaths) -> None:
+def test_what_was_leased_under_another_key_waits_for_that_key(places):
     leave(places, "worker.spare")
     assert adopt(places, "owners") == AdoptedWork()
     assert adopt(places, "others", "worker.other") == AdoptedWork()
     assert len(adopt(places, "heir", "worker.spare").finished) == 1
 
 
-def test_what_an_earlier_version_left_is_anybodys(places: StatePaths) -> None:
+def test_what_an_earlier_version_left_is_anybodys(places):
     leave(places)
     (places.spool / "dead" / "lock").write_text("")
     assert len(adopt(places, "heir", "worker.spare").unfinished) == 1

@@ -1,19 +1,14 @@
 """Who is blamed when Dask workers die: the gateway's bookkeeping, without a cluster."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
 from contextlib import closing
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from distributed import KilledWorker
 
 from daemon.batch.run_process import RESULT
 from daemon.batch.worker import Attempt
-from daemon.batch.worker.cluster import Gateway, RemoteExecution
+from daemon.batch.worker.cluster import Gateway
 from daemon.batch.worker.cluster._remote import JobProgress
 from daemon.model.execution import DaskScheduler, RunLimits
 from daemon.model.messages import Lease
@@ -27,20 +22,19 @@ from tests.daemon.batch.samples import make_spec
 class Task:
     """What Dask knows of an attempt; ends when told to."""
 
-    def __init__(self, key: str) -> None:
+    def __init__(self, key):
         self.key = key
-        self._take: Callable[[Task], None]
 
-    def add_done_callback(self, take: Callable[[Task], None]) -> None:
+    def add_done_callback(self, take):
         self._take = take
 
-    def die(self) -> None:
+    def die(self):
         self._take(self)
 
-    def result(self) -> None:
+    def result(self):
         raise KilledWorker(self.key, SimpleNamespace(address="tcp://there:1"), 3)
 
-    def release(self) -> None: ...
+    def release(self): ...
 
 
 class Cluster:
@@ -48,36 +42,36 @@ class Cluster:
 
     topic = "topic"
 
-    def __init__(self) -> None:
-        self.tasks: list[Task] = []
+    def __init__(self):
+        self.tasks = []
         self.connected, self.has_only_unfit = True, False
         self.threads = 0
         self.shortage = "nobody is there"
 
-    def submit(self, *_: object) -> tuple[Task, frozenset[str]]:
+    def submit(self, *_):
         self.tasks.append(Task(str(len(self.tasks))))
         return self.tasks[-1], frozenset()
 
-    def has_no_worker(self, _: frozenset[str]) -> bool:
+    def has_no_worker(self, _):
         return False
 
-    def close(self) -> None: ...
+    def close(self): ...
 
 
 @pytest.fixture
-def cluster() -> Cluster:
+def cluster():
     return Cluster()
 
 
 @pytest.fixture
-def gateway(cluster: Cluster) -> Iterator[Gateway]:
-    made: Any = Gateway(DaskScheduler("tcp://nowhere:1"), "none", slots=4, log=lambda _: None)
+def gateway(cluster):
+    made = Gateway(DaskScheduler("tcp://nowhere:1"), "none", slots=4, log=lambda _: None)
     made._cluster = cluster
     with closing(made):
         yield made
 
 
-def start(gateway: Gateway, folder: Path, *runs: str) -> list[RemoteExecution]:
+def start(gateway, folder, *runs):
     started = []
     for name in runs:
         (folder / name).mkdir(exist_ok=True)
@@ -86,7 +80,7 @@ def start(gateway: Gateway, folder: Path, *runs: str) -> list[RemoteExecution]:
     return started
 
 
-def take_in(*runs: RemoteExecution) -> list[bool]:
+def take_in(*runs):
     """What the worker does with ended attempts; whether they are blamed."""
     blamed = []
     for run in runs:
@@ -98,8 +92,8 @@ def take_in(*runs: RemoteExecution) -> list[bool]:
 
 
 def test_suspects_are_executed_one_at_a_time_and_only_the_second_death_is_blamed(
-    gateway: Gateway, cluster: Cluster, tmp_path: Path
-) -> None:
+    gateway, cluster, tmp_path
+):
     first = start(gateway, tmp_path, "guilty", "beside", "innocent")
     assert len(cluster.tasks) == 3
     for task in cluster.tasks:
@@ -125,9 +119,7 @@ def test_suspects_are_executed_one_at_a_time_and_only_the_second_death_is_blamed
     assert stranger.end is None
 
 
-def test_a_suspect_that_waits_can_be_given_up(
-    gateway: Gateway, cluster: Cluster, tmp_path: Path
-) -> None:
+def test_a_suspect_that_waits_can_be_given_up(gateway, cluster, tmp_path):
     first = start(gateway, tmp_path, "one", "two", "three")
     for task in cluster.tasks:
         task.die()
@@ -142,10 +134,10 @@ def test_a_suspect_that_waits_can_be_given_up(
     assert len(cluster.tasks) == 5  # "three" goes on, "two" never did
 
 
-def test_a_cluster_that_executes_nothing_for_a_while_is_said_with_the_reason() -> None:
-    said: list[str] = []
+def test_a_cluster_that_executes_nothing_for_a_while_is_said_with_the_reason():
+    said = []
     scheduler = DaskScheduler("tcp://nowhere:1")
-    made: Any = Gateway(scheduler, "none", slots=None, log=said.append, patience=0.0)
+    made = Gateway(scheduler, "none", slots=None, log=said.append, patience=0.0)
     with closing(made):
         made.listen()
         assert made.trouble.startswith("the Dask scheduler tcp://nowhere:1 does not answer")
@@ -159,17 +151,17 @@ def test_a_cluster_that_executes_nothing_for_a_while_is_said_with_the_reason() -
     assert said[1:] == ["no slots: nobody is there", "the cluster executes runs again"]
 
 
-def test_a_cluster_may_be_without_slots_for_a_moment() -> None:
-    said: list[str] = []
-    made: Any = Gateway(DaskScheduler("tcp://nowhere:1"), "none", slots=None, log=said.append)
+def test_a_cluster_may_be_without_slots_for_a_moment():
+    said = []
+    made = Gateway(DaskScheduler("tcp://nowhere:1"), "none", slots=None, log=said.append)
     with closing(made):
         made.listen()
         assert (made.trouble, said) == ("", [])
 
 
 def test_what_a_process_of_the_cluster_prepares_is_passed_on_until_a_run_begins(
-    gateway: Any, cluster: Cluster, tmp_path: Path
-) -> None:
+    gateway, cluster, tmp_path
+):
     (run,) = start(gateway, tmp_path, "one")
     (task,) = cluster.tasks
     words = "compiling kernels 7/42 (once on this machine)"

@@ -1,19 +1,11 @@
 """A run that waits for its kernels keeps no other from the slots that are free."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time
 from dataclasses import replace
-from pathlib import Path
-from typing import NoReturn
 
-import pytest
-
-from daemon.batch.client import Client
-from daemon.batch.worker import Attempt, _work, work
-from daemon.model.execution import RunLimits
+from daemon.batch.worker import _work, work
 from daemon.model.spec import SutReference
 from tests.daemon.batch.harness import EXECUTOR, daemon_at
 from tests.daemon.batch.samples import make_spec, submission_of
@@ -29,13 +21,13 @@ class Compiling:
     trouble = ""
     preparing = "compiling kernels 1/2"
 
-    def __init__(self) -> None:
-        self.started: list[str] = []
+    def __init__(self):
+        self.started = []
         self._looks = 0
 
-    def listen(self) -> None: ...
+    def listen(self): ...
 
-    def prepare(self, sut: SutReference, _: RunLimits) -> bool:
+    def prepare(self, sut, _):
         if sut.kind == "pilot":
             return True
         self._looks += 1
@@ -43,15 +35,13 @@ class Compiling:
             os.kill(os.getpid(), signal.SIGQUIT)
         return False
 
-    def start(self, attempt: Attempt, *_: object) -> NoReturn:
+    def start(self, attempt, *_):
         self.started.append(attempt.lease.run)
         os.kill(os.getpid(), signal.SIGQUIT)
         raise OSError("it has been seen")
 
 
-def test_a_run_that_waits_for_kernels_keeps_no_other_waiting(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_waits_for_kernels_keeps_no_other_waiting(tmp_path, monkeypatch):
     first = replace(make_spec(0), sut=SutReference("ros", "ros", {}))
     backend = Compiling()
     monkeypatch.setattr(_work, "_open_backend", lambda *_: backend)
@@ -65,25 +55,23 @@ def test_a_run_that_waits_for_kernels_keeps_no_other_waiting(
 class Counting(Compiling):
     """Compiles on and on; ends the worker when the daemon calls it busy, or after a while."""
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client):
         super().__init__()
         self.client, self.busy, self._until = client, 0, time.monotonic() + 20.0
 
     @property
-    def preparing(self) -> str:  # type: ignore[override]
+    def preparing(self):
         self._looks += 1
         return f"compiling kernels {self._looks}/1000"
 
-    def prepare(self, *_: object) -> bool:
+    def prepare(self, *_):
         self.busy = sum(row.busy for row in self.client.workers())
         if self.busy == self.slots or time.monotonic() > self._until:
             os.kill(os.getpid(), signal.SIGQUIT)
         return False
 
 
-def test_runs_that_wait_for_kernels_have_their_slots(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_that_wait_for_kernels_have_their_slots(tmp_path, monkeypatch):
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         backend = Counting(client)
         monkeypatch.setattr(_work, "_open_backend", lambda *_: backend)

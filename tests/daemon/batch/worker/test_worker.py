@@ -2,7 +2,6 @@ import hashlib
 import os
 import signal
 import sqlite3
-from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -11,19 +10,15 @@ import psutil
 import pytest
 
 from daemon.batch import bus
-from daemon.batch.client import Client
 from daemon.batch.errors import Refused
 from daemon.batch.run_process import WATCHED
 from daemon.model import verbs
-from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import LeaseRequest, WorkerInfo
 from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
-from daemon.model.status import LiveSnapshot
 from daemon.model.verdicts import Outcome
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.daemon.batch.harness import (
-    DaemonPart,
     Part,
     alive,
     daemon_at,
@@ -36,23 +31,23 @@ from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+def daemon(tmp_path_factory):
     """A daemon with a local worker of two slots that most tests share; renewals take for ever."""
     with daemon_at(tmp_path_factory.mktemp("worker") / "state", 2, lease=1800.0) as part:
         yield part
 
 
 @pytest.fixture
-def client(daemon: DaemonPart) -> Iterator[Client]:
+def client(daemon):
     with daemon.client() as connected:
         yield connected
 
 
-def done(client: Client, campaign: str) -> bool:
+def done(client, campaign):
     return next(row.finished for row in client.campaigns() if row.id == campaign)
 
 
-def test_runs_come_back_with_results_and_traces(client: Client) -> None:
+def test_runs_come_back_with_results_and_traces(client):
     client.submit(make_submission("plain", 6, outcome="fail"))
     eventually(lambda: done(client, "plain"))
     for row in client.runs("plain").rows:
@@ -62,7 +57,7 @@ def test_runs_come_back_with_results_and_traces(client: Client) -> None:
         assert hashlib.sha256(Path(row.trace).read_bytes()).hexdigest() == result.trace.sha256
 
 
-def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) -> None:
+def test_every_run_has_a_fresh_and_nice_process(client, tmp_path):
     log = tmp_path / "log"
     client.submit(make_submission("fresh", 8, log=str(log)))
     eventually(lambda: done(client, "fresh"))
@@ -72,14 +67,14 @@ def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) 
     assert all(int(nice) >= 10 for _, _, nice in lines)
 
 
-def test_a_crashing_run_is_tried_again(client: Client) -> None:
+def test_a_crashing_run_is_tried_again(client):
     client.submit(make_submission("crash", 1, crash=[1, 2]))
     eventually(lambda: done(client, "crash"))
     (row,) = client.runs("crash").rows
     assert (row.state, row.attempt, row.reason) == (RunState.DONE, 3, "")
 
 
-def test_a_run_that_always_crashes_is_lost_and_harms_no_other(client: Client) -> None:
+def test_a_run_that_always_crashes_is_lost_and_harms_no_other(client):
     poison = make_spec(0, crash=[1, 2, 3])
     client.submit(submission_of("poison", poison, *(make_spec(i) for i in range(1, 6))))
     eventually(lambda: done(client, "poison"))
@@ -89,7 +84,7 @@ def test_a_run_that_always_crashes_is_lost_and_harms_no_other(client: Client) ->
     assert [(row.state, row.attempt) for row in others] == [(RunState.DONE, 1)] * 5
 
 
-def test_a_native_crash_tells_where_it_was_and_what_it_said(client: Client) -> None:
+def test_a_native_crash_tells_where_it_was_and_what_it_said(client):
     client.submit(make_submission("abort", 1, abort="planning a way"))
     eventually(lambda: done(client, "abort"))
     (row,) = client.runs("abort").rows
@@ -99,9 +94,7 @@ def test_a_native_crash_tells_where_it_was_and_what_it_said(client: Client) -> N
     assert "fake_run.py" in row.reason
 
 
-def test_what_a_run_prints_is_bounded_and_its_last_words_are_told(
-    client: Client, daemon: DaemonPart
-) -> None:
+def test_what_a_run_prints_is_bounded_and_its_last_words_are_told(client, daemon):
     client.submit(make_submission("loud", 1, prints=5, abort="out of luck"))
     eventually(lambda: done(client, "loud"))
     (row,) = client.runs("loud").rows
@@ -110,7 +103,7 @@ def test_what_a_run_prints_is_bounded_and_its_last_words_are_told(
     assert len(row.reason) < 10_000
 
 
-def test_results_are_bounded_where_they_are_made(client: Client) -> None:
+def test_results_are_bounded_where_they_are_made(client):
     large = {"evidence": 2**21}, {"verdicts": 5000, "outcome": "fail"}
     specs = [make_spec(number, **what) for number, what in enumerate(large)]
     client.submit(submission_of("large", *specs))
@@ -124,7 +117,7 @@ def test_results_are_bounded_where_they_are_made(client: Client) -> None:
     assert "5000 verdicts were left out" in lost.result.note
 
 
-def test_an_exception_is_never_a_verdict(client: Client) -> None:
+def test_an_exception_is_never_a_verdict(client):
     client.submit(make_submission("raises", 1, **{"raise": "no such door"}))
     eventually(lambda: done(client, "raises"))
     (row,) = client.runs("raises").rows
@@ -133,9 +126,7 @@ def test_an_exception_is_never_a_verdict(client: Client) -> None:
     assert client.run(row.id).result is None
 
 
-def test_a_run_whose_system_is_not_installed_waits_for_another_worker(
-    client: Client, daemon: DaemonPart
-) -> None:
+def test_a_run_whose_system_is_not_installed_waits_for_another_worker(client, daemon):
     absent = [replace(make_spec(i), sut=SutReference("mine", "absent", {})) for i in range(3)]
     client.submit(submission_of("absent", *absent, *(make_spec(i) for i in range(4))))
     eventually(lambda: client.overview().queued == 3 and not client.overview().running)
@@ -153,7 +144,7 @@ def test_a_run_whose_system_is_not_installed_waits_for_another_worker(
     assert client.cancel("absent") == 3
 
 
-def test_a_run_that_eats_memory_is_stopped(client: Client) -> None:
+def test_a_run_that_eats_memory_is_stopped(client):
     client.submit(make_submission("memory", 1, allocate=8 * 1024))
     eventually(lambda: done(client, "memory"))
     (row,) = client.runs("memory").rows
@@ -161,9 +152,7 @@ def test_a_run_that_eats_memory_is_stopped(client: Client) -> None:
     assert "MemoryError" in row.reason
 
 
-def test_cancelling_stops_the_processes_at_once(
-    client: Client, daemon: DaemonPart, tmp_path: Path
-) -> None:
+def test_cancelling_stops_the_processes_at_once(client, daemon, tmp_path):
     log = tmp_path / "log"
     client.submit(make_submission("cancel", 6, sleep=600.0, log=str(log)))
     eventually(lambda: log.exists() and len(log.read_text().splitlines()) == 2)
@@ -175,10 +164,10 @@ def test_cancelling_stops_the_processes_at_once(
     eventually(lambda: done(client, "next"))
 
 
-def test_running_runs_are_seen_live(client: Client) -> None:
-    seen: list[LiveSnapshot] = []
+def test_running_runs_are_seen_live(client):
+    seen = []
 
-    def times() -> list[float]:
+    def times():
         return [live.snapshot.time for live in seen if live.run == "live.0"]
 
     with client.events(lambda _: None, seen.append):
@@ -191,12 +180,12 @@ def test_running_runs_are_seen_live(client: Client) -> None:
     assert len(found) <= (found[-1] - found[0]) / 0.2 + 2
 
 
-def test_a_repetition_confirms_the_result_or_raises_an_alarm(client: Client) -> None:
+def test_a_repetition_confirms_the_result_or_raises_an_alarm(client):
     client.submit(make_submission("same", 1))
     client.submit(make_submission("noisy", 1, noise=1))
     eventually(lambda: done(client, "same") and done(client, "noisy"))
     before = [client.run(name).result for name in ("same.0", "noisy.0")]
-    events: list[str] = []
+    events = []
     with client.events(lambda event: events.append(f"{event.kind} {event.id}")):
         client.retry("same", only="pass")
         client.retry("noisy", only="pass")
@@ -212,12 +201,12 @@ def test_a_repetition_confirms_the_result_or_raises_an_alarm(client: Client) -> 
     assert hashlib.sha256(trace).hexdigest() == kept.trace.sha256
 
 
-def test_the_spool_is_empty_when_nothing_runs(client: Client, daemon: DaemonPart) -> None:
+def test_the_spool_is_empty_when_nothing_runs(client, daemon):
     eventually(lambda: client.overview().running == 0)
     eventually(lambda: not list((daemon.state / "spool").glob("*/*/attempt-*")))
 
 
-def test_the_worker_is_on_the_list(client: Client) -> None:
+def test_the_worker_is_on_the_list(client):
     # What it was busy with in another test it may not have taken back yet.
     eventually(lambda: [row.busy for row in client.workers()] == [0])
     (row,) = client.workers()
@@ -226,7 +215,7 @@ def test_the_worker_is_on_the_list(client: Client) -> None:
     assert client.overview().workers == 1
 
 
-def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
+def test_the_wall_clock_limit_stops_a_run(tmp_path):
     settings = {"wall": 0.3, "attempts": 1}
     with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.client() as client:
         client.submit(make_submission("slow", 1, sleep=600.0))
@@ -236,12 +225,12 @@ def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
         assert "stopped after 0.3 s of wall clock time" in row.reason
 
 
-def begun(log: Path) -> int:
+def begun(log):
     """How many executions have begun."""
     return len(log.read_text().splitlines()) if log.exists() else 0
 
 
-def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
+def test_a_worker_told_to_leave_finishes_first(tmp_path):
     gate, log = tmp_path / "gate", tmp_path / "log"
     with (
         daemon_at(tmp_path / "state") as daemon,
@@ -258,7 +247,7 @@ def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
         eventually(lambda: client.overview().workers == 0)
 
 
-def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -> None:
+def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path):
     with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
         with worker_for(daemon, 2) as worker:
             log = tmp_path / "log"
@@ -275,7 +264,7 @@ def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -
         assert client.run("c.0").row.reason == "the worker was stopped"
 
 
-def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path) -> None:
+def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path):
     with (
         daemon_at(tmp_path / "state") as daemon,
         daemon.client() as client,
@@ -290,7 +279,7 @@ def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path
         eventually(lambda: not alive(members))
 
 
-def test_a_worker_that_cannot_execute_says_why_and_leaves(tmp_path: Path) -> None:
+def test_a_worker_that_cannot_execute_says_why_and_leaves(tmp_path):
     with daemon_at(tmp_path / "state") as daemon:
         options = ("--connect", daemon.endpoint, "--slots", "1", "--executor")
         daemon.client().close()
@@ -300,14 +289,14 @@ def test_a_worker_that_cannot_execute_says_why_and_leaves(tmp_path: Path) -> Non
         assert "ModuleNotFoundError: No module named 'tests.daemon.not_there'" in worker.output
 
 
-def test_a_worker_without_a_daemon_says_so(tmp_path: Path) -> None:
+def test_a_worker_without_a_daemon_says_so(tmp_path):
     options = ("--connect", "tcp/127.0.0.1:9", "--slots", "1", "--executor")
     worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon.batch.fake_run:execute")
     assert worker.wait() == 3
     assert "no daemon answers at tcp/127.0.0.1:9" in worker.output
 
 
-def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path) -> None:
+def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path):
     with daemon_at(tmp_path / "state", lease=60.0) as daemon:
         log, gate = tmp_path / "log", tmp_path / "gate"
         with daemon.client() as client, worker_for(daemon, 2) as worker:
@@ -328,7 +317,7 @@ def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path)
             assert list(spool.iterdir()) == []
 
 
-def test_a_worker_is_one_family(daemon: DaemonPart, client: Client) -> None:
+def test_a_worker_is_one_family(daemon, client):
     """The fork server never opens Zenoh: only the daemon listens, only the agent connects."""
     with worker_for(daemon) as worker:
         eventually(lambda: worker.pid in {row.pid for row in client.workers()})
@@ -337,7 +326,7 @@ def test_a_worker_is_one_family(daemon: DaemonPart, client: Client) -> None:
         assert os.getpgid(worker.pid) == worker.pid
 
 
-def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Path) -> None:
+def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path):
     missing = "tests.daemon.not_there:execute"
     with (
         daemon_at(tmp_path / "state", 1, executor=missing) as daemon,
@@ -349,7 +338,7 @@ def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Pat
         assert client.overview().queued == 1
 
 
-def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
+def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path):
     with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 1))
         (scene,) = (daemon.state / "scenes").iterdir()
@@ -367,7 +356,7 @@ def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not may_mount(), reason="mounting a small file system needs root")
-def test_a_full_disk_of_daemon_and_worker_is_one_trouble(tmp_path: Path) -> None:
+def test_a_full_disk_of_daemon_and_worker_is_one_trouble(tmp_path):
     with (
         small_disk(tmp_path / "disk") as disk,
         daemon_at(disk / "state", 1) as daemon,
@@ -383,11 +372,11 @@ def test_a_full_disk_of_daemon_and_worker_is_one_trouble(tmp_path: Path) -> None
         eventually(lambda: client.overview().troubles == ())
 
 
-def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> None:
+def test_details_of_a_run_are_told_while_somebody_watches_it(client):
     client.submit(make_submission("watched", 1, sleep=600.0))
     (row,) = client.runs("watched").rows
-    told: list[LiveSnapshot] = []
-    little: list[LiveSnapshot] = []
+    told = []
+    little = []
     with client.events(lambda _: None, little.append):
         eventually(lambda: any(live.run == row.id for live in little))
         assert all(live.snapshot.returns == () for live in little)
@@ -399,11 +388,11 @@ def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> 
     client.cancel("watched")
 
 
-def test_a_run_is_judged_while_somebody_wants_to_know(client: Client, daemon: DaemonPart) -> None:
+def test_a_run_is_judged_while_somebody_wants_to_know(client, daemon):
     client.submit(make_submission("judged", 1, sleep=600.0))
     (row,) = client.runs("judged").rows
-    told: list[LiveSnapshot] = []
-    judged: list[LiveJudgement] = []
+    told = []
+    judged = []
     with client.watch(row.id, told.append):
         eventually(lambda: told)
         # Who looks at a run only wants no judgement, and nobody looks at all of them.
@@ -419,9 +408,9 @@ def test_a_run_is_judged_while_somebody_wants_to_know(client: Client, daemon: Da
     assert len(judged) == count
 
 
-def test_margins_are_told_to_who_watches_all_runs(client: Client) -> None:
+def test_margins_are_told_to_who_watches_all_runs(client):
     client.submit(make_submission("margins", 1, sleep=600.0))
-    little: list[LiveSnapshot] = []
+    little = []
     with client.events(lambda _: None, little.append):
         eventually(lambda: little and little[-1].snapshot.margin == 0.25)
         (row,) = client.runs("margins").rows
@@ -433,9 +422,7 @@ def test_margins_are_told_to_who_watches_all_runs(client: Client) -> None:
 
 
 @pytest.mark.parametrize("different", [{"engine": "0"}, {"version": "0.0.1"}])
-def test_a_worker_of_another_version_is_refused_with_the_remedy(
-    daemon: DaemonPart, client: Client, different: dict[str, str]
-) -> None:
+def test_a_worker_of_another_version_is_refused_with_the_remedy(daemon, client, different):
     ours = version("scenario-tui")
     stranger = replace(WorkerInfo("w", "host", 1, ours, 1, 0), **different)
     with bus.open_client(daemon.endpoint) as session:
@@ -447,7 +434,7 @@ def test_a_worker_of_another_version_is_refused_with_the_remedy(
     assert "w" not in {row.id for row in client.workers()}
 
 
-def test_a_scene_damaged_on_the_daemons_disk_is_put_aside_and_healed(tmp_path: Path) -> None:
+def test_a_scene_damaged_on_the_daemons_disk_is_put_aside_and_healed(tmp_path):
     """By a worker on the same file system, which reads it there, and by one that asks for it."""
     for number, options in enumerate(((), ("--state", str(tmp_path / "elsewhere")))):
         with (
@@ -468,11 +455,11 @@ def test_a_scene_damaged_on_the_daemons_disk_is_put_aside_and_healed(tmp_path: P
         (tmp_path / "no").unlink()
 
 
-def test_a_worker_in_trouble_leaves_off_and_says_why(tmp_path: Path) -> None:
+def test_a_worker_in_trouble_leaves_off_and_says_why(tmp_path):
     """Its disk quota was used up: it executed 239 runs in 12 s, and nobody was told."""
     log, room = tmp_path / "log", tmp_path / "room"
 
-    def executed() -> int:
+    def executed():
         return len(log.read_text().splitlines()) if log.exists() else 0
 
     with (

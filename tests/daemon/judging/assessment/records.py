@@ -1,15 +1,11 @@
 """Records of runs that never ran, for tests of how they are judged together."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-
 from daemon.model.assessments import RunRecord
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 
 
-def verdict(margin: float | None, oracle: str = "clear", text: str = "always(...)") -> Verdict:
+def verdict(margin, oracle="clear", text="always(...)"):
     """A verdict by its margin [m]; without one it is inconclusive."""
     if margin is None:
         return Verdict(oracle, text, Outcome.INCONCLUSIVE, None, None, "m")
@@ -18,20 +14,13 @@ def verdict(margin: float | None, oracle: str = "clear", text: str = "always(...
     return Verdict(oracle, text, outcome, margin, margin, "m", seen)
 
 
-def measure(value: float, name: str = "buffer-time", unit: str = "s") -> Verdict:
+def measure(value, name="buffer-time", unit="s"):
     """What a measure found."""
     seen = Evidence(value=value)
     return Verdict(name, "time(...)", Outcome.MEASURE, None, None, unit, seen)
 
 
-def record(
-    repeat: int,
-    *verdicts: Verdict,
-    scenario: str = "S1",
-    sut: str = "a2s",
-    took: float = 60.0,
-    **other: object,
-) -> RunRecord:
+def record(repeat, *verdicts, scenario="S1", sut="a2s", took=60.0, **other):
     """A run with a result."""
     found = [v.outcome for v in verdicts]
     worst = Outcome.FAIL if Outcome.FAIL in found else Outcome.PASS
@@ -42,15 +31,15 @@ def record(
         "seed": repeat,
     } | other
     name = f"c.{scenario}-{sut}-{repeat}"
-    return RunRecord(name, scenario, sut, repeat, name, verdicts=verdicts, **values)  # type: ignore[arg-type]
+    return RunRecord(name, scenario, sut, repeat, name, verdicts=verdicts, **values)
 
 
-def cell(margins: Sequence[float | None], **other: str) -> tuple[RunRecord, ...]:
+def cell(margins, **other):
     """Repeats of one cell by the margins of their only oracle."""
     return tuple(record(i, verdict(margin), **other) for i, margin in enumerate(margins))
 
 
-def timed(scenario: str, times: Sequence[float], **other: object) -> tuple[RunRecord, ...]:
+def timed(scenario, times, **other):
     """Repeats of one scenario by the time each took [s]."""
     return tuple(
         record(i, verdict(1.0), scenario=scenario, took=took, **other)
@@ -58,6 +47,6 @@ def timed(scenario: str, times: Sequence[float], **other: object) -> tuple[RunRe
     )
 
 
-def lost(repeat: int, state: str = "lost") -> RunRecord:
+def lost(repeat, state="lost"):
     """A run without a result."""
     return RunRecord(f"c.{repeat}", "S1", "a2s", repeat, "d", None, state=state)

@@ -1,7 +1,5 @@
 """Comparisons of two scenarios: what is paired, what is left out, when they pass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -9,27 +7,25 @@ import pytest
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
     AssessmentRules,
-    ComparisonVerdict,
     Expectation,
-    RunRecord,
     ScenarioComparison,
 )
 from daemon.model.verdicts import Outcome
 from tests.daemon.judging.assessment.records import measure, record, timed, verdict
 
 
-def delay(limit: float = 30.0, op: str = "<=", quantity: str = "delay") -> AssessmentRules:
+def delay(limit=30.0, op="<=", quantity="delay"):
     text = f"{quantity}(A vs B) {op} {limit:g} s"
-    sentence = ScenarioComparison("d", quantity, "A", "B", None, op, limit, "s", text)  # type: ignore[arg-type]
+    sentence = ScenarioComparison("d", quantity, "A", "B", None, op, limit, "s", text)
     return AssessmentRules(comparisons=(sentence,))
 
 
-def compared(declared: AssessmentRules, *sides: tuple[RunRecord, ...]) -> ComparisonVerdict:
+def compared(declared, *sides):
     (found,) = assess(declared, sum(sides, ())).comparisons
     return found
 
 
-def test_delays_are_paired_by_repeat() -> None:
+def test_delays_are_paired_by_repeat():
     # Each side varies by much more than their differences do.
     found = compared(delay(), timed("A", [108, 209, 311]), timed("B", [100, 200, 300]))
     assert (found.method, found.n, found.differences) == ("paired", 3, (8.0, 9.0, 11.0))
@@ -44,14 +40,14 @@ def test_delays_are_paired_by_repeat() -> None:
     )
 
 
-def test_without_pairs_the_means_are_compared() -> None:
+def test_without_pairs_the_means_are_compared():
     other = tuple(replace(r, seed=r.seed + 100) for r in timed("B", [100, 101, 102]))
     found = compared(delay(), timed("A", [108, 109, 110]), other)
     assert (found.method, found.n, found.mean) == ("welch", 3, pytest.approx(8.0))
     assert found.verdict is Outcome.PASS
 
 
-def test_a_robot_that_never_arrives_has_no_short_delay() -> None:
+def test_a_robot_that_never_arrives_has_no_short_delay():
     stuck = replace(timed("A", [0, 0, 120])[2], ended="limit")
     left = (*timed("A", [108, 109]), stuck)
     found = compared(delay(), left, timed("B", [100, 100, 100]))
@@ -63,21 +59,21 @@ def test_a_robot_that_never_arrives_has_no_short_delay() -> None:
     )
 
 
-def test_one_pair_decides_nothing() -> None:
+def test_one_pair_decides_nothing():
     found = compared(delay(), timed("A", [101]), timed("B", [100]))
     assert (found.verdict, found.note) == (Outcome.INCONCLUSIVE, "only one pair")
     assert found.mean == 1.0
 
 
-def test_measures_are_compared_by_their_name() -> None:
-    def side(name: str, values: list[float]) -> tuple[RunRecord, ...]:
+def test_measures_are_compared_by_their_name():
+    def side(name, values):
         return tuple(record(i, measure(v), scenario=name) for i, v in enumerate(values))
 
     found = compared(delay(0, ">=", "buffer-time"), side("A", [5, 6.1]), side("B", [4, 5]))
     assert (found.verdict, found.mean) == (Outcome.PASS, pytest.approx(1.05))
 
 
-def test_comparisons_have_expectations_too() -> None:
+def test_comparisons_have_expectations_too():
     sides = (*timed("A", [200, 201]), *timed("B", [100, 100]))
     unknown = assess(delay(), sides)
     assert unknown.exit_code == 1
@@ -86,7 +82,7 @@ def test_comparisons_have_expectations_too() -> None:
     assert assess(replace(delay(), expectations=(known,)), sides).exit_code == 0
 
 
-def apart(*by: float) -> tuple[tuple[RunRecord, ...], tuple[RunRecord, ...]]:
+def apart(*by):
     """Runs of A that take so much longer [s] than their pairs of B."""
     return timed("A", [100 + x for x in by]), timed("B", [100] * len(by))
 
@@ -100,15 +96,13 @@ def apart(*by: float) -> tuple[tuple[RunRecord, ...], tuple[RunRecord, ...]]:
         (">", "fail", "fail", "pass"),
     ],
 )
-def test_each_operator_says_what_the_limit_itself_is(
-    op: str, below: str, at: str, above: str
-) -> None:
+def test_each_operator_says_what_the_limit_itself_is(op, below, at, above):
     found = [compared(delay(10, op), *apart(*[by] * 3)).verdict for by in (9, 10, 11)]
     assert found == [below, at, above]
 
 
 @pytest.mark.parametrize("op", ["<=", "<", ">=", ">"])
-def test_a_difference_around_the_limit_decides_nothing(op: str) -> None:
+def test_a_difference_around_the_limit_decides_nothing(op):
     found = compared(delay(10, op), *apart(7, 10, 14))
     assert found.verdict is Outcome.INCONCLUSIVE
     assert found.note == ""
@@ -118,11 +112,11 @@ def test_a_difference_around_the_limit_decides_nothing(op: str) -> None:
     assert found.high == pytest.approx(31 / 3 + 2.920 * 2.028, abs=2e-3)
 
 
-def unfinished(scenario: str, repeat: int) -> RunRecord:
+def unfinished(scenario, repeat):
     return record(repeat, verdict(1.0), scenario=scenario, ended="limit")
 
 
-def test_what_is_left_out_on_both_sides_is_counted_together() -> None:
+def test_what_is_left_out_on_both_sides_is_counted_together():
     left, right = apart(8, 9, 10)
     sides = (*left, unfinished("A", 3), unfinished("A", 4), *right, unfinished("B", 3))
     found = compared(delay(), sides)
@@ -133,7 +127,7 @@ def test_what_is_left_out_on_both_sides_is_counted_together() -> None:
     assert (late.verdict, late.note) == (Outcome.FAIL, "3 runs did not end the mission")
 
 
-def test_what_stands_in_the_way_of_a_verdict_is_said_together() -> None:
+def test_what_stands_in_the_way_of_a_verdict_is_said_together():
     left, right = apart(8)
     one = compared(delay(), (*left, unfinished("A", 1)), right)
     assert one.note == "only one pair; 1 run did not end the mission"
@@ -147,7 +141,7 @@ def test_what_stands_in_the_way_of_a_verdict_is_said_together() -> None:
     )
 
 
-def test_the_delay_of_a_leg_is_that_of_the_measure_that_times_it() -> None:
+def test_the_delay_of_a_leg_is_that_of_the_measure_that_times_it():
     (sentence,) = delay().comparisons
     leg = AssessmentRules(comparisons=(replace(sentence, measure="leg"),))
     runs = [
@@ -161,7 +155,7 @@ def test_the_delay_of_a_leg_is_that_of_the_measure_that_times_it() -> None:
     assert compared(leg, tuple(runs)).left_out == 1
 
 
-def test_variants_are_paired_with_their_like() -> None:
+def test_variants_are_paired_with_their_like():
     sides = [
         record(0, verdict(1.0), scenario=f"{name}@{variant}", took=took)
         for name, variant, took in (("A", 1, 111), ("A", 2, 222), ("B", 2, 220), ("B", 1, 110))
@@ -169,8 +163,8 @@ def test_variants_are_paired_with_their_like() -> None:
     assert compared(delay(), tuple(sides)).differences == (1.0, 2.0)
 
 
-def test_every_system_that_ran_both_scenarios_is_compared() -> None:
-    def runs(sut: str, scenario: str, by: float) -> tuple[RunRecord, ...]:
+def test_every_system_that_ran_both_scenarios_is_compared():
+    def runs(sut, scenario, by):
         return tuple(replace(r, sut=sut) for r in timed(scenario, [100 + by, 102 + by]))
 
     records = (
@@ -195,16 +189,14 @@ def test_every_system_that_ran_both_scenarios_is_compared() -> None:
         ("pass", 99, False, 1),
     ],
 )
-def test_a_comparison_is_one_repeat_of_what_is_expected(
-    wanted: str, by: float, met: bool, code: int
-) -> None:
-    known = Expectation("A", "d", (), wanted, "the detour")  # type: ignore[arg-type]
+def test_a_comparison_is_one_repeat_of_what_is_expected(wanted, by, met, code):
+    known = Expectation("A", "d", (), wanted, "the detour")
     result = assess(replace(delay(), expectations=(known,)), sum(apart(by, by), ()))
     (found,) = result.comparisons
     assert (found.met, found.why, result.exit_code) == (met, "the detour", code)
 
 
-def test_an_unexpected_comparison_is_told_with_what_was_found() -> None:
+def test_an_unexpected_comparison_is_told_with_what_was_found():
     (surprise,) = assess(delay(), sum(apart(99, 101), ())).surprises
     assert (surprise.scenario, surprise.run, surprise.repeat) == ("", "", None)
     assert surprise.text == "a2s d  +100 s  fail, n=2: delay(A vs B) <= 30 s"

@@ -1,7 +1,5 @@
 """Reference values beside what runs gave: the same statistic, with its interval."""
 
-from __future__ import annotations
-
 import pytest
 
 from daemon.judging.assessment import assess, reference_comparisons
@@ -10,14 +8,14 @@ from daemon.model.assessments import AssessmentRules, ReferenceValue, ScenarioCo
 from tests.daemon.judging.assessment.records import cell, measure, record, timed, verdict
 
 
-def reference(oracle: str, value: float, **other: object) -> ReferenceValue:
+def reference(oracle, value, **other):
     given = {"scenario": "S1", "suts": (), "statistic": "mean", "unit": "s"} | other
     return ReferenceValue(
         name="paper", source="a paper", oracle=oracle, value=value, text=f"{value}", **given
-    )  # type: ignore[arg-type]
+    )
 
 
-def test_a_mean_has_deviation_and_the_t_interval() -> None:
+def test_a_mean_has_deviation_and_the_t_interval():
     runs = timed("S1", (60.0, 62.0, 67.0))
     (found,) = reference_comparisons([reference("duration", 61.0)], assess(AssessmentRules(), runs))
     expected = mean_interval((60.0, 62.0, 67.0))
@@ -28,14 +26,14 @@ def test_a_mean_has_deviation_and_the_t_interval() -> None:
 
 
 @pytest.mark.parametrize(("statistic", "value"), [("min", 1.0), ("median", 2.0), ("max", 9.0)])
-def test_of_other_statistics_there_is_no_interval(statistic: str, value: float) -> None:
+def test_of_other_statistics_there_is_no_interval(statistic, value):
     runs = [record(i, verdict(1.0), measure(v)) for i, v in enumerate((2.0, 9.0, 1.0))]
     wanted = reference("buffer-time", 0.5, statistic=statistic)
     (found,) = reference_comparisons([wanted], assess(AssessmentRules(), runs))
     assert (found.value, found.low, found.high) == (value, None, None)
 
 
-def test_a_count_has_the_exact_interval_of_its_rate() -> None:
+def test_a_count_has_the_exact_interval_of_its_rate():
     assessment = assess(AssessmentRules(), cell((1.0, 1.0, -1.0, 1.0)))
     wanted = reference("clear", 0.6, statistic="rate", unit="1")
     (found,) = reference_comparisons([wanted], assessment)
@@ -43,14 +41,14 @@ def test_a_count_has_the_exact_interval_of_its_rate() -> None:
     assert (found.low, found.high) == proportion_interval(3, 4)
 
 
-def test_a_run_that_was_not_judged_may_have_been_either() -> None:
+def test_a_run_that_was_not_judged_may_have_been_either():
     assessment = assess(AssessmentRules(), cell((1.0, None)))
     wanted = reference("clear", 1.0, statistic="rate", unit="1")
     (found,) = reference_comparisons([wanted], assessment)
     assert (found.low, found.high) == (proportion_interval(1, 2)[0], proportion_interval(2, 2)[1])
 
 
-def test_a_comparison_stands_beside_its_pairs() -> None:
+def test_a_comparison_stands_beside_its_pairs():
     asked = ScenarioComparison("delay-1", "delay", "S2", "S1", None, "<=", 30.0, "s", "delay(...)")
     runs = (*timed("S1", (60.0, 61.0)), *timed("S2", (70.0, 73.0)))
     assessment = assess(AssessmentRules(comparisons=(asked,)), runs)
@@ -59,7 +57,7 @@ def test_a_comparison_stands_beside_its_pairs() -> None:
     assert found.difference == pytest.approx(19.9)
 
 
-def test_patterns_speak_of_several_cells_and_of_variants() -> None:
+def test_patterns_speak_of_several_cells_and_of_variants():
     runs = (
         *timed("S3.1", (1.0, 2.0)),
         *timed("S3.2@7", (3.0, 4.0)),
@@ -71,7 +69,7 @@ def test_patterns_speak_of_several_cells_and_of_variants() -> None:
     assert [(each.scenario, each.sut) for each in found] == [("S3.1", "a2s"), ("S3.2@7", "a2s")]
 
 
-def test_what_nobody_measured_is_said_so() -> None:
+def test_what_nobody_measured_is_said_so():
     assessment = assess(AssessmentRules(), cell((1.0,)))
     (found,) = reference_comparisons([reference("buffer-time", 3.0)], assessment)
     assert (found.n, found.value, found.difference) == (0, None, None)

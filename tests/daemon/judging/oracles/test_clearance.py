@@ -1,19 +1,17 @@
 """Clearance: what is sampled against shapely, and the links against their kinematics."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.judging.oracles import SignalSampler
 from daemon.trace import JointTrack
-from grammars.model.geometry import Floats, Point2, Pose2, Ring
+from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 from grammars.oracle import Signal
@@ -35,7 +33,7 @@ HALF = st.floats(0.05, 1.0).map(lambda value: round(value, 3))
 
 
 @st.composite
-def convex_rings(draw: st.DrawFn) -> Ring:
+def convex_rings(draw):
     """A convex polygon: corners on an ellipse, at sorted angles."""
     cx, cy = draw(COORDINATE), draw(COORDINATE)
     rx, ry = draw(HALF), draw(HALF)
@@ -44,12 +42,12 @@ def convex_rings(draw: st.DrawFn) -> Ring:
     return tuple((cx + rx * math.cos(a), cy + ry * math.sin(a)) for a in angles)
 
 
-def reference(ring: Ring, pose: Pose2, centre: Point2, half: Point2) -> float:
+def reference(ring, pose, centre, half):
     """How much the box must grow on all sides to touch ``ring``: bisection with shapely."""
     obstacle = shapely.Polygon([pose.inverse().apply(corner) for corner in ring])
     hx, hy = half
 
-    def touches(margin: float) -> bool:
+    def touches(margin):
         x, y = max(hx + margin, 0.0), max(hy + margin, 0.0)
         area = shapely.box(centre[0] - x, centre[1] - y, centre[0] + x, centre[1] + y)
         return bool(area.intersects(obstacle))
@@ -63,14 +61,12 @@ def reference(ring: Ring, pose: Pose2, centre: Point2, half: Point2) -> float:
     return high
 
 
-def scene_of(*rings: Ring) -> Scene:
+def scene_of(*rings):
     solids = tuple(Solid(f"s{i}", "wall", ring, 0.0, 2.0) for i, ring in enumerate(rings))
     return Scene("test", (), (), solids)
 
 
-def sample(
-    scene: Scene, poses: list[Pose2], centre: Point2, half: Point2
-) -> tuple[Floats, list[str]]:
+def sample(scene, poses, centre, half):
     """Return the clearance of a robot with that box as footprint, and what is nearest, by pose."""
     x, y, yaw = np.array([(p.x, p.y, p.yaw) for p in poses]).T
     motion = replace(still(times((len(poses) - 1) / 20.0)), x=x, y=y, yaw=yaw)
@@ -84,16 +80,13 @@ CLEARANCE = Signal("clearance")
 POSES = st.builds(Pose2, COORDINATE, COORDINATE, ANGLE)
 
 
-@settings(deadline=None)
 @given(
     st.lists(convex_rings(), min_size=1, max_size=4),
     st.lists(POSES, min_size=1, max_size=3),
     st.tuples(st.sampled_from([0.0, 0.1]), st.sampled_from([0.0, -0.2])),
     st.tuples(HALF, HALF),
 )
-def test_the_kernel_agrees_with_shapely(
-    rings: list[Ring], poses: list[Pose2], centre: Point2, half: Point2
-) -> None:
+def test_the_kernel_agrees_with_shapely(rings, poses, centre, half):
     values, nearest = sample(scene_of(*rings), poses, centre, half)
     for index, pose in enumerate(poses):
         expected = [reference(ring, pose, centre, half) for ring in rings]
@@ -101,9 +94,8 @@ def test_the_kernel_agrees_with_shapely(
         assert expected[int(nearest[index][1:])] == pytest.approx(min(expected), abs=1e-6)
 
 
-@settings(deadline=None)
 @given(convex_rings(), POSES, st.tuples(HALF, HALF))
-def test_every_obstacle_point_is_at_least_as_far(ring: Ring, pose: Pose2, half: Point2) -> None:
+def test_every_obstacle_point_is_at_least_as_far(ring, pose, half):
     found = float(sample(scene_of(ring), [pose], (0.0, 0.0), half)[0][0])
     corners = np.array([pose.inverse().apply(corner) for corner in ring])
     weights = np.random.default_rng(0).dirichlet(np.ones(len(ring)), 200)
@@ -125,24 +117,24 @@ def test_every_obstacle_point_is_at_least_as_far(ring: Ring, pose: Pose2, half: 
     ],
     ids=["ahead", "beside", "nose-in", "post-inside", "inside-a-solid", "corner", "diagonal"],
 )  # fmt: skip
-def test_distances_a_person_can_check(ring: Ring, expected: float) -> None:
+def test_distances_a_person_can_check(ring, expected):
     values, _ = sample(scene_of(ring), [Pose2()], (0.0, 0.0), (0.35, 0.233))
     assert values[0] == pytest.approx(expected)
 
 
-def test_the_box_turns_with_the_robot() -> None:
+def test_the_box_turns_with_the_robot():
     scene = scene_of(box(1.0, -1.0, 2.0, 1.0))
     values, _ = sample(scene, [Pose2(yaw=math.pi / 2), Pose2(0.2)], (0.0, 0.0), (0.35, 0.233))
     assert values == pytest.approx([1.0 - 0.233, 0.8 - 0.35])
 
 
-def test_of_equally_near_obstacles_the_first_is_named() -> None:
+def test_of_equally_near_obstacles_the_first_is_named():
     scene = scene_of(box(-2.0, -1.0, -1.0, 1.0), box(1.0, -1.0, 2.0, 1.0))
     _, nearest = sample(scene, [Pose2(0.1), Pose2(0.0)], (0.0, 0.0), (0.35, 0.233))
     assert nearest == ["s1", "s0"]
 
 
-def test_what_the_robot_passes_under_or_over_is_no_obstacle() -> None:
+def test_what_the_robot_passes_under_or_over_is_no_obstacle():
     scene = Scene(
         "heights",
         (),
@@ -156,13 +148,13 @@ def test_what_the_robot_passes_under_or_over_is_no_obstacle() -> None:
     assert SignalSampler(make_trace(still(times(0.0)), scene=scene)).obstacles.names == ("step",)
 
 
-def test_an_empty_scene_has_no_clearance_to_judge() -> None:
+def test_an_empty_scene_has_no_clearance_to_judge():
     trace = make_trace(still(times(1.0)), scene=Scene("field", (), (), ()))
     found = verdict(trace, "always(clearance > 0 m)")
     assert found.outcome == "inconclusive"
 
 
-def test_an_uneven_footprint_is_measured_from_its_own_middle() -> None:
+def test_an_uneven_footprint_is_measured_from_its_own_middle():
     ring = ((0.5, 0.2), (-0.1, 0.2), (-0.1, -0.2), (0.5, -0.2))
     for obstacle, expected in (
         (box(1.0, -1.0, 2.0, 1.0), 0.5),
@@ -175,12 +167,12 @@ def test_an_uneven_footprint_is_measured_from_its_own_middle() -> None:
         assert verdict(trace, "min(clearance)").evidence.value == pytest.approx(expected)
 
 
-def swinging(time: Floats, angle: Floats) -> JointTrack:
+def swinging(time, angle):
     position = angle.reshape(-1, 1)
     return JointTrack(CORRIDOR.joint_names, time, position, np.zeros_like(position))
 
 
-def test_a_door_is_where_its_joint_was_recorded() -> None:
+def test_a_door_is_where_its_joint_was_recorded():
     time = times(1.0)
     angle = np.where(time < 0.5, 0.0, -math.pi / 2)
     still_here = still(time)
@@ -192,7 +184,7 @@ def test_a_door_is_where_its_joint_was_recorded() -> None:
     assert found.evidence.time == pytest.approx(0.5)
 
 
-def test_a_moment_of_a_long_way_is_judged_as_that_moment_alone() -> None:
+def test_a_moment_of_a_long_way_is_judged_as_that_moment_alone():
     time = times(4.0)
     doors = (door("door-1", 9.0, 0.0), door("door-2", 40.0, 1.0))
     solids = tuple(wall(f"s{i}", 3.0 * i, 1.2, 3.0 * i + 1.0, 9.0) for i in range(20))
@@ -211,7 +203,7 @@ def test_a_moment_of_a_long_way_is_judged_as_that_moment_alone() -> None:
         assert found.object_at(index) == alone.object_at(index)
 
 
-def test_frozen_objects_stand_as_they_were_placed() -> None:
+def test_frozen_objects_stand_as_they_were_placed():
     ajar = replace(door("door-1", 1.0, 0.0), initial=(math.pi / 2,), frozen=True)
     scene = Scene("ajar", (), (), (), (ajar,))
     values, nearest = sample(scene, [Pose2()], (0.0, 0.0), (0.1, 0.1))
@@ -219,7 +211,7 @@ def test_frozen_objects_stand_as_they_were_placed() -> None:
     assert nearest == ["door-1.leaf"]
 
 
-def arm() -> SceneObject:
+def arm():
     """A sliding carriage that carries a hinged flap."""
     links = tuple(Link(n, (box(0.0, 0.0, 1.0, 0.1),), 1.0, 0.0, 1.0) for n in ("flap", "carriage"))
     slide = Joint("slide", "prismatic", "world", "carriage", (0.0, 0.0), (0.6, 0.8), -1.0, 1.0)
@@ -227,7 +219,7 @@ def arm() -> SceneObject:
     return SceneObject("arm", "arm", Pose2(1.0, 2.0, 0.5), links, (hinge, slide), (0.0, 0.0))
 
 
-def moved(item: SceneObject, positions: Floats) -> SignalSampler:
+def moved(item, positions):
     """A robot that stands still beside an object whose joints are at ``positions`` (n, joints)."""
     time = times((len(positions) - 1) / 20.0)
     scene = Scene("one", (), (), (), (item,))
@@ -235,9 +227,8 @@ def moved(item: SceneObject, positions: Floats) -> SignalSampler:
     return SignalSampler(make_trace(still(time), scene=scene, joints=joints))
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(ANGLE, COORDINATE), min_size=1, max_size=4))
-def test_links_follow_their_joints(positions: list[tuple[float, float]]) -> None:
+def test_links_follow_their_joints(positions):
     tracks = moved(arm(), np.array(positions)).obstacles.tracks
     for index, sampled in enumerate(positions):
         poses = link_poses(arm(), sampled)
@@ -248,7 +239,7 @@ def test_links_follow_their_joints(positions: list[tuple[float, float]]) -> None
             assert turned == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_foot_of_a_carried_hinge_moves_with_its_parent() -> None:
+def test_the_foot_of_a_carried_hinge_moves_with_its_parent():
     item, positions = arm(), np.array([(0.7, 0.0), (0.7, 0.5)])
     found = moved(item, positions).sample(Signal("arm.hinge.distance")).values
     carriage = link_poses(item, (0.7, 0.5))["carriage"]
@@ -256,7 +247,7 @@ def test_the_foot_of_a_carried_hinge_moves_with_its_parent() -> None:
     assert found[0] == pytest.approx(math.hypot(*item.pose.apply((0.4, 0.1))))
 
 
-def test_links_that_never_move_are_where_they_would_be_at_each_moment() -> None:
+def test_links_that_never_move_are_where_they_would_be_at_each_moment():
     item = door("door-1", 2.0, 1.0, 0.3)
     at_rest, moving = np.full((5, 1), 0.7), np.full((6, 1), 0.7)
     moving[5] = 0.8

@@ -1,21 +1,17 @@
 """Leading margins: the verdict's sign, and down towards the failure where the verdict is flat."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.judging.oracles import judge, judge_leading, leading_margins
-from daemon.model.spec import LeadingMargin, OracleText
+from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
-from daemon.trace import ContactRecord, JointTrack, ProgressRecord, Trace
-from grammars.model.geometry import Ring
-from grammars.model.mission import Mission
+from daemon.trace import ContactRecord, JointTrack, ProgressRecord
 from grammars.model.scene import Region
 from tests.daemon.judging.oracles.test_properties import FORMS, PREDICATES, oracles, traces
 from tests.daemon.judging.oracles.traces import (
@@ -49,20 +45,18 @@ ALL_FORMS = (
 )  # fmt: skip
 
 
-def lead(trace: Trace, text: str) -> LeadingMargin:
+def lead(trace, text):
     (found,) = leading_margins(trace, (OracleText("it", text),))
     return found
 
 
-def margin(trace: Trace, text: str) -> float:
+def margin(trace, text):
     found = lead(trace, text).margin
     assert found is not None
     return found
 
 
-def passing(
-    gap: float, depth: float | None = None, *, footprint: Ring = ROBOT.footprint, yaw: float = 0.0
-) -> Trace:
+def passing(gap, depth=None, *, footprint=ROBOT.footprint, yaw=0.0):
     """Along a wall, ``gap`` [m] from it; with a ``depth`` [m] the robot touches it."""
     y = np.full(len(TIME), NORTH - HALF_WIDTH - gap)
     hits = [] if depth is None else [depth]
@@ -82,14 +76,13 @@ NEARER = (passing(0.3), passing(0.1), passing(0.02), passing(0.0, 0.0), passing(
 """Passes a wall at 30, 10 and 2 cm, touches it, digs 1 cm into it."""
 
 
-def falls(margins: list[float]) -> bool:
+def falls(margins):
     return all(later < former for former, later in itertools.pairwise(margins))
 
 
 @pytest.mark.parametrize("form", ALL_FORMS)
-@settings(max_examples=15, deadline=None)
 @given(data=st.data())
-def test_the_sign_is_that_of_the_verdict(form: str, data: st.DataObject) -> None:
+def test_the_sign_is_that_of_the_verdict(form, data):
     trace, text = data.draw(traces()), data.draw(oracles(form))
     if data.draw(st.booleans()):
         trace = cut(trace, data.draw(st.integers(0, 20)) / 4.0)
@@ -105,9 +98,8 @@ def test_the_sign_is_that_of_the_verdict(form: str, data: st.DataObject) -> None
 
 
 @pytest.mark.parametrize("predicate", PREDICATES)
-@settings(max_examples=10, deadline=None)
 @given(trace=traces())
-def test_of_what_never_happened_the_nearest_counts(predicate: str, trace: Trace) -> None:
+def test_of_what_never_happened_the_nearest_counts(predicate, trace):
     p = predicate.format(q=0.5)
     never, eventually = (lead(trace, f"{word}({p})").margin for word in ("never", "eventually"))
     if never is not None and eventually is not None:
@@ -115,9 +107,8 @@ def test_of_what_never_happened_the_nearest_counts(predicate: str, trace: Trace)
         assert abs(never + eventually) <= 1e-5
 
 
-@settings(max_examples=20, deadline=None)
 @given(traces(), st.lists(oracles(), min_size=1, max_size=5))
-def test_verdicts_are_the_same_with_and_without(trace: Trace, texts: list[str]) -> None:
+def test_verdicts_are_the_same_with_and_without(trace, texts):
     written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
     verdicts, leads = judge_leading(trace, written)
     assert verdicts == judge(trace, written)
@@ -141,7 +132,7 @@ def test_verdicts_are_the_same_with_and_without(trace: Trace, texts: list[str]) 
         ("min(distance(robot, wall-north)) > 0 m", "m"),
     ],
 )
-def test_a_robot_that_comes_nearer_has_a_smaller_margin(text: str, unit: str) -> None:
+def test_a_robot_that_comes_nearer_has_a_smaller_margin(text, unit):
     assert falls([margin(trace, text) for trace in NEARER])
     found = lead(NEARER[2], text)
     assert (found.unit, found.object) == (unit, "wall-north")
@@ -158,18 +149,18 @@ def test_a_robot_that_comes_nearer_has_a_smaller_margin(text: str, unit: str) ->
         "mean(contact.depth) < 1 cm",
     ],
 )
-def test_an_amount_of_nothing_leads_to_what_is_counted(text: str) -> None:
+def test_an_amount_of_nothing_leads_to_what_is_counted(text):
     assert falls([margin(trace, text) for trace in NEARER[:4]])
 
 
-def test_contact_is_led_by_the_clearance_and_then_by_the_depth() -> None:
+def test_contact_is_led_by_the_clearance_and_then_by_the_depth():
     found = [margin(trace, "never(contact)") for trace in NEARER]
     assert found == pytest.approx([0.3, 0.1, 0.02, -1e-6, -0.01])
     assert verdict(NEARER[0], "never(contact)").margin == 1.0
     assert margin(NEARER[4], "never(contact(door-17))") == pytest.approx(2.65)
 
 
-def test_the_margin_of_a_quantity_is_the_verdicts_own() -> None:
+def test_the_margin_of_a_quantity_is_the_verdicts_own():
     trace = passing(0.02)
     own = (
         "always(clearance >= 5 cm)",
@@ -182,7 +173,7 @@ def test_the_margin_of_a_quantity_is_the_verdicts_own() -> None:
         assert margin(trace, text) == verdict(trace, text).margin
 
 
-def test_unlike_quantities_are_shares_of_their_limits() -> None:
+def test_unlike_quantities_are_shares_of_their_limits():
     trace = passing(0.02)
     assert lead(trace, "always(clearance >= 1 cm and speed <= 1 m/s)").unit == "1"
     assert margin(trace, "always(clearance >= 1 cm and speed <= 1 m/s)") == pytest.approx(0.5)
@@ -191,7 +182,7 @@ def test_unlike_quantities_are_shares_of_their_limits() -> None:
     assert margin(trace, "never(contact or speed > 1 m/s)") == pytest.approx(0.02 / HALF_WIDTH)
 
 
-def test_the_outline_counts_where_it_is_not_a_box() -> None:
+def test_the_outline_counts_where_it_is_not_a_box():
     octagon = tuple((0.35 * np.cos(a), 0.35 * np.sin(a)) for a in np.arange(8) * np.pi / 4)
     # Its box turns with the robot and reaches 0.145 m farther than its flat sides do.
     side = 0.35 * np.cos(np.pi / 8)
@@ -203,7 +194,7 @@ def test_the_outline_counts_where_it_is_not_a_box() -> None:
     assert lead(door, "never(contact(door-17))").object == "door-17.leaf"
 
 
-def test_a_door_that_comes_is_led_to() -> None:
+def test_a_door_that_comes_is_led_to():
     angles = -np.linspace(0.0, 1.2, len(TIME))[:, None]
     swings = JointTrack(("door-17.hinge",), TIME, angles, np.zeros_like(angles))
     octagon = tuple((0.35 * np.cos(a), 0.35 * np.sin(a)) for a in np.arange(8) * np.pi / 4)
@@ -217,7 +208,7 @@ def test_a_door_that_comes_is_led_to() -> None:
         assert margin(open_, text) < margin(shut, text)
 
 
-def test_where_there_is_nothing_to_run_into_nothing_is_said() -> None:
+def test_where_there_is_nothing_to_run_into_nothing_is_said():
     trace = make_trace(along(TIME))
     low = replace(trace, spec=replace(trace.spec, robot=replace(ROBOT, height=0.01)))
     scene = replace(CORRIDOR, solids=(), objects=())
@@ -226,11 +217,11 @@ def test_where_there_is_nothing_to_run_into_nothing_is_said() -> None:
     assert lead(low, "never(contact(lintel))").margin is None
 
 
-def to(goal: Mission, ends_at: float) -> Trace:
+def to(goal, ends_at):
     return make_trace(along(TIME, speed=ends_at / 10.0), goal=goal)
 
 
-def test_a_mission_that_failed_has_the_way_that_was_missing() -> None:
+def test_a_mission_that_failed_has_the_way_that_was_missing():
     text = "reached(mission, 0.5 m)"
     assert margin(to(AROUND, 5.0), text) == pytest.approx(-(4.0 - 0.5) - 3.0)
     assert margin(to(AROUND, 1.0), text) == pytest.approx(-(3.0 - 0.5) - 5.0 - 3.0)
@@ -241,7 +232,7 @@ def test_a_mission_that_failed_has_the_way_that_was_missing() -> None:
     assert margin(to(last, 3.0), text) == pytest.approx(-0.5)
 
 
-def test_a_waypoint_the_guard_forbids_to_count_is_missing() -> None:
+def test_a_waypoint_the_guard_forbids_to_count_is_missing():
     text = "reached(mission, 0.5 m) when pose.x < 2 m"
     assert margin(to(AROUND, 9.0), text) == pytest.approx(-1.5 - 5.0 - 3.0, abs=0.1)
 
@@ -257,19 +248,19 @@ def test_a_waypoint_the_guard_forbids_to_count_is_missing() -> None:
         "fraction(contact(door-17)) > 10 %",
     ],
 )
-def test_what_never_came_is_as_near_as_it_was(text: str) -> None:
+def test_what_never_came_is_as_near_as_it_was(text):
     found = [margin(to(AROUND, way), text) for way in (7.5, 6.0, 4.0, 1.0)]
     assert falls(found)
     assert max(found) < 0.0
 
 
-def test_a_release_in_another_unit_is_missed_in_that_of_the_predicate() -> None:
+def test_a_release_in_another_unit_is_missed_in_that_of_the_predicate():
     found = lead(passing(0.3), "always(clearance >= 0.1 m) until (elapsed >= 20 s)")
     # 10 of 20 s are missing: half of its limit, and so half of the other.
     assert (found.margin, found.unit) == (pytest.approx(-0.05), "m")
 
 
-def test_the_waypoint_ahead_is_that_of_the_decisive_moment() -> None:
+def test_the_waypoint_ahead_is_that_of_the_decisive_moment():
     y = np.where(np.arange(len(TIME)) < 150, 0.0, 0.4)
     progress = tuple(ProgressRecord(at, n, n, "active") for n, at in enumerate((0.0, 2.0, 6.0)))
     trace = make_trace(along(TIME, y=y), goal=AROUND, progress=progress)
@@ -291,14 +282,14 @@ KITCHEN = replace(CORRIDOR, regions=(Region("kitchen", box(3.0, -1.0, 6.0, 1.0))
         ("never(in(robot, kitchen))", (1.0, 2.0, 3.2, 3.9)),
     ],
 )
-def test_places_are_led_to_by_the_way_to_their_border(text: str, ways: tuple[float, ...]) -> None:
+def test_places_are_led_to_by_the_way_to_their_border(text, ways):
     runs = [make_trace(along(TIME, speed=way / 10.0), scene=KITCHEN) for way in ways]
     assert falls([margin(run, text) for run in runs])
     assert lead(runs[0], text).unit == "m"
     assert abs(margin(runs[0], text)) == pytest.approx(1.0 if ways[0] == 4.0 else 2.0)
 
 
-def test_confidence_is_led_by_what_is_left_of_two_sigma() -> None:
+def test_confidence_is_led_by_what_is_left_of_two_sigma():
     motion = along(TIME)
     estimates = [track(TIME, motion.x, error, sigma=0.1) for error in (0.0, 0.15, 0.25)]
     text = "always(loc.inside_2sigma)"
@@ -307,13 +298,13 @@ def test_confidence_is_led_by_what_is_left_of_two_sigma() -> None:
     assert lead(make_trace(motion, estimate=NOTHING), text).margin is None
 
 
-def test_an_amount_that_cannot_grow_leads_to_its_end() -> None:
+def test_an_amount_that_cannot_grow_leads_to_its_end():
     motion = along(TIME)
     runs = [make_trace(motion, estimate=track(TIME, motion.x, e)) for e in (0.0, 0.15, 0.19)]
     assert falls([margin(run, "fraction(loc.inside_2sigma) >= 95 %") for run in runs])
 
 
-def test_measures_have_none_and_what_cannot_be_judged_has_no_number() -> None:
+def test_measures_have_none_and_what_cannot_be_judged_has_no_number():
     written = (
         OracleText("near", "min(clearance)"),
         OracleText("typo", "always(sped < 1 m/s)"),

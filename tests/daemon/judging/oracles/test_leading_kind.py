@@ -1,11 +1,8 @@
 """What is known of leading margins before anything runs, and what a search is told instead."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -14,7 +11,7 @@ import pytest
 from daemon.judging.oracles import leading_kind, leading_margins, oracle_scale
 from daemon.judging.oracles._leading_kind import LEADING_FLAGS
 from daemon.model.spec import OracleText
-from grammars.oracle import CustomOracle, CustomSignal, Oracle, parse_oracle
+from grammars.oracle import CustomOracle, CustomSignal, parse_oracle
 from grammars.text import plugins
 from grammars.text.diagnostics import Where
 from tests.daemon.judging.oracles.traces import ROBOT, along, make_trace, times
@@ -28,7 +25,7 @@ smooth = CustomOracle(lambda trace: (0.25, 0.25), "m/s^2")
 
 
 @pytest.fixture(autouse=True)
-def plugged(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def plugged(monkeypatch):
     groups = {"scenario.signals": ("busy",), "scenario.oracles": ("tidy", "smooth")}
     entries = {
         group: {name: EntryPoint(name, f"{__name__}:{name}", group) for name in names}
@@ -40,7 +37,7 @@ def plugged(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     plugins.load_plugin.cache_clear()
 
 
-def oracle(text: str) -> Oracle:
+def oracle(text):
     return parse_oracle("it", text, Where("o.yaml", 1, 1))
 
 
@@ -66,7 +63,7 @@ TRACE = make_trace(along(times(10.0)))
         ("smooth()", "m/s^2"),
     ],
 )
-def test_what_leads_says_in_which_unit(text: str, unit: str) -> None:
+def test_what_leads_says_in_which_unit(text, unit):
     found = leading_kind(oracle(text))
     assert (found.led, found.unit, found.reason, found.better) == (True, unit, "", "")
     (lead,) = leading_margins(TRACE, (OracleText("it", text),))
@@ -89,7 +86,7 @@ def test_what_leads_says_in_which_unit(text: str, unit: str) -> None:
         ("count(contact)", "it has no limit", "count(contact) <= 1"),
     ],
 )
-def test_what_is_flat_is_told_with_a_better_one(text: str, reason: str, better: str) -> None:
+def test_what_is_flat_is_told_with_a_better_one(text, reason, better):
     found = leading_kind(oracle(text))
     assert not found.led
     assert reason in found.reason
@@ -117,18 +114,18 @@ def test_what_is_flat_is_told_with_a_better_one(text: str, reason: str, better: 
         ("smooth()", 1.0, "m/s^2"),
     ],
 )
-def test_margins_are_compared_by_their_limits(text: str, scale: float, unit: str) -> None:
+def test_margins_are_compared_by_their_limits(text, scale, unit):
     found = oracle_scale(oracle(text), ROBOT)
     assert (found.oracle, found.scale, found.unit) == ("it", pytest.approx(scale), unit)
 
 
-def test_a_check_loads_nothing_that_judges() -> None:
+def test_a_check_loads_nothing_that_judges():
     code = "import sys; from daemon.judging.oracles import leading_kind, oracle_scale; " \
            "sys.exit('numba' in sys.modules or 'shapely' in sys.modules)"  # fmt: skip
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_the_table_of_the_documentation_has_every_operator() -> None:
+def test_the_table_of_the_documentation_has_every_operator():
     section = PAGE.read_text("utf-8").partition("## Margins that lead")[2].partition("\n## ")[0]
     rows = " ".join(row for row in section.split("\n") if row.startswith("| "))
     grammar = (ROOT / "grammars" / "oracle" / "oracle.tx").read_text("utf-8")

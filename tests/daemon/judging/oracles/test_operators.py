@@ -1,7 +1,5 @@
 """Each operator on traces a person can follow, whole and cut short."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -11,8 +9,7 @@ import pytest
 from daemon.judging.oracles import judge, overall_outcome, trace_problems
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
-from daemon.trace import ContactRecord, ProgressRecord, Trace
-from grammars.model.geometry import Floats
+from daemon.trace import ContactRecord, ProgressRecord
 from tests.daemon.judging.oracles.traces import (
     along,
     cut,
@@ -24,20 +21,20 @@ from tests.daemon.judging.oracles.traces import (
 )
 
 
-def with_error(error: Floats, rate: float = 20.0, **fields: object) -> Trace:
+def with_error(error, rate=20.0, **fields):
     """A robot whose position estimate is off by ``error`` to its left, sample by sample."""
     time = np.arange(len(error)) / rate
     motion = along(time)
     return make_trace(motion, estimate=track(time, motion.x, error), **fields)
 
 
-def bump(height: float = 0.5, start: float = 5.0, end: float = 6.0, seconds: float = 20.0) -> Trace:
+def bump(height=0.5, start=5.0, end=6.0, seconds=20.0):
     """Error 0.05 m, but ``height`` from ``start`` up to ``end`` [s]."""
     time = times(seconds)
     return with_error(np.where((time >= start - 1e-9) & (time < end - 1e-9), height, 0.05))
 
 
-def test_always_fails_at_the_worst_moment_with_evidence() -> None:
+def test_always_fails_at_the_worst_moment_with_evidence():
     found = verdict(bump(), "always(loc.error <= 0.35 m)")
     assert (found.outcome, found.unit) == (Outcome.FAIL, "m")
     assert found.margin == pytest.approx(-0.15)
@@ -46,13 +43,13 @@ def test_always_fails_at_the_worst_moment_with_evidence() -> None:
     assert found.evidence.limit == 0.35
 
 
-def test_always_passes_by_its_smallest_margin() -> None:
+def test_always_passes_by_its_smallest_margin():
     found = verdict(bump(), "always(loc.error <= 0.6 m)")
     assert found.outcome is Outcome.PASS
     assert found.lower == found.upper == pytest.approx(0.1)
 
 
-def test_the_first_violation_is_told_when_it_is_not_the_worst() -> None:
+def test_the_first_violation_is_told_when_it_is_not_the_worst():
     time = times(10.0)
     error = np.where(time >= 4.0, 0.5, np.where(time >= 2.0, 0.4, 0.0))
     found = verdict(with_error(error), "always(loc.error <= 0.35 m)")
@@ -60,13 +57,13 @@ def test_the_first_violation_is_told_when_it_is_not_the_worst() -> None:
     assert "first at 2.00 s" in found.evidence.note
 
 
-def test_never_is_always_not() -> None:
+def test_never_is_always_not():
     found = verdict(bump(), "never(loc.error > 0.35 m)")
     assert found.margin == pytest.approx(-0.15)
     assert verdict(bump(), "never(loc.error > 0.6 m)").outcome is Outcome.PASS
 
 
-def test_eventually_passes_by_its_best_moment() -> None:
+def test_eventually_passes_by_its_best_moment():
     found = verdict(bump(), "eventually(loc.error > 0.3 m)")
     assert found.outcome is Outcome.PASS
     assert found.margin == pytest.approx(0.2)
@@ -82,18 +79,18 @@ def test_eventually_passes_by_its_best_moment() -> None:
         ("never within 5 s (loc.error > 0.3 m)", "fail"),
     ],
 )
-def test_a_window_counts_from_the_start_of_the_run(text: str, outcome: str) -> None:
+def test_a_window_counts_from_the_start_of_the_run(text, outcome):
     assert verdict(bump(), text).outcome == outcome
 
 
-def test_a_window_that_is_over_is_decided_on_a_cut_trace() -> None:
+def test_a_window_that_is_over_is_decided_on_a_cut_trace():
     trace = cut(bump(), 8.0)
     assert verdict(trace, "always within 4.9 s (loc.error < 0.3 m)").outcome is Outcome.PASS
     assert verdict(trace, "eventually within 4.9 s (loc.error > 0.3 m)").outcome is Outcome.FAIL
     assert verdict(trace, "always within 9 s (loc.error < 1 m)").outcome is Outcome.INCONCLUSIVE
 
 
-def test_a_cut_trace_keeps_what_was_seen_and_claims_nothing_else() -> None:
+def test_a_cut_trace_keeps_what_was_seen_and_claims_nothing_else():
     before, after = cut(bump(), 4.0), cut(bump(), 8.0)
     found = verdict(before, "always(loc.error <= 0.35 m)")
     assert (found.outcome, found.lower) == (Outcome.INCONCLUSIVE, None)
@@ -104,7 +101,7 @@ def test_a_cut_trace_keeps_what_was_seen_and_claims_nothing_else() -> None:
     assert verdict(after, "eventually(loc.error > 0.3 m)").outcome is Outcome.PASS
 
 
-def test_amounts_weigh_samples_by_time() -> None:
+def test_amounts_weigh_samples_by_time():
     trace = bump(end=6.5)
     assert verdict(trace, "time(loc.error > 0.3 m)").evidence.value == pytest.approx(1.5)
     assert verdict(trace, "fraction(loc.error > 0.3 m)").evidence.value == pytest.approx(0.075)
@@ -114,7 +111,7 @@ def test_amounts_weigh_samples_by_time() -> None:
     assert found.evidence.time == pytest.approx(5.0)
 
 
-def test_irregular_samples_count_until_the_next_one() -> None:
+def test_irregular_samples_count_until_the_next_one():
     time = np.array([0.0, 1.0, 4.0, 5.0])
     motion = along(time)
     error = np.array([0.5, 0.0, 0.5, 0.5])
@@ -125,7 +122,7 @@ def test_irregular_samples_count_until_the_next_one() -> None:
     assert verdict(trace, "mean(loc.error)").evidence.value == pytest.approx(0.25)
 
 
-def test_count_counts_how_often_it_became_true() -> None:
+def test_count_counts_how_often_it_became_true():
     time = times(10.0)
     trace = with_error(np.where(np.floor(time) % 3 == 0, 0.5, 0.0))
     assert verdict(trace, "count(loc.error > 0.3 m)").evidence.value == 4.0
@@ -135,7 +132,7 @@ def test_count_counts_how_often_it_became_true() -> None:
     assert verdict(trace, "count(loc.error > 0.3 m) <= 4").outcome is Outcome.PASS
 
 
-def test_amounts_on_a_cut_trace_use_that_the_run_ends_at_its_limit() -> None:
+def test_amounts_on_a_cut_trace_use_that_the_run_ends_at_its_limit():
     trace = cut(replace_limit(bump(seconds=20.0), 20.0), 19.0)
     assert verdict(trace, "fraction(loc.error < 0.3 m) >= 85 %").outcome is Outcome.PASS
     assert verdict(trace, "fraction(loc.error < 0.3 m) >= 93 %").outcome is Outcome.INCONCLUSIVE
@@ -147,13 +144,13 @@ def test_amounts_on_a_cut_trace_use_that_the_run_ends_at_its_limit() -> None:
     assert verdict(trace, "count(loc.error > 0.3 m) >= 1").outcome is Outcome.PASS
 
 
-def test_a_stretch_that_is_still_going_on_may_last_until_the_limit() -> None:
+def test_a_stretch_that_is_still_going_on_may_last_until_the_limit():
     trace = cut(replace_limit(bump(seconds=20.0), 20.0), 5.8)
     assert verdict(trace, "longest(loc.error > 0.3 m) <= 15.1 s").outcome is Outcome.PASS
     assert verdict(trace, "longest(loc.error > 0.3 m) <= 14.9 s").outcome is Outcome.INCONCLUSIVE
 
 
-def replace_limit(trace: Trace, limit: float) -> Trace:
+def replace_limit(trace, limit):
     return replace(trace, spec=replace(trace.spec, limit=limit))
 
 
@@ -168,21 +165,21 @@ def replace_limit(trace: Trace, limit: float) -> Trace:
         ("max(abs(-loc.error.y) * 2 - loc.error / 2)", 0.75),
     ],
 )
-def test_statistics_sum_up_a_signal(text: str, value: float) -> None:
+def test_statistics_sum_up_a_signal(text, value):
     found = verdict(bump(), text)
     assert found.outcome is Outcome.MEASURE
     assert (found.lower, found.upper) == (None, None)
     assert found.evidence.value == pytest.approx(value)
 
 
-def test_p95_is_the_value_not_exceeded_for_95_percent_of_the_time() -> None:
+def test_p95_is_the_value_not_exceeded_for_95_percent_of_the_time():
     time = np.arange(101) / 1.0
     trace = with_error(time / 100.0, rate=1.0, limit=200.0)
     assert verdict(trace, "p95(loc.error)").evidence.value == pytest.approx(0.94)
     assert verdict(trace, "time(loc.error <= 0.94 m)").evidence.value == pytest.approx(95.0)
 
 
-def test_a_maximum_can_only_grow() -> None:
+def test_a_maximum_can_only_grow():
     trace = cut(bump(), 8.0)
     assert verdict(trace, "max(loc.error) <= 0.35 m").outcome is Outcome.FAIL
     assert verdict(trace, "max(loc.error) <= 0.6 m").outcome is Outcome.INCONCLUSIVE
@@ -192,7 +189,7 @@ def test_a_maximum_can_only_grow() -> None:
     assert verdict(trace, "final(loc.error) <= 1 m").outcome is Outcome.INCONCLUSIVE
 
 
-def test_strict_and_weak_limits_differ_when_met_exactly() -> None:
+def test_strict_and_weak_limits_differ_when_met_exactly():
     trace = with_error(np.full(21, 0.25))
     exact = "loc.error.y"
     assert verdict(trace, f"always({exact} <= 0.25 m)").outcome is Outcome.PASS
@@ -202,20 +199,20 @@ def test_strict_and_weak_limits_differ_when_met_exactly() -> None:
     assert verdict(trace, f"max({exact}) < 0.25 m").outcome is Outcome.FAIL
 
 
-def test_a_guard_narrows_what_is_judged() -> None:
+def test_a_guard_narrows_what_is_judged():
     guarded = "when elapsed < 5 s or elapsed > 7 s"
     assert verdict(bump(), f"always(loc.error <= 0.35 m) {guarded}").outcome is Outcome.PASS
     assert verdict(bump(), f"max(loc.error) {guarded}").evidence.value == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize("operator", ["always", "never", "eventually"])
-def test_what_was_never_put_to_the_test_is_inconclusive(operator: str) -> None:
+def test_what_was_never_put_to_the_test_is_inconclusive(operator):
     found = verdict(bump(), f"{operator}(contact) when speed > 9 m/s")
     assert found.outcome is Outcome.INCONCLUSIVE
     assert "vacuous" in found.evidence.note
 
 
-def test_vacuous_amounts_statistics_and_missions_are_inconclusive_too() -> None:
+def test_vacuous_amounts_statistics_and_missions_are_inconclusive_too():
     guard = "when speed > 9 m/s"
     for text in ("fraction(contact) <= 1 %", "max(speed) < 1 m/s", "reached(mission, 1 m)"):
         assert verdict(bump(), f"{text} {guard}").outcome is Outcome.INCONCLUSIVE
@@ -223,13 +220,13 @@ def test_vacuous_amounts_statistics_and_missions_are_inconclusive_too() -> None:
     assert (measured.outcome, measured.evidence.value) == (Outcome.MEASURE, None)
 
 
-def test_a_signal_that_was_not_recorded_decides_nothing() -> None:
+def test_a_signal_that_was_not_recorded_decides_nothing():
     found = verdict(make_trace(along(times(5.0))), "always(loc.error <= 0.35 m)")
     assert found.outcome is Outcome.INCONCLUSIVE
     assert "not recorded" in found.evidence.note
 
 
-def test_a_signal_is_judged_from_when_it_is_known() -> None:
+def test_a_signal_is_judged_from_when_it_is_known():
     time = times(5.0)
     late = track(time[40:], time[40:] * 0.5, 0.1)
     found = verdict(make_trace(along(time), estimate=late), "always(loc.error <= 0.35 m)")
@@ -237,7 +234,7 @@ def test_a_signal_is_judged_from_when_it_is_known() -> None:
     assert "known from 2.00 s" in found.evidence.note
 
 
-def test_unknown_and_false_is_false_but_unknown_and_true_is_unknown() -> None:
+def test_unknown_and_false_is_false_but_unknown_and_true_is_unknown():
     trace = make_trace(along(times(5.0), speed=0.5))
     assert verdict(trace, "always(loc.error < 1 m and speed > 1 m/s)").outcome is Outcome.FAIL
     assert verdict(trace, "always(loc.error < 1 m or speed < 1 m/s)").outcome is Outcome.PASS
@@ -245,14 +242,14 @@ def test_unknown_and_false_is_false_but_unknown_and_true_is_unknown() -> None:
     assert unknown.outcome is Outcome.INCONCLUSIVE
 
 
-def test_division_by_zero_is_unknown_not_a_crash() -> None:
+def test_division_by_zero_is_unknown_not_a_crash():
     trace = make_trace(along(times(1.0), speed=0.5))
     found = verdict(trace, "max(path.length / elapsed) <= 0.6 m/s")
     assert found.outcome is Outcome.PASS
     assert found.evidence.value == pytest.approx(0.5)
 
 
-def test_margins_in_one_unit_combine_and_others_keep_their_sign() -> None:
+def test_margins_in_one_unit_combine_and_others_keep_their_sign():
     same = verdict(bump(), "always(loc.error <= 0.6 m and loc.error.y <= 0.9 m)")
     assert (same.unit, same.margin) == ("m", pytest.approx(0.1))
     assert "decided by loc.error <= 0.6 m" in same.evidence.note
@@ -261,7 +258,7 @@ def test_margins_in_one_unit_combine_and_others_keep_their_sign() -> None:
     assert mixed.evidence.value == pytest.approx(0.5)
 
 
-def journey(*corners: tuple[float, float], speed: float = 0.5, limit: float = 600.0) -> Trace:
+def journey(*corners, speed=0.5, limit=600.0):
     """A robot that drives from corner to corner at constant speed, in 20 Hz samples."""
     points = np.array(corners)
     reach = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
@@ -273,11 +270,11 @@ def journey(*corners: tuple[float, float], speed: float = 0.5, limit: float = 60
     return make_trace(motion, limit=limit)
 
 
-def heading_for(trace: Trace, *points: tuple[float, float]) -> Trace:
+def heading_for(trace, *points):
     return replace(trace, spec=replace(trace.spec, mission=mission(*points)))
 
 
-def test_waypoints_are_reached_in_order_by_the_closest_approach_of_each_visit() -> None:
+def test_waypoints_are_reached_in_order_by_the_closest_approach_of_each_visit():
     trace = heading_for(journey((0, 0), (4, 0), (4, 4)), (2.0, 0.1), (4.0, 0.0), (4.0, 4.0))
     found = verdict(trace, "reached(mission, 0.25 m)")
     assert (found.outcome, found.unit) == (Outcome.PASS, "m")
@@ -287,7 +284,7 @@ def test_waypoints_are_reached_in_order_by_the_closest_approach_of_each_visit() 
     assert "all 3 waypoints visited, the last at 15.50 s" in found.evidence.note
 
 
-def test_the_wrong_order_is_a_failure_that_names_the_waypoint() -> None:
+def test_the_wrong_order_is_a_failure_that_names_the_waypoint():
     trace = heading_for(journey((0, 0), (4, 0)), (3.0, 0.0), (1.0, 0.0))
     found = verdict(trace, "reached(mission, 0.25 m)")
     assert found.outcome is Outcome.FAIL
@@ -295,7 +292,7 @@ def test_the_wrong_order_is_a_failure_that_names_the_waypoint() -> None:
     assert found.margin == pytest.approx(0.25 - 1.0)  # halfway between both, for both
 
 
-def test_a_waypoint_passed_a_little_too_far_misses_by_that_little() -> None:
+def test_a_waypoint_passed_a_little_too_far_misses_by_that_little():
     circuit = journey((0, 0.26), (4, 0.0), (8, 0.0), (0, 0.0))
     trace = heading_for(circuit, (0, 0), (4, 0), (8, 0), (0, 0))
     found = verdict(trace, "reached(mission, 0.25 m)")
@@ -304,7 +301,7 @@ def test_a_waypoint_passed_a_little_too_far_misses_by_that_little() -> None:
     assert (found.evidence.object, found.evidence.time) == ("w1", pytest.approx(0.0, abs=0.1))
 
 
-def test_a_circuit_visits_its_first_waypoint_twice() -> None:
+def test_a_circuit_visits_its_first_waypoint_twice():
     there_and_back = journey((0, 0), (4, 0), (0, 0))
     assert verdict(
         heading_for(there_and_back, (0, 0), (4, 0), (0, 0)), "reached(mission, 0.25 m)"
@@ -314,7 +311,7 @@ def test_a_circuit_visits_its_first_waypoint_twice() -> None:
     ).outcome is Outcome.FAIL  # fmt: skip
 
 
-def test_a_cut_mission_is_open_until_all_waypoints_are_visited() -> None:
+def test_a_cut_mission_is_open_until_all_waypoints_are_visited():
     trace = heading_for(journey((0, 0), (4, 0)), (2.0, 0.1), (3.0, 0.0))
     early = verdict(cut(trace, 5.0), "reached(mission, 0.25 m)")
     assert (early.outcome, early.upper) == (Outcome.INCONCLUSIVE, None)
@@ -323,7 +320,7 @@ def test_a_cut_mission_is_open_until_all_waypoints_are_visited() -> None:
     assert late.outcome is Outcome.PASS
 
 
-def test_a_visit_that_is_not_over_can_still_come_closer() -> None:
+def test_a_visit_that_is_not_over_can_still_come_closer():
     trace = heading_for(journey((0, 0), (4, 0)), (2.0, 0.0))
     found = verdict(cut(trace, 3.6), "reached(mission, 0.25 m)")
     assert (found.outcome, found.upper) == (Outcome.PASS, None)
@@ -331,7 +328,7 @@ def test_a_visit_that_is_not_over_can_still_come_closer() -> None:
     assert verdict(trace, "reached(mission, 0.25 m)").lower == pytest.approx(0.25)
 
 
-def test_contacts_name_what_was_touched() -> None:
+def test_contacts_name_what_was_touched():
     touches = (
         ContactRecord(3.02, "robot", "door-17.leaf", (1.5, 0.2), (0.0, 1.0), 0.004),
         ContactRecord(3.03, "wall-north", "robot", (1.5, 0.2), (0.0, 1.0), 0.009),
@@ -346,14 +343,14 @@ def test_contacts_name_what_was_touched() -> None:
     assert verdict(trace, "max(contact.depth)").evidence.value == 0.009
 
 
-def test_when_nothing_happened_no_moment_is_singled_out() -> None:
+def test_when_nothing_happened_no_moment_is_singled_out():
     trace = make_trace(along(times(10.0)))
     for text in ("never(contact)", "eventually(contact)"):
         found = verdict(trace, text)
         assert (found.evidence.time, found.evidence.value) == (None, None)
 
 
-def test_the_mission_signals_say_what_the_system_reports() -> None:
+def test_the_mission_signals_say_what_the_system_reports():
     progress = (
         ProgressRecord(0.0, 0, 0, "active"),
         ProgressRecord(4.0, 1, 1, "active"),
@@ -367,7 +364,7 @@ def test_the_mission_signals_say_what_the_system_reports() -> None:
     assert verdict(trace, "eventually(mission.remaining <= 0)").outcome == "pass"
 
 
-def test_a_mission_that_lasts_until_the_limit_has_waypoints_left() -> None:
+def test_a_mission_that_lasts_until_the_limit_has_waypoints_left():
     progress = (ProgressRecord(0.0, 0, 0, "active"), ProgressRecord(4.0, 1, 1, "active"))
     trace = make_trace(along(times(10.0)), goal=mission((2, 0), (4, 0)), progress=progress)
     ended = replace(trace, ended="limit")
@@ -376,7 +373,7 @@ def test_a_mission_that_lasts_until_the_limit_has_waypoints_left() -> None:
     assert (found.outcome, found.margin) == ("fail", -1.0)
 
 
-def test_an_untrustworthy_trace_is_never_the_fault_of_the_robot() -> None:
+def test_an_untrustworthy_trace_is_never_the_fault_of_the_robot():
     trace = replace(bump(), problems=("the clock jumped at 3.20 s",))
     found = judge(trace, (OracleText("a", "always(loc.error <= 0.35 m)"),))
     assert found[0].outcome is Outcome.ERROR
@@ -384,7 +381,7 @@ def test_an_untrustworthy_trace_is_never_the_fault_of_the_robot() -> None:
     assert overall_outcome(trace, found) is Outcome.ERROR
 
 
-def test_impossible_motion_is_noticed() -> None:
+def test_impossible_motion_is_noticed():
     trace = bump()
     truth = trace.ground_truth
     lost = np.where(truth.time > 3.0, np.nan, truth.x)
@@ -394,7 +391,7 @@ def test_impossible_motion_is_noticed() -> None:
     assert not trace_problems(trace)
 
 
-def test_an_oracle_that_cannot_be_read_or_bound_is_an_error_of_its_own() -> None:
+def test_an_oracle_that_cannot_be_read_or_bound_is_an_error_of_its_own():
     trace = bump()
     written = (
         OracleText("typo", "always(loc.eror <= 1 m)"),
@@ -407,7 +404,7 @@ def test_an_oracle_that_cannot_be_read_or_bound_is_an_error_of_its_own() -> None
     assert 'no "door-99.distance"' in found[1].evidence.note
 
 
-def test_a_crash_is_an_error_whatever_was_seen_before() -> None:
+def test_a_crash_is_an_error_whatever_was_seen_before():
     crashed = replace(bump(), ended="crashed")
     kept = judge(crashed, (OracleText("a", "always(loc.error <= 0.6 m)"),))
     assert kept[0].outcome is Outcome.INCONCLUSIVE
@@ -417,7 +414,7 @@ def test_a_crash_is_an_error_whatever_was_seen_before() -> None:
     assert overall_outcome(crashed, broken) is Outcome.ERROR
 
 
-def test_a_trace_without_samples_is_inconclusive() -> None:
+def test_a_trace_without_samples_is_inconclusive():
     empty = make_trace(along(np.zeros(1)))
     nothing = cut(empty, -1.0)
     texts = ("never(contact)", "reached(mission, 1 m)", "time(contact) < 1 s", "max(speed) > 0 m/s")
@@ -428,7 +425,7 @@ def test_a_trace_without_samples_is_inconclusive() -> None:
 @pytest.mark.parametrize(
     ("guard", "counts"), [("speed >= 0.5 m/s", True), ("speed > 0.5 m/s", False)]
 )
-def test_a_visit_counts_where_its_guard_just_holds(guard: str, counts: bool) -> None:
+def test_a_visit_counts_where_its_guard_just_holds(guard, counts):
     trace = make_trace(along(times(10.0)), goal=mission((2.0, 0.0)))
     found = verdict(trace, f"reached(mission, 0.1 m) when {guard}")
     assert found.outcome is (Outcome.PASS if counts else Outcome.INCONCLUSIVE)

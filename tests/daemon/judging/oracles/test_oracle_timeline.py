@@ -1,7 +1,5 @@
 """When a run spoke against an oracle, and what it is drawn against."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +7,12 @@ import pytest
 
 from daemon.judging.oracles import OracleTimeline, SignalSampler, oracle_timeline
 from daemon.model.spec import OracleText
-from daemon.trace import CommandTrack, ProgressRecord, Trace
+from daemon.trace import CommandTrack, ProgressRecord
 from grammars.oracle import render
 from tests.daemon.judging.oracles.traces import along, make_trace, mission, still, times, track
 
 
-def journey() -> Trace:
+def journey():
     """Ten seconds along x at 0.5 m/s, twice a second; the estimate is 0.5 m off from 3 s to 5 s
     and from 7 s to 8 s, else 0.1 m. The first of two waypoints is reached at 6 s.
     """
@@ -30,7 +28,7 @@ def journey() -> Trace:
     )
 
 
-def timeline(text: str) -> OracleTimeline:
+def timeline(text):
     return oracle_timeline(OracleText("it", text), SignalSampler(journey()))
 
 
@@ -64,9 +62,7 @@ RIGHT = ((0.0, 3.0), (5.0, 7.0), (8.0, 10.0))
         ("reached(mission, 0.1 m)", ()),
     ],
 )
-def test_a_run_speaks_against_an_oracle_while_it_does_not_hold(
-    text: str, against: tuple[tuple[float, float], ...]
-) -> None:
+def test_a_run_speaks_against_an_oracle_while_it_does_not_hold(text, against):
     assert timeline(text).against == against
 
 
@@ -89,21 +85,19 @@ def test_a_run_speaks_against_an_oracle_while_it_does_not_hold(
         ("reached(mission, 0.1 m)", ()),
     ],
 )  # fmt: skip
-def test_limits_are_the_constants_that_signals_are_compared_with(
-    text: str, limits: tuple[tuple[str, float], ...]
-) -> None:
+def test_limits_are_the_constants_that_signals_are_compared_with(text, limits):
     found = timeline(text).limits
     assert [name for name, _ in found] == [name for name, _ in limits]
     assert [value for _, value in found] == pytest.approx([value for _, value in limits])
 
 
-def test_signals_are_named_once() -> None:
+def test_signals_are_named_once():
     found = timeline("always(loc.error <= 0.3 m or speed < 1 m/s and loc.error < 2 m)")
     assert [render(signal) for signal in found.signals] == ["loc.error", "speed"]
     assert found.oracle == "it"
 
 
-def test_what_cannot_be_read_or_seen_has_no_course() -> None:
+def test_what_cannot_be_read_or_seen_has_no_course():
     assert timeline("always(lok.error <= 0.3 m)") == OracleTimeline("it", (), (), ())
     nothing = np.empty(0)
     none = make_trace(still(nothing), goal=mission((1.0, 0.0)))

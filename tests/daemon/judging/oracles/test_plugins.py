@@ -1,10 +1,7 @@
 """Signals and oracles of other people: used when sound, explained when not, harmless always."""
 
-from __future__ import annotations
-
 import re
 import sys
-from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -15,7 +12,7 @@ from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
 from grammars.oracle import parse_oracle
 from grammars.text import plugins
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import InputError, Where
 from tests.daemon.judging.oracles.traces import along, cut, make_trace, times, verdict
 
 PAGE = Path(__file__).parents[4] / "docs" / "oracles.md"
@@ -74,7 +71,7 @@ ORACLES = ("vague", "halts", "sure", "upside", "nothing", "quits", "odd")
 
 
 @pytest.fixture(autouse=True)
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def plugged(tmp_path, monkeypatch):
     (tmp_path / "their_oracles.py").write_text(MODULE)
     (tmp_path / "their_imports.py").write_text("import a_module_nobody_has\n")
     (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
@@ -107,14 +104,14 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 TRACE = make_trace(along(times(10.0)))
 
 
-def refusal(text: str) -> Diagnostic:
+def refusal(text):
     with pytest.raises(InputError) as caught:
         parse_oracle("it", text, Where("o.yaml", 1, 1))
     (found,) = caught.value.diagnostics
     return found
 
 
-def test_a_signal_of_ones_own_is_used_like_any_other() -> None:
+def test_a_signal_of_ones_own_is_used_like_any_other():
     found = verdict(TRACE, "max(my.pace(0.7 m/s)) <= 1 m/s")
     assert (found.outcome, found.unit) == (Outcome.PASS, "m/s")
     assert found.margin == pytest.approx(0.3)
@@ -122,7 +119,7 @@ def test_a_signal_of_ones_own_is_used_like_any_other() -> None:
     assert verdict(cut(TRACE, 3.0), "eventually(busy)").outcome is Outcome.INCONCLUSIVE
 
 
-def test_the_example_of_the_documentation_works() -> None:
+def test_the_example_of_the_documentation_works():
     found = verdict(TRACE, "always(stop.distance(0.5 m/s^2) < clearance)")
     assert (found.outcome, found.unit, found.evidence.value) == (Outcome.PASS, "m", 0.25)
     found = verdict(TRACE, "smooth(2 m/s^2)")
@@ -130,7 +127,7 @@ def test_the_example_of_the_documentation_works() -> None:
     assert (type(found.evidence.time), found.evidence.limit) == (float, 2.0)
 
 
-def test_what_ships_here_is_never_replaced() -> None:
+def test_what_ships_here_is_never_replaced():
     assert verdict(TRACE, "max(speed)").evidence.value == pytest.approx(0.5)
 
 
@@ -154,22 +151,22 @@ def test_what_ships_here_is_never_replaced() -> None:
         ("sure() on leg 1", "judges the whole run"),
     ],
 )
-def test_misuse_is_found_before_any_run(text: str, message: str) -> None:
+def test_misuse_is_found_before_any_run(text, message):
     assert message in refusal(text).message
 
 
 @pytest.mark.parametrize(("text", "hint"), [("max(my.pase)", "my.pace"), ("halt(1)", "halts")])
-def test_names_of_plug_ins_are_suggested(text: str, hint: str) -> None:
+def test_names_of_plug_ins_are_suggested(text, hint):
     assert f'"{hint}"' in refusal(text).hint
 
 
-def test_an_oracle_of_ones_own_gives_an_interval_and_evidence() -> None:
+def test_an_oracle_of_ones_own_gives_an_interval_and_evidence():
     found = verdict(TRACE, "halts(3)")
     assert (found.outcome, found.lower, found.upper, found.unit) == (Outcome.PASS, 3.0, 3.0, "1")
     assert (found.evidence.object, found.evidence.note) == ("floor", "counted")
 
 
-def test_an_oracle_that_does_not_know_of_prefixes_decides_no_run_that_goes_on() -> None:
+def test_an_oracle_that_does_not_know_of_prefixes_decides_no_run_that_goes_on():
     assert verdict(cut(TRACE, 5.0), "halts(3)").outcome is Outcome.INCONCLUSIVE
     assert verdict(cut(TRACE, 5.0), "sure()").outcome is Outcome.PASS
 
@@ -189,7 +186,7 @@ def test_an_oracle_that_does_not_know_of_prefixes_decides_no_run_that_goes_on() 
     ],
 )
 @pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
-def test_what_fails_is_an_error_of_that_oracle_alone(text: str, message: str) -> None:
+def test_what_fails_is_an_error_of_that_oracle_alone(text, message):
     before = TRACE.ground_truth.x.copy()
     written = (OracleText("theirs", text), OracleText("ours", "never(contact)"))
     theirs, ours = judge(TRACE, written)

@@ -1,19 +1,17 @@
 """What holds for all oracles: verdicts never flip as a run goes on, limits act one way."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.judging.oracles import judge
 from daemon.model.spec import OracleText
-from daemon.model.verdicts import Outcome, Verdict
-from daemon.trace import ContactRecord, ProgressRecord, Trace
+from daemon.model.verdicts import Outcome
+from daemon.trace import ContactRecord, ProgressRecord
 from tests.daemon.judging.oracles.traces import along, cut, make_trace, mission, track, verdict
 
 LIMIT = 6.0
@@ -21,7 +19,7 @@ QUARTERS = st.integers(0, 4).map(lambda n: n / 4.0)
 
 
 @st.composite
-def traces(draw: st.DrawFn) -> Trace:
+def traces(draw):
     """A complete run of up to 5 s at 4 Hz with jumpy errors, contacts and progress."""
     count = draw(st.integers(2, 20))
     time = np.arange(count) / 4.0
@@ -75,7 +73,7 @@ LEGS = ("", "", " on leg 1", " on leg w1")
 
 
 @st.composite
-def oracles(draw: st.DrawFn, form: str | None = None) -> str:
+def oracles(draw, form=None):
     q = draw(QUARTERS)
     form = form or draw(st.sampled_from(FORMS))
     predicate = draw(st.sampled_from(PREDICATES))
@@ -84,7 +82,7 @@ def oracles(draw: st.DrawFn, form: str | None = None) -> str:
     return form.format(p=predicate.format(q=q), q=q) + leg + guard
 
 
-def bounds(found: Verdict) -> tuple[float, float]:
+def bounds(found):
     return (
         -math.inf if found.lower is None else found.lower,
         math.inf if found.upper is None else found.upper,
@@ -92,9 +90,8 @@ def bounds(found: Verdict) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=15, deadline=None)
 @given(data=st.data())
-def test_a_prefix_never_claims_what_the_whole_run_denies(form: str, data: st.DataObject) -> None:
+def test_a_prefix_never_claims_what_the_whole_run_denies(form, data):
     whole, text = data.draw(traces()), data.draw(oracles(form))
     steps = data.draw(st.integers(0, len(whole.ground_truth.time) - 1))
     early, late = verdict(cut(whole, steps / 4.0), text), verdict(whole, text)
@@ -105,11 +102,8 @@ def test_a_prefix_never_claims_what_the_whole_run_denies(form: str, data: st.Dat
         assert low - 1e-9 <= bounds(late)[0] <= bounds(late)[1] <= high + 1e-9
 
 
-@settings(deadline=None)
 @given(traces(), st.lists(oracles(), min_size=1, max_size=6), st.integers(1, 4000), st.booleans())
-def test_shifting_time_changes_nothing(
-    trace: Trace, texts: list[str], quarters: int, whole: bool
-) -> None:
+def test_shifting_time_changes_nothing(trace, texts, quarters, whole):
     judged = trace if whole else cut(trace, 1.0)
     written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
     for here, there in zip(
@@ -122,7 +116,7 @@ def test_shifting_time_changes_nothing(
             assert there.evidence.time == here.evidence.time + quarters / 4.0
 
 
-def shifted(trace: Trace, by: float) -> Trace:
+def shifted(trace, by):
     """Return ``trace`` as if the simulation had begun ``by`` seconds later."""
     tracks = ("ground_truth", "odometry", "command", "estimate", "cloud", "joints")
     moved = {name: replace(t := getattr(trace, name), time=t.time + by) for name in tracks}
@@ -132,11 +126,8 @@ def shifted(trace: Trace, by: float) -> Trace:
 
 
 @pytest.mark.parametrize("whole", [True, False])
-@settings(deadline=None)
 @given(data=st.data())
-def test_a_stricter_guard_never_turns_inconclusive_into_fail(
-    whole: bool, data: st.DataObject
-) -> None:
+def test_a_stricter_guard_never_turns_inconclusive_into_fail(whole, data):
     trace = data.draw(traces())
     # While a run goes on, a guard changes what a share is a share of; only what holds at all
     # samples or at one can be compared then.
@@ -148,11 +139,8 @@ def test_a_stricter_guard_never_turns_inconclusive_into_fail(
         assert verdict(judged, joined).outcome is Outcome.INCONCLUSIVE
 
 
-@settings(deadline=None)
 @given(traces(), oracles())
-def test_a_complete_run_is_decided_unless_there_was_nothing_to_judge(
-    whole: Trace, text: str
-) -> None:
+def test_a_complete_run_is_decided_unless_there_was_nothing_to_judge(whole, text):
     found = verdict(whole, text)
     if found.outcome is Outcome.INCONCLUSIVE:
         assert found.evidence.value is None
@@ -182,24 +170,20 @@ LIMITED = (
 RANK = {Outcome.FAIL: 0, Outcome.INCONCLUSIVE: 1, Outcome.PASS: 2}
 
 
-@settings(deadline=None)
 @given(
     traces(),
     st.sampled_from(LIMITED),
     st.tuples(st.floats(0.01, 2.0), st.floats(0.01, 2.0)),
     st.booleans(),
 )
-def test_a_wider_limit_never_judges_worse(
-    trace: Trace, form: str, limits: tuple[float, float], whole: bool
-) -> None:
+def test_a_wider_limit_never_judges_worse(trace, form, limits, whole):
     judged = trace if whole else cut(trace, 0.5)
     narrow, wide = (verdict(judged, form.format(q=f"{q:.6f}")) for q in sorted(limits))
     assert RANK[narrow.outcome] <= RANK[wide.outcome]
 
 
-@settings(deadline=None)
 @given(traces())
-def test_never_mirrors_always_and_eventually(trace: Trace) -> None:
+def test_never_mirrors_always_and_eventually(trace):
     predicate = "loc.error <= 0.5 m and (speed < 0.7 m/s or contact)"
     never = verdict(trace, f"never({predicate})")
     always = verdict(trace, f"always(not ({predicate}))")
@@ -209,16 +193,15 @@ def test_never_mirrors_always_and_eventually(trace: Trace) -> None:
         assert {never.outcome, eventually.outcome} == {Outcome.PASS, Outcome.FAIL}
 
 
-@settings(deadline=None)
 @given(traces(), st.lists(oracles(), max_size=4))
-def test_judging_again_gives_the_same_verdicts(trace: Trace, texts: list[str]) -> None:
+def test_judging_again_gives_the_same_verdicts(trace, texts):
     written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
     assert judge(trace, written) == judge(trace, written)
     assert judge(trace, written) == tuple(judge(trace, (one,))[0] for one in written)
 
 
 @pytest.mark.parametrize("outcome", [Outcome.PASS, Outcome.FAIL])
-def test_outcomes_follow_from_the_interval(outcome: Outcome) -> None:
+def test_outcomes_follow_from_the_interval(outcome):
     trace = make_trace(along(np.arange(5) / 4.0))
     found = verdict(trace, f"max(speed) <= {'1' if outcome is Outcome.PASS else '0.1'} m/s")
     assert found.outcome is outcome

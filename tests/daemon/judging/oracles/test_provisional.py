@@ -1,33 +1,29 @@
 """Verdicts on a run that goes on: which stand, which wait, and none is taken back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.judging.oracles import judge, judge_so_far, least_margin
-from daemon.model.live_judgement import ProvisionalVerdict
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome, deciding_verdict
-from daemon.trace import ContactRecord, Trace
+from daemon.trace import ContactRecord
 from tests.daemon.judging.oracles.test_properties import FORMS, oracles, traces
 from tests.daemon.judging.oracles.traces import along, cut, make_trace, mission, times, track
 
 DECIDED = (Outcome.PASS, Outcome.FAIL)
 
 
-def so_far(trace: Trace, text: str) -> ProvisionalVerdict:
+def so_far(trace, text):
     return judge_so_far(trace, (OracleText("it", text),))[0]
 
 
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=15, deadline=None)
 @given(data=st.data())
-def test_what_is_final_is_never_taken_back(form: str, data: st.DataObject) -> None:
+def test_what_is_final_is_never_taken_back(form, data):
     whole, text = data.draw(traces()), data.draw(oracles(form))
     at = data.draw(st.integers(0, len(whole.ground_truth.time) - 1)) / 4.0
     early = so_far(arriving_late(whole, at, data.draw(st.integers(0, 3)) / 4.0), text)
@@ -42,11 +38,8 @@ def test_what_is_final_is_never_taken_back(form: str, data: st.DataObject) -> No
 FLAGS = st.lists(st.booleans(), min_size=6, max_size=6)
 
 
-@settings(max_examples=150, deadline=None)
 @given(FLAGS, FLAGS, st.integers(1, 5), st.integers(1, 3))
-def test_estimates_that_come_late_take_nothing_back(
-    wrong: list[bool], fast: list[bool], at: int, delay: int
-) -> None:
+def test_estimates_that_come_late_take_nothing_back(wrong, fast, at, delay):
     time = np.arange(6) / 4.0
     motion = along(time, vx=np.where(fast, 0.5, 0.1))
     estimate = track(time, motion.x, np.where(wrong, 0.5, 0.0))
@@ -58,7 +51,7 @@ def test_estimates_that_come_late_take_nothing_back(
     assert not early.final or late.outcome is early.verdict.outcome
 
 
-def arriving_late(trace: Trace, at: float, delay: float) -> Trace:
+def arriving_late(trace, at, delay):
     """Return what is recorded at ``at`` [s] when estimates come ``delay`` after their stamps."""
     known = int(np.searchsorted(trace.estimate.time, at - delay + 1e-9, side="right"))
     names = ("time", "x", "y", "yaw", "covariance")
@@ -67,11 +60,8 @@ def arriving_late(trace: Trace, at: float, delay: float) -> Trace:
 
 
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=10, deadline=None)
 @given(data=st.data())
-def test_so_far_is_what_the_run_would_be_judged_if_it_ended_now(
-    form: str, data: st.DataObject
-) -> None:
+def test_so_far_is_what_the_run_would_be_judged_if_it_ended_now(form, data):
     whole, text = data.draw(traces()), data.draw(oracles(form))
     found = so_far(cut(whole, whole.valid_until), text)
     (late,) = judge(whole, (OracleText("it", text),))
@@ -79,15 +69,14 @@ def test_so_far_is_what_the_run_would_be_judged_if_it_ended_now(
 
 
 @given(traces(), st.lists(oracles(), min_size=1, max_size=4))
-@settings(max_examples=20, deadline=None)
-def test_of_a_run_that_is_over_everything_is_final(trace: Trace, texts: list[str]) -> None:
+def test_of_a_run_that_is_over_everything_is_final(trace, texts):
     written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
     found = judge_so_far(trace, written)
     assert tuple(one.verdict for one in found) == judge(trace, written)
     assert all(one.final and not one.open for one in found)
 
 
-def going_on(seconds: float = 4.0, **fields: object) -> Trace:
+def going_on(seconds=4.0, **fields):
     """A robot at 0.5 m/s along x; it is wrong by 0.4 m from 2 s on and hits a wall at 3 s."""
     time = times(seconds)
     motion = along(time)
@@ -96,7 +85,7 @@ def going_on(seconds: float = 4.0, **fields: object) -> Trace:
     made = make_trace(
         motion, estimate=track(time, motion.x, wrong), contacts=(hit,), goal=mission((5.0, 0.0))
     )
-    return replace(cut(made, seconds), **fields)  # type: ignore[arg-type]
+    return replace(cut(made, seconds), **fields)
 
 
 @pytest.mark.parametrize(
@@ -124,19 +113,19 @@ def going_on(seconds: float = 4.0, **fields: object) -> Trace:
         ("always(nonsense)", "error", False, False),
     ],
 )
-def test_what_stands_and_what_waits(text: str, outcome: str, final: bool, waits: bool) -> None:
+def test_what_stands_and_what_waits(text, outcome, final, waits):
     found = so_far(going_on(), text)
     assert (found.verdict.outcome, found.final, found.open) == (outcome, final, waits)
 
 
-def test_an_estimate_that_is_to_come_may_still_mend_a_failure() -> None:
+def test_an_estimate_that_is_to_come_may_still_mend_a_failure():
     # The last one is of a second ago; those of since then are on their way.
     early = replace(going_on(), estimate=track(times(3.0), 0.5 * times(3.0), 0.1))
     found = so_far(early, "max(loc.age) <= 0.5 s")
     assert (found.verdict.outcome, found.final) == (Outcome.FAIL, False)
 
 
-def test_nothing_is_final_of_a_robot_that_has_not_moved() -> None:
+def test_nothing_is_final_of_a_robot_that_has_not_moved():
     time = times(4.0)
     motion = along(time, speed=0.0)
     trace = cut(make_trace(motion, goal=mission((5.0, 0.0))), 4.0)
@@ -144,7 +133,7 @@ def test_nothing_is_final_of_a_robot_that_has_not_moved() -> None:
     assert (found.verdict.outcome, found.final) == (Outcome.FAIL, False)
 
 
-def test_the_least_margin_is_that_of_who_waits_for_nothing() -> None:
+def test_the_least_margin_is_that_of_who_waits_for_nothing():
     trace = going_on()
     texts = {
         "arrives": "reached(mission, 0.3 m)",
@@ -177,9 +166,7 @@ def test_the_least_margin_is_that_of_who_waits_for_nothing() -> None:
         (("max(speed)", "always(speed <= 1 m/s)"), 1),
     ],
 )
-def test_a_list_shows_the_same_oracle_of_a_run_before_and_after_its_end(
-    texts: tuple[str, str], shown: int
-) -> None:
+def test_a_list_shows_the_same_oracle_of_a_run_before_and_after_its_end(texts, shown):
     trace = going_on()
     written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
     least = least_margin(judge_so_far(trace, written))

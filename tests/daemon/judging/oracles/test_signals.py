@@ -1,7 +1,5 @@
 """Signals: of named objects, recorded as they are; every one of the registry can be sampled."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 
 from daemon.judging.oracles import SignalSampler
 from daemon.model.verdicts import Outcome
-from daemon.trace import CommandTrack, ContactRecord, LatencyTrack, ProgressRecord, Trace
+from daemon.trace import CommandTrack, ContactRecord, LatencyTrack, ProgressRecord
 from grammars.oracle import SIGNALS, Signal, object_signals, obstacle_names
 from tests.daemon.judging.oracles.traces import (
     CORRIDOR,
@@ -23,13 +21,13 @@ from tests.daemon.judging.oracles.traces import (
 )
 
 
-def value(trace: Trace, text: str) -> float:
+def value(trace, text):
     found = verdict(trace, text).evidence.value
     assert found is not None
     return found
 
 
-def full() -> Trace:
+def full():
     """A trace in which everything was recorded."""
     time = times(10.0)
     motion = along(time)
@@ -54,14 +52,14 @@ ALONE = [name for name, declared in SIGNALS.items() if not declared.relates]
 
 
 @pytest.mark.parametrize("name", [*ALONE, *object_signals(CORRIDOR)])
-def test_every_signal_of_the_registry_is_sampled(name: str) -> None:
+def test_every_signal_of_the_registry_is_sampled(name):
     trace = full()
     found = SignalSampler(trace).sample(Signal(name))
     assert found.values.shape == trace.ground_truth.time.shape
     assert np.isfinite(found.values).any()
 
 
-def test_clearance_to_a_named_object_is_that_to_nothing_else() -> None:
+def test_clearance_to_a_named_object_is_that_to_nothing_else():
     trace = full()
     nearest = verdict(trace, "min(clearance)")
     assert nearest.evidence.object.startswith("wall")
@@ -74,19 +72,19 @@ def test_clearance_to_a_named_object_is_that_to_nothing_else() -> None:
     assert value(trace, "min(clearance(wall-north))") == pytest.approx(1.0 - 0.233)
 
 
-def test_the_nearest_of_all_things_is_the_nearest_of_each() -> None:
+def test_the_nearest_of_all_things_is_the_nearest_of_each():
     trace = full()
     each = [value(trace, f"min(clearance({name}, 0.4 m, 0.3 m))")
             for name in obstacle_names(CORRIDOR) if name != "lintel"]  # fmt: skip
     assert value(trace, "min(clearance(0.4 m, 0.3 m))") == min(each)
 
 
-def test_a_thing_above_the_robot_has_no_clearance() -> None:
+def test_a_thing_above_the_robot_has_no_clearance():
     found = verdict(full(), "always(clearance(lintel) > 0 m)")
     assert found.outcome == "inconclusive"
 
 
-def test_contact_with_a_named_object() -> None:
+def test_contact_with_a_named_object():
     trace = full()
     assert value(trace, "count(contact)") == 2.0
     assert verdict(trace, "never(contact(door-17))").evidence.time == pytest.approx(3.0)
@@ -95,27 +93,27 @@ def test_contact_with_a_named_object() -> None:
     assert value(trace, "max(contact.depth(door-17))") == 0.004
 
 
-def test_commands_are_held_and_unknown_before_the_first() -> None:
+def test_commands_are_held_and_unknown_before_the_first():
     trace = full()
     assert value(trace, "max(command.forward)") == 0.6
     assert value(trace, "min(command.angular)") == -0.2
     assert "known from 0.50 s on" in verdict(trace, "max(command.forward)").evidence.note
 
 
-def test_estimates_and_true_poses_can_be_compared() -> None:
+def test_estimates_and_true_poses_can_be_compared():
     trace = full()
     assert value(trace, "max(abs(estimate.y - pose.y))") == pytest.approx(0.2)
     assert value(trace, "max(loc.sigma.yaw)") == pytest.approx(0.1)
     assert value(trace, "min(estimate.particles)") == 500.0
 
 
-def test_the_mission_is_told_by_leg_time_and_distance() -> None:
+def test_the_mission_is_told_by_leg_time_and_distance():
     reports = ((1.0, 0), (4.0, 1), (8.0, 2))
     progress = tuple(ProgressRecord(t, n, n, "active") for t, n in reports)
     trace = make_trace(along(times(10.0)), goal=mission((2.0, 0.0), (2.5, 3.0)), progress=progress)
     sampler = SignalSampler(trace)
 
-    def at(name: str, time: float) -> float:
+    def at(name, time):
         return float(sampler.sample(Signal(name)).values[round(time * 20)])
 
     for name in ("mission.leg", "mission.leg.elapsed", "mission.distance"):
@@ -131,7 +129,7 @@ def test_the_mission_is_told_by_leg_time_and_distance() -> None:
     assert at("elapsed", 9.0) == pytest.approx(9.0)
 
 
-def test_the_distance_of_an_object_is_that_from_the_foot_of_its_joint() -> None:
+def test_the_distance_of_an_object_is_that_from_the_foot_of_its_joint():
     motion = along(times(10.0))
     trace = make_trace(replace(motion, y=np.full(len(motion.time), -0.5)))
     distance = SignalSampler(trace).sample(Signal("door-17.hinge.distance")).values
@@ -140,7 +138,7 @@ def test_the_distance_of_an_object_is_that_from_the_foot_of_its_joint() -> None:
     assert distance[-1] == pytest.approx(np.hypot(3.0, 1.5))
 
 
-def test_of_contacts_between_two_samples_the_deepest_counts() -> None:
+def test_of_contacts_between_two_samples_the_deepest_counts():
     touches = tuple(
         ContactRecord(time, first, second, (1.5, 0.2), (0.0, 1.0), depth)
         for time, first, second, depth in (
@@ -159,20 +157,20 @@ def test_of_contacts_between_two_samples_the_deepest_counts() -> None:
     assert value(trace, "max(contact.depth(wall-north))") == 0.004
 
 
-def test_driving_backwards_has_a_sign() -> None:
+def test_driving_backwards_has_a_sign():
     trace = full()
     back = replace(trace, ground_truth=replace(trace.ground_truth, vx=-trace.ground_truth.vx))
     assert value(back, "min(speed.forward)") == -0.5
     assert value(back, "min(speed)") == 0.5
 
 
-def answered(time: list[float], seconds: list[float]) -> Trace:
+def answered(time, seconds):
     """A run of ten seconds whose system under test answered at these times."""
     track = LatencyTrack(np.array(time), np.array(seconds))
     return make_trace(along(times(10.0)), latency=track)
 
 
-def test_every_answer_of_an_external_system_is_judged_between_two_samples_too() -> None:
+def test_every_answer_of_an_external_system_is_judged_between_two_samples_too():
     # A period of 10 ms: five answers to every sample of the true pose, the slow one amid them.
     time = np.arange(1000) / 100
     seconds = np.full(1000, 0.010)
@@ -188,7 +186,7 @@ def test_every_answer_of_an_external_system_is_judged_between_two_samples_too() 
     assert found.outcome is Outcome.PASS
 
 
-def test_a_latency_lasts_until_the_next_answer_and_is_unknown_before_the_first() -> None:
+def test_a_latency_lasts_until_the_next_answer_and_is_unknown_before_the_first():
     trace = answered([2.0, 2.2, 4.0], [0.030, 0.120, 0.010])
     values = SignalSampler(trace).sample(Signal("latency")).values
     at = dict(zip((round(t, 2) for t in times(10.0).tolist()), values.tolist(), strict=True))
@@ -201,13 +199,13 @@ def test_a_latency_lasts_until_the_next_answer_and_is_unknown_before_the_first()
     assert "known from 2.00 s on" in note
 
 
-def test_the_latency_of_a_system_that_lives_inside_is_not_known() -> None:
+def test_the_latency_of_a_system_that_lives_inside_is_not_known():
     found = verdict(make_trace(along(times(10.0))), "always(latency <= 100 ms)")
     assert found.outcome is Outcome.INCONCLUSIVE
     assert "not recorded" in found.evidence.note
 
 
-def test_a_late_answer_stays_a_failure_however_a_run_goes_on() -> None:
+def test_a_late_answer_stays_a_failure_however_a_run_goes_on():
     trace = answered([1.0, 2.0, 9.0], [0.030, 0.120, 0.300])
     assert verdict(cut(trace, 5.0), "always(latency <= 100 ms)").outcome is Outcome.FAIL
     assert verdict(cut(trace, 1.5), "always(latency <= 100 ms)").outcome is Outcome.INCONCLUSIVE

@@ -1,12 +1,10 @@
 """``until`` and ``on leg``: judging a part of a run, on traces a person can follow."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from daemon.model.verdicts import Outcome
-from daemon.trace import ContactRecord, ProgressRecord, Trace
+from daemon.trace import ContactRecord, ProgressRecord
 from tests.daemon.judging.oracles.traces import (
     along,
     cut,
@@ -20,7 +18,7 @@ from tests.daemon.judging.oracles.traces import (
 TOUCH = (ContactRecord(6.0, "robot", "door-17.leaf", (3.0, 0.2), (0.0, 1.0), 0.004),)
 
 
-def journey(*changes: float, seconds: float = 10.0, **fields: object) -> Trace:
+def journey(*changes, seconds=10.0, **fields):
     """Along x at 0.5 m/s past waypoints w1, w2, ..., each reached at one of ``changes`` [s]."""
     time = times(seconds)
     motion = along(time)
@@ -34,7 +32,7 @@ def journey(*changes: float, seconds: float = 10.0, **fields: object) -> Trace:
     )
 
 
-def test_until_judges_only_what_comes_before() -> None:
+def test_until_judges_only_what_comes_before():
     found = verdict(journey(4.0, 8.0), "always(loc.error <= 0.3 m) until (mission.reached >= 1)")
     assert (found.outcome, found.unit) == (Outcome.PASS, "m")
     assert found.lower == found.upper == pytest.approx(0.2)
@@ -45,13 +43,13 @@ def test_until_judges_only_what_comes_before() -> None:
     assert found.evidence.limit == pytest.approx(0.3)
 
 
-def test_never_until_names_what_was_touched() -> None:
+def test_never_until_names_what_was_touched():
     found = verdict(journey(8.0), "never(contact) until (mission.reached >= 1)")
     assert (found.outcome, found.evidence.object) == (Outcome.FAIL, "door-17.leaf")
     assert verdict(journey(5.0), "never(contact) until (mission.reached >= 1)").outcome == "pass"
 
 
-def test_what_ends_it_must_come() -> None:
+def test_what_ends_it_must_come():
     text = "always(loc.error <= 1 m) until (speed >= 0.9 m/s)"
     found = verdict(journey(4.0), text)
     assert found.outcome is Outcome.FAIL
@@ -63,26 +61,26 @@ def test_what_ends_it_must_come() -> None:
 
 
 @pytest.mark.parametrize(("within", "outcome"), [("4 s", "pass"), ("3.9 s", "fail")])
-def test_what_ends_it_may_have_to_hurry(within: str, outcome: str) -> None:
+def test_what_ends_it_may_have_to_hurry(within, outcome):
     text = f"always(loc.error <= 1 m) until within {within} (mission.reached >= 1)"
     assert verdict(journey(4.0), text).outcome == outcome
     assert verdict(cut(journey(4.0), 6.0), text).outcome == outcome
     assert verdict(cut(journey(4.0), 3.0), text).outcome is Outcome.INCONCLUSIVE
 
 
-def test_until_something_that_held_all_along_is_vacuous() -> None:
+def test_until_something_that_held_all_along_is_vacuous():
     found = verdict(journey(4.0), "always(loc.error <= 0.01 m) until (mission.reached >= 0)")
     assert found.outcome is Outcome.INCONCLUSIVE
     assert "vacuous" in found.evidence.note
 
 
-def test_a_guard_does_not_hide_what_ends_it() -> None:
+def test_a_guard_does_not_hide_what_ends_it():
     text = "always(loc.error <= 0.3 m) until (mission.reached >= 1) when mission.reached == 0"
     assert verdict(journey(4.0), text).outcome is Outcome.PASS
 
 
 @pytest.mark.parametrize("leg", ["2", "w2"])
-def test_a_leg_is_the_way_to_its_waypoint(leg: str) -> None:
+def test_a_leg_is_the_way_to_its_waypoint(leg):
     trace = journey(4.0, 9.0)
     assert verdict(trace, f"max(loc.error) on leg {leg}").evidence.value == pytest.approx(0.5)
     assert verdict(trace, "max(loc.error) on leg 1").evidence.value == pytest.approx(0.1)
@@ -91,7 +89,7 @@ def test_a_leg_is_the_way_to_its_waypoint(leg: str) -> None:
     assert verdict(trace, "never(contact) on leg 1").outcome is Outcome.PASS
 
 
-def test_a_leg_that_is_over_is_decided_while_the_run_goes_on() -> None:
+def test_a_leg_that_is_over_is_decided_while_the_run_goes_on():
     trace = cut(journey(4.0, 9.0), 5.0)
     assert verdict(trace, "never(contact) on leg 1").outcome is Outcome.PASS
     assert verdict(trace, "never(contact) on leg 2").outcome is Outcome.INCONCLUSIVE
@@ -100,13 +98,13 @@ def test_a_leg_that_is_over_is_decided_while_the_run_goes_on() -> None:
     assert verdict(trace, "longest(speed > 0 m/s) <= 4.1 s on leg 1").outcome is Outcome.PASS
 
 
-def test_within_counts_from_the_start_of_the_leg() -> None:
+def test_within_counts_from_the_start_of_the_leg():
     trace = journey(4.0, 9.0)
     assert verdict(trace, "eventually within 2 s (contact) on leg w2").outcome is Outcome.PASS
     assert verdict(trace, "eventually within 1.9 s (contact) on leg w2").outcome is Outcome.FAIL
 
 
-def test_a_leg_that_was_never_begun_is_vacuous() -> None:
+def test_a_leg_that_was_never_begun_is_vacuous():
     goal = mission((2.0, 0.0), (4.0, 0.0), (40.0, 0.0), (50.0, 0.0))
     found = verdict(journey(4.0, 8.0), "never(contact) on leg 2")
     assert found.outcome is Outcome.FAIL
@@ -116,7 +114,7 @@ def test_a_leg_that_was_never_begun_is_vacuous() -> None:
     assert found.evidence.note == "vacuous: leg 3 was never begun"
 
 
-def test_coming_back_to_a_leg_does_not_reopen_it() -> None:
+def test_coming_back_to_a_leg_does_not_reopen_it():
     changes = ((0.0, 0), (2.0, 1), (5.0, 0), (8.0, 2))
     progress = tuple(ProgressRecord(t, n, n, "active") for t, n in changes)
     goal = mission((1.0, 0.0), (4.0, 0.0))
@@ -124,7 +122,7 @@ def test_coming_back_to_a_leg_does_not_reopen_it() -> None:
     assert verdict(trace, "never(contact) on leg 1").outcome is Outcome.PASS
 
 
-def test_a_leg_has_its_own_clock_and_distance() -> None:
+def test_a_leg_has_its_own_clock_and_distance():
     trace = journey(4.0, 9.0)
     found = verdict(trace, "final(mission.leg.elapsed) on leg 2")
     assert found.evidence.value == pytest.approx(4.95)

@@ -1,26 +1,20 @@
 """Synthetic traces: a robot in a corridor with one hinged door, told in a few arrays."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from daemon.judging.oracles import judge
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
-from daemon.model.verdicts import Verdict
 from daemon.trace import (
     CommandTrack,
-    ContactRecord,
     JointTrack,
     MotionTrack,
     PoseTrack,
-    ProgressRecord,
     Trace,
 )
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
@@ -36,16 +30,16 @@ ROBOT = Robot(
 )
 
 
-def box(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
+def box(x0, y0, x1, y1):
     return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
 
 
-def wall(name: str, x0: float, y0: float, x1: float, y1: float, **heights: float) -> Solid:
+def wall(name, x0, y0, x1, y1, **heights):
     span = {"z_min": 0.0, "z_max": 2.7} | heights
     return Solid(name, "wall", box(x0, y0, x1, y1), **span)
 
 
-def door(name: str, x: float, y: float, yaw: float = 0.0) -> SceneObject:
+def door(name, x, y, yaw=0.0):
     """A leaf of 0.9 m along its own x axis, hinged at its origin."""
     leaf = Link("leaf", (box(0.0, -0.02, 0.9, 0.02),), 20.0, 0.01, 2.0)
     hinge = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (0.0, 0.0), -1.7, 1.7)
@@ -65,19 +59,19 @@ CORRIDOR = Scene(
 )
 
 
-def still(time: Floats) -> MotionTrack:
+def still(time):
     zero = np.zeros(len(time))
     return MotionTrack(time, zero, zero, zero, zero, zero, zero)
 
 
-def along(time: Floats, speed: float = 0.5, **channels: Floats) -> MotionTrack:
+def along(time, speed=0.5, **channels):
     """Straight along x from the origin at constant speed; channels can be replaced."""
     zero = np.zeros(len(time))
     motion = MotionTrack(time, speed * (time - time[0]), zero, zero, zero + speed, zero, zero)
     return replace(motion, **channels)
 
 
-def track(time: Floats, x: Floats, y: Floats | float = 0.0, sigma: float = 0.1) -> PoseTrack:
+def track(time, x, y=0.0, sigma=0.1):
     covariance = np.tile(np.diag([sigma**2, sigma**2, 0.01]), (len(time), 1, 1))
     zero = np.zeros(len(time))
     return PoseTrack(time, x + zero, y + zero, zero, covariance)
@@ -86,29 +80,29 @@ def track(time: Floats, x: Floats, y: Floats | float = 0.0, sigma: float = 0.1) 
 NOTHING = track(np.empty(0), np.empty(0))
 
 
-def times(seconds: float, rate: float = 20.0) -> Floats:
+def times(seconds, rate=20.0):
     return np.arange(round(seconds * rate) + 1) / rate
 
 
-def mission(*points: tuple[float, float]) -> Mission:
+def mission(*points):
     waypoints = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(points, start=1))
     return Mission("there", Pose2(), waypoints)
 
 
 def make_trace(
-    motion: MotionTrack,
+    motion,
     *,
-    scene: Scene = CORRIDOR,
-    goal: Mission | None = None,
-    robot: Robot = ROBOT,
-    estimate: PoseTrack = NOTHING,
-    cloud: PoseTrack = NOTHING,
-    joints: JointTrack | None = None,
-    contacts: tuple[ContactRecord, ...] = (),
-    progress: tuple[ProgressRecord, ...] = (),
-    limit: float = 60.0,
-    **fields: Any,
-) -> Trace:
+    scene=CORRIDOR,
+    goal=None,
+    robot=ROBOT,
+    estimate=NOTHING,
+    cloud=NOTHING,
+    joints=None,
+    contacts=(),
+    progress=(),
+    limit=60.0,
+    **fields,
+):
     """Build a complete trace of ``motion``; ``fields`` replace whatever else is recorded.
 
     Unless there is another ``goal`` the mission asks for nothing but to stay.
@@ -158,7 +152,7 @@ def make_trace(
     return replace(trace, **fields)
 
 
-def cut(trace: Trace, at: float) -> Trace:
+def cut(trace, at):
     """Return ``trace`` as if its writer had died at ``at`` [s]; nothing later is in it.
 
     ``trace`` itself when it is cut and ends before that.
@@ -166,7 +160,7 @@ def cut(trace: Trace, at: float) -> Trace:
     if not trace.complete and trace.valid_until <= at:
         return trace
     tracks = ("ground_truth", "odometry", "command", "estimate", "joints", "scans", "latency")
-    changes: dict[str, Any] = {name: _cut_track(getattr(trace, name), at) for name in tracks}
+    changes = {name: _cut_track(getattr(trace, name), at) for name in tracks}
     for name in ("contacts", "progress", "events"):
         records = getattr(trace, name)
         changes[name] = tuple(r for r in records if r.time <= at + 1e-9)
@@ -182,7 +176,7 @@ def cut(trace: Trace, at: float) -> Trace:
     )
 
 
-def _cut_track(track: Any, at: float) -> Any:
+def _cut_track(track, at):
     if track is None:
         return None
     count = _samples_until(track.time, at)
@@ -191,11 +185,11 @@ def _cut_track(track: Any, at: float) -> Any:
     return replace(track, **{name: array[:count] for name, array in arrays.items()})
 
 
-def _samples_until(time: Any, at: float) -> int:
+def _samples_until(time, at):
     """Return how many leading samples are not later than ``at``; clocks may run backwards."""
     later = np.flatnonzero(time > at + 1e-9)
     return int(later[0]) if len(later) else len(time)
 
 
-def verdict(trace: Trace, text: str) -> Verdict:
+def verdict(trace, text):
     return judge(trace, (OracleText("it", text),))[0]

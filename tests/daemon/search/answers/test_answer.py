@@ -1,7 +1,5 @@
 """The answer of a search, sentence by sentence."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -16,13 +14,13 @@ from tests.daemon.search.pretended import made_result, make_task, seconds
 TASK = make_task(seconds("doors.kitchen_opens"), seconds("doors.swing"), runs=20)
 
 
-def explored(n: int, kitchen: float, margin: float | None, guided: bool = False) -> ExploredPoint:
+def explored(n, kitchen, margin, guided=False):
     values = (kitchen, 5.0)
     method = "written" if n == 0 else "tpe" if guided else "halton"
     return ExploredPoint(n, values, method, guided, made_result(values, margin, n, "kitchen_door"))
 
 
-def test_a_search_that_finds_nothing_says_what_that_is_worth() -> None:
+def test_a_search_that_finds_nothing_says_what_that_is_worth():
     points = [explored(n, 5.0 + 0.01 * n, 0.02, guided=n > 15) for n in range(20)]
     answer = make_answer(TASK, points, ended="budget", executed=20)
     assert answer.sentences == (
@@ -37,7 +35,7 @@ def test_a_search_that_finds_nothing_says_what_that_is_worth() -> None:
     assert told_failure(answer) is None
 
 
-def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
+def test_a_search_that_finds_failures_tells_of_them_in_order():
     points = [
         explored(0, 5.0, 0.1),
         explored(1, 6.0, -0.01),
@@ -84,7 +82,7 @@ def test_a_search_that_finds_failures_tells_of_them_in_order() -> None:
     assert codec.from_json(SearchAnswer, codec.to_json(answer)) == answer
 
 
-def test_the_repeats_of_another_nearest_failure_are_told_as_well() -> None:
+def test_the_repeats_of_another_nearest_failure_are_told_as_well():
     points = [explored(0, 5.0, 0.1), explored(1, 6.0, -0.01)]
     repeats = [made_result((6.0, 5.0), margin, 1) for margin in (-0.01, -0.01, 0.2)]
     all_of_them, some = confirmation(repeats[:2]), confirmation(repeats)
@@ -99,7 +97,7 @@ def test_the_repeats_of_another_nearest_failure_are_told_as_well() -> None:
     ]
 
 
-def test_a_scenario_that_fails_as_written_is_told_once() -> None:
+def test_a_scenario_that_fails_as_written_is_told_once():
     failing = explored(0, 5.0, -0.1)
     assert failing.result is not None
     confirmed = confirmation([failing.result] * 4)
@@ -112,7 +110,7 @@ def test_a_scenario_that_fails_as_written_is_told_once() -> None:
     assert sum("repeats" in sentence for sentence in told) == 1
 
 
-def test_failures_beyond_those_asked_for_are_explained() -> None:
+def test_failures_beyond_those_asked_for_are_explained():
     task = replace(TASK, stop="failures", failures=2)
     points = [explored(n, 6.0, -0.1) for n in range(1, 6)]
     assert make_answer(task, points, ended="failures").sentences[-1] == (
@@ -123,11 +121,11 @@ def test_failures_beyond_those_asked_for_are_explained() -> None:
     )
 
 
-def test_failures_that_are_not_searched_for_are_told() -> None:
+def test_failures_that_are_not_searched_for_are_told():
     points = [explored(n, 5.0 + n, 0.1) for n in range(8)]
     assert make_answer(TASK, points).unsought == ()
 
-    def failing(point: ExploredPoint, *oracles: str) -> ExploredPoint:
+    def failing(point, *oracles):
         assert point.result is not None
         return replace(point, result=replace(point.result, unsought=oracles))
 
@@ -138,7 +136,7 @@ def test_failures_that_are_not_searched_for_are_told() -> None:
     ) in make_answer(TASK, points).sentences
 
 
-def test_random_runs_are_not_called_space_filling() -> None:
+def test_random_runs_are_not_called_space_filling():
     task = replace(TASK, method="random")
     for margin in (0.1, -0.1):
         told = "; ".join(make_answer(task, [explored(n, n, margin) for n in range(1, 9)]).sentences)
@@ -147,7 +145,7 @@ def test_random_runs_are_not_called_space_filling() -> None:
     assert "8 of 8 random runs fail" in told
 
 
-def test_nothing_is_said_of_the_space_when_nothing_was_drawn() -> None:
+def test_nothing_is_said_of_the_space_when_nothing_was_drawn():
     answer = make_answer(TASK, [explored(0, 5.0, 0.1), explored(1, 6.0, 0.1, guided=True)])
     assert (answer.space_filling, answer.failing_share) == (0, None)
     assert "no run was drawn without looking at results: how much fails is not known" in (
@@ -156,7 +154,7 @@ def test_nothing_is_said_of_the_space_when_nothing_was_drawn() -> None:
     assert make_answer(TASK, []).sentences == ()
 
 
-def test_the_share_that_fails_is_bounded_from_above() -> None:
+def test_the_share_that_fails_is_bounded_from_above():
     assert failing_share(0, 16) == pytest.approx(1.0 - 0.05 ** (1.0 / 16))
     share = failing_share(3, 16)
     assert share is not None
@@ -167,6 +165,6 @@ def test_the_share_that_fails_is_bounded_from_above() -> None:
 @pytest.mark.parametrize(
     "ended", ["budget", "time", "failures", "settled", "errors", "exhausted", "cancelled"]
 )
-def test_every_ending_has_words(ended: str) -> None:
+def test_every_ending_has_words(ended):
     assert ending_words(TASK, ended)
     assert ending_words(TASK, "") == ""

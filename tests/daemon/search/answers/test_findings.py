@@ -1,14 +1,12 @@
 """Failures that are one, and parameters that decide."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from daemon.model.search import Point, SearchParameter
-from daemon.model.search_answer import Influence, PointResult
+from daemon.model.search import SearchParameter
+from daemon.model.search_answer import Influence
 from daemon.search.answers.findings import (
     correlation_ratio,
     distinct_failures,
@@ -22,12 +20,12 @@ from daemon.search.execution.results import ExploredPoint
 from tests.daemon.search.pretended import made_result, make_task, seconds
 
 
-def on_the_way_to(waypoint: str, result: PointResult) -> PointResult:
+def on_the_way_to(waypoint, result):
     assert result.value is not None
     return replace(result, value=replace(result.value, waypoint=waypoint))
 
 
-def test_failures_at_the_same_door_on_the_same_way_are_one() -> None:
+def test_failures_at_the_same_door_on_the_same_way_are_one():
     results = [
         made_result((1.0,), -0.01, 1, "kitchen_door"),
         made_result((2.0,), 0.3, 2, "kitchen_door"),
@@ -45,7 +43,7 @@ def test_failures_at_the_same_door_on_the_same_way_are_one() -> None:
     ]
 
 
-def test_a_failure_is_about_what_its_margin_is_about() -> None:
+def test_a_failure_is_about_what_its_margin_is_about():
     missed = made_result((1.0,), -8.53, 8, "window")
     assert missed.value is not None
     value = replace(missed.value, object="kitchen", waypoint="kitchen")
@@ -60,7 +58,7 @@ def test_a_failure_is_about_what_its_margin_is_about() -> None:
     assert replace(missed, value=None, verdict=None).about == ""
 
 
-def test_rank_correlation_is_spearmans_with_ties() -> None:
+def test_rank_correlation_is_spearmans_with_ties():
     # Here, for every test process reads this file.
     from scipy import stats
 
@@ -72,18 +70,18 @@ def test_rank_correlation_is_spearmans_with_ties() -> None:
     assert rank_correlation(values, np.full(40, 0.1)) == 0.0
 
 
-def test_the_correlation_ratio_is_one_where_the_choice_decides() -> None:
+def test_the_correlation_ratio_is_one_where_the_choice_decides():
     margins = np.array([0.1, 0.1, -0.2, -0.2])
     assert correlation_ratio(["a", "a", "b", "b"], margins) == pytest.approx(1.0)
     assert correlation_ratio(["a", "b", "a", "b"], margins) == pytest.approx(0.0)
     assert correlation_ratio(["a", "b", "a", "b"], np.zeros(4)) == 0.0
 
 
-def test_fewer_runs_give_larger_correlations_by_chance() -> None:
+def test_fewer_runs_give_larger_correlations_by_chance():
     three = SearchParameter("doors.who", "behaviours", 0, "who", choices=("a", "b", "c"))
     task = make_task(seconds("doors.t"), three)
 
-    def chance(name: str, correlation: float, runs: int) -> bool:
+    def chance(name, correlation, runs):
         return is_by_chance(task, Influence(name, correlation, runs))
 
     assert chance("doors.t", 0.552, 10)
@@ -97,11 +95,11 @@ def test_fewer_runs_give_larger_correlations_by_chance() -> None:
     assert chance("doors.t", float("nan"), 100)
 
 
-def test_influence_is_of_the_points_that_were_drawn() -> None:
+def test_influence_is_of_the_points_that_were_drawn():
     choice = SearchParameter("doors.who", "behaviours", 0, "who", choices=("a", "b"), written="a")
     task = make_task(seconds("doors.t"), choice)
 
-    def explored(n: int, values: Point, margin: float, guided: bool, method: str) -> ExploredPoint:
+    def explored(n, values, margin, guided, method):
         return ExploredPoint(n, values, method, guided, made_result(values, margin, n))
 
     drawn = [explored(n, (float(n), "ab"[n % 2]), 0.1 * n, False, "halton") for n in range(1, 7)]

@@ -1,11 +1,8 @@
 """What is left of a search: a campaign file that runs by itself, and its world for Gazebo."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from dataclasses import replace
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -35,13 +32,13 @@ scenarios:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     return tmp_path / "demo"
 
 
-def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder: Path) -> None:
+def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder):
     answer = replace(make_answer(make_task(), []), found=FOUND)
     file = write_found(answer, "doors-in-time", folder)
     assert file == folder / "doors-in-time.found.yaml"
@@ -59,6 +56,6 @@ def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder: Path) ->
     assert (folder / "gazebo" / named).is_file()
 
 
-def test_where_nothing_was_found_there_is_nothing_to_write(tmp_path: Path) -> None:
+def test_where_nothing_was_found_there_is_nothing_to_write(tmp_path):
     with pytest.raises(ValueError, match="doors-in-time has found no failure"):
         write_found(make_answer(make_task(), []), "doors-in-time", tmp_path)

@@ -1,10 +1,8 @@
 """Changes and failures in words."""
 
-from __future__ import annotations
-
 import pytest
 
-from daemon.model.search import PointValue, SearchParameter
+from daemon.model.search import SearchParameter
 from daemon.model.search_answer import Confirmation, ParameterChange
 from daemon.search.answers.wording import (
     change_words,
@@ -18,7 +16,7 @@ from daemon.search.answers.wording import (
 from tests.daemon.search.pretended import made_result, make_task, seconds
 
 
-def parameter(name: str, unit: str, written: PointValue | None) -> SearchParameter:
+def parameter(name, unit, written):
     key = name.partition(".")[2]
     return SearchParameter(name, "behaviours", 0, key, unit, 0.0, 100.0, 0.01, written=written)
 
@@ -38,16 +36,14 @@ def parameter(name: str, unit: str, written: PointValue | None) -> SearchParamet
         ("pilot.particles", "", 500.0, 120.0, "particles 380 smaller"),
     ],
 )
-def test_a_change_is_told_as_a_person_would(
-    name: str, unit: str, written: float, value: float, words: str
-) -> None:
+def test_a_change_is_told_as_a_person_would(name, unit, written, value, words):
     varied = parameter(name, unit, written)
     told = change_words(make_task(varied), ParameterChange(name, unit, written, value))
     values = f"{varied.text(value)} instead of {varied.text(written)}".replace("-", "−")
     assert told == f"{words} ({values})"
 
 
-def test_a_choice_and_what_is_written_nowhere_have_no_size() -> None:
+def test_a_choice_and_what_is_written_nowhere_have_no_size():
     choice, free = parameter("doors.leading", "", "one"), parameter("doors.trigger", "m", None)
     task = make_task(choice, free)
     change = ParameterChange("doors.leading", "", "one", "two")
@@ -55,7 +51,7 @@ def test_a_choice_and_what_is_written_nowhere_have_no_size() -> None:
     assert change_words(task, ParameterChange("doors.trigger", "m", None, 1.5)) == "trigger 1.5 m"
 
 
-def test_a_name_keeps_its_layer_where_two_layers_have_it() -> None:
+def test_a_name_keeps_its_layer_where_two_layers_have_it():
     task = make_task(seconds("doors.pause"), seconds("people.pause"), seconds("people.opens"))
     assert [short_name(task, p) for p in task.parameters] == [
         "doors.pause",
@@ -64,7 +60,7 @@ def test_a_name_keeps_its_layer_where_two_layers_have_it() -> None:
     ]
 
 
-def test_the_sentence_of_one_change() -> None:
+def test_the_sentence_of_one_change():
     task = make_task(seconds("doors_moving.kitchen_opens", 8.0), seconds("doors_moving.swing", 6.0))
     change = ParameterChange("doors_moving.kitchen_opens", "s", 8.0, 8.54, 8.32)
     failing = made_result((8.54, 6.0), -0.0183, near="kitchen_door")
@@ -75,7 +71,7 @@ def test_the_sentence_of_one_change() -> None:
     )
 
 
-def test_the_sentence_of_several_changes() -> None:
+def test_the_sentence_of_several_changes():
     task = make_task(seconds("doors.kitchen_opens", 8.0), seconds("doors.bedroom_opens", 6.0))
     changes = [
         ParameterChange("doors.kitchen_opens", "s", 8.0, 8.5, 8.49),
@@ -90,14 +86,14 @@ def test_the_sentence_of_several_changes() -> None:
     )
 
 
-def test_of_many_values_some_are_told() -> None:
+def test_of_many_values_some_are_told():
     task = make_task(*(seconds(f"doors.t{i}", float(i)) for i in range(6)))
     assert point_words(task, made_result((0.0, 1.5, 2.0, 3.0, 4.0, 5.0), 0.1)) == "t1 1.5 s"
     assert point_words(task, made_result((9.0,) * 6, 0.1), most=2) == "t0 9 s, t1 9 s and 4 more"
     assert point_words(task, made_result((0.0, 1.0, 2.0, 3.0, 4.0, 5.0), 0.1)) == "as written"
 
 
-def test_numbers_have_three_digits_and_bounds_are_no_narrower_than_shown() -> None:
+def test_numbers_have_three_digits_and_bounds_are_no_narrower_than_shown():
     numbers = (0.01834, 0.5, 12.0, 123.4, 12345.0, 0.0, -0.00102, 1e-9)
     assert [rounded(number) for number in numbers] == [
         "0.0183",

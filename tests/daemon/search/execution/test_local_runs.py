@@ -1,9 +1,6 @@
 """A search on real runs of the demonstration's flat, executed here."""
 
-from __future__ import annotations
-
 import shutil
-from pathlib import Path
 
 from daemon.search.preparation.composition import load_search_case
 from daemon.search.program import run_search
@@ -35,9 +32,7 @@ search:
 """
 
 
-def test_a_search_of_real_runs_gives_the_same_answer_from_their_results(
-    tmp_path: Path, campaigns: Path
-) -> None:
+def test_a_search_of_real_runs_gives_the_same_answer_from_their_results(tmp_path, campaigns):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     file = tmp_path / "demo" / "tiny.yaml"

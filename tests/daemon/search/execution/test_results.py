@@ -1,12 +1,10 @@
 """What runs say about the oracle in question."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from daemon.model.proposals import Proposal, ProposalRow
 from daemon.model.run_state import RunState
-from daemon.model.search import ANY, OracleScale, SearchTask
+from daemon.model.search import ANY, OracleScale
 from daemon.model.spec import LeadingMargin
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.execution.results import confirmation, first_failure, median_result, point_result
@@ -18,31 +16,31 @@ SEVERAL = replace(
 )
 
 
-def row(*verdicts: Verdict, **more: object) -> ProposalRow:
+def row(*verdicts, **more):
     proposal = Proposal(3, 2, 0, "explore", "halton", False, (5.0,))
     leads = tuple(LeadingMargin(v.oracle, v.lower, v.unit) for v in verdicts)
     plain = ProposalRow(proposal, "id", "s.2/pilot/0", "digest", RunState.DONE, Outcome.PASS)
-    return replace(plain, verdicts=verdicts, leads=leads, **more)  # type: ignore[arg-type]
+    return replace(plain, verdicts=verdicts, leads=leads, **more)
 
 
-def verdict(oracle: str, margin: float, unit: str = "m") -> Verdict:
+def verdict(oracle, margin, unit="m"):
     outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
     return Verdict(oracle, "", outcome, margin, margin, unit)
 
 
-def told(task: SearchTask, found: ProposalRow) -> tuple[Outcome | None, float | None, str]:
+def told(task, found):
     result = point_result(task, found)
     value = None if result.value is None else result.value.value
     return result.outcome, value, "" if result.verdict is None else result.verdict.oracle
 
 
-def test_only_the_oracle_in_question_counts() -> None:
+def test_only_the_oracle_in_question_counts():
     found = row(verdict(ORACLE, 0.2), verdict("other", -1.0), outcome=Outcome.FAIL)
     assert told(TASK, found) == (Outcome.PASS, 0.2, ORACLE)
     assert point_result(TASK, found).unsought == ("other",)
 
 
-def test_of_any_the_smallest_share_counts_and_a_failure_wins() -> None:
+def test_of_any_the_smallest_share_counts_and_a_failure_wins():
     passing = row(verdict("clear", 0.1), verdict("in-time", 12.0, "s"))
     assert told(SEVERAL, passing) == (Outcome.PASS, 0.2, "in-time")
     failing = row(verdict("clear", -0.025), verdict("in-time", 12.0, "s"))
@@ -51,7 +49,7 @@ def test_of_any_the_smallest_share_counts_and_a_failure_wins() -> None:
     assert told(SEVERAL, without_lead) == (Outcome.FAIL, 0.2, "clear")
 
 
-def test_what_cannot_be_trusted_is_an_error_without_a_value() -> None:
+def test_what_cannot_be_trusted_is_an_error_without_a_value():
     nothing = (Outcome.ERROR, None, "")
     assert told(TASK, row(verdict(ORACLE, -0.2), ended="crashed")) == nothing
     assert told(TASK, row(verdict(ORACLE, -0.2), state=RunState.LOST)) == nothing
@@ -62,14 +60,14 @@ def test_what_cannot_be_trusted_is_an_error_without_a_value() -> None:
     assert told(TASK, row(unsure)) == (Outcome.INCONCLUSIVE, None, ORACLE)
 
 
-def test_the_median_is_one_of_the_runs() -> None:
+def test_the_median_is_one_of_the_runs():
     results = [made_result((5.0,), margin, n) for n, margin in enumerate((0.3, -0.1, None, 0.2))]
     assert median_result(results).number == 3
     assert median_result(results[:2]).number == 1, "of two, the worse one"
     assert median_result(results[2:3]).outcome is Outcome.ERROR
 
 
-def test_repeats_without_a_verdict_confirm_nothing() -> None:
+def test_repeats_without_a_verdict_confirm_nothing():
     results = [made_result((5.0,), margin, n) for n, margin in enumerate((0.3, -0.1, None))]
     found = confirmation(results)
     assert found is not None

@@ -1,18 +1,14 @@
 """Which methods there are: those of others too, and why one cannot be used."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
-from daemon.model.search import SearchTask
 from daemon.search.methods import (
     METHODS,
     MethodProposal,
@@ -68,7 +64,7 @@ NAMES = ("sweep", "broken", "ended", "bare", "short", "outside", "wordy", "refus
 
 
 @pytest.fixture
-def _plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _plugged(tmp_path, monkeypatch):
     (tmp_path / "their_methods.py").write_text(MODULE)
     (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     (tmp_path / "their_documentation.py").write_text(example)
@@ -89,11 +85,11 @@ def _plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         sys.modules.pop(module, None)
 
 
-def task_of(method: str) -> SearchTask:
+def task_of(method):
     return search_task(ranged(), ranged("b"), method=method, constraints=("a < b + 5 s",))
 
 
-def refusal(method: str, numbers: int = 2) -> str:
+def refusal(method, numbers=2):
     task = task_of(method)
     with pytest.raises(InputError) as refused:
         searched(task, lambda _: 0.0, numbers)
@@ -102,7 +98,7 @@ def refusal(method: str, numbers: int = 2) -> str:
 
 
 @pytest.mark.usefixtures("_plugged")
-def test_a_method_of_others_proposes_after_the_scenario_as_written() -> None:
+def test_a_method_of_others_proposes_after_the_scenario_as_written():
     done = [proposal for proposal, _ in searched(task_of("sweep"), lambda _: 0.0, 2)]
     assert done == [
         MethodProposal((5.0, 5.0), "written", False),
@@ -111,7 +107,7 @@ def test_a_method_of_others_proposes_after_the_scenario_as_written() -> None:
 
 
 @pytest.mark.usefixtures("_plugged")
-def test_a_method_of_others_learns_and_tells_the_best() -> None:
+def test_a_method_of_others_learns_and_tells_the_best():
     task = task_of("sweep")
     made = make_method(task, SearchSpace(task))
     assert made.best() is None
@@ -120,12 +116,12 @@ def test_a_method_of_others_learns_and_tells_the_best() -> None:
 
 
 @pytest.mark.usefixtures("_plugged")
-def test_a_method_of_others_may_end_the_search() -> None:
+def test_a_method_of_others_may_end_the_search():
     assert len(searched(task_of("ended"), lambda _: 0.0, 5)) == 1
 
 
 @pytest.mark.usefixtures("_plugged")
-def test_the_method_of_the_documentation_does_what_is_said_there() -> None:
+def test_the_method_of_the_documentation_does_what_is_said_there():
     done = [p.values for p, _ in searched(task_of("one-at-a-time"), lambda _: 0.0, 5)]
     assert len(done) == 5
     assert all((a == 5.0) != (b == 5.0) for a, b in done[1:])
@@ -146,17 +142,17 @@ def test_the_method_of_the_documentation_does_what_is_said_there() -> None:
         ("number", 'the search method "number" must be a function, not int'),
     ],
 )
-def test_what_goes_wrong_in_a_method_of_others_is_told(method: str, words: str) -> None:
+def test_what_goes_wrong_in_a_method_of_others_is_told(method, words):
     assert words in refusal(method)
 
 
 @pytest.mark.usefixtures("_plugged")
-def test_the_line_of_others_is_told() -> None:
+def test_the_line_of_others_is_told():
     assert re.search(r"their_methods\.py:\d+\)", refusal("broken"))
 
 
 @pytest.mark.usefixtures("_plugged")
-def test_a_method_of_others_cannot_end_the_program() -> None:
+def test_a_method_of_others_cannot_end_the_program():
     task = task_of("broken")
     made = make_method(task, SearchSpace(task))
     with pytest.raises(InputError, match="does not learn proposal 0: SystemExit"):
@@ -166,21 +162,21 @@ def test_a_method_of_others_cannot_end_the_program() -> None:
 
 
 @pytest.mark.usefixtures("_plugged")
-def test_methods_that_ship_are_not_replaced() -> None:
+def test_methods_that_ship_are_not_replaced():
     assert method_names()[: len(METHODS)] == METHODS
     assert method_names().count("halton") == 1
     assert "sweep" in method_names()
     assert len(searched(task_of("halton"), lambda _: 0.0, 3)) == 3
 
 
-def test_an_unknown_method_is_told_with_what_was_meant() -> None:
+def test_an_unknown_method_is_told_with_what_was_meant():
     assert method_problem(task_of("halten")) == (
         'there is no method "halten"; did you mean "halton"?'
     )
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_the_methods_that_ship_can_be_used(method: str) -> None:
+def test_the_methods_that_ship_can_be_used(method):
     assert method_problem(task_of(method)) == ""
 
 
@@ -191,12 +187,12 @@ def test_the_methods_that_ship_can_be_used(method: str) -> None:
         (search_task(ranged(), method="cma"), "takes two parameters or more"),
     ],
 )
-def test_what_adaptation_cannot_vary_is_told(task: SearchTask, words: str) -> None:
+def test_what_adaptation_cannot_vary_is_told(task, words):
     assert words in method_problem(task)
 
 
 @pytest.fixture
-def without_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_libraries(monkeypatch):
     find = importlib.util.find_spec
     missing = ("optuna", "cmaes")
     monkeypatch.setattr(
@@ -205,7 +201,7 @@ def without_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("without_libraries")
-def test_what_installs_a_missing_library_is_told_and_what_works_without() -> None:
+def test_what_installs_a_missing_library_is_told_and_what_works_without():
     for method, library in (("auto", "optuna"), ("tpe", "optuna"), ("cma", "cmaes")):
         assert method_problem(task_of(method)) == (
             f"the method {method} takes the library {library}, which is not installed; install it "
@@ -217,12 +213,12 @@ def test_what_installs_a_missing_library_is_told_and_what_works_without() -> Non
 
 
 @pytest.mark.usefixtures("without_libraries")
-def test_a_short_search_needs_no_library() -> None:
+def test_a_short_search_needs_no_library():
     assert method_problem(search_task(ranged(), method="auto", runs=16)) == ""
     assert "optuna" in method_problem(search_task(ranged(), method="auto", runs=17))
 
 
-def test_even_and_random_searches_import_no_library() -> None:
+def test_even_and_random_searches_import_no_library():
     code = (
         "import sys\n"
         "from tests.daemon.search.spaces import ranged, search_task, searched\n"

@@ -1,19 +1,16 @@
 """Methods on functions instead of runs: what they propose, what they find, what they depend on."""
 
-from __future__ import annotations
-
 import json
 import logging
 import random
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from daemon.model.search import SPACE_FILLING, WINDOW, Point, SearchTask
+from daemon.model.search import SPACE_FILLING, WINDOW
 from daemon.search.methods import COVARIANCE_FROM, MethodProposal, make_method
 from daemon.search.space import SearchSpace
 from tests.daemon.search.spaces import chosen, ranged, search_task, searched
@@ -22,28 +19,28 @@ SHIPPED = ("auto", "halton", "random", "tpe", "cma")
 CENTRE = np.array([0.75, 0.3, 0.65, 0.8])
 
 
-def narrow(point: Point) -> float:
+def narrow(point):
     """A plateau, and in four of the parameters a narrow region that fails."""
     place = np.array([float(value) for value in point[:4]]) / 10.0
     return min(0.105, 0.24 * float(np.linalg.norm(place - CENTRE)) - 0.045)
 
 
-def wide_task(method: str, *, dimensions: int = 8, **more: object) -> SearchTask:
+def wide_task(method, *, dimensions=8, **more):
     return search_task(*(ranged(f"p{k}") for k in range(dimensions)), method=method, **more)
 
 
-def points(task: SearchTask, worth: Callable[[Point], float | None], runs: int) -> list[Point]:
+def points(task, worth, runs):
     return [proposal.values for proposal, _ in searched(task, worth, runs)]
 
 
 @pytest.mark.parametrize("method", SHIPPED)
-def test_the_scenario_as_written_is_the_first(method: str) -> None:
+def test_the_scenario_as_written_is_the_first(method):
     (first, _), (second, _) = searched(wide_task(method), narrow, 2)
     assert first == MethodProposal((5.0,) * 8, "written", False)
     assert second.method != "written"
 
 
-def test_auto_fills_the_space_before_it_is_guided() -> None:
+def test_auto_fills_the_space_before_it_is_guided():
     done = [proposal for proposal, _ in searched(wide_task("auto"), narrow, 30)]
     names = [proposal.method for proposal in done]
     rest = 30 - SPACE_FILLING
@@ -51,24 +48,24 @@ def test_auto_fills_the_space_before_it_is_guided() -> None:
     assert [proposal.guided for proposal in done] == [False] * SPACE_FILLING + [True] * rest
 
 
-def test_auto_adapts_a_normal_distribution_in_long_searches() -> None:
+def test_auto_adapts_a_normal_distribution_in_long_searches():
     names = [p.method for p, _ in searched(wide_task("auto", runs=200), narrow, 160)]
     assert names[COVARIANCE_FROM - 1 :] == ["tpe", *["cma"] * (160 - COVARIANCE_FROM)]
 
 
-def test_auto_stays_with_estimates_where_there_are_choices() -> None:
+def test_auto_stays_with_estimates_where_there_are_choices():
     task = search_task(ranged(), ranged("b"), chosen("c", "x", "y"), runs=200)
     assert searched(task, lambda point: float(point[0]), 155)[-1][0].method == "tpe"
 
 
-def test_what_is_proposed_does_not_depend_on_the_budget() -> None:
+def test_what_is_proposed_does_not_depend_on_the_budget():
     few, many = wide_task("auto", runs=30), wide_task("auto", runs=500)
     assert points(few, narrow, 30) == points(many, narrow, 30)
 
 
-def test_a_guided_search_finds_more_than_an_even_one_and_worse_failures() -> None:
-    failing: dict[str, list[int]] = {}
-    lowest: dict[str, list[float]] = {}
+def test_a_guided_search_finds_more_than_an_even_one_and_worse_failures():
+    failing = {}
+    lowest = {}
     for method in ("halton", "auto", "cma"):
         for seed in range(5):
             done = searched(wide_task(method, seed=seed), narrow, 60)
@@ -81,7 +78,7 @@ def test_a_guided_search_finds_more_than_an_even_one_and_worse_failures() -> Non
     assert statistics.median(lowest["auto"]) < statistics.median(lowest["halton"])
 
 
-def test_estimates_bear_a_plateau_without_anything_else() -> None:
+def test_estimates_bear_a_plateau_without_anything_else():
     done = points(wide_task("tpe"), lambda _: 0.1, 60)
     places = np.array(done[SPACE_FILLING:], dtype=float)
     # Nothing is better than anything else: it goes on to look everywhere.
@@ -89,13 +86,13 @@ def test_estimates_bear_a_plateau_without_anything_else() -> None:
 
 
 @pytest.mark.parametrize("method", SHIPPED)
-def test_proposals_are_the_same_whenever_results_come(method: str) -> None:
+def test_proposals_are_the_same_whenever_results_come(method):
     """Results may be learnt as late as the window allows, or at once, in any order."""
     runs, task = 60, wide_task(method, seed=3)
     late = points(task, narrow, runs)
     chance = random.Random(1)
     made = make_method(task, SearchSpace(task))
-    out: list[tuple[int, Point]] = []
+    out = []
     for n in range(runs):
         due = [entry for entry in out if entry[0] <= n - task.window]
         early = [entry for entry in out if entry not in due and chance.random() < 0.5]
@@ -109,14 +106,14 @@ def test_proposals_are_the_same_whenever_results_come(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["auto", "cma"])
-def test_proposals_depend_on_the_window_and_the_seed(method: str) -> None:
+def test_proposals_depend_on_the_window_and_the_seed(method):
     usual = points(wide_task(method), narrow, 40)
     assert points(wide_task(method, seed=1), narrow, 40) != usual
     assert points(wide_task(method, window=1), narrow, 40) != usual
     assert points(wide_task(method), narrow, 40) == usual
 
 
-def test_another_process_proposes_the_same() -> None:
+def test_another_process_proposes_the_same():
     """Hashes of words, and with them the order of sets, differ between processes."""
     code = (
         "import json\n"
@@ -129,7 +126,7 @@ def test_another_process_proposes_the_same() -> None:
     assert json.loads(run.stdout) == here
 
 
-def mixed_task(**more: object) -> SearchTask:
+def mixed_task(**more):
     return search_task(
         ranged("a", 0.01, 10.0, 0.001, log=True),
         chosen("b", "left", "middle", "right"),
@@ -138,25 +135,25 @@ def mixed_task(**more: object) -> SearchTask:
     )
 
 
-def mixed(point: Point) -> float:
+def mixed(point):
     a, b, c = point
     return abs(np.log10(float(a)) - 0.5) + (b != "right") + 0.1 * abs(float(c) - 2.0)
 
 
-def test_choices_logarithms_and_whole_numbers_are_led_too() -> None:
+def test_choices_logarithms_and_whole_numbers_are_led_too():
     done = searched(mixed_task(), mixed, 60)
     late = [proposal.values for proposal, _ in done[40:]]
     assert sum(b == "right" for _, b, _ in late) >= 14
     assert statistics.median(abs(np.log10(float(a)) - 0.5) for a, _, _ in late) < 0.3
 
 
-def test_every_choice_is_tried_before_the_search_is_guided() -> None:
+def test_every_choice_is_tried_before_the_search_is_guided():
     first = points(mixed_task(), mixed, SPACE_FILLING)
     assert {b for _, b, _ in first} == {"left", "middle", "right"}
 
 
 @pytest.mark.parametrize("method", SHIPPED)
-def test_constraints_hold_for_everything_that_is_proposed(method: str) -> None:
+def test_constraints_hold_for_everything_that_is_proposed(method):
     task = search_task(
         *(ranged(f"p{k}") for k in range(3)),
         method=method,
@@ -169,31 +166,31 @@ def test_constraints_hold_for_everything_that_is_proposed(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", SHIPPED)
-def test_no_point_is_proposed_twice_and_a_space_ends(method: str) -> None:
+def test_no_point_is_proposed_twice_and_a_space_ends(method):
     parameters = [ranged(low=1, high=4, step=1, written=2.0), ranged("b", 1, 3, 1, written=2.0)]
     task = search_task(*parameters, method=method, constraints=("a + b < 7 s",))
     done = points(task, lambda p: float(p[0]) * float(p[1]), 40)
     assert sorted(done) == [(a, b) for a in (1, 2, 3, 4) for b in (1, 2, 3) if a + b < 7]
 
 
-def test_a_space_of_choices_ends_too() -> None:
+def test_a_space_of_choices_ends_too():
     task = search_task(chosen("a", "x", "y"), chosen("b", "u", "v", "w"), method="tpe")
     assert len(points(task, lambda _: 0.0, 40)) == 6
 
 
-def test_a_search_of_one_value_has_one_point() -> None:
+def test_a_search_of_one_value_has_one_point():
     assert points(search_task(chosen("a", "x")), lambda _: 0.0, 5) == [("x",)]
 
 
 @pytest.mark.parametrize("method", ["tpe", "cma"])
-def test_runs_without_a_value_are_left_out(method: str) -> None:
+def test_runs_without_a_value_are_left_out(method):
     done = searched(wide_task(method), lambda p: None if p[0] > 3 else narrow(p), 50)
     assert len(done) == 50
     assert len(searched(wide_task(method), lambda _: None, 50)) == 50
     assert len(searched(wide_task(method), lambda _: float("nan"), 50)) == 50
 
 
-def test_what_is_written_outside_of_the_space_does_not_lead() -> None:
+def test_what_is_written_outside_of_the_space_does_not_lead():
     task = search_task(ranged(low=6.0, high=8.0, written=1.0), ranged("b"))
     done = points(task, lambda p: float(p[0]), 40)
     assert done[0] == (1.0, 5.0)
@@ -201,7 +198,7 @@ def test_what_is_written_outside_of_the_space_does_not_lead() -> None:
 
 
 @pytest.mark.parametrize("method", [*SHIPPED, "boundary"])
-def test_the_best_is_the_first_of_the_lowest(method: str) -> None:
+def test_the_best_is_the_first_of_the_lowest(method):
     task = search_task(ranged(), ranged("b"), method=method)
     made = make_method(task, SearchSpace(task))
     assert made.best() is None
@@ -212,7 +209,7 @@ def test_the_best_is_the_first_of_the_lowest(method: str) -> None:
     assert made.best() == 2
 
 
-def test_a_proposal_asked_for_again_is_the_same() -> None:
+def test_a_proposal_asked_for_again_is_the_same():
     task = wide_task("auto")
     made = make_method(task, SearchSpace(task))
     first = [made.propose(n) for n in range(5)]
@@ -221,7 +218,7 @@ def test_a_proposal_asked_for_again_is_the_same() -> None:
         made.propose(7)
 
 
-def test_adaptation_begins_anew_once_it_is_narrow() -> None:
+def test_adaptation_begins_anew_once_it_is_narrow():
     task = search_task(ranged(step=1e-6), ranged("b", step=1e-6), method="cma", window=WINDOW)
     done = points(task, lambda p: abs(float(p[0]) - 2.0) + abs(float(p[1]) - 2.0), 400)
     near = [abs(float(a) - 2.0) + abs(float(b) - 2.0) < 0.01 for a, b in done]
@@ -230,9 +227,7 @@ def test_adaptation_begins_anew_once_it_is_narrow() -> None:
     assert any(far)
 
 
-def test_nothing_is_told_by_the_libraries(
-    caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_nothing_is_told_by_the_libraries(caplog, capfd):
     import optuna
 
     before = optuna.logging.get_verbosity()

@@ -1,18 +1,13 @@
 """The page of a search: what it shows of which search, and that it needs nothing else."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import html5lib
 import numpy as np
 import pytest
 
-from daemon.model.proposals import ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
@@ -22,22 +17,19 @@ from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, 
 from daemon.search.page._points import drawn_points, smallest_so_far
 from daemon.search.program import run_search
 from tests.daemon.analysis.report.recordings import SHUT, SUTS, record, spec
-from tests.daemon.search.local_runs import LocalRuns
-from tests.daemon.search.pretended import MarginFunction, PretendedCase, make_task, seconds
+from tests.daemon.search.pretended import PretendedCase, make_task, seconds
 
 
-def kitchen(point: Any, _: int) -> float:
+def kitchen(point, _):
     """Fails where the first parameter is above 7, whatever the others are."""
     return (7.0 - float(point[0])) / 10.0
 
 
-def searched(
-    *parameters: SearchParameter, margin: MarginFunction = kitchen, **more: Any
-) -> tuple[SearchRow, tuple[ProposalRow, ...]]:
+def searched(*parameters, margin=kitchen, **more):
     """A finished search with its runs."""
     task = make_task(*parameters, **({"then": ("nearest",), "confirm": 2} | more))
     case = PretendedCase(task, margin)
-    runs: LocalRuns = case.runs()
+    runs = case.runs()
     answer = run_search(case, runs)
     rows = tuple(runs.result(position) for position in range(len(runs.proposals)))
     row = SearchRow("demo-s-1", "demo-s", 0.0, task, "finished", finished=len(rows), answer=answer)
@@ -66,16 +58,14 @@ CHOICE = SearchParameter("doors.leading", "behaviours", 0, "leading", choices=("
         ((DOOR, *OTHERS), {"parallel"}),
     ],
 )
-def test_few_parameters_are_drawn_two_by_two_and_many_side_by_side(
-    parameters: tuple[SearchParameter, ...], expected: set[str]
-) -> None:
+def test_few_parameters_are_drawn_two_by_two_and_many_side_by_side(parameters, expected):
     row, rows = searched(*parameters)
     figures = search_figures(row, rows)
     assert set(figures) - {"margins", "influence"} == expected
     assert search_page(row, rows).count("<svg ") == len(figures)
 
 
-def test_the_page_is_html_and_needs_nothing_else() -> None:
+def test_the_page_is_html_and_needs_nothing_else():
     row, rows = searched(DOOR, *OTHERS)
     page = search_page(row, rows, commands=(("scenario replay demo-s-1.3", "watch it"),))
     html5lib.HTMLParser(strict=True).parse(page)
@@ -89,7 +79,7 @@ def test_the_page_is_html_and_needs_nothing_else() -> None:
     assert page == search_page(row, rows, commands=(("scenario replay demo-s-1.3", "watch it"),))
 
 
-def test_what_is_wider_than_a_phone_can_be_scrolled_by_keys() -> None:
+def test_what_is_wider_than_a_phone_can_be_scrolled_by_keys():
     row, rows = searched(DOOR, *OTHERS)
     page = search_page(row, rows, commands=(("scenario replay demo-s-1.3", "watch it"),))
     tree = html5lib.HTMLParser(strict=True).parse(page)
@@ -99,7 +89,7 @@ def test_what_is_wider_than_a_phone_can_be_scrolled_by_keys() -> None:
     assert f"<dt>page written by</dt><dd>{own_version()}</dd>" in page
 
 
-def test_nothing_that_a_campaign_is_called_gets_into_the_page() -> None:
+def test_nothing_that_a_campaign_is_called_gets_into_the_page():
     name = "doors.<script>alert(1)</script>"
     row, rows = searched(replace(DOOR, name=name), *OTHERS)
     row = replace(row, note="<b>\x1b[2J</b>", task=replace(row.task, about='"><script>'))
@@ -109,7 +99,7 @@ def test_nothing_that_a_campaign_is_called_gets_into_the_page() -> None:
     assert "&lt;script&gt;" in page
 
 
-def test_every_failure_is_a_cross_and_the_smallest_margin_a_line() -> None:
+def test_every_failure_is_a_cross_and_the_smallest_margin_a_line():
     row, rows = searched(DOOR, *OTHERS)
     points = drawn_points(row.task, rows)
     failed = sum(point.result.fails for point in points)
@@ -121,15 +111,15 @@ def test_every_failure_is_a_cross_and_the_smallest_margin_a_line() -> None:
     assert "space-filling runs alone" in svg
 
 
-def test_another_search_that_was_not_guided_is_the_baseline() -> None:
+def test_another_search_that_was_not_guided_is_the_baseline():
     row, rows = searched(DOOR, *OTHERS)
     _, others = searched(DOOR, *OTHERS, method="random", seed=3)
     assert "random alone, another search" in search_figures(row, rows, baseline=others)["margins"]
     assert "another search of the same" in search_page(row, rows, baseline=others)
 
 
-def test_runs_without_a_margin_leave_gaps() -> None:
-    def broken(point: Any, _: int) -> float | None:
+def test_runs_without_a_margin_leave_gaps():
+    def broken(point, _):
         return None if float(point[0]) > 5.0 else 0.2
 
     row, rows = searched(DOOR, *OTHERS, margin=broken, stop="budget", runs=6)
@@ -141,7 +131,7 @@ def test_runs_without_a_margin_leave_gaps() -> None:
     assert "‼" in page
 
 
-def test_of_a_point_that_was_repeated_the_median_counts() -> None:
+def test_of_a_point_that_was_repeated_the_median_counts():
     row, rows = searched(DOOR, runs=3, confirm=0, then=())
     first = rows[0]
     assert first.leads[0].margin is not None
@@ -157,7 +147,7 @@ def test_of_a_point_that_was_repeated_the_median_counts() -> None:
     assert point.value == 0.3
 
 
-def test_what_is_not_settled_is_not_drawn() -> None:
+def test_what_is_not_settled_is_not_drawn():
     row, rows = searched(DOOR)
     waiting = [replace(one, state=RunState.QUEUED) for one in rows]
     assert drawn_points(row.task, waiting) == ()
@@ -165,7 +155,7 @@ def test_what_is_not_settled_is_not_drawn() -> None:
     assert "Not known" in search_page(replace(row, answer=None, state="running"), waiting)
 
 
-def test_the_first_line_says_whether_it_can_fail() -> None:
+def test_the_first_line_says_whether_it_can_fail():
     row, _ = searched(DOOR)
     assert search_headline(row).word == "It can fail"
     assert "later" in search_headline(row).sentence
@@ -178,7 +168,7 @@ def test_the_first_line_says_whether_it_can_fail() -> None:
     assert "Nothing fails" in search_page(passing, rows)
 
 
-def test_points_are_listed_by_their_margins_and_not_all_of_many() -> None:
+def test_points_are_listed_by_their_margins_and_not_all_of_many():
     row, rows = searched(DOOR, *OTHERS, runs=90, then=(), confirm=0)
     page = search_page(row, rows)
     listed = page[page.index("smallest margins") :]
@@ -190,7 +180,7 @@ def test_points_are_listed_by_their_margins_and_not_all_of_many() -> None:
     assert "30 more have larger ones" in page
 
 
-def test_the_failure_is_drawn_where_its_trace_is(tmp_path: Path) -> None:
+def test_the_failure_is_drawn_where_its_trace_is(tmp_path):
     row, rows = searched(DOOR)
     assert row.answer is not None
     assert row.answer.nearest is not None
@@ -208,7 +198,7 @@ def test_the_failure_is_drawn_where_its_trace_is(tmp_path: Path) -> None:
     assert not {"moment", "way"} & set(gone)
 
 
-def test_any_of_several_oracles_is_told_as_a_share() -> None:
+def test_any_of_several_oracles_is_told_as_a_share():
     row, rows = searched(DOOR)
     task = row.task
     scales = (*task.scales, replace(task.scales[0], oracle="in-time"))
@@ -217,7 +207,7 @@ def test_any_of_several_oracles_is_told_as_a_share() -> None:
     assert "as a share of its scale" in svg
 
 
-def test_estimates_are_the_margins_where_there_are_runs() -> None:
+def test_estimates_are_the_margins_where_there_are_runs():
     runs = np.array([(0.1, 0.2), (0.8, 0.3), (0.5, 0.9)])
     margins = np.array([-0.2, 0.1, 0.4])
     assert estimate(runs, margins, runs) == pytest.approx(margins)
@@ -225,7 +215,7 @@ def test_estimates_are_the_margins_where_there_are_runs() -> None:
     assert margins.min() <= between.min() <= between.max() <= margins.max()
 
 
-def test_colours_change_where_margins_do() -> None:
+def test_colours_change_where_margins_do():
     margins = np.array([-0.05, -0.0001, 0.0, 0.0001, 0.1])
     shares = balanced(margins)
     assert shares[0] == -1.0
@@ -238,7 +228,7 @@ def test_colours_change_where_margins_do() -> None:
     assert [level < half for level in levels] == [True, True, False, False, False]
 
 
-def test_the_line_at_zero_parts_what_passes_from_what_fails() -> None:
+def test_the_line_at_zero_parts_what_passes_from_what_fails():
     corners = np.linspace(-0.35, 0.65, 11)[:, None] + np.zeros((1, 6))
     lines = zero_lines(corners)
     assert len(lines) == 5

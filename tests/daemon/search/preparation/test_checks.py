@@ -1,18 +1,14 @@
 """Searches are tried before their first run: values that make no run are told with a remedy."""
 
-from __future__ import annotations
-
 import shutil
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from daemon.campaign import Campaign, load_campaign
+from daemon.campaign import load_campaign
 from daemon.search.preparation.checks import check_search
 from daemon.search.preparation.composition import search_case
-from grammars.text.diagnostics import Diagnostic
 from scenario_tui.file_check import check_file
 
 DOORS = """\
@@ -41,55 +37,55 @@ LINE = CAMPAIGN.count("\n") + 2
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     """The layers of the demonstration, with a door whose times have names."""
     folder = Path(shutil.copytree(campaigns / "demo", tmp_path / "mine"))
     (folder / "doors_moving.scenery").write_text(DOORS)
     return folder
 
 
-def load(folder: Path, rest: str) -> Campaign:
+def load(folder, rest):
     """Load a campaign with a search of which the rest is given."""
     path = folder / "tiny.yaml"
     path.write_text(CAMPAIGN + rest)
     return load_campaign(path)
 
 
-def said(folder: Path, rest: str) -> list[str]:
+def said(folder, rest):
     """Return what checking says of that search."""
     campaign = load(folder, rest)
     (task,) = campaign.searches
     return told(folder, check_search(search_case(campaign, task)))
 
 
-def told(folder: Path, found: Iterable[Diagnostic]) -> list[str]:
+def told(folder, found):
     return [str(one).replace(f"{folder}/", "") for one in found]
 
 
 OVER = "    over:\n      doors_moving.closes: {}\n      doors_moving.opens: {}\n"
 
 
-def test_nothing_is_said_of_a_sound_search(folder: Path) -> None:
+def test_nothing_is_said_of_a_sound_search(folder):
     assert said(folder, OVER.format("4 .. 10 s", "12 .. 20 s")) == []
     ordered = "    such that: [doors_moving.closes + 0.5 s <= doors_moving.opens]\n"
     assert said(folder, OVER.format("4 .. 20 s", "5 .. 25 s") + ordered) == []
 
 
-def test_an_end_of_a_range_that_makes_no_run_is_told_where_it_stands(folder: Path) -> None:
+def test_an_end_of_a_range_that_makes_no_run_is_told_where_it_stands(folder):
     (found,) = said(folder, OVER.format("4 .. 15 s", "13 .. 20 s"))
     assert found.startswith(f"tiny.yaml:{LINE}:7: doors_moving.closes at 15 s makes no run: ")
     assert "14 s is not after 15 s (doors_moving.scenery:5:" in found
     assert "write what must hold under such that" in found
 
 
-def test_ends_that_make_no_run_together_are_a_warning(folder: Path) -> None:
+def test_ends_that_make_no_run_together_are_a_warning(folder):
     (found,) = said(folder, OVER.format("4 .. 13 s", "12 .. 20 s"))
     assert (
         ": warning: doors_moving.closes at 13 s and doors_moving.opens at 12 s make no run" in found
     )
 
 
-def test_a_scenario_that_makes_no_run_is_told_once(folder: Path) -> None:
+def test_a_scenario_that_makes_no_run_is_told_once(folder):
     campaign = load(folder, OVER.format("4 .. 10 s", "12 .. 20 s"))
     (task,) = campaign.searches
     written = (replace(task.parameters[0], written=20.0), task.parameters[1])
@@ -98,7 +94,7 @@ def test_a_scenario_that_makes_no_run_is_told_once(folder: Path) -> None:
     assert "s: the scenario as written makes no run" in found
 
 
-def test_inequalities_that_leave_nothing_are_an_error(folder: Path) -> None:
+def test_inequalities_that_leave_nothing_are_an_error(folder):
     both = "[doors_moving.closes > doors_moving.opens, doors_moving.closes < doors_moving.opens]"
     found = said(folder, OVER.format("4 .. 15 s", "13 .. 20 s") + f"    such that: {both}\n")
     assert (
@@ -106,13 +102,13 @@ def test_inequalities_that_leave_nothing_are_an_error(folder: Path) -> None:
     )
 
 
-def test_a_scenario_that_does_not_keep_to_an_inequality_is_a_warning(folder: Path) -> None:
+def test_a_scenario_that_does_not_keep_to_an_inequality_is_a_warning(folder):
     late = "    such that: doors_moving.closes > 9 s\n"
     (found,) = said(folder, OVER.format("4 .. 10 s", "12 .. 20 s") + late)
     assert "warning: s: the scenario as written does not keep to such that" in found
 
 
-def test_a_method_that_does_not_fit_is_told(folder: Path) -> None:
+def test_a_method_that_does_not_fit_is_told(folder):
     rest = OVER.format("4 .. 10 s", "12 .. 20 s") + "      doors_moving.swing: 50 .. 70 deg/s\n"
     campaign = load(folder, rest)
     (task,) = campaign.searches
@@ -121,9 +117,7 @@ def test_a_method_that_does_not_fit_is_told(folder: Path) -> None:
     assert found.startswith(f"tiny.yaml:{LINE - 2}:5: s: the method boundary takes one or two")
 
 
-def test_a_library_that_is_missing_here_is_a_warning(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_that_is_missing_here_is_a_warning(folder, monkeypatch):
     campaign = load(folder, OVER.format("4 .. 10 s", "12 .. 20 s"))
     (task,) = campaign.searches
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
@@ -132,7 +126,7 @@ def test_a_library_that_is_missing_here_is_a_warning(
     assert "write method: halton" in found
 
 
-def test_checking_a_campaign_file_tries_its_searches(folder: Path) -> None:
+def test_checking_a_campaign_file_tries_its_searches(folder):
     load(folder, OVER.format("4 .. 15 s", "13 .. 20 s"))
     title, found = check_file(folder / "tiny.yaml")
     assert title == "1 scenario, 1 run, 1 search"

@@ -1,7 +1,5 @@
 """A point of a search is the run that a campaign specifies with the point's values written in."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +8,7 @@ import pytest
 
 from daemon.campaign import bundle_campaign, expand, load_campaign
 from daemon.model.bundles import unpack_bundle
-from daemon.model.search import Point
-from daemon.model.spec import RunSpec
-from daemon.search.preparation.composition import SearchCase, load_search_case
+from daemon.search.preparation.composition import load_search_case
 from grammars.text.diagnostics import InputError
 from tests.daemon.search.pretended import made_result
 
@@ -59,25 +55,25 @@ search:
       doors_moving.swing: 48 .. 72 deg/s
       doors_moving.leading: [bedroom_door, kitchen_door]
 """
-WRITTEN: Point = (6.0, 14.0, 60.0, "bedroom_door")
+WRITTEN = (6.0, 14.0, 60.0, "bedroom_door")
 
 
 @pytest.fixture
-def folder(tmp_path: Path, campaigns: Path) -> Path:
+def folder(tmp_path, campaigns):
     """The layers of the demonstration, with doors whose times have names."""
     folder = Path(shutil.copytree(campaigns / "demo", tmp_path / "mine"))
     (folder / "doors_moving.scenery").write_text(DOORS)
     return folder
 
 
-def case_in(folder: Path, *, chance: str = "per repeat", plan: str = "flat") -> SearchCase:
+def case_in(folder, *, chance="per repeat", plan="flat"):
     path = folder / "tiny.yaml"
     head = CAMPAIGN.replace("CHANCE", chance).replace("PLAN", plan)
     path.write_text(head + BUSY + OTHER + SEARCH)
     return load_search_case(path, "s")
 
 
-def by_hand(folder: Path, scenario: str, *, chance: str = "per repeat") -> list[RunSpec]:
+def by_hand(folder, scenario, *, chance="per repeat"):
     """Return the runs with pilot of a campaign with that scenario alone."""
     path = folder / "hand.yaml"
     head = CAMPAIGN.replace("CHANCE", chance).replace("PLAN", "flat")
@@ -86,9 +82,7 @@ def by_hand(folder: Path, scenario: str, *, chance: str = "per repeat") -> list[
 
 
 @pytest.mark.parametrize("chance", ["per repeat", "per campaign"])
-def test_a_point_is_the_run_with_its_values_written_beside_the_layer(
-    chance: str, folder: Path
-) -> None:
+def test_a_point_is_the_run_with_its_values_written_beside_the_layer(chance, folder):
     case = case_in(folder, chance=chance)
     values = "{closes: 6.25 s, opens: 15 s, swing: 52.5 deg/s, leading: kitchen_door}"
     scenario = f"  s.7: {{behaviours: [doors_open, doors_moving: {values}]}}\n"
@@ -99,7 +93,7 @@ def test_a_point_is_the_run_with_its_values_written_beside_the_layer(
     assert all(one.spec.scene == one.scene.digest for one in made)
 
 
-def test_the_written_values_are_the_scenario_as_it_stands(folder: Path) -> None:
+def test_the_written_values_are_the_scenario_as_it_stands(folder):
     case = case_in(folder)
     assert tuple(p.written for p in case.task.parameters) == WRITTEN
     scenario = "  s.0: {behaviours: [doors_open, doors_moving]}\n"
@@ -126,17 +120,17 @@ search:
       robot.laser.too_near: [infinite, clamped]
       pilot.max_speed: 0.3 .. 0.8
 """
-FAR: Point = (0.95, 52.5, 0.125, 0.3, 0.02, 181.0, "clamped", 0.45)
+FAR = (0.95, 52.5, 0.125, 0.3, 0.02, 181.0, "clamped", 0.45)
 
 
-def everywhere(folder: Path) -> SearchCase:
+def everywhere(folder):
     path = folder / "tiny.yaml"
     head = CAMPAIGN.replace("CHANCE", "per repeat").replace("PLAN", "flat")
     path.write_text(head + BUSY + EVERYWHERE)
     return load_search_case(path, "s")
 
 
-def test_every_layer_can_be_searched(folder: Path) -> None:
+def test_every_layer_can_be_searched(folder):
     spec = everywhere(folder).candidate(FAR, 5).spec
     assert spec.mission.start.y == 0.125
     assert spec.mission.waypoints[0].x == 0.3
@@ -147,7 +141,7 @@ def test_every_layer_can_be_searched(folder: Path) -> None:
     assert other.scene != spec.scene
 
 
-def test_the_campaign_of_a_point_has_its_very_run(folder: Path) -> None:
+def test_the_campaign_of_a_point_has_its_very_run(folder):
     case = everywhere(folder)
     text = case.found_text(made_result(FAR, -0.1, 5), comment="It fails.")
     assert text.startswith("# It fails.\n")
@@ -158,7 +152,7 @@ def test_the_campaign_of_a_point_has_its_very_run(folder: Path) -> None:
     assert found.searches == ()
 
 
-def test_what_was_found_says_what_is_not_as_written_and_that_it_fails(folder: Path) -> None:
+def test_what_was_found_says_what_is_not_as_written_and_that_it_fails(folder):
     case = case_in(folder)
     point = (6.25, 14.0, 60.0, "bedroom_door")
     text = case.found_text(made_result(point, -0.1, 5), comment="", why="closes 0.25 s later: bad")
@@ -172,21 +166,19 @@ def test_what_was_found_says_what_is_not_as_written_and_that_it_fails(folder: Pa
     assert expected.why == "closes 0.25 s later: bad"
 
 
-def test_what_is_written_with_more_digits_than_a_point_has_is_said_all_the_same(
-    folder: Path,
-) -> None:
+def test_what_is_written_with_more_digits_than_a_point_has_is_said_all_the_same(folder):
     (folder / "doors_moving.scenery").write_text(DOORS.replace("= 6 s", "= 6.00000000004 s"))
     case = case_in(folder)
     point = (case.task.parameters[0].written, 14.0, 61.0, "bedroom_door")
     assert point[0] is not None
-    text = case.found_text(made_result(point, -0.1, 5), comment="")  # type: ignore[arg-type]
+    text = case.found_text(made_result(point, -0.1, 5), comment="")
     (folder / "s.found.yaml").write_text(text)
     (run,) = expand(load_campaign(folder / "s.found.yaml")).runs
-    assert run.digest == case.candidate(point, 5).spec.digest  # type: ignore[arg-type]
+    assert run.digest == case.candidate(point, 5).spec.digest
     assert "closes" in text
 
 
-def test_values_in_any_layer_can_be_taken_apart(folder: Path) -> None:
+def test_values_in_any_layer_can_be_taken_apart(folder):
     case = everywhere(folder)
     taken, candidate = case.run_case(FAR, 5), case.candidate(FAR, 5)
     whole = (*taken.added, *taken.parts(taken.added))
@@ -195,7 +187,7 @@ def test_values_in_any_layer_can_be_taken_apart(folder: Path) -> None:
     assert again.spec == one
 
 
-def test_one_building_of_a_variation_can_be_searched(folder: Path) -> None:
+def test_one_building_of_a_variation_can_be_searched(folder):
     path = folder / "tiny.yaml"
     head = CAMPAIGN.replace("CHANCE", "per repeat").replace("  floorplan: PLAN\n", "")
     vary = (
@@ -213,7 +205,7 @@ def test_one_building_of_a_variation_can_be_searched(folder: Path) -> None:
     assert run.digest == wide.spec.digest
 
 
-def test_nothing_outside_of_an_unpacked_campaign_is_read(folder: Path, tmp_path: Path) -> None:
+def test_nothing_outside_of_an_unpacked_campaign_is_read(folder, tmp_path):
     case_in(folder)
     place, files = bundle_campaign(folder / "tiny.yaml")
     there = tmp_path / "there"
@@ -228,12 +220,12 @@ def test_nothing_outside_of_an_unpacked_campaign_is_read(folder: Path, tmp_path:
         load_search_case(there / place, "s", only_in=there)
 
 
-def test_what_comparisons_measure_is_left_out(folder: Path) -> None:
+def test_what_comparisons_measure_is_left_out(folder):
     spec = case_in(folder).candidate(WRITTEN, 0).spec
     assert [oracle.name for oracle in spec.oracles] == ["keeps-clear", "nearest"]
 
 
-def test_a_point_has_the_same_run_however_often_and_after_whatever(folder: Path) -> None:
+def test_a_point_has_the_same_run_however_often_and_after_whatever(folder):
     case = case_in(folder)
     first = case.candidate(WRITTEN, 0).spec.digest
     others = {
@@ -243,14 +235,14 @@ def test_a_point_has_the_same_run_however_often_and_after_whatever(folder: Path)
     assert case.candidate(WRITTEN, 0).spec.digest == first
 
 
-def test_a_point_that_makes_no_run_is_bad_input(folder: Path) -> None:
+def test_a_point_that_makes_no_run_is_bad_input(folder):
     case = case_in(folder)
     with pytest.raises(InputError, match="is not after"):
         case.candidate((15.0, 14.0, 60.0, "bedroom_door"), 1)
     assert case.candidate(WRITTEN, 2).spec.scenario == "s.2"
 
 
-def test_a_point_can_be_taken_apart(folder: Path) -> None:
+def test_a_point_can_be_taken_apart(folder):
     case = case_in(folder)
     point = (6.25, 15.0, 52.5, "kitchen_door")
     taken = case.run_case(point, 7)
@@ -262,19 +254,19 @@ def test_a_point_can_be_taken_apart(folder: Path) -> None:
     assert any("closes 6.25 s" in element.name for element in taken.added)
 
 
-def test_a_search_that_is_not_there_is_told_with_those_that_are(folder: Path) -> None:
+def test_a_search_that_is_not_there_is_told_with_those_that_are(folder):
     case_in(folder)
     with pytest.raises(InputError, match='did you mean "s"'):
         load_search_case(folder / "tiny.yaml", "ss")
 
 
-def test_a_task_may_come_from_elsewhere(folder: Path) -> None:
+def test_a_task_may_come_from_elsewhere(folder):
     case = case_in(folder)
     other = load_search_case(folder / "tiny.yaml", "s", case.task)
     assert other.candidate(WRITTEN, 3).spec == case.candidate(WRITTEN, 3).spec
 
 
-def test_a_task_of_another_campaign_is_refused(folder: Path) -> None:
+def test_a_task_of_another_campaign_is_refused(folder):
     case = case_in(folder)
     first, *rest = case.task.parameters
     for changed, said in (

@@ -1,10 +1,7 @@
 """What is handed to the daemon: a search that was checked, under an id made of its content."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -30,7 +27,7 @@ SECOND = """\
 
 
 @pytest.fixture
-def file(tmp_path: Path, campaigns: Path) -> Path:
+def file(tmp_path, campaigns):
     for part in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / part, tmp_path / part)
     path = tmp_path / "demo" / "campaign.yaml"
@@ -39,7 +36,7 @@ def file(tmp_path: Path, campaigns: Path) -> Path:
     return path
 
 
-def test_the_same_search_has_the_same_id_and_all_its_files(file: Path) -> None:
+def test_the_same_search_has_the_same_id_and_all_its_files(file):
     found, warnings = prepare_search(file)
     assert warnings == ()
     assert found.name == "demo-early"
@@ -48,7 +45,7 @@ def test_the_same_search_has_the_same_id_and_all_its_files(file: Path) -> None:
     assert checked_bundle(found.files)[found.file] == file.read_bytes()
 
 
-def test_other_values_are_another_search(file: Path) -> None:
+def test_other_values_are_another_search(file):
     ids = {
         prepare_search(file)[0].campaign,
         prepare_search(file, change=lambda task: replace(task, seed=8))[0].campaign,
@@ -59,7 +56,7 @@ def test_other_values_are_another_search(file: Path) -> None:
     assert len(ids) == 5
 
 
-def test_where_its_files_lie_does_not_matter_what_they_say_does(file: Path, tmp_path) -> None:
+def test_where_its_files_lie_does_not_matter_what_they_say_does(file, tmp_path):
     before = prepare_search(file)[0].campaign
     moved = tmp_path / "elsewhere"
     shutil.copytree(tmp_path, moved, ignore=shutil.ignore_patterns("elsewhere"))
@@ -69,7 +66,7 @@ def test_where_its_files_lie_does_not_matter_what_they_say_does(file: Path, tmp_
     assert prepare_search(moved / "demo" / "campaign.yaml")[0].campaign != before
 
 
-def test_which_search_is_meant_is_asked_for(file: Path) -> None:
+def test_which_search_is_meant_is_asked_for(file):
     file.write_text(file.read_text() + SECOND)
     with pytest.raises(InputError, match=r"several searches\n.*early, late"):
         prepare_search(file)
@@ -78,18 +75,18 @@ def test_which_search_is_meant_is_asked_for(file: Path) -> None:
     assert prepare_search(file, "late")[0].task.name == "late"
 
 
-def test_a_campaign_without_searches_is_told_how_one_is_written(file: Path) -> None:
+def test_a_campaign_without_searches_is_told_how_one_is_written(file):
     file.write_text(file.read_text().replace(SEARCHES, ""))
     with pytest.raises(InputError, match="has no searches"):
         prepare_search(file)
 
 
-def test_what_was_changed_is_checked_as_well(file: Path) -> None:
+def test_what_was_changed_is_checked_as_well(file):
     with pytest.raises(InputError, match="nonsense"):
         prepare_search(file, change=lambda task: replace(task, method="nonsense"))
 
 
-def test_nothing_is_handed_over_of_a_campaign_that_is_wrong(file: Path) -> None:
+def test_nothing_is_handed_over_of_a_campaign_that_is_wrong(file):
     file.write_text(file.read_text().replace("minimise: keeps-clear", "minimise: nothing"))
     with pytest.raises(InputError, match="nothing"):
         prepare_search(file)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -27,12 +25,12 @@ MIDDLE = Pose2(4.5, 2.5, 0.0)
 FORWARD = Twist2(0.5, 0.0, 0.0)
 
 
-def seeing(*points: tuple[float, float], known: bool = False) -> Surroundings:
+def seeing(*points, known=False):
     shown = np.full(len(points), known, dtype=np.uint8)
     return Surroundings(np.array(points).reshape(-1, 2), shown, len(points), len(points))
 
 
-def test_half_planes_measure_distance_to_the_footprint() -> None:
+def test_half_planes_measure_distance_to_the_footprint():
     points = np.array([(0.5495, 0.0), (0.0, -0.333), (0.0, 0.0)])
     for ring in (ROBOT.footprint, ROBOT.footprint[::-1]):
         planes = half_planes(ring)
@@ -40,66 +38,66 @@ def test_half_planes_measure_distance_to_the_footprint() -> None:
         np.testing.assert_allclose(outside, [0.2, 0.1, -0.233])
 
 
-def test_the_outline_has_the_corners_and_no_gaps() -> None:
+def test_the_outline_has_the_corners_and_no_gaps():
     points = outline(ROBOT.footprint)
     assert {tuple(corner) for corner in ROBOT.footprint} <= {tuple(p) for p in points.tolist()}
     steps = np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1)
     assert steps.max() <= 0.1 + 1e-9
 
 
-def test_nothing_around_lets_the_command_through() -> None:
+def test_nothing_around_lets_the_command_through():
     assert GUARD.limit(FORWARD, MIDDLE, seeing()) == FORWARD
 
 
-def test_an_obstacle_in_the_stop_zone_stops_the_robot() -> None:
+def test_an_obstacle_in_the_stop_zone_stops_the_robot():
     assert GUARD.limit(FORWARD, MIDDLE, seeing((0.41, 0.0))).vx < 0.05
     assert GUARD.limit(FORWARD, MIDDLE, seeing((0.36, 0.1))) == Twist2()
 
 
-def test_the_nearer_the_obstacle_the_slower() -> None:
+def test_the_nearer_the_obstacle_the_slower():
     speeds = [GUARD.limit(FORWARD, MIDDLE, seeing((x, 0.1))).vx for x in (0.5, 0.7, 0.9, 1.4)]
     assert speeds == sorted(speeds)
     assert speeds[0] < 0.2
     assert speeds[-1] == pytest.approx(0.5)
 
 
-def test_it_can_always_stop_in_time() -> None:
+def test_it_can_always_stop_in_time():
     """Braking from the speed it allows ends before the obstacle, wherever that is."""
     for x in np.arange(0.36, 1.5, 0.03):
         speed = GUARD.limit(FORWARD, MIDDLE, seeing((float(x), 0.0))).vx
         assert speed**2 / (2.0 * LIMITS.braking) <= max(0.0, x - 0.3495)
 
 
-def test_an_obstacle_beside_the_way_slows_but_does_not_stop() -> None:
+def test_an_obstacle_beside_the_way_slows_but_does_not_stop():
     beside = GUARD.limit(FORWARD, MIDDLE, seeing((0.6, 0.35)))
     assert 0.1 < beside.vx < 0.5
     assert GUARD.limit(FORWARD, MIDDLE, seeing((0.6, 0.7))) == FORWARD
 
 
-def test_what_touches_the_robot_does_not_keep_it_from_leaving() -> None:
+def test_what_touches_the_robot_does_not_keep_it_from_leaving():
     touching = seeing((0.36, 0.0))
     assert GUARD.limit(FORWARD, MIDDLE, touching) == Twist2()
     assert GUARD.limit(Twist2(-0.1, 0.0, 0.0), MIDDLE, touching).vx == pytest.approx(-0.1)
 
 
-def test_turning_is_stopped_by_what_a_corner_would_hit() -> None:
+def test_turning_is_stopped_by_what_a_corner_would_hit():
     spin = Twist2(0.0, 0.0, 0.8)
     assert GUARD.limit(spin, MIDDLE, seeing((0.30, 0.25))).wz == pytest.approx(0.0, abs=0.05)
     assert GUARD.limit(spin, MIDDLE, seeing((0.0, 0.5))) == spin
 
 
-def test_walls_of_the_map_stop_motion_the_laser_does_not_see() -> None:
+def test_walls_of_the_map_stop_motion_the_laser_does_not_see():
     back_to_the_wall = Pose2(0.2 + 0.3495 + 0.02, 2.5, 0.0)
     assert GUARD.limit(Twist2(-0.3, 0.0, 0.0), back_to_the_wall, seeing()) == Twist2()
     assert GUARD.limit(FORWARD, back_to_the_wall, seeing()).vx > 0.1
 
 
-def test_accelerations_are_bounded_and_braking_is_harder() -> None:
+def test_accelerations_are_bounded_and_braking_is_harder():
     assert GUARD.ramp(Twist2(), FORWARD, 0.05).vx == pytest.approx(0.025)
     assert GUARD.ramp(FORWARD, Twist2(), 0.05).vx == pytest.approx(0.45)
 
 
-def test_the_way_out_is_the_free_one() -> None:
+def test_the_way_out_is_the_free_one():
     ahead = seeing((0.37, 0.0), (0.37, 0.2), (0.37, -0.2))
     escape = find_escape(GUARD, LIMITS, MIDDLE, ahead, now=10.0)
     assert escape is not None

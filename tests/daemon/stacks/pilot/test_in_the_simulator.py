@@ -1,22 +1,18 @@
 """The pilot in the simulated world: real contacts, real doors, real odometry noise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from daemon.model.sut import Briefing, Estimate, LaserScan, Observation
+from daemon.model.sut import Briefing, LaserScan, Observation
 from daemon.simulator import World
 from daemon.stacks import make_pilot
 from grammars.floorplan import load_floorplan
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission
 from grammars.model.mission_files import load_mission
-from grammars.model.robot import Robot
 from grammars.model.robot_files import load_robot
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
@@ -26,9 +22,7 @@ from templates.occupancy import occupancy_grid
 class Drive:
     """A drive in a campaign's building, from the first tick to the end of the mission."""
 
-    def __init__(
-        self, folder: Path, plan: str, doors: str, mission: Mission, robot: Robot, limit: float
-    ) -> None:
+    def __init__(self, folder, plan, doors, mission, robot, limit):
         layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors", doors)]
         scene = compile_scene(load_floorplan(folder / f"{plan}.fpm"), layers)
         seed = np.random.SeedSequence(7)
@@ -37,9 +31,9 @@ class Drive:
         grid = occupancy_grid(scene, laser_height=robot.laser.z)
         pilot = make_pilot({})
         pilot.start(Briefing(robot, grid, mission, mission.start, seed))
-        self.events: list[str] = []
+        self.events = []
         self.contacts = 0
-        self.estimates: list[tuple[Pose2, Estimate]] = []
+        self.estimates = []
         while world.time < limit:
             scans = (LaserScan(world.time, world.scan()),) if world.tick % 10 == 0 else ()
             seen = Observation(world.time, (world.odometry(),), scans)
@@ -56,12 +50,12 @@ class Drive:
         self.progress = decision.progress
 
     @property
-    def worst_error(self) -> float:
+    def worst_error(self):
         """Largest distance between estimate and truth [m]."""
         return max(math.hypot(t.x - e.pose.x, t.y - e.pose.y) for t, e in self.estimates)
 
     @property
-    def inside_two_sigma(self) -> float:
+    def inside_two_sigma(self):
         """Share of estimates with x and y both within two standard deviations of the truth."""
         inside = [
             abs(t.x - e.pose.x) <= 2.0 * math.sqrt(e.covariance[0, 0])
@@ -71,7 +65,7 @@ class Drive:
         return float(np.mean(inside))
 
 
-def test_it_visits_every_room_of_the_demo_flat(campaigns: Path) -> None:
+def test_it_visits_every_room_of_the_demo_flat(campaigns):
     mission, _ = load_mission(campaigns / "demo" / "courier.mission.yaml")
     robot = load_robot(campaigns / "robots" / "courier.yaml")
     drive = Drive(campaigns / "demo", "flat", "doors_open", mission, robot, 180.0)
@@ -82,7 +76,7 @@ def test_it_visits_every_room_of_the_demo_flat(campaigns: Path) -> None:
 
 
 @pytest.mark.parametrize("doors", ["doors_closed", "doors_random"])
-def test_it_drives_the_long_corridor_of_building_c(campaigns: Path, doors: str) -> None:
+def test_it_drives_the_long_corridor_of_building_c(campaigns, doors):
     mission, _ = load_mission(campaigns / "ortega2024" / "corridor.mission.yaml")
     robot = load_robot(campaigns / "robots" / "robile.yaml")
     drive = Drive(campaigns / "ortega2024", "building_c", doors, mission, robot, 600.0)
@@ -92,7 +86,7 @@ def test_it_drives_the_long_corridor_of_building_c(campaigns: Path, doors: str) 
     assert drive.inside_two_sigma > 0.95
 
 
-def test_it_says_that_a_shut_classroom_cannot_be_reached(campaigns: Path) -> None:
+def test_it_says_that_a_shut_classroom_cannot_be_reached(campaigns):
     mission, _ = load_mission(campaigns / "ortega2024" / "corridor.mission.yaml")
     start = Pose2(44.4, 43.85, 0.0)
     inside = replace(mission.waypoints[0], x=49.54, y=33.41)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -12,13 +10,13 @@ from daemon.stacks.pilot.map_field import map_field
 from grammars.model.geometry import Pose2, Twist2, wrap_angle
 from grammars.model.robot import OdometryNoise
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE
-from tests.daemon.stacks.pilot.world import Box, Log, a_robot, cast, draw, drive, edges
+from tests.daemon.stacks.pilot.world import a_robot, cast, draw, drive, edges
 
 ROBOT = a_robot(rays=150)
 ANGLES = np.linspace(ROBOT.laser.angle_min, ROBOT.laser.angle_max, 150)
 
 
-def returns(walls: list[Box], pose: Pose2, seed: int) -> np.ndarray:
+def returns(walls, pose, seed):
     """Noisy returns at ``pose`` in the base frame, shape (n, 2)."""
     segments = np.vstack([edges(box) for box in walls])
     ranges = cast(segments, pose @ ROBOT.laser.mount, ANGLES, ROBOT.laser.range_max)
@@ -27,13 +25,13 @@ def returns(walls: list[Box], pose: Pose2, seed: int) -> np.ndarray:
     return np.column_stack((0.3 + ranges * np.cos(ANGLES), ranges * np.sin(ANGLES)))[seen]
 
 
-def a_localiser(start: Pose2, walls: list[Box], **parameters: float) -> Localiser:
+def a_localiser(start, walls, **parameters):
     field = map_field(draw(walls, SIZE))
-    settings = PilotParameters(**parameters)  # type: ignore[arg-type]
+    settings = PilotParameters(**parameters)
     return Localiser(field, (ROBOT.laser,), OdometryNoise(20.0, 0.0, 0.0, 0.0), start, settings)
 
 
-def error(localiser: Localiser, truth: Pose2) -> tuple[float, float]:
+def error(localiser, truth):
     pose = localiser.pose
     away = math.hypot(pose.x - truth.x, pose.y - truth.y)
     return away, abs(wrap_angle(pose.yaw - truth.yaw))
@@ -41,7 +39,7 @@ def error(localiser: Localiser, truth: Pose2) -> tuple[float, float]:
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("yaw", [-2.5, 0.3, 1.9])
-def test_matching_converges_from_an_offset(side: float, yaw: float) -> None:
+def test_matching_converges_from_an_offset(side, yaw):
     truth = Pose2(2.3, 2.4, yaw)
     told = Pose2(2.3 + 0.2 * side, 2.4 - 0.15, yaw + 0.1 * side)
     localiser = a_localiser(told, ONE_DOORWAY, start_sigma=0.2, start_yaw_sigma=0.1)
@@ -53,10 +51,10 @@ def test_matching_converges_from_an_offset(side: float, yaw: float) -> None:
     assert turned < 0.01
 
 
-def test_a_door_the_map_does_not_show_does_not_move_the_estimate() -> None:
+def test_a_door_the_map_does_not_show_does_not_move_the_estimate():
     truth = Pose2(2.9, 1.6, 0.2)
     localiser = a_localiser(truth, ONE_DOORWAY)
-    open_leaf: Box = (3.5, 1.05, 4.4, 1.1)
+    open_leaf = (3.5, 1.05, 4.4, 1.1)
     for seed in range(20):
         points = returns([*ONE_DOORWAY, DOOR, open_leaf], truth, seed)
         localiser.correct(points, len(points))
@@ -65,7 +63,7 @@ def test_a_door_the_map_does_not_show_does_not_move_the_estimate() -> None:
     assert turned < 0.01
 
 
-def test_walls_behind_their_painted_edge_are_learned() -> None:
+def test_walls_behind_their_painted_edge_are_learned():
     """A map that paints every cell a wall touches puts its edge up to a cell before the wall."""
     true_walls = [(x0 + 0.03, y0 + 0.03, x1 - 0.03, y1 - 0.03) for x0, y0, x1, y1 in ONE_DOORWAY]
     truth = Pose2(2.3, 2.4, 0.0)
@@ -83,7 +81,7 @@ def test_walls_behind_their_painted_edge_are_learned() -> None:
     assert error(localiser, here)[0] < 0.012
 
 
-def test_odometry_between_samples_is_interpolated_or_extrapolated() -> None:
+def test_odometry_between_samples_is_interpolated_or_extrapolated():
     localiser = a_localiser(Pose2(2.0, 2.0, math.pi / 2), ONE_DOORWAY)
     localiser.move(Odometry(0.0, Pose2(), Twist2(0.4)))
     localiser.move_until(0.5)
@@ -94,7 +92,7 @@ def test_odometry_between_samples_is_interpolated_or_extrapolated() -> None:
     assert localiser.pose.y == pytest.approx(2.8)
 
 
-def test_uncertainty_grows_with_the_way_and_shrinks_with_a_scan() -> None:
+def test_uncertainty_grows_with_the_way_and_shrinks_with_a_scan():
     field = map_field(draw(ONE_DOORWAY, SIZE))
     noise = OdometryNoise(20.0, 0.05, 0.05, 0.05)
     truth = Pose2(2.0, 2.4, 0.0)
@@ -112,7 +110,7 @@ def test_uncertainty_grows_with_the_way_and_shrinks_with_a_scan() -> None:
     assert (np.linalg.eigvalsh(matched) > 0.0).all()
 
 
-def inside_two_sigma(log: Log) -> np.ndarray:
+def inside_two_sigma(log):
     rows = []
     for truth, estimate in log.estimates:
         pose, sigma = estimate.pose, np.sqrt(np.diag(estimate.covariance))
@@ -121,7 +119,7 @@ def inside_two_sigma(log: Log) -> np.ndarray:
     return np.array(rows)
 
 
-def test_the_reported_covariance_holds_what_it_promises() -> None:
+def test_the_reported_covariance_holds_what_it_promises():
     shares, sigmas = [], []
     for seed in range(3):
         log = drive(ONE_DOORWAY, SIZE, Pose2(1.0, 3.5), [(7.5, 3.5), (1.2, 1.0)], seed=seed)
@@ -132,7 +130,7 @@ def test_the_reported_covariance_holds_what_it_promises() -> None:
     assert np.mean(sigmas) < 0.05
 
 
-def test_the_noisy_truth_is_as_noisy_as_it_says() -> None:
+def test_the_noisy_truth_is_as_noisy_as_it_says():
     log = drive(
         ONE_DOORWAY, SIZE, Pose2(1.0, 3.5), [(7.5, 3.5)],
         localisation="noisy-ground-truth", truth_sigma=0.03, truth_yaw_sigma=0.02,

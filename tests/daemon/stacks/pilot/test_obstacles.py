@@ -1,16 +1,13 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from daemon.stacks.pilot.map_field import map_field
 from daemon.stacks.pilot.obstacles import UnmappedObstacles
 from grammars.model.geometry import Pose2
-from grammars.model.robot import Laser
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE
-from tests.daemon.stacks.pilot.world import Box, a_robot, cast, draw, edges
+from tests.daemon.stacks.pilot.world import a_robot, cast, draw, edges
 
-LASER: Laser = a_robot(rays=181).laser
+LASER = a_robot(rays=181).laser
 ANGLES = np.linspace(LASER.angle_min, LASER.angle_max, LASER.rays)
 HERE = Pose2(2.5, 1.575, 0.0)
 
@@ -18,16 +15,16 @@ HERE = Pose2(2.5, 1.575, 0.0)
 class Watcher:
     """An obstacle layer and what it looks at."""
 
-    def __init__(self, memory: int = 100) -> None:
+    def __init__(self, memory=100):
         field = map_field(draw(ONE_DOORWAY, SIZE))
         self.layer = UnmappedObstacles(field, explained=0.15, reach=4.0, memory=memory)
         self.known = np.zeros(LASER.rays, dtype=np.uint8)
 
-    def look(self, *extra: Box, at: Pose2 = HERE) -> int:
+    def look(self, *extra, at=HERE):
         segments = np.vstack([edges(box) for box in (*ONE_DOORWAY, *extra)])
         return self.take(cast(segments, at @ LASER.mount, ANGLES, LASER.range_max), at)
 
-    def take(self, ranges: np.ndarray, at: Pose2 = HERE) -> int:
+    def take(self, ranges, at=HERE):
         seen = np.isfinite(ranges)
         points = np.column_stack(
             (0.3 + ranges[seen] * np.cos(ANGLES[seen]), ranges[seen] * np.sin(ANGLES[seen]))
@@ -38,13 +35,13 @@ class Watcher:
         return self.layer.count
 
 
-def test_walls_of_the_map_are_no_obstacles() -> None:
+def test_walls_of_the_map_are_no_obstacles():
     watcher = Watcher()
     assert watcher.look() == 0
     assert watcher.known.any()
 
 
-def test_a_closed_door_is_marked_and_blocks_the_path() -> None:
+def test_a_closed_door_is_marked_and_blocks_the_path():
     watcher = Watcher()
     assert watcher.look(DOOR) > 5
     path = np.column_stack((np.arange(2.5, 6.5, 0.05), np.full(80, 1.575)))
@@ -54,20 +51,20 @@ def test_a_closed_door_is_marked_and_blocks_the_path() -> None:
     assert clearance[map_field(draw(ONE_DOORWAY, SIZE)).cell(4.475, 1.575)] == 0.0
 
 
-def test_an_opened_door_is_cleared_by_looking_through() -> None:
+def test_an_opened_door_is_cleared_by_looking_through():
     watcher = Watcher()
     watcher.look(DOOR)
     assert watcher.look() == 0
 
 
-def test_rays_without_return_clear_and_lost_rays_do_not() -> None:
+def test_rays_without_return_clear_and_lost_rays_do_not():
     watcher = Watcher()
     marked = watcher.look(DOOR)
     assert watcher.take(np.full(LASER.rays, np.nan)) == marked
     assert watcher.take(np.full(LASER.rays, np.inf)) == 0
 
 
-def test_what_is_out_of_sight_stays_until_it_is_forgotten() -> None:
+def test_what_is_out_of_sight_stays_until_it_is_forgotten():
     watcher = Watcher(memory=10)
     marked = watcher.look(DOOR)
     away = Pose2(2.5, 1.575, np.pi)
@@ -76,13 +73,13 @@ def test_what_is_out_of_sight_stays_until_it_is_forgotten() -> None:
     assert watcher.look(at=away) == 0
 
 
-def test_what_hides_behind_something_else_stays() -> None:
+def test_what_hides_behind_something_else_stays():
     watcher = Watcher()
     marked = watcher.look(DOOR)
     assert watcher.look((3.4, 0.3, 3.5, 2.6)) > marked
 
 
-def test_marks_near_the_robot_come_in_its_frame() -> None:
+def test_marks_near_the_robot_come_in_its_frame():
     watcher = Watcher()
     watcher.look((3.4, 1.5, 3.5, 1.6))
     points = np.zeros((50, 2))
@@ -91,7 +88,7 @@ def test_marks_near_the_robot_come_in_its_frame() -> None:
     np.testing.assert_allclose(points[:used].mean(axis=0), [0.75, 0.0], atol=0.1)
 
 
-def test_returns_of_obstacles_are_kept_from_matching() -> None:
+def test_returns_of_obstacles_are_kept_from_matching():
     watcher = Watcher()
     watcher.look(DOOR)
     points = np.array([(1.97, 0.0), (1.97, 0.2), (0.0, 1.0), (0.01, 1.0), (0.3, 1.0)])

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import subprocess
 import sys
 
@@ -11,13 +9,13 @@ from daemon.stacks.pilot._parameters import read_parameters
 from grammars.model.geometry import Twist2
 
 
-def test_defaults_are_taken_and_given_values_replace_them() -> None:
+def test_defaults_are_taken_and_given_values_replace_them():
     parameters = read_parameters({"goal_tolerance": 0.2, "recoveries": 3})
     assert parameters == PilotParameters(goal_tolerance=0.2, recoveries=3)
     assert parameters.max_speed == PilotParameters().max_speed
 
 
-def test_an_unknown_parameter_is_answered_with_the_nearest_one() -> None:
+def test_an_unknown_parameter_is_answered_with_the_nearest_one():
     with pytest.raises(ValueError, match=r'"goal_tolerence".*did you mean "goal_tolerance"\?'):
         make_pilot({"goal_tolerence": 0.2})
 
@@ -32,27 +30,27 @@ def test_an_unknown_parameter_is_answered_with_the_nearest_one() -> None:
         ("localisation", "guessing"),
     ],
 )
-def test_a_bad_value_is_named_with_what_was_given(name: str, value: object) -> None:
+def test_a_bad_value_is_named_with_what_was_given(name, value):
     with pytest.raises(ValueError, match=name):
         make_pilot({name: value})
 
 
-def test_a_quantity_with_its_unit_is_answered_with_what_to_write() -> None:
+def test_a_quantity_with_its_unit_is_answered_with_what_to_write():
     with pytest.raises(ValueError, match=r"goal_tolerance.*'15 cm'.*plain number in SI units"):
         make_pilot({"goal_tolerance": "15 cm"})
 
 
-def test_all_problems_are_reported_at_once() -> None:
+def test_all_problems_are_reported_at_once():
     with pytest.raises(ValueError, match=r"no parameter \"x\".*max_speed.*patience"):
         make_pilot({"x": 1, "max_speed": 0.0, "patience": -1.0})
 
 
-def test_only_the_named_baseline_asks_for_the_truth() -> None:
+def test_only_the_named_baseline_asks_for_the_truth():
     assert not make_pilot({}).needs_ground_truth
     assert make_pilot({"localisation": "noisy-ground-truth"}).needs_ground_truth
 
 
-def test_the_idle_system_stands_still_and_takes_no_parameters() -> None:
+def test_the_idle_system_stands_still_and_takes_no_parameters():
     decision = make_idle({}).update(Observation(0.0, (), ()))
     assert decision.command == Twist2()
     assert decision.progress.state == "active"
@@ -60,7 +58,7 @@ def test_the_idle_system_stands_still_and_takes_no_parameters() -> None:
         make_idle({"speed": 1.0})
 
 
-def test_checking_parameters_loads_no_compiler() -> None:
+def test_checking_parameters_loads_no_compiler():
     code = (
         "import sys; from daemon.stacks import make_pilot; make_pilot({});"
         "sys.exit('numba' in sys.modules)"

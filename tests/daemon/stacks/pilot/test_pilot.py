@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -9,16 +7,16 @@ import pytest
 from daemon.model.sut import Observation
 from daemon.stacks import make_pilot
 from grammars.model.geometry import Pose2, wrap_angle
-from grammars.model.robot import OdometryNoise, Robot
+from grammars.model.robot import OdometryNoise
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
-from tests.daemon.stacks.pilot.world import Box, Log, a_robot, drive
+from tests.daemon.stacks.pilot.world import a_robot, drive
 
 START = Pose2(1.2, 3.6, 0.0)
 ACROSS = (7.6, 1.5)
 
 
 @pytest.mark.parametrize("kind", ["omnidirectional", "differential"])
-def test_it_drives_through_a_doorway_without_touching_it(kind: str) -> None:
+def test_it_drives_through_a_doorway_without_touching_it(kind):
     log = drive(ONE_DOORWAY, SIZE, START, [ACROSS, (1.2, 3.6)], robot=a_robot(kind))
     assert log.state == "succeeded"
     assert not log.collided
@@ -30,12 +28,12 @@ def test_it_drives_through_a_doorway_without_touching_it(kind: str) -> None:
     ]  # fmt: skip
 
 
-def test_a_differential_base_is_never_told_to_strafe() -> None:
+def test_a_differential_base_is_never_told_to_strafe():
     log = drive(ONE_DOORWAY, SIZE, START, [ACROSS], robot=a_robot("differential"))
     assert all(command.vy == 0.0 for command in log.commands)
 
 
-def test_commands_keep_to_the_limits() -> None:
+def test_commands_keep_to_the_limits():
     log = drive(ONE_DOORWAY, SIZE, START, [ACROSS], max_speed=0.4, acceleration=0.3)
     speeds = np.array([(c.vx, c.vy, c.wz) for c in log.commands])
     assert np.hypot(speeds[:, 0], speeds[:, 1]).max() <= 0.4 + 1e-9
@@ -44,13 +42,13 @@ def test_commands_keep_to_the_limits() -> None:
 
 
 @pytest.mark.parametrize("yaw", [math.pi / 2, -2.5])
-def test_a_waypoint_with_a_heading_is_left_with_that_heading(yaw: float) -> None:
+def test_a_waypoint_with_a_heading_is_left_with_that_heading(yaw):
     log = drive(ONE_DOORWAY, SIZE, START, [(2.5, 2.5, yaw)])
     assert log.state == "succeeded"
     assert abs(wrap_angle(log.poses[-1].yaw - yaw)) < 0.12
 
 
-def test_it_waits_for_a_door_to_open_and_goes_on() -> None:
+def test_it_waits_for_a_door_to_open_and_goes_on():
     log = drive(ONE_DOORWAY, SIZE, START, [ACROSS], doors={DOOR: lambda now: now < 25.0})
     assert log.state == "succeeded"
     assert not log.collided
@@ -60,7 +58,7 @@ def test_it_waits_for_a_door_to_open_and_goes_on() -> None:
     assert waiting < 25.0 <= free < 30.0
 
 
-def test_it_drives_around_through_another_door() -> None:
+def test_it_drives_around_through_another_door():
     log = drive(TWO_DOORWAYS, SIZE, Pose2(1.2, 1.5), [ACROSS], doors={DOOR: lambda now: now > 1.0})
     assert log.state == "succeeded"
     assert not log.collided
@@ -68,7 +66,7 @@ def test_it_drives_around_through_another_door() -> None:
     assert max(pose.y for pose in log.poses if abs(pose.x - 4.5) < 0.2) > 3.5
 
 
-def test_a_door_that_shuts_right_in_front_stops_it() -> None:
+def test_a_door_that_shuts_right_in_front_stops_it():
     """The leaf appears when the front edge is 0.35 m away, at the usual speed."""
     shut = {"at": math.inf}
     log = drive(ONE_DOORWAY, SIZE, Pose2(1.2, 1.575), [ACROSS], limit=8.0)
@@ -81,7 +79,7 @@ def test_a_door_that_shuts_right_in_front_stops_it() -> None:
     assert max(pose.x for pose in again.poses) < 4.47 - 0.3495
 
 
-def test_it_gives_up_when_the_door_stays_shut() -> None:
+def test_it_gives_up_when_the_door_stays_shut():
     log = drive(
         ONE_DOORWAY, SIZE, START, [ACROSS], doors={DOOR: lambda _: True}, patience=15.0, limit=60.0
     )
@@ -91,7 +89,7 @@ def test_it_gives_up_when_the_door_stays_shut() -> None:
     assert 15.0 < log.time < 40.0
 
 
-def test_it_gives_up_at_once_when_the_map_shows_no_way() -> None:
+def test_it_gives_up_at_once_when_the_map_shows_no_way():
     log = drive([*ONE_DOORWAY, DOOR], SIZE, START, [(2.0, 2.0), ACROSS])
     assert log.state == "aborted"
     assert log.last is not None
@@ -100,7 +98,7 @@ def test_it_gives_up_at_once_when_the_map_shows_no_way() -> None:
     assert log.events[-1][0] == log.said("waypoint 1 reached")
 
 
-def test_waypoints_are_visited_in_strict_order() -> None:
+def test_waypoints_are_visited_in_strict_order():
     points = [(2.5, 1.0), (1.0, 4.0), (3.5, 4.0)]
     log = drive(ONE_DOORWAY, SIZE, START, points)
     closest = [
@@ -110,20 +108,20 @@ def test_waypoints_are_visited_in_strict_order() -> None:
     assert closest == sorted(closest)
 
 
-def test_a_mission_without_waypoints_is_complete() -> None:
+def test_a_mission_without_waypoints_is_complete():
     assert drive(ONE_DOORWAY, SIZE, START, []).state == "succeeded"
 
 
-def test_equal_seeds_give_equal_drives() -> None:
+def test_equal_seeds_give_equal_drives():
     first, second = (drive(ONE_DOORWAY, SIZE, START, [ACROSS], seed=3) for _ in range(2))
     assert first.commands == second.commands
     other = drive(ONE_DOORWAY, SIZE, START, [ACROSS], seed=4)
     assert first.commands != other.commands
 
 
-def test_it_goes_on_when_what_boxed_it_in_is_taken_away() -> None:
+def test_it_goes_on_when_what_boxed_it_in_is_taken_away():
     """Crates all around, too close to turn or back off, until somebody removes them."""
-    crates: list[Box] = [
+    crates = [
         (1.7, 2.8, 1.8, 4.2), (0.6, 2.8, 0.7, 4.2), (0.6, 3.95, 1.8, 4.05), (0.6, 3.1, 1.8, 3.2),
     ]  # fmt: skip
     doors = {crate: (lambda now: now < 30.0) for crate in crates}
@@ -134,12 +132,12 @@ def test_it_goes_on_when_what_boxed_it_in_is_taken_away() -> None:
     assert log.time > 30.0
 
 
-def test_it_must_be_started() -> None:
+def test_it_must_be_started():
     with pytest.raises(RuntimeError, match="not started"):
         make_pilot({}).update(Observation(0.0, (), ()))
 
 
-def short_sighted(*, z: float = 0.3, kind: str = "omnidirectional") -> Robot:
+def short_sighted(*, z=0.3, kind="omnidirectional"):
     """A robot whose first laser sees half a metre far; a slower one sees far and behind."""
     robot = a_robot(kind)
     near = replace(robot.laser, name="near", range_max=0.5)
@@ -150,11 +148,11 @@ def short_sighted(*, z: float = 0.3, kind: str = "omnidirectional") -> Robot:
     return replace(robot, laser=near, other_lasers=(far,))
 
 
-def worst_error(log: Log) -> float:
+def worst_error(log):
     return max(math.hypot(t.x - e.pose.x, t.y - e.pose.y) for t, e in log.estimates)
 
 
-def test_every_laser_at_the_height_of_the_map_tells_where_it_is() -> None:
+def test_every_laser_at_the_height_of_the_map_tells_where_it_is():
     log = drive(ONE_DOORWAY, SIZE, START, [ACROSS, (1.2, 3.6)], robot=short_sighted())
     assert log.state == "succeeded"
     assert not log.collided
@@ -165,7 +163,7 @@ def test_every_laser_at_the_height_of_the_map_tells_where_it_is() -> None:
 
 
 @pytest.mark.parametrize("localisation", ["scan-matching", "noisy-ground-truth"])
-def test_what_any_laser_sees_is_in_the_way(localisation: str) -> None:
+def test_what_any_laser_sees_is_in_the_way(localisation):
     robot = short_sighted(z=1.0)
     log = drive(
         TWO_DOORWAYS, SIZE, Pose2(1.2, 1.5), [ACROSS], doors={DOOR: lambda now: now > 1.0},

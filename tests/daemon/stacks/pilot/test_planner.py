@@ -1,24 +1,22 @@
-from __future__ import annotations
-
 import heapq
 import itertools
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.pilot.map_field import map_field
 from daemon.stacks.pilot.planner import Planner, cost_factor, search_astar
 from tests.daemon.stacks.pilot.plans import ONE_DOORWAY, OUTER, SIZE
-from tests.daemon.stacks.pilot.world import Box, draw
+from tests.daemon.stacks.pilot.world import draw
 
 LETHAL, PREFERRED, WEIGHT = 0.25, 0.9, 5.0
 
 
-def dijkstra(clearance: np.ndarray, start: tuple[int, int], goal: tuple[int, int]) -> float:
-    def factor(cell: tuple[int, int]) -> float:
+def dijkstra(clearance, start, goal):
+    def factor(cell):
         if not all(0 <= k < n for k, n in zip(cell, clearance.shape, strict=True)):
             return 0.0
         value = float(clearance[cell])
@@ -44,14 +42,13 @@ def dijkstra(clearance: np.ndarray, start: tuple[int, int], goal: tuple[int, int
     return math.inf
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     rows=st.integers(2, 14),
     columns=st.integers(2, 14),
     closed=st.floats(0.0, 0.5),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_paths_cost_what_dijkstra_finds(rows: int, columns: int, closed: float, seed: int) -> None:
+def test_paths_cost_what_dijkstra_finds(rows, columns, closed, seed):
     random = np.random.default_rng(seed)
     clearance = random.uniform(LETHAL, 1.2, (rows, columns)).astype(np.float32)
     clearance[random.random((rows, columns)) < closed] = 0.0
@@ -69,11 +66,11 @@ def test_paths_cost_what_dijkstra_finds(rows: int, columns: int, closed: float, 
         assert path.size == 0
 
 
-def a_planner(walls: list[Box]) -> Planner:
+def a_planner(walls):
     return Planner(map_field(draw(walls, SIZE)), LETHAL, PREFERRED, WEIGHT, tolerance=0.15)
 
 
-def test_a_path_leads_through_the_middle_of_the_doorway() -> None:
+def test_a_path_leads_through_the_middle_of_the_doorway():
     planner = a_planner(ONE_DOORWAY)
     path = planner.plan((1.0, 4.0), (8.0, 4.0))
     assert path is not None
@@ -85,20 +82,20 @@ def test_a_path_leads_through_the_middle_of_the_doorway() -> None:
     assert planner.field.clearance[rows, columns].min() >= LETHAL
 
 
-def test_a_path_in_the_open_is_straight() -> None:
+def test_a_path_in_the_open_is_straight():
     path = a_planner(OUTER).plan((1.5, 1.5), (7.3, 3.1))
     assert path is not None
     assert path.length == pytest.approx(math.hypot(5.8, 1.6), rel=0.01)
 
 
-def test_there_is_no_path_through_walls_or_the_unknown() -> None:
+def test_there_is_no_path_through_walls_or_the_unknown():
     planner = a_planner([*OUTER, (4.4, 0, 4.6, 5)])
     assert planner.plan((1.0, 1.0), (8.0, 1.0)) is None
     assert planner.plan((1.0, 1.0), (-0.1, 1.0)) is None
     assert planner.plan((1.0, 1.0), (99.0, 1.0)) is None
 
 
-def test_a_goal_too_close_to_a_wall_is_approached_within_tolerance() -> None:
+def test_a_goal_too_close_to_a_wall_is_approached_within_tolerance():
     planner = a_planner(OUTER)
     path = planner.plan((4.0, 2.5), (8.6, 2.5))
     assert path is not None
@@ -107,12 +104,12 @@ def test_a_goal_too_close_to_a_wall_is_approached_within_tolerance() -> None:
     assert planner.plan((4.0, 2.5), (8.75, 2.5)) is None
 
 
-def test_a_robot_too_close_to_a_wall_finds_its_way_out() -> None:
+def test_a_robot_too_close_to_a_wall_finds_its_way_out():
     path = a_planner(OUTER).plan((0.35, 2.5), (4.0, 2.5))
     assert path is not None
     assert path.length == pytest.approx(3.65, abs=0.1)
 
 
-def test_getting_out_of_a_tight_spot_never_leads_through_a_wall() -> None:
+def test_getting_out_of_a_tight_spot_never_leads_through_a_wall():
     planner = a_planner([*OUTER, (4.4, 0, 4.5, 5)])
     assert planner.plan((4.2, 2.5), (4.8, 2.5)) is None

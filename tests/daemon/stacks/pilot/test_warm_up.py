@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import importlib
 import pkgutil
 
@@ -12,7 +10,7 @@ from tests.daemon.stacks.pilot.plans import DOOR, SIZE, TWO_DOORWAYS
 from tests.daemon.stacks.pilot.world import drive
 
 
-def compiled() -> dict[str, int]:
+def compiled():
     """How many versions of each kernel of the room are compiled."""
     found = {}
     for info in pkgutil.iter_modules(daemon.stacks.pilot.__path__, "daemon.stacks.pilot."):
@@ -22,7 +20,7 @@ def compiled() -> dict[str, int]:
     return found
 
 
-def test_after_warming_up_a_run_compiles_nothing() -> None:
+def test_after_warming_up_a_run_compiles_nothing():
     warm_up()
     before = compiled()
     log = drive(

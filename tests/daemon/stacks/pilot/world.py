@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,16 +19,9 @@ Box = tuple[float, float, float, float]
 TICK = 0.05
 
 
-def a_robot(
-    kind: str = "omnidirectional",
-    *,
-    rays: int = 150,
-    noise: float = 0.01,
-    view: float = math.pi,
-    odometry: OdometryNoise | None = None,
-) -> Robot:
+def a_robot(kind="omnidirectional", *, rays=150, noise=0.01, view=math.pi, odometry=None):
     drive = Drive(
-        kind=kind,  # type: ignore[arg-type]
+        kind=kind,
         max_vx=1.0, max_vy=1.0 if kind == "omnidirectional" else 0.0, max_wz=1.0,
         max_ax=1.0, max_ay=1.0, max_az=2.0, max_force=100.0, max_torque=100.0, timeout=0.5,
     )  # fmt: skip
@@ -40,12 +32,12 @@ def a_robot(
     return Robot("box", ring, 0.3, 100.0, drive, laser, noisy)
 
 
-def edges(box: Box) -> Floats:
+def edges(box):
     x0, y0, x1, y1 = box
     return np.array([(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)])
 
 
-def draw(walls: list[Box], size: tuple[float, float], resolution: float = 0.05) -> OccupancyGrid:
+def draw(walls, size, resolution=0.05):
     """Paint every cell whose centre lies in a wall; free inside ``size``, unknown around it."""
     border = 4
     rows, columns = (round(extent / resolution) + 2 * border for extent in size[::-1])
@@ -59,7 +51,7 @@ def draw(walls: list[Box], size: tuple[float, float], resolution: float = 0.05) 
     return OccupancyGrid(resolution, origin, origin, cells)
 
 
-def cast(segments: Floats, origin: Pose2, angles: Floats, reach: float) -> Floats:
+def cast(segments, origin, angles, reach):
     """Return the range along every ray, inf beyond ``reach``: plain ray-segment intersection."""
     directions = np.column_stack((np.cos(angles + origin.yaw), np.sin(angles + origin.yaw)))
     a = segments[:, :2] - (origin.x, origin.y)
@@ -76,7 +68,7 @@ def cast(segments: Floats, origin: Pose2, angles: Floats, reach: float) -> Float
     return ranges
 
 
-def hits(footprint: Floats, segments: Floats) -> bool:
+def hits(footprint, segments):
     """Tell whether a convex counter-clockwise polygon meets any segment (clipping each to it)."""
     after = np.roll(footprint, -1, axis=0)
     normals = np.column_stack((footprint[:, 1] - after[:, 1], after[:, 0] - footprint[:, 0]))
@@ -107,27 +99,18 @@ class Log:
     time: float = 0.0
 
     @property
-    def state(self) -> str:
+    def state(self):
         assert self.last is not None
         return self.last.progress.state
 
-    def said(self, words: str) -> float | None:
+    def said(self, words):
         """Return when an event with ``words`` was first reported."""
         return next((time for time, text in self.events if words in text), None)
 
 
 def drive(
-    walls: list[Box],
-    size: tuple[float, float],
-    start: Pose2,
-    waypoints: list[tuple[float, ...]],
-    *,
-    doors: Mapping[Box, Callable[[float], bool]] | None = None,
-    robot: Robot | None = None,
-    limit: float = 120.0,
-    seed: int = 0,
-    **parameters: object,
-) -> Log:
+    walls, size, start, waypoints, *, doors=None, robot=None, limit=120.0, seed=0, **parameters
+):
     """Drive a mission; ``doors`` are boxes the map does not show, there when their function says.
 
     Waypoints are (x, y) or (x, y, yaw).

@@ -1,19 +1,13 @@
 """Short scenes for the whole stack: a room of walls, a doorway, a door, and one run in them."""
 
-from __future__ import annotations
-
 import copy
 import math
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
-from daemon.model.spec import MapSettings, OracleText, RunResult, RunSpec, SutReference
+from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
 from daemon.run import execute
-from daemon.trace import Trace, read_trace
-from grammars.model.behaviour import Behaviour
-from grammars.model.geometry import Pose2, Ring
-from grammars.model.mission import Mission, Waypoint
+from daemon.trace import read_trace
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
@@ -40,7 +34,7 @@ _COSTMAP = {
     "observation_sources": "scan",
     "scan": _SCAN,
 }
-DIFFERENTIAL: Mapping[str, Any] = {
+DIFFERENTIAL = {
     "amcl": {
         "min_particles": 500,
         "max_particles": 1000,
@@ -79,9 +73,9 @@ DIFFERENTIAL: Mapping[str, Any] = {
 """A differential configuration that drives well, faster than that of the paper."""
 
 
-def configured(**changes: Any) -> dict[str, Any]:
+def configured(**changes):
     """Return the configuration with values changed, ``move_base__planner_patience=1.0``."""
-    tree: dict[str, Any] = copy.deepcopy(dict(DIFFERENTIAL))
+    tree = copy.deepcopy(dict(DIFFERENTIAL))
     for name, value in changes.items():
         *path, last = name.split("__")
         node = tree
@@ -91,11 +85,11 @@ def configured(**changes: Any) -> dict[str, Any]:
     return tree
 
 
-def box(x0: float, y0: float, x1: float, y1: float) -> Ring:
+def box(x0, y0, x1, y1):
     return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
 
 
-def room(*boxes: Ring, door: bool = False, size: tuple[float, float] = (6.0, 4.0)) -> Scene:
+def room(*boxes, door=False, size=(6.0, 4.0)):
     """Walls 0.2 m thick around ``size``, ``boxes`` inside, and a door hinged at (3, 1.55)."""
     width, depth = size
     outside = (
@@ -107,7 +101,7 @@ def room(*boxes: Ring, door: bool = False, size: tuple[float, float] = (6.0, 4.0
     solids = tuple(
         Solid(f"wall-{k}", "wall", ring, 0.0, 2.5) for k, ring in enumerate((*outside, *boxes))
     )
-    objects: tuple[SceneObject, ...] = ()
+    objects = ()
     if door:
         leaf = Link("leaf", (box(-0.025, 0.0, 0.025, 0.9),), 15.0, 0.0, 2.0)
         hinge = Joint(
@@ -122,18 +116,18 @@ DOORWAY = (box(2.9, 0.0, 3.1, 1.5), box(2.9, 2.5, 3.1, 4.0))
 
 
 def run(
-    folder: Path,
-    scene: Scene,
-    waypoints: tuple[Waypoint, ...],
-    parameters: Mapping[str, Any] = DIFFERENTIAL,
+    folder,
+    scene,
+    waypoints,
+    parameters=DIFFERENTIAL,
     *,
-    start: Pose2 = Pose2(1.0, 2.0, 0.0),  # noqa: B008
-    behaviours: tuple[Behaviour, ...] = (),
-    limit: float = 60.0,
-    seed: int = 1,
-    oracle: str = "reached(mission, 0.35 m)",
-    robot: Robot = ROBOT,
-) -> tuple[RunResult, Trace]:
+    start=Pose2(1.0, 2.0, 0.0),  # noqa: B008
+    behaviours=(),
+    limit=60.0,
+    seed=1,
+    oracle="reached(mission, 0.35 m)",
+    robot=ROBOT,
+):
     """Run the stack in ``scene`` from ``start`` and return what came of it."""
     spec = RunSpec(
         "test", "short", SutReference("ros", "ros", dict(parameters)), 0, scene.digest, robot,
@@ -145,6 +139,6 @@ def run(
     return result, read_trace(path)
 
 
-def said(trace: Trace, words: str) -> list[float]:
+def said(trace, words):
     """Return when the stack said something with ``words`` in it."""
     return [event.time for event in trace.events if event.source == "sut" and words in event.text]

@@ -1,9 +1,6 @@
 """A robot's lasers and who listens to them: what is said of each, with the robot at hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -25,12 +22,12 @@ ROBOT = Robot(
 SCAN = {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True}
 
 
-def two_lasers(rear: float = 0.2) -> Robot:
+def two_lasers(rear=0.2):
     front, back = replace(LASER, name="front"), replace(LASER, name="rear", z=rear)
     return replace(ROBOT, laser=front, other_lasers=(back,))
 
 
-def tree(topics: dict[str, Any] | None = None, **source: Any) -> dict[str, Any]:
+def tree(topics=None, **source):
     costmap = {"observation_sources": "scan", "scan": SCAN | source}
     return {
         "move_base": {
@@ -41,17 +38,17 @@ def tree(topics: dict[str, Any] | None = None, **source: Any) -> dict[str, Any]:
     }
 
 
-def said(given: dict[str, Any], robot: Robot = ROBOT) -> list[str]:
+def said(given, robot=ROBOT):
     return [str(found) for found in advise_for_robot(read_ros(given), robot)]
 
 
-def test_a_laser_everybody_hears_is_not_worth_a_word() -> None:
+def test_a_laser_everybody_hears_is_not_worth_a_word():
     assert said(tree()) == []
     both = {"scan": {"front": ["/scan_front", "/scan"], "rear": ["/scan"]}}
     assert said(tree(both), two_lasers()) == []
 
 
-def test_a_laser_nobody_hears_is_named() -> None:
+def test_a_laser_nobody_hears_is_named():
     found = said(tree({"scan": {"front": "/scan", "rear": "/scan_rear"}}), two_lasers())
     assert found == [
         "topics/scan: nobody listens to the laser rear of robot cart: it is published on "
@@ -59,7 +56,7 @@ def test_a_laser_nobody_hears_is_named() -> None:
     ]
 
 
-def test_lasers_are_published_by_their_names_when_nothing_is_said() -> None:
+def test_lasers_are_published_by_their_names_when_nothing_is_said():
     found = said(tree(), two_lasers())
     assert len([line for line in found if "nobody listens to the laser" in line]) == 2
     assert any("amcl listens to /scan, the lasers of robot cart are on /scan_front" in f
@@ -67,7 +64,7 @@ def test_lasers_are_published_by_their_names_when_nothing_is_said() -> None:
     assert any('the source "scan" of the local costmap listens to /scan, where' in f for f in found)
 
 
-def test_a_laser_the_robot_does_not_have_is_named() -> None:
+def test_a_laser_the_robot_does_not_have_is_named():
     found = said(tree({"scan": {"front": "/scan", "top": "/top"}}), two_lasers())
     assert "topics/scan/top: the robot has no laser top; its lasers are front, rear" in found
     assert "its only laser has no name" in said(tree({"scan": {"front": "/scan"}}))[0]
@@ -82,21 +79,21 @@ def test_a_laser_the_robot_does_not_have_is_named() -> None:
         ({"expected_update_rate": 0.05}, "a scan of the laser comes every 0.1 s"),
     ],
 )
-def test_what_a_source_makes_of_each_laser_is_said(source: dict[str, Any], expected: str) -> None:
+def test_what_a_source_makes_of_each_laser_is_said(source, expected):
     found = said(tree(**source))
     assert any(expected in line for line in found), found
     fits = {"min_obstacle_height": 0.1, "max_obstacle_height": 0.3, "expected_update_rate": 0.1}
     assert said(tree(**{name: fits[name] for name in source})) == []
 
 
-def test_of_several_lasers_the_one_at_the_wrong_height_is_named() -> None:
+def test_of_several_lasers_the_one_at_the_wrong_height_is_named():
     topics = {"scan": {"front": "/scan", "rear": "/scan"}}
     found = said(tree(topics, max_obstacle_height=0.5), two_lasers(rear=0.6))
     assert len(found) == 2
     assert all("ignores the laser rear at 0.6 m, above 0.5 m" in line for line in found)
 
 
-def test_a_laser_above_a_layer_or_its_voxels_marks_nothing() -> None:
+def test_a_laser_above_a_layer_or_its_voxels_marks_nothing():
     given = tree()
     given["move_base"]["local_costmap"] |= {"max_obstacle_height": 0.1}
     given["move_base"]["global_costmap"] |= {

@@ -1,10 +1,5 @@
 """Costmaps in other frames than usual, and of other layers, through whole runs."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -31,7 +26,7 @@ _INFLATION = {"inflation_radius": 0.5, "cost_scaling_factor": 4.0}
 _FOOTPRINT = [[0.35, 0.233], [0.35, -0.233], [-0.35, -0.233], [-0.35, 0.233]]
 
 
-def layered(*layers: tuple[str, str], **values: Any) -> dict[str, Any]:
+def layered(*layers, **values):
     """A costmap with ``plugins``; layers are named after their types."""
     own = {"ObstacleLayer": _SEEN, "VoxelLayer": _SEEN, "InflationLayer": _INFLATION}
     return {
@@ -65,9 +60,7 @@ STILL = layered(
 @pytest.mark.parametrize(
     ("wide", "near"), [(WITHOUT_MAP, IN_MAP), (OVER_THE_MAP, None), (None, STILL)]
 )
-def test_it_drives_through_a_doorway_whatever_frames_its_costmaps_are_in(
-    tmp_path: Path, wide: dict[str, Any] | None, near: dict[str, Any] | None
-) -> None:
+def test_it_drives_through_a_doorway_whatever_frames_its_costmaps_are_in(tmp_path, wide, near):
     given = {"move_base__global_costmap": wide, "move_base__local_costmap": near}
     parameters = configured(**{name: value for name, value in given.items() if value is not None})
     result, trace = run(tmp_path, room(*DOORWAY), ACROSS, parameters)
@@ -77,7 +70,7 @@ def test_it_drives_through_a_doorway_whatever_frames_its_costmaps_are_in(
     assert np.hypot(*(plan.points[-1] - (5.0, 2.0))) < 0.2, "recorded in map"
 
 
-def transforms() -> TransformBuffer:
+def transforms():
     """The base half a metre ahead in odom, which AMCL has put elsewhere in the map."""
     buffer = TransformBuffer(Pose2(1.0, 2.0), 0.0, delayed=False)
     buffer.move(Odometry(0.0, Pose2(), Twist2()))
@@ -86,7 +79,7 @@ def transforms() -> TransformBuffer:
     return buffer
 
 
-def test_a_frame_knows_where_the_base_and_other_frames_are_in_it() -> None:
+def test_a_frame_knows_where_the_base_and_other_frames_are_in_it():
     known = transforms()
     odom, world = CostmapFrame("odom", known), CostmapFrame("map", known)
     assert odom.base == Pose2(0.5, 0.0, 0.1)
@@ -101,7 +94,7 @@ def test_a_frame_knows_where_the_base_and_other_frames_are_in_it() -> None:
     assert (back.x, back.y, back.yaw) == pytest.approx((goal.x, goal.y, goal.yaw))
 
 
-def test_what_is_recorded_says_the_frame_or_is_in_map() -> None:
+def test_what_is_recorded_says_the_frame_or_is_in_map():
     grid = CostGrid(0.05, 0.0, 0.0, np.zeros((2, 2), np.uint8))
     picture = CostmapRecorder(1.0, "map").take(0.0, grid)
     assert picture is not None

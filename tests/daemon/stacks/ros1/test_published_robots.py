@@ -1,23 +1,17 @@
 """What the files of published robots come to: the layers move_base would make of each."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from daemon.campaign import LayerLibrary
-from daemon.stacks.ros1.configuration import RosParameters, read_ros
-from daemon.stacks.ros1.costmap import InflationLayer, LayeredCostmap, ObstacleLayer, StaticLayer
+from daemon.stacks.ros1.configuration import read_ros
+from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer, StaticLayer
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from grammars.text.diagnostics import InputError
 from tests.published_robots.folder import SUTS
 
 
-def load(
-    reference_data: Path, folder: Path, name: str, parameters: str | None = None
-) -> RosParameters:
+def load(reference_data, folder, name, parameters=None):
     """Load a robot as it is described, or with other ``parameters`` over its launch files."""
     text = (SUTS / f"{name}.yaml").read_text("utf-8")
     if parameters is not None:
@@ -27,7 +21,7 @@ def load(
     return read_ros(LayerLibrary(folder).sut_file(path).reference.parameters)
 
 
-def layers(costmap: LayeredCostmap) -> list[str]:
+def layers(costmap):
     words = []
     for layer in costmap.layers:
         kind = {StaticLayer: "map", InflationLayer: "inflation"}.get(type(layer), "obstacles")
@@ -67,14 +61,8 @@ def layers(costmap: LayeredCostmap) -> list[str]:
     ],
 )  # fmt: skip
 def test_published_robots_have_the_layers_their_files_describe(
-    reference_data: Path,
-    tmp_path: Path,
-    name: str,
-    planner: type,
-    wide: list[str],
-    near: list[str],
-    frames: tuple[str, str],
-) -> None:
+    reference_data, tmp_path, name, planner, wide, near, frames
+):
     read = load(reference_data, tmp_path, name)
     assert isinstance(read.local_planner, planner)
     assert layers(read.global_costmap) == wide
@@ -82,9 +70,7 @@ def test_published_robots_have_the_layers_their_files_describe(
     assert (read.global_costmap.frame, read.local_costmap.frame) == frames
 
 
-def test_mir_finds_its_footprint_upwards_and_its_ranges_per_costmap(
-    reference_data: Path, tmp_path: Path
-) -> None:
+def test_mir_finds_its_footprint_upwards_and_its_ranges_per_costmap(reference_data, tmp_path):
     read = load(reference_data, tmp_path, "mir100-dwa")
     for costmap, reach in ((read.global_costmap, 2.0), (read.local_costmap, 6.0)):
         assert costmap.footprint == ((0.506, -0.32), (0.506, 0.32), (-0.454, 0.32), (-0.454, -0.32))
@@ -93,7 +79,7 @@ def test_mir_finds_its_footprint_upwards_and_its_ranges_per_costmap(
         assert {source.topic for source in seen.sources} == {"/b_scan_rep117", "/f_scan_rep117"}
 
 
-def test_tiago_keeps_every_layer_that_is_on(reference_data: Path, tmp_path: Path) -> None:
+def test_tiago_keeps_every_layer_that_is_on(reference_data, tmp_path):
     with pytest.raises(InputError) as caught:
         load(reference_data, tmp_path, "tiago-dwa", "")
     found = [str(problem) for problem in caught.value.diagnostics]
@@ -116,8 +102,8 @@ def test_tiago_keeps_every_layer_that_is_on(reference_data: Path, tmp_path: Path
      ("tiago", ["pal_local_planner/PalLocalPlanner"])],
 )  # fmt: skip
 def test_planners_of_others_are_refused_by_name_at_their_lines(
-    reference_data: Path, tmp_path: Path, name: str, refused: list[str]
-) -> None:
+    reference_data, tmp_path, name, refused
+):
     with pytest.raises(InputError) as caught:
         load(reference_data, tmp_path, name)
     found = [str(problem) for problem in caught.value.diagnostics]

@@ -1,14 +1,11 @@
 """Which scans the costmaps have, of which laser, and where they lie."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from daemon.model.sut import LaserScan, Odometry
-from daemon.stacks.ros1.costmap import SensedScan
 from daemon.stacks.ros1.move_base import TransformBuffer
 from daemon.stacks.ros1.scan_buffer import ScanBuffer
 from grammars.model.geometry import Pose2, Twist2
@@ -23,11 +20,11 @@ REAR = replace(FRONT, name="rear", mount=Pose2(-0.5), z=0.6, rays=3, range_max=3
 class Robot:
     """Drives along x at 1 m/s; every scan reads the second it was taken at."""
 
-    def __init__(self, *lasers: Laser, keep: float = 0.0, delayed: bool = True) -> None:
+    def __init__(self, *lasers, keep=0.0, delayed=True):
         self.transforms = TransformBuffer(Pose2(), 0.5, delayed=delayed)
         self.buffer = ScanBuffer(lasers, self.transforms, keep=keep)
 
-    def drive(self, until: float) -> None:
+    def drive(self, until):
         """Take odometry, 20 times a second, up to ``until`` [s]."""
         begin = self.transforms.time
         for tick in range(round(begin * 20) + 1 if begin >= 0.0 else 0, round(until * 20) + 1):
@@ -35,16 +32,16 @@ class Robot:
             self.transforms.move(Odometry(now, Pose2(now), Twist2(1.0)))
         self.buffer.release_known(until)
 
-    def scan(self, time: float, laser: Laser) -> None:
+    def scan(self, time, laser):
         ranges = np.full(laser.rays, time, dtype=np.float32)
         self.buffer.queue(LaserScan(time, ranges, laser.name))
 
 
-def told(scans: list[SensedScan]) -> list[tuple[str, float]]:
+def told(scans):
     return [(scan.laser, scan.time) for scan in scans]
 
 
-def test_a_scan_is_seen_from_its_own_laser() -> None:
+def test_a_scan_is_seen_from_its_own_laser():
     robot = Robot(FRONT, REAR)
     robot.scan(1.0, FRONT)
     robot.scan(1.0, REAR)
@@ -57,7 +54,7 @@ def test_a_scan_is_seen_from_its_own_laser() -> None:
     assert rear.received == 2.0
 
 
-def test_a_scan_says_where_its_rays_point_in_single_precision() -> None:
+def test_a_scan_says_where_its_rays_point_in_single_precision():
     # 0.1 in single precision is 0.100000001490116, and a ray has whole multiples of that.
     laser = replace(FRONT, angle_min=0.1, angle_max=0.5)
     robot = Robot(laser)
@@ -69,7 +66,7 @@ def test_a_scan_says_where_its_rays_point_in_single_precision() -> None:
     assert robot.buffer.in_odom()[0].angles.tolist() == expected
 
 
-def test_a_scan_waits_until_transforms_reach_beyond_it() -> None:
+def test_a_scan_waits_until_transforms_reach_beyond_it():
     robot = Robot(FRONT, REAR)
     robot.scan(1.0, FRONT)
     robot.drive(1.0)
@@ -78,7 +75,7 @@ def test_a_scan_waits_until_transforms_reach_beyond_it() -> None:
     assert told(robot.buffer.in_odom()) == [("front", 1.0)]
 
 
-def test_without_persistence_only_the_newest_of_each_laser_is_there() -> None:
+def test_without_persistence_only_the_newest_of_each_laser_is_there():
     robot = Robot(FRONT, REAR)
     for time in (0.1, 0.2, 0.3):
         robot.scan(time, FRONT)
@@ -88,7 +85,7 @@ def test_without_persistence_only_the_newest_of_each_laser_is_there() -> None:
     assert told(robot.buffer.in_map()) == told(robot.buffer.in_odom())
 
 
-def test_scans_stay_as_long_as_they_are_wanted_oldest_first() -> None:
+def test_scans_stay_as_long_as_they_are_wanted_oldest_first():
     robot = Robot(FRONT, REAR, keep=0.5)
     for tick in range(1, 11):
         robot.scan(tick / 10, FRONT)
@@ -104,7 +101,7 @@ def test_scans_stay_as_long_as_they_are_wanted_oldest_first() -> None:
     )
 
 
-def test_what_is_kept_stays_where_it_was_and_the_newest_follows_the_correction() -> None:
+def test_what_is_kept_stays_where_it_was_and_the_newest_follows_the_correction():
     robot = Robot(FRONT, keep=2.0, delayed=False)
     robot.scan(0.5, FRONT)
     robot.drive(0.6)

@@ -1,10 +1,7 @@
 """The whole ROS stack through the one road of a run, in rooms of a few metres."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +19,7 @@ from tests.daemon.stacks.ros1.scenes import DOORWAY, ROBOT, configured, room, ru
 ACROSS = (Waypoint("across", 5.0, 2.0, 0.0),)
 
 
-def test_it_drives_through_a_doorway_and_says_what_it_does(tmp_path: Path) -> None:
+def test_it_drives_through_a_doorway_and_says_what_it_does(tmp_path):
     result, trace = run(tmp_path, room(*DOORWAY), (Waypoint("here", 1.6, 2.6), *ACROSS))
     assert (result.outcome, result.ended) == (Outcome.PASS, "finished")
     assert trace.contacts == ()
@@ -32,7 +29,7 @@ def test_it_drives_through_a_doorway_and_says_what_it_does(tmp_path: Path) -> No
     assert len(said(trace, "parameters without effect")) == 0
 
 
-def test_what_is_recorded_of_its_inside(tmp_path: Path) -> None:
+def test_what_is_recorded_of_its_inside(tmp_path):
     _, trace = run(tmp_path, room(*DOORWAY), ACROSS)
     published = np.isin(trace.estimate.time, trace.cloud.time)
     assert published.sum() == len(trace.cloud.time) > 10
@@ -42,7 +39,7 @@ def test_what_is_recorded_of_its_inside(tmp_path: Path) -> None:
     assert np.abs(trace.estimate.x - truth).max() < 0.25
 
 
-def test_the_same_seed_gives_the_same_run_and_another_one_another(tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same_run_and_another_one_another(tmp_path):
     scene, goal = room(), (Waypoint("there", 2.0, 2.3, 0.0),)
     runs = []
     for k, seed in enumerate((3, 3, 4)):
@@ -52,7 +49,7 @@ def test_the_same_seed_gives_the_same_run_and_another_one_another(tmp_path: Path
     assert runs[0] == runs[1] != runs[2]
 
 
-def test_a_goal_in_a_wall_is_aborted_and_the_verdict_is_fail(tmp_path: Path) -> None:
+def test_a_goal_in_a_wall_is_aborted_and_the_verdict_is_fail(tmp_path):
     goals = (Waypoint("near", 1.6, 2.0), Waypoint("in the wall", -0.1, 2.0), *ACROSS)
     result, trace = run(
         tmp_path, room(), goals, configured(move_base__planner_patience=1.0), limit=120.0
@@ -68,7 +65,7 @@ def test_a_goal_in_a_wall_is_aborted_and_the_verdict_is_fail(tmp_path: Path) -> 
     assert turned > 2.0 * math.pi, "the turn on the spot is a turn of the robot"
 
 
-def test_a_door_that_shuts_in_the_only_doorway_stops_it(tmp_path: Path) -> None:
+def test_a_door_that_shuts_in_the_only_doorway_stops_it(tmp_path):
     shut = KeyFrames("door.hinge", (KeyFrame(1.0, 0.0),), Servo(2.0, 60.0))
     result, trace = run(
         tmp_path, room(*DOORWAY, door=True), ACROSS,
@@ -81,7 +78,7 @@ def test_a_door_that_shuts_in_the_only_doorway_stops_it(tmp_path: Path) -> None:
     assert trace.contacts == ()
 
 
-def test_blind_costmaps_drive_into_a_door_that_the_map_does_not_show(tmp_path: Path) -> None:
+def test_blind_costmaps_drive_into_a_door_that_the_map_does_not_show(tmp_path):
     shut = KeyFrames("door.hinge", (KeyFrame(1.0, 0.0),), Servo(2.0, 200.0))
     blind = configured(topics={"scan": "/front", "amcl": "/front"})
     _, trace = run(
@@ -91,7 +88,7 @@ def test_blind_costmaps_drive_into_a_door_that_the_map_does_not_show(tmp_path: P
     assert len(said(trace, "the local costmap shows no obstacle")) == 1
 
 
-def test_without_scans_amcl_believes_odometry(tmp_path: Path) -> None:
+def test_without_scans_amcl_believes_odometry(tmp_path):
     deaf = configured(topics={"scan": "/scan", "amcl": "/nowhere"})
     result, trace = run(tmp_path, room(), (Waypoint("there", 2.0, 2.0, 0.0),), deaf)
     assert result.outcome is Outcome.PASS
@@ -101,7 +98,7 @@ def test_without_scans_amcl_believes_odometry(tmp_path: Path) -> None:
     assert np.abs(trace.estimate.x - truth).max() < 0.02, "the odometry of this robot is true"
 
 
-def test_amcl_weighs_by_the_lasers_on_its_topic(tmp_path: Path) -> None:
+def test_amcl_weighs_by_the_lasers_on_its_topic(tmp_path):
     rear = replace(ROBOT.laser, name="rear", mount=Pose2(-0.3, 0.0, math.pi), rays=91)
     robot = replace(ROBOT, laser=replace(ROBOT.laser, name="front"), other_lasers=(rear,))
     clouds = {}
@@ -121,25 +118,23 @@ def test_amcl_weighs_by_the_lasers_on_its_topic(tmp_path: Path) -> None:
     [((10.0, 20.0), 0.05), ((20.0, 20.0), 0.05), ((10.0, 10.0), 0.1), ((3.0, 20.0), 0.01),
      ((4.0, 10.0), 0.05), ((100.0, 20.0), 0.01)],
 )  # fmt: skip
-def test_its_step_fits_the_control_loop_and_the_turn(
-    frequencies: tuple[float, ...], step: float
-) -> None:
+def test_its_step_fits_the_control_loop_and_the_turn(frequencies, step):
     assert common_step(*frequencies) == pytest.approx(step)
 
 
-def test_bad_parameters_are_refused_before_anything_runs() -> None:
+def test_bad_parameters_are_refused_before_anything_runs():
     with pytest.raises(ValueError, match="min_vel_trans"):
         make_ros(configured(move_base__DWAPlannerROS__min_vel_trans=1.0))
 
 
-def observe(time: float, *, odometry: bool = True, scan: bool = False) -> Observation:
+def observe(time, *, odometry=True, scan=False):
     samples = (Odometry(time, Pose2(1.0, 2.0), Twist2()),) if odometry else ()
     ranges = np.full(ROBOT.laser.rays, 1.5, np.float32)
     scans = (LaserScan(time, ranges),) if scan else ()
     return Observation(time, samples, scans)
 
 
-def test_a_scan_waits_for_the_odometry_at_its_stamp() -> None:
+def test_a_scan_waits_for_the_odometry_at_its_stamp():
     stack = make_ros(configured())
     grid = occupancy_grid(room(), laser_height=0.3)
     start = Pose2(1.0, 2.0)

@@ -1,11 +1,8 @@
 """What of the stack's inside is recorded, and how often."""
 
-from __future__ import annotations
-
 import importlib
 import math
 import pkgutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,18 +22,18 @@ from daemon.stacks.ros1.telemetry import (
     largest_deviation,
     thin_plan,
 )
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Pose2
 from grammars.model.mission import Waypoint
 from tests.daemon.stacks.ros1.scenes import DOORWAY, room, run
 
 
-def line(start: float, end: float = 10.0, y: float = 0.0) -> Floats:
+def line(start, end=10.0, y=0.0):
     """A plan along x with a pose every 2.5 cm, the last one at the end."""
     x = end - 0.025 * np.arange(round((end - start) / 0.025) + 1)[::-1]
     return np.column_stack((x, np.full_like(x, y), np.zeros_like(x)))
 
 
-def test_a_plan_is_recorded_thinly_from_start_to_goal() -> None:
+def test_a_plan_is_recorded_thinly_from_start_to_goal():
     points = PlanRecorder().take(0.0, line(0.0))
     assert points is not None
     assert points[0].tolist() == [0.0, 0.0]
@@ -45,7 +42,7 @@ def test_a_plan_is_recorded_thinly_from_start_to_goal() -> None:
     assert len(points) in (101, 102)
 
 
-def test_a_plan_that_only_lost_its_beginning_is_not_recorded_again() -> None:
+def test_a_plan_that_only_lost_its_beginning_is_not_recorded_again():
     log = PlanRecorder()
     log.take(0.0, line(0.0))
     for k in range(1, 50):
@@ -53,7 +50,7 @@ def test_a_plan_that_only_lost_its_beginning_is_not_recorded_again() -> None:
         assert log.take(1.0 * k, line(0.2 * k, y=0.001 * k) * (1.0 - 1e-5)) is None
 
 
-def test_another_way_is_recorded_at_most_once_a_second() -> None:
+def test_another_way_is_recorded_at_most_once_a_second():
     log = PlanRecorder()
     log.take(0.0, line(0.0))
     assert log.take(0.6, line(0.1, y=0.5)) is None
@@ -65,9 +62,7 @@ def test_another_way_is_recorded_at_most_once_a_second() -> None:
     st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=40),
     st.floats(2.0, 4.0),
 )
-def test_the_thinning_kernel_takes_the_points_the_plain_version_takes(
-    steps: list[tuple[float, float]], spacing: float
-) -> None:
+def test_the_thinning_kernel_takes_the_points_the_plain_version_takes(steps, spacing):
     plan = np.zeros((len(steps), 3))
     plan[:, :2] = np.cumsum(np.array(steps), axis=0)
     back = plan[::-1, :2]
@@ -83,7 +78,7 @@ def test_the_thinning_kernel_takes_the_points_the_plain_version_takes(
     assert largest_deviation(found, np.add(found, (0.0, 0.25))) == pytest.approx(0.25)
 
 
-def test_trajectories_are_recorded_in_the_map_frame_five_times_a_second() -> None:
+def test_trajectories_are_recorded_in_the_map_frame_five_times_a_second():
     log = LocalPlanRecorder()
     odom = Pose2(1.0, 2.0, math.pi / 2)
     points = log.take(0.0, np.array([(0.0, 0.0), (1.0, 0.5)]), odom)
@@ -93,7 +88,7 @@ def test_trajectories_are_recorded_in_the_map_frame_five_times_a_second() -> Non
     assert log.take(0.3, np.zeros((2, 2)), odom) is not None
 
 
-def test_beliefs_fill_the_time_between_two_publications() -> None:
+def test_beliefs_fill_the_time_between_two_publications():
     log = EstimateRecorder(np.eye(3))
     before = log.record_dead_reckoned(0.0, Pose2(), Pose2())
     assert before is not None
@@ -109,7 +104,7 @@ def test_beliefs_fill_the_time_between_two_publications() -> None:
     assert later.covariance[0, 0] == 2.0, "the spread last published"
 
 
-def test_at_most_a_hundred_particles_once_a_second() -> None:
+def test_at_most_a_hundred_particles_once_a_second():
     log = EstimateRecorder(np.eye(3))
     for count in (1, 99, 100, 101, 1999):
         poses = EstimateRecorder(np.eye(3)).record_particles(
@@ -121,7 +116,7 @@ def test_at_most_a_hundred_particles_once_a_second() -> None:
     assert log.record_particles(0.9, np.zeros((5, 3))) is None
 
 
-def test_the_local_costmap_is_shown_at_its_publish_frequency_and_once_a_second_at_most() -> None:
+def test_the_local_costmap_is_shown_at_its_publish_frequency_and_once_a_second_at_most():
     grid = CostGrid(0.05, 1.0, 2.0, np.zeros((4, 5), np.uint8))
     picture = CostmapRecorder(0.5).take(0.0, grid)
     assert picture is not None
@@ -134,7 +129,7 @@ def test_the_local_costmap_is_shown_at_its_publish_frequency_and_once_a_second_a
         assert len(shown) - shown.count(None) == count
 
 
-def compiled() -> dict[str, int]:
+def compiled():
     """How many versions of each kernel of the room are compiled."""
     found = {}
     package = daemon.stacks.ros1
@@ -146,7 +141,7 @@ def compiled() -> dict[str, int]:
 
 
 @pytest.mark.timeout(600)  # where nothing is compiled yet, everything is compiled here
-def test_after_warming_up_a_run_compiles_nothing(tmp_path: Path) -> None:
+def test_after_warming_up_a_run_compiles_nothing(tmp_path):
     warm_up()
     before = compiled()
     assert len(before) > 20

@@ -1,9 +1,6 @@
 """``planner``: exact or incremental, and who is told what about it."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
-from typing import Any
 
 import pytest
 
@@ -14,17 +11,17 @@ from daemon.stacks.ros1.planners import make_global_planner
 from tests.daemon.stacks.ros1.test_configuration import tree
 
 
-def planner_of(**sections: Any) -> type[object]:
+def planner_of(**sections):
     read = read_ros(tree() | sections)
     return type(make_global_planner(read.global_planner, read.quirks))
 
 
-def test_plans_are_made_as_by_ros_unless_somebody_asks_for_another_way() -> None:
+def test_plans_are_made_as_by_ros_unless_somebody_asks_for_another_way():
     assert planner_of() is planner_of(planner="exact") is Navfn
     assert planner_of(planner="incremental") is IncrementalNavfn
 
 
-def test_the_parameters_are_those_of_navfn() -> None:
+def test_the_parameters_are_those_of_navfn():
     given = tree(NavfnROS={"allow_unknown": False})
     exact, quick = read_ros(given), read_ros(given | {"planner": "incremental"})
     assert asdict(exact.global_planner) == asdict(quick.global_planner)
@@ -40,7 +37,7 @@ def test_the_parameters_are_those_of_navfn() -> None:
         ({"like": "exact"}, "must be exact or incremental (given: {'like': 'exact'})|"),
     ],
 )
-def test_another_word_is_an_error(given: object, expected: str) -> None:
+def test_another_word_is_an_error(given, expected):
     with pytest.raises(ParameterError) as caught:
         read_ros(tree() | {"planner": given})
     (problem,) = caught.value.problems
@@ -50,7 +47,7 @@ def test_another_word_is_an_error(given: object, expected: str) -> None:
     assert hint in problem.hint
 
 
-def test_another_global_planner_cannot_plan_incrementally() -> None:
+def test_another_global_planner_cannot_plan_incrementally():
     given = tree(move_base={"base_global_planner": "global_planner/GlobalPlanner"})
     with pytest.raises(ParameterError) as caught:
         read_ros(given | {"planner": "incremental"})
@@ -63,7 +60,7 @@ def test_another_global_planner_cannot_plan_incrementally() -> None:
     assert "navfn/NavfnROS" in problem.hint
 
 
-def test_with_a_tolerance_it_is_said_that_nothing_is_gained() -> None:
+def test_with_a_tolerance_it_is_said_that_nothing_is_gained():
     given = tree(NavfnROS={"default_tolerance": 0.2})
     (finding,) = read_ros(given | {"planner": "incremental"}).findings.without_effect
     assert finding.path == ("planner",)

@@ -4,8 +4,6 @@
 stack has been started, then does what lines of standard input say: ``keep``, ``end``.
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os
@@ -14,11 +12,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 import psutil
 
@@ -29,14 +24,14 @@ from daemon.supervision.guardian import guard
 PATIENCE = 60.0
 
 
-def eventually(condition: Callable[[], object], seconds: float = PATIENCE) -> None:
+def eventually(condition, seconds=PATIENCE):
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.02)
 
 
-def marked(token: str) -> list[psutil.Process]:
+def marked(token):
     """Everything that runs and has the marker of a stack in its environment."""
     found = []
     for process in psutil.process_iter():
@@ -48,7 +43,7 @@ def marked(token: str) -> list[psutil.Process]:
     return found
 
 
-def supervisor_of(folder: Path) -> psutil.Process:
+def supervisor_of(folder):
     """The supervisor whose stack lives in a folder: the parent of the stack's shell."""
     for process in psutil.process_iter():
         try:
@@ -60,7 +55,7 @@ def supervisor_of(folder: Path) -> psutil.Process:
 
 
 @contextmanager
-def holder(**what: Any) -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]]:
+def holder(**what):
     """A process that holds a stack, and what it has told of it."""
     words = [sys.executable, "-m", "tests.daemon.stacks.ros2.holder", json.dumps(what)]
     with subprocess.Popen(
@@ -73,7 +68,7 @@ def holder(**what: Any) -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]
             process.kill()
 
 
-def hold_once(what: dict[str, Any], wire: Connection) -> None:
+def hold_once(what, wire):
     """What the process of a run does with a stack that is kept for its worker's next run."""
     guard()  # which leaves the supervisor of a stack alone, and nothing else
     stack = StackProcess(Ros2Settings(**what), values={}, key="key", relay=None)
@@ -82,7 +77,7 @@ def hold_once(what: dict[str, Any], wire: Connection) -> None:
     wire.send((stack.reused, str(stack.folder)))
 
 
-def hold_in_runs(what: dict[str, Any], count: int) -> None:
+def hold_in_runs(what, count):
     """As a worker does it, for which the processes of runs are forked by a server."""
     context = multiprocessing.get_context("forkserver")
     told = []
@@ -97,7 +92,7 @@ def hold_in_runs(what: dict[str, Any], count: int) -> None:
     sys.stdin.read()
 
 
-def hold(what: dict[str, Any]) -> None:
+def hold(what):
     if runs := what.pop("worker", 0):
         hold_in_runs(what, runs)
         return

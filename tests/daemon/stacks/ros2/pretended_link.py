@@ -1,15 +1,8 @@
 """A link without anything behind it, for tests of what stands on links."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import Any
-
 from daemon.stacks.ros2.link import (
-    Cycle,
     CycleAnswer,
     Graph,
-    LinkSetup,
     Readiness,
     StackIdentity,
 )
@@ -20,36 +13,36 @@ Pose = tuple[float, float, float]
 class PretendedLink:
     """Remembers goals; answers cycles with ``answer``."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.identity = StackIdentity("", "rmw_pretended")
-        self.goals: list[tuple[int, tuple[Pose, ...], str, int]] = []
-        self.cycles: list[Cycle] = []
+        self.goals = []
+        self.cycles = []
         self.answer = CycleAnswer(None, 0, heard=False, server=True)
 
-    def set_up(self, setup: LinkSetup) -> None:
+    def set_up(self, setup):
         self.setup = setup
 
-    def cycle(self, cycle: Cycle) -> CycleAnswer:
+    def cycle(self, cycle):
         self.cycles.append(cycle)
         return self.answer
 
-    def readiness(self) -> Readiness:
+    def readiness(self):
         return Readiness({}, True, "", {})
 
-    def send_goal(self, goal: int, poses: tuple[Pose, ...], frame: str, time: int) -> None:
+    def send_goal(self, goal, poses, frame, time):
         self.goals.append((goal, poses, frame, time))
 
-    def cancel_goals(self) -> None:
+    def cancel_goals(self):
         self.goals.clear()
 
-    def graph(self) -> Graph:
+    def graph(self):
         return Graph((), (), ())
 
-    def parameters(self, node: str, names: tuple[str, ...]) -> Mapping[str, Any]:
+    def parameters(self, node, names):
         return {}
 
-    def request_state(self, node: str, transition: str) -> None:
+    def request_state(self, node, transition):
         raise AssertionError(f"{transition} {node} was not expected")
 
-    def close(self) -> None:
+    def close(self):
         self.cycles.clear()

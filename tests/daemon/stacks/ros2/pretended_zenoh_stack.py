@@ -13,12 +13,10 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Any
 
 import numpy as np
 import zenoh
@@ -50,7 +48,7 @@ class Options:
 
 
 @contextmanager
-def running(environment: Mapping[str, str], options: Options | None = None) -> Iterator[Any]:
+def running(environment, options=None):
     """Run a stack in a process of its own."""
     root = Path(__file__).parents[4]
     process = subprocess.Popen(
@@ -68,7 +66,7 @@ def running(environment: Mapping[str, str], options: Options | None = None) -> I
 
 
 class PretendedStack:
-    def __init__(self, options: Options, environment: Mapping[str, str]) -> None:
+    def __init__(self, options, environment):
         self.options = options
         self.interfaces = Interfaces(options.distribution)
         session = zenoh.open(config(environment["ZENOH_CONFIG_OVERRIDE"]))
@@ -78,8 +76,8 @@ class PretendedStack:
         self.state = options.state
         self.maps = 0
         self.scans = 0
-        self.goals: dict[bytes, dict[str, Any]] = {}
-        self.held: list[Any] = []
+        self.goals = {}
+        self.held = []
         load = self.interfaces.load
         for kind in (options.command, options.action, options.scan, "nav_msgs/msg/OccupancyGrid"):
             load(kind)
@@ -100,16 +98,14 @@ class PretendedStack:
         self.node.subscribe("/scan", options.scan, QosProfile(reliable=False), self.hear_scan)
         self.node.subscribe("/clock", "rosgraph_msgs/msg/Clock", QosProfile(), self.hear_clock)
 
-    def serve(self, service: str, kind: str, answer: Callable[[Any], Mapping[str, Any]]) -> None:
+    def serve(self, service, kind, answer):
         self.interfaces.load(kind)
         self.offer(f"{LIFECYCLE_NODE}/{service}", kind, answer)
 
-    def offer(
-        self, name: str, kind: str, answer: Callable[[Any], Mapping[str, Any] | None]
-    ) -> None:
+    def offer(self, name, kind, answer):
         key = self.node.key(name, kind)
 
-        def take(query: zenoh.Query) -> None:
+        def take(query):
             assert query.payload is not None
             request = self.interfaces.deserialize(query.payload.to_bytes(), f"{kind}_Request")
             fields = answer((request, query))
@@ -119,7 +115,7 @@ class PretendedStack:
         self.held.append(self.node.session.declare_queryable(key, take, complete=True))
         self.node.announce("server", name, kind, QosProfile())
 
-    def reply(self, query: zenoh.Query, key: str, kind: str, fields: Mapping[str, Any]) -> None:
+    def reply(self, query, key, kind, fields):
         assert query.attachment is not None
         sequence, _, sender = read_attachment(query.attachment.to_bytes())
         assert sequence > 0
@@ -130,16 +126,16 @@ class PretendedStack:
         )
         query.drop()
 
-    def get_state(self, asked: Any) -> Mapping[str, Any]:
+    def get_state(self, asked):
         make = self.interfaces.make
         return {"current_state": make("lifecycle_msgs/msg/State", id=3, label=self.state)}
 
-    def change_state(self, asked: Any) -> Mapping[str, Any]:
+    def change_state(self, asked):
         known = {1: "inactive", 2: "unconfigured", 3: "active", 4: "inactive"}
         self.state = known[asked[0].transition.id]
         return {"success": True}
 
-    def get_parameters(self, asked: Any) -> Mapping[str, Any]:
+    def get_parameters(self, asked):
         make = self.interfaces.make
         kind = "rcl_interfaces/msg/ParameterValue"
         known = {
@@ -153,7 +149,7 @@ class PretendedStack:
         values = [known[name] for name in names] if set(names) <= set(known) else []
         return {"values": values}
 
-    def serve_action(self) -> None:
+    def serve_action(self):
         kind = self.options.action
         self.interfaces.load("action_msgs/srv/CancelGoal")
         self.offer(f"{ACTION}/_action/send_goal", f"{kind}_SendGoal", self.take_goal)
@@ -161,7 +157,7 @@ class PretendedStack:
         cancel = "action_msgs/srv/CancelGoal"
         self.offer(f"{ACTION}/_action/cancel_goal", cancel, self.take_cancel)
 
-    def take_goal(self, asked: Any) -> Mapping[str, Any]:
+    def take_goal(self, asked):
         request, _ = asked
         goal = request.goal
         poses = getattr(goal, "poses", None)
@@ -177,25 +173,25 @@ class PretendedStack:
             self.goals[identifier] = {"left": self.options.ticks, "status": status, "asked": []}
         return {"accepted": True}
 
-    def take_result(self, asked: Any) -> None:
+    def take_result(self, asked):
         request, query = asked
         with self.lock:
             self.goals[bytes(request.goal_id.uuid)]["asked"].append(query)
 
-    def take_cancel(self, asked: Any) -> Mapping[str, Any]:
+    def take_cancel(self, asked):
         with self.lock:
             goal = self.goals.get(bytes(asked[0].goal_info.goal_id.uuid))
             if goal is not None:
                 goal["status"], goal["left"] = 5, 0
         return {"return_code": 0}
 
-    def hear_map(self, data: bytes) -> None:
+    def hear_map(self, data):
         self.maps += 1
 
-    def hear_scan(self, data: bytes) -> None:
+    def hear_scan(self, data):
         self.scans += 1
 
-    def hear_clock(self, data: bytes) -> None:
+    def hear_clock(self, data):
         seconds, rest = struct.unpack_from("<iI", data, 4)
         make = self.interfaces.make
         vector = make("geometry_msgs/msg/Vector3", x=0.25)
@@ -212,7 +208,7 @@ class PretendedStack:
         if self.options.answers:
             self.command.publish(self.interfaces.serialize(self.options.command, **fields))
 
-    def work_goals(self) -> None:
+    def work_goals(self):
         kind = f"{self.options.action}_GetResult"
         with self.lock:
             goals = dict(self.goals)
@@ -227,7 +223,7 @@ class PretendedStack:
                 key = self.node.key(f"{ACTION}/_action/get_result", kind)
                 self.reply(query, key, kind, {"status": goal["status"], "result": result})
 
-    def give_feedback(self, identifier: bytes, left: int) -> None:
+    def give_feedback(self, identifier, left):
         kind = self.options.action
         feedback = self.interfaces.make(
             f"{kind}_Feedback",
@@ -242,10 +238,10 @@ class PretendedStack:
             self.interfaces.serialize(f"{kind}_FeedbackMessage", goal_id=goal_id, feedback=feedback)
         )
 
-    def result(self, status: int) -> Any:
+    def result(self, status):
         make = self.interfaces.make
         kind = f"{self.options.action}_Result"
-        missed: Any = np.array([1, 3], np.int32)
+        missed = np.array([1, 3], np.int32)
         listed = self.interfaces.field_types(kind).get("missed_waypoints", "")
         if listed.endswith("/MissedWaypoint"):
             missed = [make(listed, index=number) for number in (1, 3)]
@@ -255,7 +251,7 @@ class PretendedStack:
         return make(kind, error_code=code, error_msg="no way", missed_waypoints=missed)
 
 
-def config(override: str) -> zenoh.Config:
+def config(override):
     """Read the text as rmw_zenoh_cpp does, on top of what its sessions are by default."""
     made = zenoh.Config()
     for key, value in {"mode": "peer", "scouting/multicast/enabled": False}.items():
@@ -267,7 +263,7 @@ def config(override: str) -> zenoh.Config:
     return made
 
 
-def main() -> None:
+def main():
     options = Options(**json.loads(sys.argv[1]))
     stack = PretendedStack(options, os.environ)
     if options.forever:

@@ -1,11 +1,5 @@
 """From the command to a stack that is ready: its clock, its pose, stacks that are used again."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -15,7 +9,6 @@ from daemon.model.sut import Briefing, LaserScan, Observation, Odometry, SutFail
 from daemon.stacks.ros2 import bring_up, sensors
 from daemon.stacks.ros2.bring_up import BringUp
 from daemon.stacks.ros2.link import (
-    Cycle,
     CycleAnswer,
     Graph,
     GraphEndpoint,
@@ -31,7 +24,7 @@ from tests.daemon.stacks.ros2.pretended_link import PretendedLink
 NODES = ("/amcl", "/bt_navigator")
 SECOND = 1_000_000_000
 START = Pose2()
-SETTINGS: dict[str, Any] = {
+SETTINGS = {
     "launch": "true",
     "ready": [node.strip("/") for node in NODES],
     "start-up": "60 s",
@@ -45,19 +38,19 @@ class Stack(PretendedLink):
     their state when asked.
     """
 
-    def __init__(self, believes: Pose2 | None = START, *, obeys: bool = True) -> None:
+    def __init__(self, believes=START, *, obeys=True):
         super().__init__()
         self.states = dict.fromkeys(NODES, "active")
         self.believes, self.obeys = believes, obeys
-        self.told: list[bytes] = []
-        self.asked: list[tuple[str, str]] = []
-        self.endpoints: tuple[GraphEndpoint, ...] = ()
+        self.told = []
+        self.asked = []
+        self.endpoints = ()
         self.closed = False
 
-    def accept(self, timeout: float = 0.1) -> bool:
+    def accept(self, timeout=0.1):
         return True
 
-    def cycle(self, cycle: Cycle) -> CycleAnswer:
+    def cycle(self, cycle):
         super().cycle(cycle)
         self.told += [data for topic, data in cycle.messages if topic == "/initialpose"]
         if not self.told or self.believes is None:
@@ -70,71 +63,71 @@ class Stack(PretendedLink):
         heard = (ReceivedMessage("/tf", sensors.TRANSFORMS, data),)
         return CycleAnswer(None, 0, heard=True, server=True, messages=heard)
 
-    def readiness(self) -> Readiness:
+    def readiness(self):
         return Readiness(dict(self.states), True, "", {"/initialpose": 1, "/scan": 1})
 
-    def graph(self) -> Graph:
+    def graph(self):
         return Graph(self.endpoints, (), ())
 
-    def request_state(self, node: str, transition: str) -> None:
+    def request_state(self, node, transition):
         self.asked.append((node, transition))
         after = {"configure": "inactive", "deactivate": "inactive", "activate": "active"}
         if self.obeys:
             self.states[node] = after.get(transition, "unconfigured")
 
-    def close(self) -> None:
+    def close(self):
         self.closed = True
 
 
 class Process:
     """The processes of a stack, of which nothing runs."""
 
-    def __init__(self, folder: Path, *, reused: bool) -> None:
+    def __init__(self, folder, *, reused):
         self.folder, self.reused = folder, reused
         self.socket, self.nonce, self.domain = folder / "socket", "", 7
-        self.kept: bool | None = None
+        self.kept = None
 
-    def start(self) -> None:
+    def start(self):
         assert (self.folder / "map.yaml").exists()
 
-    def ended(self) -> str:
+    def ended(self):
         return ""
 
-    def last_lines(self, count: int = 20) -> tuple[str, ...]:
+    def last_lines(self, count=20):
         return ("a line",)
 
-    def outputs(self) -> Mapping[str, bytes]:
+    def outputs(self):
         return {}
 
-    def release(self, *, keep: bool) -> None:
+    def release(self, *, keep):
         self.kept = keep
 
 
 class Machine:
     """What is found, or started, when a run asks for its stack: one after the other."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self._folder = folder
-        self.stacks: list[tuple[Stack, Process]] = []
+        self.stacks = []
         self._next = 0
 
-    def will_have(self, stack: Stack, *, reused: bool = False) -> tuple[Stack, Process]:
+    def will_have(self, stack, *, reused=False):
         place = self._folder / str(len(self.stacks))
         place.mkdir()
         (place / "clock").write_text(str(77 * SECOND))
         self.stacks.append((stack, Process(place, reused=reused)))
         return self.stacks[-1]
 
-    def process(self, *_: Any, **__: Any) -> Process:
+    def process(self, *_, **__):
         return self.stacks[self._next][1]
 
-    def listen(self, *_: Any) -> Stack:
+    def listen(self, *_):
         self._next += 1
         return self.stacks[self._next - 1][0]
 
 
 @pytest.fixture
-def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Machine:
+def machine(tmp_path, monkeypatch):
     machine = Machine(tmp_path)
     monkeypatch.setattr(bring_up, "StackProcess", machine.process)
     monkeypatch.setattr(bring_up.RelayLink, "listen", machine.listen)
@@ -142,26 +135,26 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Machine:
 
 
 @pytest.fixture
-def briefing(campaigns: Path) -> Briefing:
+def briefing(campaigns):
     spec = expand(load_campaign(campaigns / "demo" / "campaign.yaml")).runs[0]
     grid = OccupancyGrid(0.05, 0.0, 0.0, np.zeros((4, 4), np.int8))
     seed = np.random.SeedSequence(1)
     return Briefing(spec.robot, grid, spec.mission, spec.mission.start, seed)
 
 
-def coming_up(briefing: Briefing, **keys: Any) -> tuple[BringUp, Iterator[str]]:
+def coming_up(briefing, **keys):
     attempt = BringUp(read_settings(SETTINGS | keys), briefing, first_of(briefing))
     return attempt, attempt.run()
 
 
-def first_of(briefing: Briefing) -> Observation:
+def first_of(briefing):
     scan = LaserScan(0.0, np.ones(briefing.robot.laser.rays, np.float32))
     return Observation(0.0, (Odometry(0.0, Pose2(), Twist2()),), (scan,))
 
 
 def test_the_clock_begins_at_a_second_never_goes_back_and_the_run_at_a_round_time(
-    machine: Machine, briefing: Briefing
-) -> None:
+    machine, briefing
+):
     stack, _ = machine.will_have(Stack())
     attempt, waiting = coming_up(briefing)
     assert list(waiting)
@@ -177,7 +170,7 @@ def test_the_clock_begins_at_a_second_never_goes_back_and_the_run_at_a_round_tim
     assert "ready after" in attempt.events[-1].text
 
 
-def test_the_start_is_told_to_who_listens(machine: Machine, briefing: Briefing) -> None:
+def test_the_start_is_told_to_who_listens(machine, briefing):
     stack, _ = machine.will_have(Stack())
     list(coming_up(briefing)[1])
     assert len(stack.told) == 1
@@ -185,9 +178,7 @@ def test_the_start_is_told_to_who_listens(machine: Machine, briefing: Briefing) 
     assert (told.pose.pose.position.x, told.header.frame_id) == (briefing.start.x, "map")
 
 
-def test_a_stack_that_does_not_come_up_says_what_it_lacks(
-    machine: Machine, briefing: Briefing
-) -> None:
+def test_a_stack_that_does_not_come_up_says_what_it_lacks(machine, briefing):
     stack, _ = machine.will_have(Stack())
     stack.states["/amcl"] = "inactive"
     _, waiting = coming_up(briefing, **{"start-up": "0.2 s"})
@@ -195,7 +186,7 @@ def test_a_stack_that_does_not_come_up_says_what_it_lacks(
         list(waiting)
 
 
-def test_a_second_clock_in_the_domain_is_refused(machine: Machine, briefing: Briefing) -> None:
+def test_a_second_clock_in_the_domain_is_refused(machine, briefing):
     stack, _ = machine.will_have(Stack())
     stack.endpoints = (
         GraphEndpoint("/clock", "rosgraph_msgs/msg/Clock", "/bag", "publisher", True, False),
@@ -204,9 +195,7 @@ def test_a_second_clock_in_the_domain_is_refused(machine: Machine, briefing: Bri
         list(coming_up(briefing)[1])
 
 
-def test_a_stack_of_the_run_before_is_reset_in_order_and_its_clock_goes_on(
-    machine: Machine, briefing: Briefing
-) -> None:
+def test_a_stack_of_the_run_before_is_reset_in_order_and_its_clock_goes_on(machine, briefing):
     stack, _ = machine.will_have(Stack(), reused=True)
     attempt, waiting = coming_up(briefing, reuse="yes")
     list(waiting)
@@ -229,8 +218,8 @@ def test_a_stack_of_the_run_before_is_reset_in_order_and_its_clock_goes_on(
     ],
 )
 def test_a_reset_that_does_not_come_out_right_is_followed_by_a_stack_of_its_own(
-    machine: Machine, briefing: Briefing, stack: Stack, why: str
-) -> None:
+    machine, briefing, stack, why
+):
     _, before = machine.will_have(stack, reused=True)
     fresh, _ = machine.will_have(Stack())
     attempt, waiting = coming_up(briefing, reuse="yes", **{"start-up": "2 s"})
@@ -241,9 +230,7 @@ def test_a_reset_that_does_not_come_out_right_is_followed_by_a_stack_of_its_own(
     assert any("could not be used again" in e.text and why in e.text for e in attempt.events)
 
 
-def test_the_clock_of_the_next_run_begins_where_that_of_this_one_ended(
-    machine: Machine, briefing: Briefing
-) -> None:
+def test_the_clock_of_the_next_run_begins_where_that_of_this_one_ended(machine, briefing):
     _, process = machine.will_have(Stack())
     stack = Ros2Stack(read_settings(SETTINGS | {"reuse": "yes"}))
     stack.start(briefing)

@@ -1,17 +1,13 @@
 """What a stack is said to lack, by what is seen of it: a sound one, and one with each flaw."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from daemon.stacks.ros2.checkup import examine
-from daemon.stacks.ros2.inspection import CheckLine, Inspection
+from daemon.stacks.ros2.inspection import Inspection
 from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
-from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from daemon.stacks.ros2.settings import read_settings
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Laser
 
@@ -23,19 +19,19 @@ LASERS = (Laser(Pose2(), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0),)
 READY = ("/amcl", "/controller_server", "/bt_navigator")
 
 
-def settings(**keys: Any) -> Ros2Settings:
+def settings(**keys):
     given = {"launch": "ros2 launch nav nav.launch.py map:={map}", "ready": list(READY)}
     if keys.get("map") == "published":
         given["launch"] = "ros2 launch nav nav.launch.py"
     return read_settings({**given, **keys, "repeatable": False})
 
 
-def ear(topic: str, kind: str, node: str, **qos: bool) -> GraphEndpoint:
+def ear(topic, kind, node, **qos):
     flags = {"reliable": False, "transient_local": False, **qos}
     return GraphEndpoint(topic, kind, node, "subscription", **flags)
 
 
-def mouth(topic: str, kind: str, node: str) -> GraphEndpoint:
+def mouth(topic, kind, node):
     return GraphEndpoint(topic, kind, node, "publisher", reliable=True, transient_local=False)
 
 
@@ -50,7 +46,7 @@ ENDPOINTS = (
     mouth("/tf", TRANSFORMS, "/amcl"),
     mouth("/cmd_vel", STAMPED, "/controller_server"),
 )
-PARAMETERS: Mapping[str, Mapping[str, Any]] = {
+PARAMETERS = {
     "/amcl": {"use_sim_time": True},
     "/controller_server": {"use_sim_time": True, "controller_frequency": 20.0},
     "/bt_navigator": {"use_sim_time": True, "default_server_timeout": 1000},
@@ -70,32 +66,32 @@ SOUND = Inspection(
 )
 
 
-def without(*topics: str) -> Inspection:
+def without(*topics):
     kept = tuple(end for end in ENDPOINTS if end.topic not in topics)
     return replace(SOUND, graph=replace(SOUND.graph, endpoints=kept))
 
 
-def besides(*more: GraphEndpoint, seen: Inspection = SOUND) -> Inspection:
+def besides(*more, seen=SOUND):
     return replace(seen, graph=replace(seen.graph, endpoints=(*seen.graph.endpoints, *more)))
 
 
-def wrong(seen: Inspection, **keys: Any) -> list[CheckLine]:
+def wrong(seen, **keys):
     return [
         line for line in examine(settings(**keys), seen, LASERS) if line.state not in ("ok", "note")
     ]
 
 
-def only(seen: Inspection, **keys: Any) -> CheckLine:
+def only(seen, **keys):
     (line,) = wrong(seen, **keys)
     return line
 
 
-def line_of(subject: str, seen: Inspection, **keys: Any) -> CheckLine:
+def line_of(subject, seen, **keys):
     (line,) = (line for line in examine(settings(**keys), seen, LASERS) if line.subject == subject)
     return line
 
 
-def test_a_sound_stack_has_a_line_for_everything_and_nothing_against_it() -> None:
+def test_a_sound_stack_has_a_line_for_everything_and_nothing_against_it():
     lines = examine(settings(), SOUND, LASERS)
     assert {line.state for line in lines} == {"ok"}
     assert [line.subject for line in lines] == [
@@ -109,7 +105,7 @@ def test_a_sound_stack_has_a_line_for_everything_and_nothing_against_it() -> Non
     assert scan.text == "heard by /amcl, /local_costmap/local_costmap"
 
 
-def test_a_stack_that_hears_no_scan_is_told_where_it_listens_instead() -> None:
+def test_a_stack_that_hears_no_scan_is_told_where_it_listens_instead():
     seen = besides(ear("/robile/scan_front", SCAN, "/amcl"), seen=without("/scan"))
     line = only(seen)
     assert (line.subject, line.state, line.listeners) == ("/scan", "missing", 0)
@@ -117,7 +113,7 @@ def test_a_stack_that_hears_no_scan_is_told_where_it_listens_instead() -> None:
     assert line.hint == "write topics: {scan: /robile/scan_front}"
 
 
-def test_a_reliable_listener_never_hears_what_is_published_best_effort() -> None:
+def test_a_reliable_listener_never_hears_what_is_published_best_effort():
     seen = besides(ear("/scan", SCAN, "/my_mapper", reliable=True))
     line = only(seen)
     assert line.state == "warning"  # others hear it
@@ -128,7 +124,7 @@ def test_a_reliable_listener_never_hears_what_is_published_best_effort() -> None
     assert only(alone).state == "missing"
 
 
-def test_a_listener_that_wants_what_was_said_before_is_not_served_by_a_stream() -> None:
+def test_a_listener_that_wants_what_was_said_before_is_not_served_by_a_stream():
     seen = besides(ear("/odom", ODOMETRY, "/fusion", transient_local=True), seen=without("/odom"))
     line = only(seen)
     assert (line.subject, line.state) == ("/odom", "warning")
@@ -136,13 +132,13 @@ def test_a_listener_that_wants_what_was_said_before_is_not_served_by_a_stream() 
     assert "volatile" in line.hint
 
 
-def test_over_zenoh_every_quality_of_service_matches() -> None:
+def test_over_zenoh_every_quality_of_service_matches():
     seen = besides(ear("/scan", SCAN, "/my_mapper", reliable=True, transient_local=True))
     zenoh = replace(seen, identity=StackIdentity("lyrical", "rmw_zenoh_cpp"))
     assert wrong(zenoh) == []
 
 
-def test_a_listener_of_another_type_is_not_taken_for_one() -> None:
+def test_a_listener_of_another_type_is_not_taken_for_one():
     cloud = "sensor_msgs/msg/PointCloud2"
     seen = besides(ear("/scan", cloud, "/amcl"), seen=without("/scan"))
     line = only(seen)
@@ -158,16 +154,14 @@ def test_a_listener_of_another_type_is_not_taken_for_one() -> None:
         ("/odom", ODOMETRY, "warning", "in turns"),
     ],
 )
-def test_somebody_else_who_publishes_what_the_simulation_does_is_named(
-    topic: str, kind: str, state: str, words: str
-) -> None:
+def test_somebody_else_who_publishes_what_the_simulation_does_is_named(topic, kind, state, words):
     line = only(besides(mouth(topic, kind, "/gazebo_bridge")))
     assert (line.subject, line.state, line.publishers) == (topic, state, 1)
     assert "/gazebo_bridge too" in line.text
     assert words in line.text
 
 
-def test_a_stack_without_simulated_time_is_found_by_clock_and_parameters() -> None:
+def test_a_stack_without_simulated_time_is_found_by_clock_and_parameters():
     assert "use_sim_time: true" in only(without("/clock")).hint
     off = replace(SOUND, parameters={**PARAMETERS, "/amcl": {"use_sim_time": False}})
     line = only(off)
@@ -176,7 +170,7 @@ def test_a_stack_without_simulated_time_is_found_by_clock_and_parameters() -> No
     assert line.state == "missing"
 
 
-def test_the_robot_needs_somebody_who_drives_it() -> None:
+def test_the_robot_needs_somebody_who_drives_it():
     line = only(without("/cmd_vel"))
     assert (line.subject, line.state) == ("/cmd_vel", "missing")
     assert line.kind == "TwistStamped or Twist"
@@ -190,13 +184,13 @@ def test_the_robot_needs_somebody_who_drives_it() -> None:
     assert both.text == f"published as {PLAIN} and {STAMPED}: only one of them is listened to"
 
 
-def test_commands_with_and_without_a_stamp_are_told_apart() -> None:
+def test_commands_with_and_without_a_stamp_are_told_apart():
     assert "by their stamps" in line_of("/cmd_vel", SOUND).text
     plain = besides(mouth("/cmd_vel", PLAIN, "/controller_server"), seen=without("/cmd_vel"))
     assert "no stamp" in line_of("/cmd_vel", plain).text
 
 
-def test_an_action_by_another_name_is_suggested() -> None:
+def test_an_action_by_another_name_is_suggested():
     readiness = replace(SOUND.readiness, server=False)
     seen = replace(SOUND, readiness=readiness)
     line = only(seen, action="navigate_to_poze")
@@ -212,7 +206,7 @@ def test_an_action_by_another_name_is_suggested() -> None:
     assert lines[0].hint == "none of the kind is there at all"
 
 
-def test_nodes_that_are_not_active_or_not_there_are_told_apart() -> None:
+def test_nodes_that_are_not_active_or_not_there_are_told_apart():
     states = {"/amcl": "inactive", "/controller_server": "active"}
     seen = replace(
         SOUND,
@@ -232,7 +226,7 @@ def test_nodes_that_are_not_active_or_not_there_are_told_apart() -> None:
     assert set(lines) == {"start-up", "/amcl", "/controler_server", "/rviz"}
 
 
-def test_nodes_that_could_be_waited_for_are_named() -> None:
+def test_nodes_that_could_be_waited_for_are_named():
     line = line_of("ready", SOUND, ready=[])
     assert line.state == "note"
     assert line.hint == "write ready: [amcl, bt_navigator, controller_server]"
@@ -241,7 +235,7 @@ def test_nodes_that_could_be_waited_for_are_named() -> None:
     assert line.hint == "write ready: [/other/node, amcl]"
 
 
-def test_who_knows_where_the_robot_is() -> None:
+def test_who_knows_where_the_robot_is():
     lost = only(replace(SOUND, located=False))
     assert (lost.subject, lost.state) == ("map -> base_link", "warning")
     fused = frozenset({("map", "odom"), ("odom", "base_link")})
@@ -252,7 +246,7 @@ def test_who_knows_where_the_robot_is() -> None:
     assert only(SOUND, transforms="none").hint == "write transforms: odom"
 
 
-def test_a_published_map_must_be_heard_by_somebody() -> None:
+def test_a_published_map_must_be_heard_by_somebody():
     assert wrong(SOUND) == []
     line = only(SOUND, map="published")
     assert (line.subject, line.qos, line.state) == ("/map", "latched", "missing")
@@ -261,12 +255,12 @@ def test_a_published_map_must_be_heard_by_somebody() -> None:
     assert wrong(heard, map="published") == []
 
 
-def test_a_start_nobody_takes_is_a_warning_unless_none_is_told() -> None:
+def test_a_start_nobody_takes_is_a_warning_unless_none_is_told():
     assert only(without("/initialpose")).state == "warning"
     assert wrong(without("/initialpose"), **{"initial-pose": "none"}) == []
 
 
-def test_a_server_time_out_of_bringup_is_warned_of() -> None:
+def test_a_server_time_out_of_bringup_is_warned_of():
     low = {**PARAMETERS, "/bt_navigator": {"default_server_timeout": 20, "use_sim_time": True}}
     line = only(replace(SOUND, parameters=low))
     assert line.subject == "/bt_navigator default_server_timeout"
@@ -290,8 +284,8 @@ def test_a_server_time_out_of_bringup_is_warned_of() -> None:
     ],
 )
 def test_the_pace_of_the_controller_is_held_against_that_of_the_cycles(
-    frequency: float, distribution: str, state: str, words: str
-) -> None:
+    frequency, distribution, state, words
+):
     values = {"use_sim_time": True, "controller_frequency": frequency}
     seen = replace(
         SOUND,
@@ -317,9 +311,7 @@ def test_the_pace_of_the_controller_is_held_against_that_of_the_cycles(
         ("marmalade", 'the distribution "marmalade" is not known here'),
     ],
 )
-def test_it_is_said_whether_runs_can_be_faster_than_real_time(
-    distribution: str, words: str
-) -> None:
+def test_it_is_said_whether_runs_can_be_faster_than_real_time(distribution, words):
     identity = StackIdentity(distribution, "rmw_fastrtps_cpp")
     line = line_of("speed", replace(SOUND, identity=identity))
     assert words in line.text
@@ -327,7 +319,7 @@ def test_it_is_said_whether_runs_can_be_faster_than_real_time(
 
 
 @pytest.mark.parametrize("value", [True, "fast", float("nan"), None, [20.0], -1.0, 0.0])
-def test_parameters_that_make_no_sense_are_left_alone(value: object) -> None:
+def test_parameters_that_make_no_sense_are_left_alone(value):
     values = {"controller_frequency": value, "bond_timeout": value, "use_sim_time": True}
     seen = replace(SOUND, parameters={"/controller_server": values})
     assert wrong(seen) == []

@@ -1,19 +1,12 @@
 """Starting a stack to look at it: what it is asked, and that it is ended whatever happens."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
 from daemon.model.sut import Briefing, LaserScan, Observation, Odometry, SutFailure
 from daemon.stacks.ros2 import bring_up, sensors
-from daemon.stacks.ros2.inspection import PARAMETERS, Inspection, inspect_stack
+from daemon.stacks.ros2.inspection import PARAMETERS, inspect_stack
 from daemon.stacks.ros2.link import (
-    Cycle,
     CycleAnswer,
     Graph,
     LinkLost,
@@ -21,7 +14,7 @@ from daemon.stacks.ros2.link import (
     ReceivedMessage,
     StackIdentity,
 )
-from daemon.stacks.ros2.settings import Frames, Ros2Settings, read_settings
+from daemon.stacks.ros2.settings import Frames, read_settings
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
@@ -39,7 +32,7 @@ BRIEFING = Briefing(
 )
 
 
-def settings(**keys: Any) -> Ros2Settings:
+def settings(**keys):
     launch = {"launch": "ros2 launch nav nav.launch.py map:={map}", "ready": ["amcl"]}
     return read_settings({**launch, **keys, "repeatable": False})
 
@@ -50,10 +43,10 @@ class PretendedStack(PretendedLink):
     It localises the robot and, what it should not, publishes odometry's transform too.
     """
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.identity = StackIdentity("jazzy", "rmw_pretended")
-        self.asked: list[tuple[str, tuple[str, ...]]] = []
+        self.asked = []
         self.looks = 0
         self.active_after = 3
         self.gone = False
@@ -65,28 +58,28 @@ class PretendedStack(PretendedLink):
             for data in (localised, fused, b"\0\1\0\0damaged")
         )
 
-    def accept(self, timeout: float) -> bool:
+    def accept(self, timeout):
         return True
 
-    def cycle(self, cycle: Cycle) -> CycleAnswer:
+    def cycle(self, cycle):
         if self.gone:
             raise LinkLost("the relay is silent")
         super().cycle(cycle)
         return CycleAnswer(None, 0, heard=True, server=True, messages=self.messages)
 
-    def readiness(self) -> Readiness:
+    def readiness(self):
         self.looks += 1
         state = "active" if self.looks >= self.active_after else "inactive"
         return Readiness({"/amcl": state}, True, "", {})
 
-    def graph(self) -> Graph:
+    def graph(self):
         return Graph((), ("/amcl",), ("/amcl/get_parameters", "/amcl/get_state", "/talk"))
 
-    def parameters(self, node: str, names: tuple[str, ...]) -> Mapping[str, Any]:
+    def parameters(self, node, names):
         self.asked.append((node, names))
         return {"use_sim_time": True}
 
-    def close(self) -> None:
+    def close(self):
         self.closed = True
 
 
@@ -95,39 +88,39 @@ class PretendedProcess:
 
     nonce, reused = "", False
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
         self.socket = folder / "socket"
         self.end = ""
-        self.released: list[bool] = []
+        self.released = []
 
-    def __call__(self, settings: Ros2Settings, **_: Any) -> PretendedProcess:
+    def __call__(self, settings, **_):
         self.settings = settings
         return self
 
-    def start(self) -> None:
+    def start(self):
         """Nothing to start."""
 
-    def ended(self) -> str:
+    def ended(self):
         return self.end
 
-    def last_lines(self, count: int = 20) -> tuple[str, ...]:
+    def last_lines(self, count=20):
         return ("its last line",)
 
-    def release(self, *, keep: bool) -> None:
+    def release(self, *, keep):
         self.released.append(keep)
 
-    def outputs(self) -> Mapping[str, bytes]:
+    def outputs(self):
         return {}
 
 
 @pytest.fixture
-def stack(monkeypatch: pytest.MonkeyPatch) -> PretendedStack:
+def stack(monkeypatch):
     found = PretendedStack()
 
     class Listening:
         @staticmethod
-        def listen(path: Path, nonce: str) -> PretendedStack:
+        def listen(path, nonce):
             return found
 
     monkeypatch.setattr(bring_up, "RelayLink", Listening)
@@ -135,20 +128,18 @@ def stack(monkeypatch: pytest.MonkeyPatch) -> PretendedStack:
 
 
 @pytest.fixture
-def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PretendedProcess:
+def process(tmp_path, monkeypatch):
     found = PretendedProcess(tmp_path)
     monkeypatch.setattr(bring_up, "StackProcess", found)
     return found
 
 
-def inspected(on_progress: Callable[[str], None] = lambda _: None, **keys: Any) -> Inspection:
+def inspected(on_progress=lambda _: None, **keys):
     return inspect_stack(settings(**keys), BRIEFING, FIRST, on_progress)
 
 
-def test_a_stack_that_is_up_is_asked_for_everything_and_ended(
-    stack: PretendedStack, process: PretendedProcess
-) -> None:
-    waited: list[str] = []
+def test_a_stack_that_is_up_is_asked_for_everything_and_ended(stack, process):
+    waited = []
     seen = inspected(waited.append, reuse=True)
     assert (seen.identity, seen.failure) == (stack.identity, "")
     assert seen.readiness.nodes == {"/amcl": "active"}
@@ -169,17 +160,13 @@ def test_a_stack_that_is_up_is_asked_for_everything_and_ended(
     assert stack.closed
 
 
-def test_only_what_comes_while_nothing_is_published_is_of_others(
-    stack: PretendedStack, process: PretendedProcess
-) -> None:
+def test_only_what_comes_while_nothing_is_published_is_of_others(stack, process):
     inspected()
     listening = stack.cycles[-20:]
     assert [cycle.messages for cycle in listening] == [()] * 20
 
 
-def test_a_stack_that_does_not_get_ready_is_looked_at_all_the_same(
-    stack: PretendedStack, process: PretendedProcess
-) -> None:
+def test_a_stack_that_does_not_get_ready_is_looked_at_all_the_same(stack, process):
     stack.active_after = 10**9
     seen = inspected(**{"start-up": "0.3 s"})
     first, *last = seen.failure.splitlines()
@@ -190,9 +177,7 @@ def test_a_stack_that_does_not_get_ready_is_looked_at_all_the_same(
 
 
 @pytest.mark.parametrize("link_ends_first", [False, True])
-def test_a_stack_that_ends_cannot_be_looked_at(
-    stack: PretendedStack, process: PretendedProcess, link_ends_first: bool
-) -> None:
+def test_a_stack_that_ends_cannot_be_looked_at(stack, process, link_ends_first):
     process.end = "the launch command ended with exit code 3"
     stack.active_after = 10**9
     stack.gone = link_ends_first
@@ -201,8 +186,8 @@ def test_a_stack_that_ends_cannot_be_looked_at(
     assert process.released == [False]
 
 
-def test_a_link_that_is_lost_says_why(stack: PretendedStack, process: PretendedProcess) -> None:
-    def lose(waiting: str) -> None:
+def test_a_link_that_is_lost_says_why(stack, process):
+    def lose(waiting):
         stack.gone = stack.gone or waiting == "looking at its graph"
 
     with pytest.raises(SutFailure, match="the relay is silent"):
@@ -210,10 +195,8 @@ def test_a_link_that_is_lost_says_why(stack: PretendedStack, process: PretendedP
     assert process.released == [False]
 
 
-def test_whoever_interrupts_it_leaves_nothing_running(
-    stack: PretendedStack, process: PretendedProcess
-) -> None:
-    def interrupt(_: str) -> None:
+def test_whoever_interrupts_it_leaves_nothing_running(stack, process):
+    def interrupt(_):
         if stack.cycles:
             raise KeyboardInterrupt
 
@@ -222,7 +205,7 @@ def test_whoever_interrupts_it_leaves_nothing_running(
     assert process.released == [False]
 
 
-def test_a_command_that_is_not_there_is_said_in_words_with_real_processes() -> None:
+def test_a_command_that_is_not_there_is_said_in_words_with_real_processes():
     with pytest.raises(SutFailure) as failed:
         inspected(launch="a-command-nobody-has {map}")
     assert "the stack did not come up" in str(failed.value)

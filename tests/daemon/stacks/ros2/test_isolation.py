@@ -1,12 +1,9 @@
 """What keeps stacks apart: domains, environments, folders; with real shells and processes."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -24,20 +21,20 @@ from daemon.stacks.ros2.isolation import (
 )
 
 
-def sourced(script: str, shell: str = "bash", **environ: str) -> subprocess.CompletedProcess[str]:
+def sourced(script, shell="bash", **environ):
     words = [shell, "-c", f"{script}\ncommand env -0"]
     path = {"PATH": os.environ["PATH"]}
     return subprocess.run(words, env=path | environ, capture_output=True, text=True, check=False)
 
 
-def environment(script: str, shell: str = "bash", **environ: str) -> dict[str, str]:
+def environment(script, shell="bash", **environ):
     done = sourced(script, shell, **environ)
     assert done.returncode == 0, done.stderr
     entries = (entry.partition("=") for entry in done.stdout.split("\0") if entry)
     return {name: value for name, _, value in entries}
 
 
-def test_two_runs_never_get_the_same_domain_and_it_is_free_afterwards() -> None:
+def test_two_runs_never_get_the_same_domain_and_it_is_free_afterwards():
     held = [lock_domain(None) for _ in range(20)]
     try:
         domains = {domain for domain, _ in held}
@@ -54,7 +51,7 @@ def test_two_runs_never_get_the_same_domain_and_it_is_free_afterwards() -> None:
     assert domain == taken
 
 
-def test_a_domain_is_held_by_who_has_inherited_it_and_free_with_its_death() -> None:
+def test_a_domain_is_held_by_who_has_inherited_it_and_free_with_its_death():
     domain, holder = lock_domain(None)
     with subprocess.Popen(
         [sys.executable, "-c", "input()"], stdin=subprocess.PIPE, pass_fds=(holder.fileno(),)
@@ -67,7 +64,7 @@ def test_a_domain_is_held_by_who_has_inherited_it_and_free_with_its_death() -> N
         lock_domain(domain)[1].close()
 
 
-def test_what_is_ours_alone_is_taken_out_of_the_environment(tmp_path: Path) -> None:
+def test_what_is_ours_alone_is_taken_out_of_the_environment(tmp_path):
     ours = tmp_path / "ours"
     (ours / "bin").mkdir(parents=True)
     (tmp_path / "link").symlink_to(ours)
@@ -96,14 +93,14 @@ def test_what_is_ours_alone_is_taken_out_of_the_environment(tmp_path: Path) -> N
     }
 
 
-def test_another_virtual_environment_and_its_programs_stay() -> None:
+def test_another_virtual_environment_and_its_programs_stay():
     environ = {"PATH": "/theirs/bin:/usr/bin", "VIRTUAL_ENV": "/theirs"}
     assert without_ours(environ, prefix="/ours", base_prefix="/usr") == environ
     assert without_ours(environ, prefix="/theirs", base_prefix="/theirs") == environ
 
 
 @pytest.mark.parametrize("shell", ["bash", "sh"])
-def test_setup_files_are_sourced_in_order_and_what_is_set_wins(tmp_path: Path, shell: str) -> None:
+def test_setup_files_are_sourced_in_order_and_what_is_set_wins(tmp_path, shell):
     first, second = tmp_path / "first of two.sh", tmp_path / "second.sh"
     first.write_text("export ORDER=1 ONLY=first HOME=/wrong ROS_DOMAIN_ID=7; set -e\n")
     second.write_text("export ORDER=${ORDER}2 RMW=theirs SCENARIO_STACK=theirs\n")
@@ -127,7 +124,7 @@ def test_setup_files_are_sourced_in_order_and_what_is_set_wins(tmp_path: Path, s
     assert "scenario_setup" not in found
 
 
-def test_a_setup_file_may_lie_below_the_users_home(tmp_path: Path) -> None:
+def test_a_setup_file_may_lie_below_the_users_home(tmp_path):
     (tmp_path / "my ws").mkdir()
     (tmp_path / "my ws" / "setup.bash").write_text("export FOUND=yes\n")
     script = environment_script(("~/my ws/setup.bash",), {}, {"HOME": "/own"}, {})
@@ -145,7 +142,7 @@ def test_a_setup_file_may_lie_below_the_users_home(tmp_path: Path) -> None:
         ("set -e\nls /there/is/no/such/thing\n", "the setup file {file} ended its shell, exit "),
     ],
 )
-def test_a_setup_file_that_fails_is_named(tmp_path: Path, content: str | None, words: str) -> None:
+def test_a_setup_file_that_fails_is_named(tmp_path, content, words):
     file = tmp_path / "setup.bash"
     if content is not None:
         file.write_text(content)
@@ -162,9 +159,7 @@ def test_a_setup_file_that_fails_is_named(tmp_path: Path, content: str | None, w
         ("", "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST", "ROS_LOCALHOST_ONLY"),
     ],
 )
-def test_discovery_stays_on_the_machine(
-    tmp_path: Path, distribution: str, said: str, unsaid: str
-) -> None:
+def test_discovery_stays_on_the_machine(tmp_path, distribution, said, unsaid):
     """In the words of the distribution, which is known once setup files have been sourced."""
     setup = tmp_path / "setup.sh"
     setup.write_text(f"export ROS_DISTRO={distribution}\n" if distribution else "true\n")
@@ -176,14 +171,14 @@ def test_discovery_stays_on_the_machine(
     assert unsaid not in found
 
 
-def test_a_range_of_discovery_in_the_sut_file_stays() -> None:
+def test_a_range_of_discovery_in_the_sut_file_stays():
     script = environment_script((), {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, {}, {})
     found = environment(script, ROS_LOCALHOST_ONLY="1")
     assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
     assert "ROS_LOCALHOST_ONLY" not in found
 
 
-def test_packages_of_the_users_home_stay_in_sight(tmp_path: Path) -> None:
+def test_packages_of_the_users_home_stay_in_sight(tmp_path):
     folder, home = tmp_path / "stack", tmp_path / "home"
     folder.mkdir()
     (home / ".local").mkdir(parents=True)
@@ -195,14 +190,14 @@ def test_packages_of_the_users_home_stay_in_sight(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def temporary(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def temporary(monkeypatch):
     """A folder of temporary files with a short path, as usual; pytest's are long."""
     with tempfile.TemporaryDirectory(dir="/tmp") as folder:
         monkeypatch.setattr("tempfile.tempdir", folder)
         yield Path(folder)
 
 
-def test_the_runtime_folder_is_private(temporary: Path) -> None:
+def test_the_runtime_folder_is_private(temporary):
     found = runtime_folder()
     assert found.is_relative_to(temporary)
     assert found.stat().st_mode & 0o777 == 0o700
@@ -210,14 +205,14 @@ def test_the_runtime_folder_is_private(temporary: Path) -> None:
     assert runtime_folder().stat().st_mode & 0o777 == 0o700
 
 
-def test_paths_of_sockets_are_short_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paths_of_sockets_are_short_enough(tmp_path, monkeypatch):
     long = tmp_path / ("x" * 90)
     long.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(long))
     assert len(os.fsencode(runtime_folder())) < 60
 
 
-def test_a_folder_that_is_a_link_is_refused(temporary: Path) -> None:
+def test_a_folder_that_is_a_link_is_refused(temporary):
     (temporary / "target").mkdir()
     (temporary / "link").symlink_to(temporary / "target")
     with pytest.raises(PermissionError, match="belongs to somebody else"):

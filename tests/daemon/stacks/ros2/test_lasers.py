@@ -1,9 +1,6 @@
 """Several lasers of a robot as a ROS 2 stack hears them: topics, frames, what is missing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +13,9 @@ from daemon.stacks.ros2.advice import advise_for_robot
 from daemon.stacks.ros2.checkup import examine
 from daemon.stacks.ros2.defaults import settings_not_written
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
-from daemon.stacks.ros2.inspection import CheckLine, Inspection
+from daemon.stacks.ros2.inspection import Inspection
 from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
-from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from daemon.stacks.ros2.settings import read_settings
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
@@ -36,18 +33,18 @@ SCANS = (
 )
 
 
-def settings(**keys: Any) -> Ros2Settings:
+def settings(**keys):
     return read_settings({"launch": "nav {map}", "repeatable": False, **keys})
 
 
-def scans_of(found: Ros2Settings) -> dict[str, Any]:
+def scans_of(found):
     sample = Odometry(0.0, Pose2(), Twist2())
     messages = measured_messages(found, LASERS, (sample,), SCANS, lambda _: 5)
     scans = list(messages)[-len(SCANS) :]
     return {topic: sensors.read_message(data, sensors.SCAN) for topic, data in scans}
 
 
-def frames_of(found: Ros2Settings) -> list[str]:
+def frames_of(found):
     grid = OccupancyGrid(0.1, 0.0, 0.0, np.zeros((2, 2), np.int8))
     mission = Mission("m", Pose2(), ())
     briefing = Briefing(ROBOT, grid, mission, Pose2(), np.random.SeedSequence(0))
@@ -77,9 +74,7 @@ def frames_of(found: Ros2Settings) -> list[str]:
         ),
     ],
 )
-def test_each_laser_has_a_topic_and_a_frame(
-    keys: dict[str, Any], topics: tuple[str, str], frames: tuple[str, str]
-) -> None:
+def test_each_laser_has_a_topic_and_a_frame(keys, topics, frames):
     found = settings(**keys)
     published = [t.name for t in link_setup(found, LASERS).publish if t.kind == sensors.SCAN]
     assert published == list(topics)
@@ -91,13 +86,13 @@ def test_each_laser_has_a_topic_and_a_frame(
     assert frames_of(found) == list(frames)
 
 
-def test_lasers_may_share_a_topic() -> None:
+def test_lasers_may_share_a_topic():
     found = settings(topics={"scan": {"front": "/scan", "rear": "/scan"}})
     published = [t.name for t in link_setup(found, LASERS).publish if t.kind == sensors.SCAN]
     assert published == ["/scan"]
 
 
-def test_one_laser_without_a_name_is_where_it_always_was() -> None:
+def test_one_laser_without_a_name_is_where_it_always_was():
     laser = replace(FRONT, name="")
     found = settings(namespace="r1", topics={"scan": "lidar"}, frames={"laser": "base_scan"})
     assert (found.scan_topic(laser), found.frames.of_laser(laser)) == ("/r1/lidar", "base_scan")
@@ -113,7 +108,7 @@ def test_one_laser_without_a_name_is_where_it_always_was() -> None:
         ({}, "scan: names no laser: write a name, or one for each laser"),
     ],
 )
-def test_names_that_are_none_are_refused(scan: Any, message: str) -> None:
+def test_names_that_are_none_are_refused(scan, message):
     with pytest.raises(ParameterError) as caught:
         settings(topics={"scan": scan})
     (problem,) = caught.value.problems
@@ -121,7 +116,7 @@ def test_names_that_are_none_are_refused(scan: Any, message: str) -> None:
     assert problem.message.startswith(message)
 
 
-def test_the_robot_is_held_against_what_is_written() -> None:
+def test_the_robot_is_held_against_what_is_written():
     found = settings(topics={"scan": {"left": "/a"}}, frames={"laser": {"rear": "b"}})
     told = [finding.message for finding in advise_for_robot(found, ROBOT)]
     assert told == [
@@ -136,17 +131,17 @@ def test_the_robot_is_held_against_what_is_written() -> None:
     assert told[0] == 'robot shuttle has no laser "left": it has one laser, which has no name'
 
 
-def ear(topic: str) -> GraphEndpoint:
+def ear(topic):
     return GraphEndpoint(topic, sensors.SCAN, "/amcl", "subscription", False, False)
 
 
-def about_scans(found: Ros2Settings, *ears: GraphEndpoint) -> list[CheckLine]:
+def about_scans(found, *ears):
     graph = Graph(ears, ("/amcl",), ())
     seen = Inspection(StackIdentity("jazzy", "rmw_x"), graph, Readiness({}, True, "", {}))
     return [line for line in examine(found, seen, LASERS) if line.kind == sensors.SCAN]
 
 
-def test_a_laser_nobody_hears_is_a_warning_and_none_a_defect() -> None:
+def test_a_laser_nobody_hears_is_a_warning_and_none_a_defect():
     found = settings()
     both = about_scans(found, ear("/scan_front"), ear("/scan_rear"))
     assert [(line.subject, line.state) for line in both] == [
@@ -160,7 +155,7 @@ def test_a_laser_nobody_hears_is_a_warning_and_none_a_defect() -> None:
     assert [line.state for line in about_scans(found)] == ["missing", "missing"]
 
 
-def test_defaults_are_shown_as_they_are_written() -> None:
+def test_defaults_are_shown_as_they_are_written():
     shown = settings_not_written({"launch": "nav {map}", "repeatable": False})
     assert (shown["topics"]["scan"], shown["frames"]["laser"]) == ("/scan", "laser")
     assert "scans" not in shown["topics"]

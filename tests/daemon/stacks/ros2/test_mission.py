@@ -1,14 +1,12 @@
 """Missions as goals: what is sent when, and what results mean."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
 
 from daemon.model.sut import Progress, SutFailure
 from daemon.stacks.ros2.link import GoalUpdate
-from daemon.stacks.ros2.mission import GoalSequence, MissionMode
+from daemon.stacks.ros2.mission import GoalSequence
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from tests.daemon.stacks.ros2.pretended_link import PretendedLink
@@ -20,7 +18,7 @@ MISSION = Mission(
 )
 
 
-def begun(mode: MissionMode) -> tuple[GoalSequence, PretendedLink]:
+def begun(mode):
     link = PretendedLink()
     goals = GoalSequence(MISSION, mode, link, "map")
     goals.send_next(5)
@@ -28,7 +26,7 @@ def begun(mode: MissionMode) -> tuple[GoalSequence, PretendedLink]:
     return goals, link
 
 
-def test_waypoints_are_sent_one_by_one_each_when_the_one_before_is_reached() -> None:
+def test_waypoints_are_sent_one_by_one_each_when_the_one_before_is_reached():
     goals, link = begun("waypoints")
     goals.send_next(6)
     assert link.goals == [(0, ((2.0, 0.0, 1.0),), "map", 5)]
@@ -50,9 +48,7 @@ def test_waypoints_are_sent_one_by_one_each_when_the_one_before_is_reached() -> 
 
 
 @pytest.mark.parametrize("mode", ["follow", "through"])
-def test_all_waypoints_in_one_goal_progress_by_feedback_and_end_by_the_result(
-    mode: MissionMode,
-) -> None:
+def test_all_waypoints_in_one_goal_progress_by_feedback_and_end_by_the_result(mode):
     goals, link = begun(mode)
     assert [len(poses) for _, poses, _, _ in link.goals] == [3]
     told = {"current_waypoint": 1} if mode == "follow" else {"number_of_poses_remaining": 2}
@@ -69,14 +65,14 @@ def test_all_waypoints_in_one_goal_progress_by_feedback_and_end_by_the_result(
     assert goals.progress == Progress(3, 3, "succeeded")
 
 
-def test_missed_waypoints_are_a_failure_of_the_robot() -> None:
+def test_missed_waypoints_are_a_failure_of_the_robot():
     goals, _ = begun("follow")
     (said,) = goals.take(GoalUpdate(0, "succeeded", content={"missed_waypoints": [1]}))
     assert "door" in said.text
     assert goals.progress == Progress(1, 1, "aborted")
 
 
-def test_an_abort_is_the_robots_failure_with_its_error_code() -> None:
+def test_an_abort_is_the_robots_failure_with_its_error_code():
     goals, _ = begun("waypoints")
     (said,) = goals.take(GoalUpdate(0, "aborted", 105, "no valid path"))
     assert said.text == "goal desk aborted, error code 105: no valid path"
@@ -84,7 +80,7 @@ def test_an_abort_is_the_robots_failure_with_its_error_code() -> None:
     assert goals.progress == Progress(0, 0, "aborted")
 
 
-def test_an_abort_after_a_lost_acknowledgement_is_the_machines() -> None:
+def test_an_abort_after_a_lost_acknowledgement_is_the_machines():
     goals, _ = begun("waypoints")
     goals.hear_log(
         'Timed out while waiting for action server to acknowledge goal request for "follow_path"'
@@ -96,15 +92,15 @@ def test_an_abort_after_a_lost_acknowledgement_is_the_machines() -> None:
 @pytest.mark.parametrize(
     ("state", "words"), [("rejected", "rejected the goal desk"), ("unanswered", "did not answer")]
 )
-def test_a_goal_that_is_not_taken_is_no_failure_of_the_robot(state: str, words: str) -> None:
+def test_a_goal_that_is_not_taken_is_no_failure_of_the_robot(state, words):
     link = PretendedLink()
     goals = GoalSequence(MISSION, "waypoints", link, "map")
     goals.send_next(0)
     with pytest.raises(SutFailure, match=words):
-        goals.take(GoalUpdate(0, state))  # type: ignore[arg-type]
+        goals.take(GoalUpdate(0, state))
 
 
-def test_what_comes_of_a_goal_that_is_over_changes_nothing() -> None:
+def test_what_comes_of_a_goal_that_is_over_changes_nothing():
     goals, _ = begun("waypoints")
     goals.take(GoalUpdate(0, "succeeded"))
     goals.send_next(1)
@@ -112,7 +108,7 @@ def test_what_comes_of_a_goal_that_is_over_changes_nothing() -> None:
     assert goals.progress == Progress(1, 1, "active")
 
 
-def test_recoveries_are_told_as_their_number_grows() -> None:
+def test_recoveries_are_told_as_their_number_grows():
     goals, _ = begun("waypoints")
     counts = (0, 1, 1, 2)
     said = [

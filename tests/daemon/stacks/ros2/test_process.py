@@ -1,7 +1,5 @@
 """Stacks are started, watched, ended and kept: real processes, no ROS needed for that."""
 
-from __future__ import annotations
-
 import json
 import os
 import secrets
@@ -9,10 +7,9 @@ import signal
 import socket
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
@@ -58,9 +55,7 @@ StartStack = Callable[..., StackProcess]
 
 
 @pytest.fixture(autouse=True)
-def temporary(
-    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Path]:
+def temporary(monkeypatch, tmp_path_factory):
     """Folders of stacks that no other test and no daemon sees."""
     tmp_path_factory.getbasetemp()  # chosen now, not once there is another folder for it
     with tempfile.TemporaryDirectory(dir="/tmp") as folder:
@@ -70,11 +65,11 @@ def temporary(
 
 
 @pytest.fixture
-def start() -> Iterator[StartStack]:
+def start():
     """Start a stack; what is not released is ended after the test."""
-    started: list[StackProcess] = []
+    started = []
 
-    def start_stack(launch: str = "sleep 600", *, begin: bool = True, **more: Any) -> StackProcess:
+    def start_stack(launch="sleep 600", *, begin=True, **more):
         own = {name: more.pop(name) for name in ("key", "relay", "grace", "idle") if name in more}
         settings = Ros2Settings(launch=launch, **more)
         stack = StackProcess(settings, **{"values": {}, "key": "key", "relay": None, **own})
@@ -88,24 +83,24 @@ def start() -> Iterator[StartStack]:
         stack.release(keep=False)
 
 
-def program(folder: Path, text: str, name: str = "program.py") -> str:
+def program(folder, text, name="program.py"):
     path = folder / name
     path.write_text(text)
     return f"{PYTHON} {path}"
 
 
-def printed(stack: StackProcess, text: str) -> None:
+def printed(stack, text):
     """Wait until the stack has printed something."""
     eventually(lambda: text.encode() in stack.outputs()["stack.txt"])
 
 
-def nothing_left(stack: StackProcess) -> None:
+def nothing_left(stack):
     assert marked(stack.folder.name) == []
     assert not stack.folder.exists()
     eventually(lambda: is_free(stack.domain))
 
 
-def is_free(domain: int) -> bool:
+def is_free(domain):
     try:
         lock_domain(domain)[1].close()
     except DomainTaken:
@@ -113,14 +108,14 @@ def is_free(domain: int) -> bool:
     return True
 
 
-def sleepers(seconds: str) -> list[psutil.Process]:
+def sleepers(seconds):
     return [p for p in psutil.process_iter(["cmdline"]) if p.info["cmdline"] == ["sleep", seconds]]
 
 
 # The end
 
 
-def test_a_stack_that_listens_is_ended_by_sigint(start: StartStack) -> None:
+def test_a_stack_that_listens_is_ended_by_sigint(start):
     stack = start("trap 'echo thank you; exit 0' INT; echo up; while :; do sleep 0.05; done")
     printed(stack, "up")
     assert stack.ended() == ""
@@ -130,7 +125,7 @@ def test_a_stack_that_listens_is_ended_by_sigint(start: StartStack) -> None:
     stack.release(keep=False)
 
 
-def test_one_that_ignores_everything_is_killed(start: StartStack, tmp_path: Path) -> None:
+def test_one_that_ignores_everything_is_killed(start, tmp_path):
     stack = start(program(tmp_path, STUBBORN), grace=0.3)
     printed(stack, "stubborn")
     stack.release(keep=False)
@@ -139,9 +134,7 @@ def test_one_that_ignores_everything_is_killed(start: StartStack, tmp_path: Path
 
 @pytest.mark.parametrize("launcher", ["stays", "ends"])
 @pytest.mark.parametrize("variables", ["marked", "unmarked"])
-def test_what_has_left_its_parent_and_its_session_is_ended(
-    start: StartStack, tmp_path: Path, launcher: str, variables: str
-) -> None:
+def test_what_has_left_its_parent_and_its_session_is_ended(start, tmp_path, launcher, variables):
     stack = start(f"{program(tmp_path, DAEMONISED)} {variables} {launcher}", grace=0.3)
     printed(stack, "launched")
     if launcher == "ends":
@@ -156,7 +149,7 @@ def test_what_has_left_its_parent_and_its_session_is_ended(
     nothing_left(stack)
 
 
-def test_a_stack_that_was_never_started_leaves_nothing(start: StartStack) -> None:
+def test_a_stack_that_was_never_started_leaves_nothing(start):
     stack = start(begin=False)
     assert stack.folder.stat().st_mode & 0o777 == 0o700
     assert stack.ended() == ""
@@ -165,7 +158,7 @@ def test_a_stack_that_was_never_started_leaves_nothing(start: StartStack) -> Non
     assert stack.outputs() == {"stack.txt": b""}
 
 
-def test_nothing_is_left_when_the_holder_is_killed(tmp_path: Path) -> None:
+def test_nothing_is_left_when_the_holder_is_killed(tmp_path):
     launch = f"{program(tmp_path, DAEMONISED)} marked stays"
     with holder(launch=launch, relay=relay_file(tmp_path)) as (process, told):
         folder = Path(told["folder"])
@@ -176,7 +169,7 @@ def test_nothing_is_left_when_the_holder_is_killed(tmp_path: Path) -> None:
     eventually(lambda: is_free(told["domain"]))
 
 
-def test_nothing_is_left_when_the_supervisor_is_killed(start: StartStack, tmp_path: Path) -> None:
+def test_nothing_is_left_when_the_supervisor_is_killed(start, tmp_path):
     stack = start(f"{program(tmp_path, DAEMONISED)} marked stays")
     printed(stack, "daemonised")
     supervisor_of(stack.folder).kill()
@@ -187,9 +180,7 @@ def test_nothing_is_left_when_the_supervisor_is_killed(start: StartStack, tmp_pa
     nothing_left(stack)
 
 
-def test_what_holder_and_supervisor_left_the_next_one_ends(
-    start: StartStack, tmp_path: Path
-) -> None:
+def test_what_holder_and_supervisor_left_the_next_one_ends(start, tmp_path):
     launch = f"{program(tmp_path, DAEMONISED)} marked stays"
     with holder(launch=launch) as (process, told):
         folder = Path(told["folder"])
@@ -209,7 +200,7 @@ def test_what_holder_and_supervisor_left_the_next_one_ends(
     assert not folder.exists()
 
 
-def test_stacks_that_live_are_left_alone_by_the_next_one(start: StartStack) -> None:
+def test_stacks_that_live_are_left_alone_by_the_next_one(start):
     first = start(begin=False)
     second = start()
     third = start()
@@ -233,9 +224,7 @@ time.sleep(600)
 """
 
 
-def test_shared_memory_of_killed_processes_is_freed_that_of_others_is_not(
-    start: StartStack, tmp_path: Path
-) -> None:
+def test_shared_memory_of_killed_processes_is_freed_that_of_others_is_not(start, tmp_path):
     """Fast DDS frees its segments itself, but not those of processes that were killed."""
     share = program(tmp_path, SHARED_MEMORY)
     names = [secrets.token_hex(8), secrets.token_hex(8)]
@@ -243,7 +232,7 @@ def test_shared_memory_of_killed_processes_is_freed_that_of_others_is_not(
     for stack in (killed, alive):
         printed(stack, "sharing")
 
-    def files(name: str, stack: StackProcess) -> list[str]:
+    def files(name, stack):
         memory = Path("/dev/shm")
         port = f"fastdds_port{7400 + 250 * stack.domain + 11}"
         return [p.name for n in (f"fastdds_{name}", port) for p in memory.glob(f"{n}*")]
@@ -270,7 +259,7 @@ def test_shared_memory_of_killed_processes_is_freed_that_of_others_is_not(
         ("sh -c 'kill -ABRT $$'; exit $?", "exit code 134 (SIGABRT in a process it started)"),
     ],
 )
-def test_the_end_of_the_launch_command_is_told(start: StartStack, launch: str, words: str) -> None:
+def test_the_end_of_the_launch_command_is_told(start, launch, words):
     stack = start(f"echo last words; {launch}")
     eventually(stack.ended)
     assert stack.ended().startswith("the launch command ")
@@ -282,7 +271,7 @@ def test_the_end_of_the_launch_command_is_told(start: StartStack, launch: str, w
     assert stack.last_lines()[0] == "last words"
 
 
-def test_a_killed_stack_is_noticed(start: StartStack) -> None:
+def test_a_killed_stack_is_noticed(start):
     stack = start("exec sleep 600")
     (process,) = marked(stack.folder.name)
     process.kill()
@@ -290,13 +279,13 @@ def test_a_killed_stack_is_noticed(start: StartStack) -> None:
     assert stack.ended() == "the launch command was killed by SIGKILL"
 
 
-def relay_file(folder: Path, text: str = "import time\nprint('here')\ntime.sleep(600)\n") -> str:
+def relay_file(folder, text="import time\nprint('here')\ntime.sleep(600)\n"):
     path = folder / "relay.py"
     path.write_text(text)
     return str(path)
 
 
-def test_a_killed_relay_is_noticed(start: StartStack, tmp_path: Path) -> None:
+def test_a_killed_relay_is_noticed(start, tmp_path):
     stack = start(relay=Path(relay_file(tmp_path)), python=PYTHON)
     eventually(lambda: stack.outputs().get("relay.txt") == b"here\n")
     (relay,) = (p for p in marked(stack.folder.name) if "relay.py" in p.cmdline()[-1])
@@ -307,7 +296,7 @@ def test_a_killed_relay_is_noticed(start: StartStack, tmp_path: Path) -> None:
     nothing_left(stack)
 
 
-def test_a_relay_says_why_it_ended(start: StartStack, tmp_path: Path) -> None:
+def test_a_relay_says_why_it_ended(start, tmp_path):
     relay = Path(relay_file(tmp_path, "import no_such_rclpy\n"))
     stack = start(relay=relay, python=PYTHON)
     eventually(stack.ended)
@@ -315,9 +304,7 @@ def test_a_relay_says_why_it_ended(start: StartStack, tmp_path: Path) -> None:
     assert stack.ended().startswith(words)
 
 
-def test_the_relay_is_alone_in_its_folder_and_knows_where_to_connect(
-    start: StartStack, tmp_path: Path
-) -> None:
+def test_the_relay_is_alone_in_its_folder_and_knows_where_to_connect(start, tmp_path):
     """Files that lie beside it in our package must not be imported in place of the stack's."""
     text = "import os, sys; print(sys.path[0], os.listdir(sys.path[0]), len(os.environ['SCENARIO_"
     relay = Path(relay_file(tmp_path, text + "NONCE']), os.environ['SCENARIO_SOCKET'])\n"))
@@ -333,7 +320,7 @@ def test_the_relay_is_alone_in_its_folder_and_knows_where_to_connect(
 # What keeps it from being started
 
 
-def test_a_setup_file_that_is_missing_or_fails_is_named(start: StartStack, tmp_path: Path) -> None:
+def test_a_setup_file_that_is_missing_or_fails_is_named(start, tmp_path):
     with pytest.raises(SutFailure, match=r"there is no setup file /opt/ros/no/setup.bash\Z"):
         start(setup=("/opt/ros/no/setup.bash",))
     setup = tmp_path / "setup.bash"
@@ -342,7 +329,7 @@ def test_a_setup_file_that_is_missing_or_fails_is_named(start: StartStack, tmp_p
         start(setup=(str(setup),))
 
 
-def test_a_setup_file_that_never_ends_is_ended(start: StartStack, tmp_path: Path) -> None:
+def test_a_setup_file_that_never_ends_is_ended(start, tmp_path):
     setup = tmp_path / "setup.bash"
     setup.write_text("sleep 600\n")
     stack = start(begin=False, setup=(str(setup),), start_up=0.5)
@@ -352,18 +339,18 @@ def test_a_setup_file_that_never_ends_is_ended(start: StartStack, tmp_path: Path
     nothing_left(stack)
 
 
-def test_a_python_that_is_missing_is_named(start: StartStack, tmp_path: Path) -> None:
+def test_a_python_that_is_missing_is_named(start, tmp_path):
     words = "there is no program python9 where the relay is to be started"
     with pytest.raises(SutFailure, match=words):
         start(relay=Path(relay_file(tmp_path)), python="python9")
 
 
-def test_a_placeholder_without_a_value_is_named(start: StartStack) -> None:
+def test_a_placeholder_without_a_value_is_named(start):
     with pytest.raises(SutFailure, match='no placeholder "speed"'):
         start("echo {speed}")
 
 
-def test_what_a_setup_file_starts_belongs_to_the_stack(start: StartStack, tmp_path: Path) -> None:
+def test_what_a_setup_file_starts_belongs_to_the_stack(start, tmp_path):
     setup = tmp_path / "setup.bash"
     setup.write_text("setsid sleep 601.5 >/dev/null 2>&1 &\n")
     stack = start(setup=(str(setup),))
@@ -378,7 +365,7 @@ def test_what_a_setup_file_starts_belongs_to_the_stack(start: StartStack, tmp_pa
 # What it finds
 
 
-def test_it_is_started_as_in_a_terminal_though_a_run_is_not(tmp_path: Path) -> None:
+def test_it_is_started_as_in_a_terminal_though_a_run_is_not(tmp_path):
     """Signals do what they do by default, memory is not bounded, our Python is not in sight."""
     text = (
         "import os, resource, signal, sys; s = signal.getsignal(signal.SIGINT);"
@@ -401,9 +388,7 @@ def test_it_is_started_as_in_a_terminal_though_a_run_is_not(tmp_path: Path) -> N
     assert prefix != sys.prefix or sys.prefix == sys.base_prefix
 
 
-def test_its_environment_is_that_of_setup_files_and_sut_file(
-    start: StartStack, tmp_path: Path
-) -> None:
+def test_its_environment_is_that_of_setup_files_and_sut_file(start, tmp_path):
     setup = tmp_path / "setup.bash"
     setup.write_text('echo "$#" arguments; export FROM_SETUP=yes HOME=/wrong\n')
     stack = start(
@@ -426,7 +411,7 @@ def test_its_environment_is_that_of_setup_files_and_sut_file(
     assert expected <= set(lines)
 
 
-def test_values_are_one_word_each(start: StartStack) -> None:
+def test_values_are_one_word_each(start):
     launch = "printf '%s\\n' {map} end; sleep 600"
     stack = StackProcess(
         Ros2Settings(launch=launch), values={"map": "/a $(id)/'b'"}, key="key", relay=None
@@ -437,14 +422,14 @@ def test_values_are_one_word_each(start: StartStack) -> None:
     assert stack.outputs()["stack.txt"] == b"/a $(id)/'b'\nend\n"
 
 
-def test_two_at_once_have_nothing_in_common(start: StartStack) -> None:
+def test_two_at_once_have_nothing_in_common(start):
     one, other = start(), start()
     assert one.domain != other.domain
     assert one.folder != other.folder
     assert one.nonce != other.nonce
 
 
-def test_a_domain_of_ones_choice_is_for_one_run_at_a_time(start: StartStack) -> None:
+def test_a_domain_of_ones_choice_is_for_one_run_at_a_time(start):
     first = start()
     second = start(begin=False, domain=first.domain)
     with pytest.raises(DomainTaken, match="in use by another run"):
@@ -459,9 +444,7 @@ def test_a_domain_of_ones_choice_is_for_one_run_at_a_time(start: StartStack) -> 
 # Output
 
 
-def test_a_chatty_stack_is_never_held_up_and_fills_nothing(
-    start: StartStack, tmp_path: Path
-) -> None:
+def test_a_chatty_stack_is_never_held_up_and_fills_nothing(start, tmp_path):
     text = "import sys, time\nfor i in range(400_000): print(f'line {i:058d}')\n"
     text += "print('\\x1b[31mdone\\x1b[0m', flush=True); time.sleep(600)\n"
     stack = start(program(tmp_path, text))
@@ -476,7 +459,7 @@ def test_a_chatty_stack_is_never_held_up_and_fills_nothing(
     assert stack.last_lines(3)[0] == "line " + "399998".zfill(58)
 
 
-def test_what_was_printed_is_whole_up_to_the_limit(start: StartStack) -> None:
+def test_what_was_printed_is_whole_up_to_the_limit(start):
     stack = start("head -c 1000000 /dev/zero | tr '\\0' x; echo; echo end; sleep 600")
     printed(stack, "end")
     assert stack.outputs()["stack.txt"] == b"x" * 1_000_000 + b"\nend\n"
@@ -485,7 +468,7 @@ def test_what_was_printed_is_whole_up_to_the_limit(start: StartStack) -> None:
 # Reuse
 
 
-def test_a_kept_stack_is_taken_over_by_the_next_run_of_its_key(start: StartStack) -> None:
+def test_a_kept_stack_is_taken_over_by_the_next_run_of_its_key(start):
     first = start("echo first; trap 'echo second' USR1; while :; do sleep 0.05; done", reuse=True)
     printed(first, "first")
     first.release(keep=True)
@@ -505,7 +488,7 @@ def test_a_kept_stack_is_taken_over_by_the_next_run_of_its_key(start: StartStack
     nothing_left(second)
 
 
-def test_the_socket_of_the_run_before_is_gone_at_a_takeover(start: StartStack) -> None:
+def test_the_socket_of_the_run_before_is_gone_at_a_takeover(start):
     first = start(reuse=True)
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(first.socket))
@@ -515,7 +498,7 @@ def test_the_socket_of_the_run_before_is_gone_at_a_takeover(start: StartStack) -
     assert not second.socket.exists()
 
 
-def test_two_slots_never_share_a_kept_stack(start: StartStack) -> None:
+def test_two_slots_never_share_a_kept_stack(start):
     start(reuse=True).release(keep=True)
     second, third = start(reuse=True), start(reuse=True)
     assert second.reused
@@ -527,27 +510,27 @@ def test_two_slots_never_share_a_kept_stack(start: StartStack) -> None:
     assert {stack.folder for stack in again} == {second.folder, third.folder}
 
 
-def test_without_reuse_nothing_is_kept(start: StartStack) -> None:
+def test_without_reuse_nothing_is_kept(start):
     stack = start()
     stack.release(keep=True)
     nothing_left(stack)
 
 
-def test_what_has_ended_is_not_kept(start: StartStack) -> None:
+def test_what_has_ended_is_not_kept(start):
     stack = start("exit 0", reuse=True)
     eventually(stack.ended)
     stack.release(keep=True)
     nothing_left(stack)
 
 
-def test_a_kept_stack_ends_when_nobody_wants_it(start: StartStack) -> None:
+def test_a_kept_stack_ends_when_nobody_wants_it(start):
     stack = start(reuse=True, idle=0.3)
     stack.release(keep=True)
     eventually(lambda: not stack.folder.exists())
     nothing_left(stack)
 
 
-def test_a_kept_stack_makes_room_for_another_in_its_domain(start: StartStack) -> None:
+def test_a_kept_stack_makes_room_for_another_in_its_domain(start):
     kept = start(reuse=True)
     kept.release(keep=True)
     other = start(reuse=True, key="another", domain=kept.domain)
@@ -555,7 +538,7 @@ def test_a_kept_stack_makes_room_for_another_in_its_domain(start: StartStack) ->
     assert not kept.folder.exists()
 
 
-def test_a_kept_stack_that_crashes_is_gone(start: StartStack) -> None:
+def test_a_kept_stack_that_crashes_is_gone(start):
     stack = start("exec sleep 600", reuse=True)
     stack.release(keep=True)
     (process,) = marked(stack.folder.name)
@@ -564,7 +547,7 @@ def test_a_kept_stack_that_crashes_is_gone(start: StartStack) -> None:
     assert not start(reuse=True).reused
 
 
-def test_a_kept_stack_dies_with_its_owner() -> None:
+def test_a_kept_stack_dies_with_its_owner():
     with holder(launch="sleep 600", reuse=True, keep=True) as (process, told):
         folder = Path(told["folder"])
         assert marked(folder.name)
@@ -573,9 +556,7 @@ def test_a_kept_stack_dies_with_its_owner() -> None:
         assert marked(folder.name) == []
 
 
-def test_a_holder_that_dies_before_the_answer_costs_the_stack_not_its_supervisor(
-    start: StartStack,
-) -> None:
+def test_a_holder_that_dies_before_the_answer_costs_the_stack_not_its_supervisor(start):
     first = start(reuse=True)
     first.release(keep=True)
     wire = SupervisorWire.take_over(first.folder)
@@ -589,7 +570,7 @@ def test_a_holder_that_dies_before_the_answer_costs_the_stack_not_its_supervisor
     nothing_left(first)
 
 
-def test_the_owner_of_a_kept_stack_is_the_worker_not_the_runs_process() -> None:
+def test_the_owner_of_a_kept_stack_is_the_worker_not_the_runs_process():
     """Two runs' processes, one after the other, forked for a worker; then that is killed."""
     with holder(launch="sleep 600", reuse=True, worker=2) as (process, told):
         (first, folder), (second, same) = told["stacks"]
@@ -653,7 +634,7 @@ sys.exit(inside.wait())
 
 
 @pytest.fixture
-def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[list[str]]]:
+def engine(tmp_path, monkeypatch):
     """Put an engine on the path; returns what it was told."""
     place = tmp_path / "engine"
     place.mkdir()
@@ -662,7 +643,7 @@ def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list
         (place / name).chmod(0o755)
     monkeypatch.setenv("PATH", f"{place}:{os.environ['PATH']}")
 
-    def calls() -> list[list[str]]:
+    def calls():
         with suppress(FileNotFoundError):
             return [json.loads(line) for line in (place / "calls").read_text().splitlines()]
         return []
@@ -670,9 +651,7 @@ def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list
     return calls
 
 
-def test_stack_and_relay_live_in_one_container(
-    start: StartStack, tmp_path: Path, engine: Callable[[], list[list[str]]]
-) -> None:
+def test_stack_and_relay_live_in_one_container(start, tmp_path, engine):
     setup = tmp_path / "setup.bash"
     setup.write_text("export ROS_DISTRO=humble\n")
     params = tmp_path / "params file.yaml"
@@ -707,9 +686,7 @@ def test_stack_and_relay_live_in_one_container(
     nothing_left(stack)
 
 
-def test_a_container_that_does_not_listen_is_killed_by_its_name(
-    start: StartStack, engine: Callable[[], list[list[str]]]
-) -> None:
+def test_a_container_that_does_not_listen_is_killed_by_its_name(start, engine):
     stack = start("echo up; sleep 600", container=Container("ignores/it"), grace=0.3)
     printed(stack, "up")
     stack.release(keep=False)
@@ -719,9 +696,7 @@ def test_a_container_that_does_not_listen_is_killed_by_its_name(
     nothing_left(stack)
 
 
-def test_the_container_of_a_killed_supervisor_is_ended(
-    start: StartStack, engine: Callable[[], list[list[str]]]
-) -> None:
+def test_the_container_of_a_killed_supervisor_is_ended(start, engine):
     stack = start("echo up; sleep 600", container=Container("my/nav2:1.4"))
     printed(stack, "up")
     supervisor_of(stack.folder).kill()
@@ -731,9 +706,7 @@ def test_the_container_of_a_killed_supervisor_is_ended(
     nothing_left(stack)
 
 
-def test_the_end_of_stack_and_relay_in_a_container_is_told(
-    start: StartStack, tmp_path: Path, engine: Callable[[], list[list[str]]]
-) -> None:
+def test_the_end_of_stack_and_relay_in_a_container_is_told(start, tmp_path, engine):
     container = Container("my/nav2:1.4")
     stack = start("echo Error: no space left; exit 125", container=container)
     eventually(stack.ended)
@@ -748,9 +721,7 @@ def test_the_end_of_stack_and_relay_in_a_container_is_told(
     assert engine()
 
 
-def test_a_container_may_start_its_own_command(
-    start: StartStack, engine: Callable[[], list[list[str]]]
-) -> None:
+def test_a_container_may_start_its_own_command(start, engine):
     stack = start("", container=Container("my/nav2:1.4", engine="docker"))
     printed(stack, "own command")
     with pytest.raises(SutFailure, match="podman knows no image my/typo"):
@@ -758,9 +729,7 @@ def test_a_container_may_start_its_own_command(
     assert engine()
 
 
-def test_an_engine_that_is_missing_is_named(
-    start: StartStack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_engine_that_is_missing_is_named(start, tmp_path, monkeypatch):
     (tmp_path / "sh").symlink_to("/bin/sh")
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(SutFailure, match="there is no podman on this machine"):

@@ -1,7 +1,5 @@
 """Our end of the relay against a pretended one: what it asks, what it believes, how it loses it."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket
@@ -10,12 +8,11 @@ import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros2 import relay
@@ -51,7 +48,7 @@ SETUP = LinkSetup(
     action_kind="navigate_to_pose",
     nodes=("/amcl",),
 )
-QUIET: dict[str, Any] = {
+QUIET = {
     "latency": None,
     "commands": 0,
     "heard": False,
@@ -63,7 +60,7 @@ QUIET: dict[str, Any] = {
 Answer = tuple[Any, bytes] | bytes | None
 
 
-def frame(head: Any, blob: bytes = b"") -> bytes:
+def frame(head, blob=b""):
     text = json.dumps(head).encode()
     return struct.pack("<II", len(text), len(blob)) + text + blob
 
@@ -71,22 +68,20 @@ def frame(head: Any, blob: bytes = b"") -> bytes:
 class PretendedRelay:
     """Says hello and gives the answers it was told to, one for each request; None: hang up."""
 
-    def __init__(
-        self, address: str, hello: bytes, answers: list[Answer], *, hang_up: bool = False
-    ) -> None:
+    def __init__(self, address, hello, answers, *, hang_up=False):
         self._hang_up = hang_up
-        self.requests: list[tuple[dict[str, Any], bytes]] = []
+        self.requests = []
         self._address = address
         self._hello = hello
         self._answers = answers
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def join(self) -> None:
+    def join(self):
         self._thread.join(60)
         assert not self._thread.is_alive()
 
-    def _run(self) -> None:
+    def _run(self):
         with socket.socket(socket.AF_UNIX) as connected:
             connected.connect(self._address)
             connected.sendall(self._hello)
@@ -96,7 +91,7 @@ class PretendedRelay:
                 except ConnectionError:
                     return
 
-    def _converse(self, connected: socket.socket, stream: Any) -> None:
+    def _converse(self, connected, stream):
         while header := stream.read(8):
             head, blob = struct.unpack("<II", header)
             request = json.loads(stream.read(head)), stream.read(blob)
@@ -117,13 +112,13 @@ Connect = Callable[..., tuple[RelayLink, PretendedRelay]]
 
 
 @pytest.fixture
-def connect(tmp_path: Path) -> Iterator[Connect]:
+def connect(tmp_path):
     """Connect to a pretended relay that gives these answers after that to the set-up."""
-    made: list[tuple[RelayLink, PretendedRelay]] = []
+    made = []
 
-    def connect(*answers: Answer, set_up: bool = True) -> tuple[RelayLink, PretendedRelay]:
+    def connect(*answers, set_up=True):
         link = RelayLink.listen(tmp_path / f"socket-{len(made)}", NONCE)
-        first: list[Answer] = [({}, b"")] if set_up else []
+        first = [({}, b"")] if set_up else []
         peer = PretendedRelay(link.address, frame(HELLO), first + list(answers))
         made.append((link, peer))
         assert link.accept(60)
@@ -137,13 +132,13 @@ def connect(tmp_path: Path) -> Iterator[Connect]:
         peer.join()
 
 
-def ask_twice(link: RelayLink) -> None:
+def ask_twice(link):
     """Whatever an answer leaves unread is the beginning of the next one."""
     link.cycle(Cycle(0))
     link.cycle(Cycle(0))
 
 
-def said_to(tmp_path: Path, hello: bytes) -> str:
+def said_to(tmp_path, hello):
     """What is said about a peer that begins with these bytes and then closes."""
     link = RelayLink.listen(tmp_path / "socket", NONCE)
     with socket.socket(socket.AF_UNIX) as peer:
@@ -156,13 +151,13 @@ def said_to(tmp_path: Path, hello: bytes) -> str:
     return str(lost.value)
 
 
-def test_who_is_there_is_known_after_the_hello(connect: Connect) -> None:
+def test_who_is_there_is_known_after_the_hello(connect):
     link, _ = connect(set_up=False)
     assert link.identity == StackIdentity("jazzy", "rmw_fastrtps_cpp", "3.12.3")
     assert link.accept(0)
 
 
-def test_nobody_there_is_no_error(tmp_path: Path) -> None:
+def test_nobody_there_is_no_error(tmp_path):
     link = RelayLink.listen(tmp_path / "socket", NONCE)
     assert not link.accept(0.01)
     assert stat.S_IMODE(os.stat(link.address).st_mode) == 0o600  # noqa: PTH116
@@ -173,7 +168,7 @@ def test_nobody_there_is_no_error(tmp_path: Path) -> None:
     assert not (tmp_path / "socket").exists()
 
 
-def test_a_hello_may_come_in_pieces(tmp_path: Path) -> None:
+def test_a_hello_may_come_in_pieces(tmp_path):
     link = RelayLink.listen(tmp_path / "socket", NONCE)
     hello = frame(HELLO)
     with socket.socket(socket.AF_UNIX) as peer:
@@ -186,7 +181,7 @@ def test_a_hello_may_come_in_pieces(tmp_path: Path) -> None:
     link.close()
 
 
-def test_tcp_is_an_address_as_well() -> None:
+def test_tcp_is_an_address_as_well():
     link = RelayLink.listen("tcp://127.0.0.1:0", NONCE)
     host, port = link.address.removeprefix("tcp://").split(":")
     with socket.create_connection((host, int(port))) as peer:
@@ -195,7 +190,7 @@ def test_tcp_is_an_address_as_well() -> None:
     link.close()
 
 
-def test_a_path_that_cannot_be_listened_at_is_named(tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_listened_at_is_named(tmp_path):
     with pytest.raises(LinkLost, match=r"cannot be listened for at .*nowhere"):
         RelayLink.listen(tmp_path / "nowhere" / "socket", NONCE)
     with pytest.raises(LinkLost, match="cannot be listened for"):
@@ -220,12 +215,12 @@ def test_a_path_that_cannot_be_listened_at_is_named(tmp_path: Path) -> None:
         (frame(HELLO | {"rmw": "x" * 2000}), "hello is not what it must be: rmw"),
     ],
 )
-def test_what_is_no_relay_of_ours_is_not_spoken_to(tmp_path: Path, hello: bytes, text: str) -> None:
+def test_what_is_no_relay_of_ours_is_not_spoken_to(tmp_path, hello, text):
     with pytest.raises(AssertionError, match=text):
         raise AssertionError(said_to(tmp_path, hello))
 
 
-def test_a_set_up_says_everything_that_is_made(connect: Connect) -> None:
+def test_a_set_up_says_everything_that_is_made(connect):
     _, peer = connect()
     head, blob = peer.requests[0]
     assert blob == b""
@@ -242,7 +237,7 @@ def test_a_set_up_says_everything_that_is_made(connect: Connect) -> None:
     ]
 
 
-def test_a_cycle_carries_messages_both_ways(connect: Connect) -> None:
+def test_a_cycle_carries_messages_both_ways(connect):
     reply = QUIET | {
         "latency": 0.002,
         "commands": 3,
@@ -307,9 +302,7 @@ def test_a_cycle_carries_messages_both_ways(connect: Connect) -> None:
         ({"surprise": 1}, b"", "surprise"),
     ],
 )
-def test_an_answer_that_was_not_asked_for_ends_the_connection(
-    connect: Connect, change: dict[str, Any], blob: bytes, text: str
-) -> None:
+def test_an_answer_that_was_not_asked_for_ends_the_connection(connect, change, blob, text):
     link, _ = connect((QUIET | change, blob))
     with pytest.raises(LinkLost, match=text):
         link.cycle(Cycle(0))
@@ -329,22 +322,20 @@ def test_an_answer_that_was_not_asked_for_ends_the_connection(
         (frame({"refused": 3}), "neither an answer nor a refusal"),
     ],
 )
-def test_a_relay_that_goes_or_refuses_is_told(connect: Connect, answer: Answer, text: str) -> None:
+def test_a_relay_that_goes_or_refuses_is_told(connect, answer, text):
     link, _ = connect(answer)
     with pytest.raises(LinkLost, match=text):
         link.cycle(Cycle(0, wait=1000.0))
 
 
-def test_a_silent_relay_is_waited_for_as_long_as_the_cycle_and_no_longer(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_silent_relay_is_waited_for_as_long_as_the_cycle_and_no_longer(connect, monkeypatch):
     monkeypatch.setattr("daemon.stacks.ros2.relay_link._SILENCE", 0.05)
     link, _ = connect(b"")
     with pytest.raises(LinkLost, match=r"did not answer within 0 s: it hangs"):
         link.cycle(Cycle(0, wait=0.01))
 
 
-def test_readiness_and_graph_are_read(connect: Connect) -> None:
+def test_readiness_and_graph_are_read(connect):
     ready = {
         "nodes": {"/amcl": "active"},
         "server": True,
@@ -372,7 +363,7 @@ def test_readiness_and_graph_are_read(connect: Connect) -> None:
 
 
 READY = {"nodes": {"/amcl": ""}, "server": True, "command": "", "listeners": {"/scan": 0}}
-EMPTY: dict[str, Any] = {"endpoints": [], "nodes": [], "services": []}
+EMPTY = {"endpoints": [], "nodes": [], "services": []}
 
 
 @pytest.mark.parametrize(
@@ -388,9 +379,7 @@ EMPTY: dict[str, Any] = {"endpoints": [], "nodes": [], "services": []}
         ("cancel_goals", {"a": 1}, "what has no answer"),
     ],
 )
-def test_answers_are_about_what_was_asked(
-    connect: Connect, call: str, answer: Any, text: str
-) -> None:
+def test_answers_are_about_what_was_asked(connect, call, answer, text):
     link, _ = connect((answer, b""))
     arguments = ("/amcl", ("max",)) if call == "parameters" else ()
     with pytest.raises(LinkLost, match=text):
@@ -410,8 +399,7 @@ HEADS = st.dictionaries(
 
 
 @given(head=HEADS, blob=st.binary(max_size=64))
-@settings(deadline=None)
-def test_frames_are_what_they_were(head: dict[str, Any], blob: bytes) -> None:
+def test_frames_are_what_they_were(head, blob):
     data = relay.encode_frame(head, blob)
     sizes = relay.HEADER.unpack_from(data)
     relay.check_lengths(*sizes)
@@ -420,8 +408,7 @@ def test_frames_are_what_they_were(head: dict[str, Any], blob: bytes) -> None:
 
 
 @given(data=st.binary(max_size=200))
-@settings(deadline=None)
-def test_a_head_is_an_object_or_an_error_of_the_protocol(data: bytes) -> None:
+def test_a_head_is_an_object_or_an_error_of_the_protocol(data):
     try:
         assert isinstance(relay.decode_head(data), dict)
     except relay.ProtocolError as error:
@@ -429,10 +416,7 @@ def test_a_head_is_an_object_or_an_error_of_the_protocol(data: bytes) -> None:
 
 
 @given(data=st.binary(min_size=1, max_size=300), value=HEADS)
-@settings(deadline=None, max_examples=30)
-def test_garbage_as_an_answer_is_a_lost_link(
-    data: bytes, value: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_garbage_as_an_answer_is_a_lost_link(data, value, tmp_path_factory):
     for answer in (data, frame({"answer": value}, data), frame({"answer": QUIET | value}, data)):
         link = RelayLink.listen(tmp_path_factory.mktemp("link") / "socket", NONCE)
         peer = PretendedRelay(link.address, frame(HELLO), [({}, b""), answer], hang_up=True)
@@ -443,7 +427,7 @@ def test_garbage_as_an_answer_is_a_lost_link(
         peer.join()
 
 
-def test_the_relay_is_a_file_that_says_what_it_is() -> None:
+def test_the_relay_is_a_file_that_says_what_it_is():
     assert relay_path().name == "relay.py"
     said = subprocess.run(
         [sys.executable, relay_path(), "--help"], capture_output=True, text=True, check=True
@@ -452,7 +436,7 @@ def test_the_relay_is_a_file_that_says_what_it_is() -> None:
     assert "ROS 2" in said.stdout
 
 
-def test_the_relay_says_what_it_lacks(tmp_path: Path) -> None:
+def test_the_relay_says_what_it_lacks(tmp_path):
     """Run by a Python without rclpy: the sentence comes over the socket."""
     link = RelayLink.listen(tmp_path / "socket", NONCE)
     environment = {"SCENARIO_SOCKET": link.address, "SCENARIO_NONCE": NONCE}
@@ -470,7 +454,7 @@ def test_the_relay_says_what_it_lacks(tmp_path: Path) -> None:
     assert "cannot import rclpy" in error
 
 
-def test_a_relay_whose_starter_closes_its_stdin_ends(tmp_path: Path) -> None:
+def test_a_relay_whose_starter_closes_its_stdin_ends(tmp_path):
     environment = {"SCENARIO_SOCKET": str(tmp_path / "nobody"), "SCENARIO_KEEP": "1"}
     child = subprocess.Popen(
         [sys.executable, "-I", relay_path()],
@@ -484,7 +468,7 @@ def test_a_relay_whose_starter_closes_its_stdin_ends(tmp_path: Path) -> None:
     assert "stdin was closed" in error
 
 
-def test_a_relay_without_an_address_says_so() -> None:
+def test_a_relay_without_an_address_says_so():
     said = subprocess.run(
         [sys.executable, relay_path()], env={}, capture_output=True, text=True, check=False
     )

@@ -1,7 +1,4 @@
-from __future__ import annotations
-
 import shlex
-from typing import Any
 
 import pytest
 
@@ -27,7 +24,7 @@ from grammars.model.robot import Laser
 
 LASER = Laser(Pose2(), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0)
 LAUNCH = "ros2 launch my_robot nav.launch.py map:={map} params_file:={params}"
-STACK: dict[str, Any] = {
+STACK = {
     "launch": LAUNCH,
     "files": {"params": "nav2.yaml"},
     "ready": ["amcl", "bt_navigator"],
@@ -35,17 +32,17 @@ STACK: dict[str, Any] = {
 }
 
 
-def problems(**changed: Any) -> list[str]:
+def problems(**changed):
     with pytest.raises(ParameterError) as caught:
         read_settings(STACK | changed)
     return [str(problem) for problem in caught.value.problems]
 
 
-def warnings(**changed: Any) -> list[str]:
+def warnings(**changed):
     return [str(problem) for problem in check_settings(STACK | changed).problems]
 
 
-def test_what_is_left_out_is_as_documented() -> None:
+def test_what_is_left_out_is_as_documented():
     found = read_settings(STACK)
     assert (found.scan_topic(LASER), found.topics.tf_static) == ("/scan", "/tf_static")
     assert (found.action, found.action_kind) == ("/navigate_to_pose", "navigate_to_pose")
@@ -56,7 +53,7 @@ def test_what_is_left_out_is_as_documented() -> None:
     assert warnings() == []
 
 
-def test_names_are_resolved_in_the_namespace() -> None:
+def test_names_are_resolved_in_the_namespace():
     found = read_settings(
         STACK
         | {
@@ -74,7 +71,7 @@ def test_names_are_resolved_in_the_namespace() -> None:
     assert found.ready == ("/robot1/amcl", "/map_server")
 
 
-def test_values_come_with_units_and_in_words() -> None:
+def test_values_come_with_units_and_in_words():
     found = read_settings(
         STACK
         | {
@@ -136,15 +133,15 @@ def test_values_come_with_units_and_in_words() -> None:
         ({"repeatable": True}, "a stack outside of the simulation is never repeatable"),
     ],
 )  # fmt: skip
-def test_every_problem_is_at_its_place(changed: dict[str, Any], complaint: str) -> None:
+def test_every_problem_is_at_its_place(changed, complaint):
     assert any(complaint in problem for problem in problems(**changed))
 
 
-def test_all_problems_are_told_at_once() -> None:
+def test_all_problems_are_told_at_once():
     assert len(problems(late="5 s", reuse="maybe", mission="dock")) == 3
 
 
-def test_an_image_needs_no_command() -> None:
+def test_an_image_needs_no_command():
     found = read_settings({"container": {"image": "my/nav2"}, "files": {}})
     assert found.launch == ""
 
@@ -168,16 +165,16 @@ def test_an_image_needs_no_command() -> None:
         ),
     ],
 )
-def test_what_probably_does_not_work_is_said(changed: dict[str, Any], warning: str) -> None:
+def test_what_probably_does_not_work_is_said(changed, warning):
     assert any(warning in found for found in warnings(**changed))
 
 
-def test_what_a_transport_never_reads_is_without_effect() -> None:
+def test_what_a_transport_never_reads_is_without_effect():
     found = check_settings(STACK | {"distribution": "jazzy"}).without_effect
     assert [finding.path for finding in found] == [("distribution",)]
 
 
-def test_values_are_one_word_to_the_shell() -> None:
+def test_values_are_one_word_to_the_shell():
     awkward = "a b'; rm -rf $HOME #"
     filled = fill("run {params} {{x}} ${{HOME}}", {"params": awkward})
     assert filled == f"run {shlex.quote(awkward)} {{x}} ${{HOME}}"
@@ -187,12 +184,12 @@ def test_values_are_one_word_to_the_shell() -> None:
 
 
 @pytest.mark.parametrize("text", ["{", "}", "{}", "{ map }", "{{map}", "{map}}"])
-def test_lone_braces_are_refused(text: str) -> None:
+def test_lone_braces_are_refused(text):
     with pytest.raises(PlaceholderError, match="begins or ends no placeholder"):
         fill(text, {"map": "m"})
 
 
-def test_a_run_has_every_placeholder_that_is_offered() -> None:
+def test_a_run_has_every_placeholder_that_is_offered():
     settings = read_settings(STACK | {"namespace": "/robot1"})
     values = run_values(
         start=Pose2(1.0, -0.25, 1e-17),
@@ -207,7 +204,7 @@ def test_a_run_has_every_placeholder_that_is_offered() -> None:
     assert placeholders_in(LAUNCH) == ("map", "params")
 
 
-def test_only_the_command_is_quoted() -> None:
+def test_only_the_command_is_quoted():
     settings = read_settings(
         STACK
         | {
@@ -224,7 +221,7 @@ def test_only_the_command_is_quoted() -> None:
     assert filled.container.options == ("-v", "a b:/p")
 
 
-def test_defaults_of_the_class_are_those_of_a_file() -> None:
+def test_defaults_of_the_class_are_those_of_a_file():
     # Other parts make settings without a file.
     assert read_settings({"launch": "x"}) == Ros2Settings(
         launch="x",
@@ -233,9 +230,7 @@ def test_defaults_of_the_class_are_those_of_a_file() -> None:
     )
 
 
-def test_commands_from_elsewhere_are_refused_unless_the_worker_takes_them(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_commands_from_elsewhere_are_refused_unless_the_worker_takes_them(monkeypatch):
     monkeypatch.setenv("SCENARIO_COMMANDS", "")
     parameters = {"launch": "true", "repeatable": False}
     decide_on_commands(None, elsewhere=True)

@@ -1,10 +1,7 @@
 """What a stack says becomes estimate, plan, particles and lines of the log."""
 
-from __future__ import annotations
-
 import math
 import struct
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,11 +18,11 @@ TOPICS = read_settings({"launch": "true"}).topics
 ODOMETRY = Odometry(1.0, Pose2(1.0, 0.0, 0.0), Twist2())
 
 
-def telemetry() -> Telemetry:
+def telemetry():
     return Telemetry(TOPICS, Frames())
 
 
-def transform(parent: str, child: str, x: float, y: float, yaw: float) -> ReceivedMessage:
+def transform(parent, child, x, y, yaw):
     qz, qw = ros.yaw_quaternion(yaw)
     message = ros.make(
         sensors.TRANSFORMS,
@@ -35,11 +32,11 @@ def transform(parent: str, child: str, x: float, y: float, yaw: float) -> Receiv
     return ReceivedMessage(TOPICS.tf, sensors.TRANSFORMS, data)
 
 
-def message(topic: str, kind: str, **fields: Any) -> ReceivedMessage:
+def message(topic, kind, **fields):
     return ReceivedMessage(topic, kind, ros.serialize(ros.make(kind, **fields), kind))
 
 
-def path(frame: str) -> ReceivedMessage:
+def path(frame):
     header = ros.header(ros.time(0), frame)
     poses = [
         ros.make("geometry_msgs/msg/PoseStamped", header=header, pose=ros.pose(x, 1.0, 0.0, 1.0))
@@ -48,31 +45,31 @@ def path(frame: str) -> ReceivedMessage:
     return message(TOPICS.plan, PATH, header=header, poses=poses)
 
 
-def test_the_estimate_is_the_stacks_correction_with_the_newest_odometry() -> None:
+def test_the_estimate_is_the_stacks_correction_with_the_newest_odometry():
     heard = telemetry().read((transform("map", "odom", 2.0, 3.0, math.pi / 2),), 1.0, ODOMETRY)
     assert heard.estimate is not None
     pose = heard.estimate.pose
     assert (heard.estimate.time, pose.x, pose.y) == pytest.approx((1.0, 2.0, 4.0))
 
 
-def test_this_sides_own_transforms_are_no_estimate() -> None:
+def test_this_sides_own_transforms_are_no_estimate():
     ours = transform("odom", "base_link", 9.0, 9.0, 0.0)
     assert telemetry().read((ours,), 1.0, ODOMETRY).estimate is None
 
 
-def test_another_frame_than_the_map_is_no_estimate() -> None:
+def test_another_frame_than_the_map_is_no_estimate():
     reader = telemetry()
     assert reader.read((transform("world", "odom", 0, 0, 0),), 1.0, ODOMETRY).estimate is None
     assert reader.pose() is None
 
 
-def test_transforms_that_go_round_in_circles_end() -> None:
+def test_transforms_that_go_round_in_circles_end():
     reader = telemetry()
     circle = (transform("b", "base_link", 0, 0, 0), transform("base_link", "b", 0, 0, 0))
     assert reader.read(circle, 1.0, ODOMETRY).estimate is None
 
 
-def test_the_covariance_of_an_estimate_is_that_of_the_pose_topic() -> None:
+def test_the_covariance_of_an_estimate_is_that_of_the_pose_topic():
     full = np.zeros((6, 6))
     full[0, 0], full[1, 1], full[5, 5], full[0, 5] = 1.0, 2.0, 3.0, 0.5
     pose = message(
@@ -94,7 +91,7 @@ def test_the_covariance_of_an_estimate_is_that_of_the_pose_topic() -> None:
     assert both.covariance.tolist() == [[1.0, 0.0, 0.5], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]]
 
 
-def test_a_plan_in_another_frame_is_brought_into_the_map() -> None:
+def test_a_plan_in_another_frame_is_brought_into_the_map():
     reader = telemetry()
     moved = (transform("map", "odom", 10.0, 0.0, 0.0), path("odom"))
     plan = reader.read(moved, 1.0, ODOMETRY).plan
@@ -102,7 +99,7 @@ def test_a_plan_in_another_frame_is_brought_into_the_map() -> None:
     assert plan.tolist() == [[10.0, 1.0], [11.0, 1.0]]
 
 
-def test_a_plan_in_an_unknown_frame_is_told_once() -> None:
+def test_a_plan_in_an_unknown_frame_is_told_once():
     reader = telemetry()
     first = reader.read((path("mars"),), 1.0, ODOMETRY)
     assert first.plan is None
@@ -110,20 +107,20 @@ def test_a_plan_in_an_unknown_frame_is_told_once() -> None:
     assert reader.read((path("mars"),), 2.0, ODOMETRY).events == []
 
 
-def log(level: int, text: str) -> ReceivedMessage:
+def log(level, text):
     return message(
         ROSOUT, LOG, stamp=ros.time(0), level=level, name="amcl", msg=text, file="", function="",
         line=0,
     )  # fmt: skip
 
 
-def test_the_log_has_its_level_and_its_node_and_debug_is_left_out() -> None:
+def test_the_log_has_its_level_and_its_node_and_debug_is_left_out():
     heard = telemetry().read((log(30, "no laser"), log(10, "tick")), 1.0, ODOMETRY)
     assert [(e.text, e.level, e.source) for e in heard.events] == [("no laser", "warn", "amcl")]
     assert heard.log == ["no laser", "tick"]
 
 
-def test_a_stack_that_logs_without_end_is_cut_and_says_so() -> None:
+def test_a_stack_that_logs_without_end_is_cut_and_says_so():
     reader = telemetry()
     many = (log(20, "x"),) * 1000
     lines = [event for _ in range(7) for event in reader.read(many, 1.0, ODOMETRY).events]
@@ -131,7 +128,7 @@ def test_a_stack_that_logs_without_end_is_cut_and_says_so() -> None:
     assert "left out" in lines[-1].text
 
 
-def particles(frame: str, count: int) -> bytes:
+def particles(frame, count):
     name = frame.encode() + b"\0"
     body = struct.pack("<iII", 1, 2, len(name)) + name
     body += bytes(-len(body) % 4) + struct.pack("<I", count)
@@ -142,7 +139,7 @@ def particles(frame: str, count: int) -> bytes:
 
 
 @pytest.mark.parametrize("frame", ["map", "m", "robot/map"])
-def test_particles_are_summed_up_and_thinned(frame: str) -> None:
+def test_particles_are_summed_up_and_thinned(frame):
     data = ReceivedMessage(TOPICS.particles, PARTICLES, particles(frame, 500))
     heard = telemetry().read((data,), 1.0, ODOMETRY)
     assert heard.cloud is not None
@@ -151,7 +148,7 @@ def test_particles_are_summed_up_and_thinned(frame: str) -> None:
     assert heard.particles.shape == (100, 3)
 
 
-def test_damaged_messages_are_told_and_end_nothing() -> None:
+def test_damaged_messages_are_told_and_end_nothing():
     damaged = (
         ReceivedMessage(TOPICS.particles, PARTICLES, particles("map", 5)[:-8]),
         ReceivedMessage(TOPICS.tf, sensors.TRANSFORMS, b"\0\1\0\0\xff"),
@@ -162,7 +159,7 @@ def test_damaged_messages_are_told_and_end_nothing() -> None:
     assert all("cannot be read" in event.text for event in heard.events)
 
 
-def test_commands_are_read_with_their_stamp_if_they_have_one() -> None:
+def test_commands_are_read_with_their_stamp_if_they_have_one():
     twist = ros.twist(0.5, 0.0, -0.2)
     stamped = ros.make(
         "geometry_msgs/msg/TwistStamped", header=ros.header(ros.time(7), "base_link"), twist=twist
@@ -173,7 +170,7 @@ def test_commands_are_read_with_their_stamp_if_they_have_one() -> None:
     assert sensors.read_command(ros.serialize(twist, kind), kind) == (Twist2(0.5, 0, -0.2), None)
 
 
-def test_a_command_that_is_no_velocity_is_refused() -> None:
+def test_a_command_that_is_no_velocity_is_refused():
     kind = "geometry_msgs/msg/Twist"
     with pytest.raises(ValueError, match="no velocity"):
         sensors.read_command(ros.serialize(ros.twist(math.nan, 0.0, 0.0), kind), kind)

@@ -1,7 +1,5 @@
 """Which command answers a cycle, and what is kept until somebody asks."""
 
-from __future__ import annotations
-
 import struct
 from threading import Thread
 
@@ -14,17 +12,17 @@ SECOND = 1_000_000_000
 PATIENCE = 60.0
 
 
-def command(time: int, *, big: bool = False) -> bytes:
+def command(time, *, big=False):
     head = b"\x00\x00\x00\x00" if big else b"\x00\x01\x00\x00"
     return head + struct.pack(">iI" if big else "<iI", *divmod(time, SECOND)) + bytes(60)
 
 
-def nothing() -> bool:
+def nothing():
     raise AssertionError("nothing came that has to be looked after")
 
 
 @pytest.mark.parametrize(("tolerance", "answers"), [(0, False), (9, False), (10, True)])
-def test_a_stamp_may_be_older_by_the_tolerance(tolerance: int, answers: bool) -> None:
+def test_a_stamp_may_be_older_by_the_tolerance(tolerance, answers):
     inbox = Inbox()
     inbox.expect(5 * SECOND - tolerance)
     inbox.put_command("/cmd_vel", STAMPED, command(5 * SECOND - 10))
@@ -34,11 +32,11 @@ def test_a_stamp_may_be_older_by_the_tolerance(tolerance: int, answers: bool) ->
 
 
 @pytest.mark.parametrize("big", [False, True])
-def test_waiting_ends_with_the_answer(big: bool) -> None:
+def test_waiting_ends_with_the_answer(big):
     inbox = Inbox()
     inbox.expect(5 * SECOND)
 
-    def answer() -> None:
+    def answer():
         inbox.put_command("/cmd_vel", STAMPED, command(4 * SECOND, big=big))
         inbox.put_command("/cmd_vel", STAMPED, command(5 * SECOND, big=big))
 
@@ -54,7 +52,7 @@ def test_waiting_ends_with_the_answer(big: bool) -> None:
     assert [message.data for message in taken.messages] == [command(5 * SECOND, big=big)]
 
 
-def test_a_command_without_stamp_from_before_the_clock_is_no_answer() -> None:
+def test_a_command_without_stamp_from_before_the_clock_is_no_answer():
     inbox = Inbox()
     inbox.put_command("/cmd_vel", PLAIN, bytes(52))
     inbox.expect(SECOND)
@@ -65,14 +63,14 @@ def test_a_command_without_stamp_from_before_the_clock_is_no_answer() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", bytes(11)])
-def test_damaged_commands_are_no_answer(data: bytes) -> None:
+def test_damaged_commands_are_no_answer(data):
     inbox = Inbox()
     inbox.expect(0)
     inbox.put_command("/cmd_vel", STAMPED, data)
     assert inbox.latency() is None
 
 
-def test_the_last_of_a_topic_or_all_oldest_first() -> None:
+def test_the_last_of_a_topic_or_all_oldest_first():
     inbox = Inbox()
     assert not inbox.take().heard
     for number in range(3):
@@ -89,7 +87,7 @@ def test_the_last_of_a_topic_or_all_oldest_first() -> None:
     assert inbox.take().messages == ()
 
 
-def test_a_flood_is_bounded() -> None:
+def test_a_flood_is_bounded():
     inbox = Inbox()
     for number in range(5000):
         inbox.put("/rosout", "a/msg/B", True, number.to_bytes(4, "little"))
@@ -98,12 +96,12 @@ def test_a_flood_is_bounded() -> None:
     assert messages[-1].data == (4999).to_bytes(4, "little")
 
 
-def test_news_are_looked_after_while_waiting() -> None:
+def test_news_are_looked_after_while_waiting():
     inbox = Inbox()
     inbox.expect(0)
-    seen: list[bool] = []
+    seen = []
 
-    def attend() -> bool:
+    def attend():
         seen.append(True)
         inbox.put_command("/cmd_vel", STAMPED, command(0))
         return False
@@ -114,7 +112,7 @@ def test_news_are_looked_after_while_waiting() -> None:
     assert inbox.take().heard
 
 
-def test_no_command_is_owed_when_a_goal_has_ended() -> None:
+def test_no_command_is_owed_when_a_goal_has_ended():
     inbox = Inbox()
     inbox.expect(0)
     inbox.wake(heard=True)

@@ -1,7 +1,5 @@
 """Types of ROS 2 interfaces: definitions, hashes and CDR without ROS."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -44,7 +42,7 @@ ROSIDL = json.loads((Path(__file__).parent / "rosidl_hashes.json").read_text("ut
 
 
 @pytest.mark.parametrize("distribution", ["jazzy", "kilted"])
-def test_hashes_are_those_of_rosidl(distribution: str) -> None:
+def test_hashes_are_those_of_rosidl(distribution):
     interfaces = Interfaces(distribution)
     for kind in WHOLE:
         interfaces.load(kind)
@@ -54,21 +52,21 @@ def test_hashes_are_those_of_rosidl(distribution: str) -> None:
     assert {f"{TO_POSE}_{piece}" for piece in pieces} <= set(ours)
 
 
-def test_the_distributions_differ_where_nav2_does() -> None:
+def test_the_distributions_differ_where_nav2_does():
     jazzy, kilted = (ROSIDL[name] for name in ("jazzy", "kilted"))
     assert jazzy[f"{TO_POSE}_SendGoal"] == kilted[f"{TO_POSE}_SendGoal"]
     assert jazzy[f"{THROUGH}_SendGoal"] != kilted[f"{THROUGH}_SendGoal"]
     assert jazzy[f"{WAYPOINTS}_GetResult"] != kilted[f"{WAYPOINTS}_GetResult"]
 
 
-def test_humble_has_no_hashes() -> None:
+def test_humble_has_no_hashes():
     interfaces = Interfaces("humble")
     for kind in WHOLE:
         interfaces.load(kind)
     assert interfaces.hash(f"{TO_POSE}_SendGoal") == NO_HASH
 
 
-def test_a_hash_tells_of_which_distribution_it_is() -> None:
+def test_a_hash_tells_of_which_distribution_it_is():
     wanted = ROSIDL["kilted"][f"{THROUGH}_SendGoal"]
     assert "jazzy" not in distributions_with(f"{THROUGH}_SendGoal", wanted)
     assert "kilted" in distributions_with(f"{THROUGH}_SendGoal", wanted)
@@ -77,7 +75,7 @@ def test_a_hash_tells_of_which_distribution_it_is() -> None:
 
 
 @pytest.mark.parametrize("distribution", ["humble", "jazzy", "kilted", "lyrical"])
-def test_goals_and_results_travel(distribution: str) -> None:
+def test_goals_and_results_travel(distribution):
     interfaces = Interfaces(distribution)
     for kind in WHOLE:
         interfaces.load(kind)
@@ -95,7 +93,7 @@ def test_goals_and_results_travel(distribution: str) -> None:
     assert interfaces.deserialize(result, f"{WAYPOINTS}_GetResult_Response").status == 4
 
 
-def test_messages_of_traces_are_read_with_the_types_of_a_distribution() -> None:
+def test_messages_of_traces_are_read_with_the_types_of_a_distribution():
     interfaces = Interfaces("kilted")
     interfaces.load("geometry_msgs/msg/Twist")
     data = ros_messages.serialize(ros_messages.twist(0.5, 0.0, 0.25), "geometry_msgs/msg/Twist")
@@ -103,14 +101,14 @@ def test_messages_of_traces_are_read_with_the_types_of_a_distribution() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00\x01\x00\x00", b"\x00\x03\x00\x00" + bytes(60)])
-def test_what_is_no_message_is_said(data: bytes) -> None:
+def test_what_is_no_message_is_said(data):
     interfaces = Interfaces("jazzy")
     interfaces.load("geometry_msgs/msg/Twist")
     with pytest.raises(ValueError, match="geometry_msgs/msg/Twist"):
         interfaces.deserialize(data, "geometry_msgs/msg/Twist")
 
 
-def write(folder: Path, name: str, text: str) -> None:
+def write(folder, name, text):
     (folder / name).parent.mkdir(parents=True, exist_ok=True)
     (folder / name).write_text(text, "utf-8")
 
@@ -129,7 +127,7 @@ char[16] token
 
 
 @pytest.mark.parametrize("place", ["", "share", "my_workspace", "installed/share"])
-def test_definitions_of_the_user_come_first(tmp_path: Path, place: str) -> None:
+def test_definitions_of_the_user_come_first(tmp_path, place):
     home = tmp_path / place / "nav2_msgs"
     write(home, "action/NavigateToPose.action", OWN)
     write(home, "msg/PoseIdea.msg", "geometry_msgs/PoseStamped pose\nHeader header\nbyte level\n")
@@ -146,7 +144,7 @@ def test_definitions_of_the_user_come_first(tmp_path: Path, place: str) -> None:
     assert interfaces.hash(f"{WAYPOINTS}_SendGoal") == ROSIDL["jazzy"][f"{WAYPOINTS}_SendGoal"]
 
 
-def test_the_folder_of_the_package_itself_will_do(tmp_path: Path) -> None:
+def test_the_folder_of_the_package_itself_will_do(tmp_path):
     write(tmp_path / "my_msgs", "msg/Own.msg", "bool yes\n")
     interfaces = Interfaces("kilted", [tmp_path / "my_msgs"])
     interfaces.load("my_msgs/msg/Own")
@@ -163,13 +161,13 @@ def test_the_folder_of_the_package_itself_will_do(tmp_path: Path) -> None:
         ("other_msgs/Thing thing\n---\n---\n", "other_msgs/msg/Thing"),
     ],
 )
-def test_what_is_no_definition_is_said(tmp_path: Path, text: str, said: str) -> None:
+def test_what_is_no_definition_is_said(tmp_path, text, said):
     write(tmp_path, "nav2_msgs/action/NavigateToPose.action", text)
     with pytest.raises(InterfaceError, match=said):
         Interfaces("jazzy", [tmp_path]).load(TO_POSE)
 
 
-def test_a_definition_nobody_has_is_said(tmp_path: Path) -> None:
+def test_a_definition_nobody_has_is_said(tmp_path):
     with pytest.raises(InterfaceError, match="definitions: FOLDER"):
         Interfaces("jazzy").load("my_msgs/msg/Own")
     with pytest.raises(InterfaceError, match=str(tmp_path)):

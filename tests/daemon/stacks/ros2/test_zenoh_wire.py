@@ -1,7 +1,5 @@
 """Keys, tokens and attachments of rmw_zenoh."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest
@@ -56,13 +54,13 @@ tokens = st.one_of(
 )
 
 
-def test_the_key_of_a_topic() -> None:
+def test_the_key_of_a_topic():
     key = topic_key(0, "/chatter", "std_msgs/msg/String", STRING_HASH)
     assert key == f"0/chatter/std_msgs::msg::dds_::String_/{STRING_HASH}"
     assert topic_key(5, "/robot1/scan/", "a/msg/B", "h") == "5/robot1/scan/a::msg::dds_::B_/h"
 
 
-def test_the_token_of_a_subscription() -> None:
+def test_the_token_of_a_subscription():
     qos = QosProfile(reliable=False, depth=5)
     token = Token(
         2, "aac3178e146ba6f1", 0, 11, "subscription", "/robot1/amcl", "/robot1/scan",
@@ -74,13 +72,13 @@ def test_the_token_of_a_subscription() -> None:
     )
 
 
-def test_the_token_of_a_node_in_the_root_namespace() -> None:
+def test_the_token_of_a_node_in_the_root_namespace():
     token = Token(0, "1", 0, 0, "node", "/listener")
     assert token_key(token) == "@ros2_lv/0/1/0/0/NN/%/%/listener"
 
 
 @given(tokens)
-def test_tokens_are_read_as_they_are_written(token: Token) -> None:
+def test_tokens_are_read_as_they_are_written(token):
     key = token_key(token)
     assert read_token(key) == token
     # Zenoh has no empty chunks.
@@ -88,12 +86,12 @@ def test_tokens_are_read_as_they_are_written(token: Token) -> None:
 
 
 @given(tokens, names)
-def test_what_later_versions_add_is_not_looked_at(token: Token, more: str) -> None:
+def test_what_later_versions_add_is_not_looked_at(token, more):
     assert read_token(token_key(token) + more) == token
 
 
 @given(st.text())
-def test_no_key_is_trouble(key: str) -> None:
+def test_no_key_is_trouble(key):
     read_token(key)
     read_token(f"@ros2_lv/{key}")
     read_token("@ros2_lv/0/1/0/0/MP/%/%/node/" + key)
@@ -104,7 +102,7 @@ def test_no_key_is_trouble(key: str) -> None:
     ["", "0/chatter/a/b", "@ros2_lv/x/1/0/0/NN/%/%/n", "@ros2_lv/0/1/0/0/XX/%/%/n",
      "@ros2_lv/0/1/0/1/MP/%/%/n/%t", "@ros2_lv/0/1/0/\u0661/NN/%/%/n"],
 )  # fmt: skip
-def test_what_is_no_token(key: str) -> None:
+def test_what_is_no_token(key):
     assert read_token(key) is None
 
 
@@ -118,27 +116,27 @@ def test_what_is_no_token(key: str) -> None:
         (QosProfile(keep_all=True, depth=0), "::2,0:,:,:,,"),
     ],
 )
-def test_profiles(profile: QosProfile, text: str) -> None:
+def test_profiles(profile, text):
     assert qos_text(profile) == text
     assert read_qos(text) == profile
 
 
 @given(profiles)
-def test_profiles_are_read_as_they_are_written(profile: QosProfile) -> None:
+def test_profiles_are_read_as_they_are_written(profile):
     assert read_qos(qos_text(profile)) == profile
 
 
 @given(kinds)
-def test_types_are_read_as_they_are_written(kind: str) -> None:
+def test_types_are_read_as_they_are_written(kind):
     assert kind_of(dds_name(kind)) == kind
 
 
-def test_a_type_of_another_making_stays_as_it_is() -> None:
+def test_a_type_of_another_making_stays_as_it_is():
     assert kind_of("Something") == "Something"
 
 
 @given(st.integers(1, 2**62), st.integers(0, 2**62), st.binary(min_size=16, max_size=16))
-def test_attachments(sequence: int, time: int, sender: bytes) -> None:
+def test_attachments(sequence, time, sender):
     data = attachment(sequence, time, sender)
     assert len(data) == 33
     assert struct.unpack_from("<qqB", data) == (sequence, time, 16)
@@ -146,12 +144,12 @@ def test_attachments(sequence: int, time: int, sender: bytes) -> None:
 
 
 @given(st.binary(max_size=40).filter(lambda data: len(data) != 33))
-def test_what_is_no_attachment_is_said(data: bytes) -> None:
+def test_what_is_no_attachment_is_said(data):
     with pytest.raises(ValueError, match="attachment"):
         read_attachment(data)
 
 
-def test_an_endpoint_is_known_by_the_hash_of_its_token() -> None:
+def test_an_endpoint_is_known_by_the_hash_of_its_token():
     # XXH3-128 of nothing is 99aa06d3014798d86001c324468d497f (its reference implementation).
     assert gid("") == bytes.fromhex("7f498d4624c30160d8984701d306aa99")
     assert len(gid("@ros2_lv/0/1/0/0/MP")) == 16

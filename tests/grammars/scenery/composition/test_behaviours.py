@@ -1,12 +1,10 @@
 """Sentences become concrete behaviours; chance is drawn here, reproducibly."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Servo, Spring, Trigger
@@ -25,24 +23,24 @@ TOGGLE = (
 )
 
 
-def told(*sentences: str) -> str:
+def told(*sentences):
     with pytest.raises(InputError) as caught:
         behaviours_of(DOORS, *sentences)
     return str(caught.value)
 
 
-def test_a_door_stays_where_it_is_told() -> None:
+def test_a_door_stays_where_it_is_told():
     assert behaviours_of(DOORS, "a stays open\nc stays at 20 cm") == (
         Hold("a.hinge", 1.7),
         Hold("c.rail", 0.2),
     )
 
 
-def test_a_mirrored_door_turns_the_other_way() -> None:
+def test_a_mirrored_door_turns_the_other_way():
     assert behaviours_of(DOORS, "b stays at 1.4 rad") == (Hold("b.hinge", -1.4),)
 
 
-def test_a_door_moves_at_given_times() -> None:
+def test_a_door_moves_at_given_times():
     text = "parameter pace = 90 deg/s\na moves to closed at 0 s, to open at 1 min, by servo at pace"
     assert behaviours_of(DOORS, text) == (
         KeyFrames(
@@ -51,7 +49,7 @@ def test_a_door_moves_at_given_times() -> None:
     )
 
 
-def test_key_frames_as_listed_keep_the_order_of_the_list() -> None:
+def test_key_frames_as_listed_keep_the_order_of_the_list():
     text = "a moves to closed at 10 s, to 1 rad at 7 s, to open at 8 s, as listed, by jump"
     (found,) = behaviours_of(DOORS, text)
     frames = (KeyFrame(10.0, 0.0), KeyFrame(7.0, 1.0), KeyFrame(8.0, 1.7))
@@ -60,14 +58,14 @@ def test_key_frames_as_listed_keep_the_order_of_the_list() -> None:
     assert behaviours_of(DOORS, f"{in_order}, as listed") == behaviours_of(DOORS, in_order)
 
 
-def test_a_state_of_several_joints_moves_them_all() -> None:
+def test_a_state_of_several_joints_moves_them_all():
     lift = "l is a lift_door in kitchen_doorway"
     assert behaviours_of(lift, "l stays open") == (Hold("l.left", 0.5), Hold("l.right", 0.5))
     assert behaviours_of(lift, "l.right stays open") == (Hold("l.right", 0.5),)
     assert behaviours_of(lift, "l.right stays at 1 cm") == (Hold("l.right", 0.01),)
 
 
-def test_a_door_reacts_to_the_robot() -> None:
+def test_a_door_reacts_to_the_robot():
     text = (
         "a goes from ajar to closed when the robot's footprint is within 1.3 m of its doorway, "
         "again beyond 2 m, by spring of 0.5 N m/rad damped by 0.1 N m s/rad"
@@ -86,7 +84,7 @@ def test_a_door_reacts_to_the_robot() -> None:
     )
 
 
-def test_chance_is_drawn_into_key_frames() -> None:
+def test_chance_is_drawn_into_key_frames():
     drawn = behaviours_of(DOORS, TOGGLE)
     assert [b.joint for b in drawn] == ["a.hinge", "b.hinge"]
     for behaviour in drawn:
@@ -102,7 +100,7 @@ def test_chance_is_drawn_into_key_frames() -> None:
             assert abs(frame.position) == (1.7 if i % 2 == 0 else 0.0)
 
 
-def test_the_seed_decides_and_every_door_has_its_own_chance() -> None:
+def test_the_seed_decides_and_every_door_has_its_own_chance():
     once, again = behaviours_of(DOORS, TOGGLE, seed=3), behaviours_of(DOORS, TOGGLE, seed=3)
     other = behaviours_of(DOORS, TOGGLE, seed=4)
     assert once == again
@@ -113,7 +111,7 @@ def test_the_seed_decides_and_every_door_has_its_own_chance() -> None:
     assert [f.time for f in a.frames] != [f.time for f in b.frames]
 
 
-def test_the_draw_of_a_seed_never_changes() -> None:
+def test_the_draw_of_a_seed_never_changes():
     (a, _) = behaviours_of(DOORS, TOGGLE, seed=2024)
     assert isinstance(a, KeyFrames)
     assert [f.time for f in a.frames] == RECORDED
@@ -122,13 +120,13 @@ def test_the_draw_of_a_seed_never_changes() -> None:
 RECORDED = [0.0, 306.0, 665.0, 697.0]
 
 
-def test_another_door_changes_no_other_draw() -> None:
+def test_another_door_changes_no_other_draw():
     more = "z is a hinged_door at kitchen\n" + DOORS + "y is a hinged_door at hall, y 1 m\n"
     drawn = {b.joint: b for b in behaviours_of(more, TOGGLE)}
     assert all(drawn[b.joint] == b for b in behaviours_of(DOORS, TOGGLE))
 
 
-def test_probability_and_lateness_do_not_disturb_each_other() -> None:
+def test_probability_and_lateness_do_not_disturb_each_other():
     never = TOGGLE.replace("0.5", "0 %")
     always = TOGGLE.replace("0.5", "100 %")
     (a, _) = behaviours_of(DOORS, never)
@@ -140,10 +138,7 @@ def test_probability_and_lateness_do_not_disturb_each_other() -> None:
 
 
 @given(st.integers(0, 2**63), st.floats(1, 60), st.floats(0, 1), st.floats(0, 100))
-@settings(max_examples=25, deadline=None)
-def test_drawn_frames_are_in_order_and_within_the_run(
-    seed: int, period: float, share: float, since: float
-) -> None:
+def test_drawn_frames_are_in_order_and_within_the_run(seed, period, share, since):
     text = (
         f"a toggles between ajar and open every {period:.6f} s from {since:.6f} s "
         f"with probability {share:.6f}, up to {period * 0.99:.6f} s late"
@@ -156,7 +151,7 @@ def test_drawn_frames_are_in_order_and_within_the_run(
     assert times[-1] <= 300.0
 
 
-def test_a_sentence_that_replaces_another_for_several_joints_says_so_once() -> None:
+def test_a_sentence_that_replaces_another_for_several_joints_says_so_once():
     layers = [
         layer(DOORS, "doors"),
         layer("every hinged_door stays open", "first", models=False),
@@ -168,7 +163,7 @@ def test_a_sentence_that_replaces_another_for_several_joints_says_so_once() -> N
     ]
 
 
-def test_later_layers_win_and_say_so() -> None:
+def test_later_layers_win_and_say_so():
     doors, first, second = (
         layer(DOORS, "doors"),
         layer("every hinged_door stays open", "first", models=False),
@@ -187,7 +182,7 @@ def test_later_layers_win_and_say_so() -> None:
     }
 
 
-def test_two_sentences_of_one_layer_about_one_joint_are_refused() -> None:
+def test_two_sentences_of_one_layer_about_one_joint_are_refused():
     message = told("every hinged_door stays open\na stays closed")
     assert message == (
         "layer_0.scenery:2:1: a.hinge already has a behaviour in this layer\n"
@@ -196,7 +191,7 @@ def test_two_sentences_of_one_layer_about_one_joint_are_refused() -> None:
     assert len(behaviours_of(DOORS, "every hinged_door except a stays open\na stays closed")) == 2
 
 
-def test_groups_reach_across_layers_and_a_campaign_may_change_them() -> None:
+def test_groups_reach_across_layers_and_a_campaign_may_change_them():
     doors = layer(DOORS + "group front: a", "doors")
     sentence = layer(
         "group chosen: every front\nparameter near = 1 m\n"
@@ -266,11 +261,11 @@ MESSAGES = {
 
 
 @pytest.mark.parametrize("text", MESSAGES)
-def test_what_makes_no_sense_is_explained(text: str) -> None:
+def test_what_makes_no_sense_is_explained(text):
     assert told(text).split(": ", 1)[1].startswith(MESSAGES[text])
 
 
-def test_an_unknown_layer_in_the_overrides_is_reported() -> None:
+def test_an_unknown_layer_in_the_overrides_is_reported():
     with pytest.raises(InputError, match='there is no layer "dors"\n    did you mean "doors"'):
         resolve_behaviours(
             scene_with(DOORS),
@@ -281,7 +276,7 @@ def test_an_unknown_layer_in_the_overrides_is_reported() -> None:
         )
 
 
-def test_what_belongs_to_the_scene_is_not_lost_in_a_behaviour_layer() -> None:
+def test_what_belongs_to_the_scene_is_not_lost_in_a_behaviour_layer():
     scene = scene_with(DOORS)
     late = layer("a starts open\nb is frozen", "late", models=False)
     with pytest.raises(InputError) as caught:
@@ -299,7 +294,7 @@ def test_what_belongs_to_the_scene_is_not_lost_in_a_behaviour_layer() -> None:
     assert resolved(compile_scene(two_rooms(), together), together).behaviours == ()
 
 
-def test_the_first_draw_comes_after_one_period_unless_something_else_is_said() -> None:
+def test_the_first_draw_comes_after_one_period_unless_something_else_is_said():
     (a,) = behaviours_of(
         DOORS, "a toggles between closed and open every 20 s, with probability 100 %", limit=60.0
     )
@@ -307,7 +302,7 @@ def test_the_first_draw_comes_after_one_period_unless_something_else_is_said() -
     assert [f.time for f in a.frames] == [0.0, 20.0, 40.0, 60.0]
 
 
-def test_a_group_of_one_name_in_two_layers_must_not_be_guessed() -> None:
+def test_a_group_of_one_name_in_two_layers_must_not_be_guessed():
     layers = [
         layer(DOORS, "doors"),
         layer("group some: a", "one", models=False),
@@ -324,7 +319,7 @@ def test_a_group_of_one_name_in_two_layers_must_not_be_guessed() -> None:
     assert [b.joint for b in resolved(scene, own).behaviours] == ["c.rail"]
 
 
-def test_groups_leave_out_their_exceptions_and_name_joints_of_their_members() -> None:
+def test_groups_leave_out_their_exceptions_and_name_joints_of_their_members():
     text = "group most: every hinged_door except b\nevery most.hinge stays open"
     assert behaviours_of(DOORS, text) == (Hold("a.hinge", 1.7),)
     assert "b has no joint" in told("group g: a, b\nevery g.rail stays closed").replace(
@@ -332,7 +327,7 @@ def test_groups_leave_out_their_exceptions_and_name_joints_of_their_members() ->
     )
 
 
-def test_a_servo_and_a_spring_may_take_parameters() -> None:
+def test_a_servo_and_a_spring_may_take_parameters():
     text = (
         "parameter pull = 2 N m/rad\nparameter loss = 1 N m s/rad\nparameter pace = 1 rad/s\n"
         "parameter push = 9 N m\n"

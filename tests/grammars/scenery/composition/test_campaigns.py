@@ -1,9 +1,6 @@
 """The worlds that ship with the project: doors in their places, opening to the right side."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +9,8 @@ from shapely.geometry import Point, Polygon
 from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Hold, Jump, KeyFrames, Spring, Trigger
 from grammars.model.kinematics import link_poses
-from grammars.model.scene import Scene, SceneObject
 from grammars.preflight import check_scene
-from grammars.scenery import SceneryLayer, load_scenery
+from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Severity
 
@@ -56,25 +52,23 @@ PUBLISHED_S1 = {
 
 
 @pytest.fixture(scope="module")
-def layers(campaigns: Path) -> dict[str, SceneryLayer]:
+def layers(campaigns):
     folder = campaigns / "ortega2024"
     return {file.stem: load_scenery(file) for file in sorted(folder.glob("*.scenery"))}
 
 
 @pytest.fixture(scope="module")
-def building(campaigns: Path, layers: dict[str, SceneryLayer]) -> Scene:
+def building(campaigns, layers):
     plan = load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
     return compile_scene(plan, [layers["doors"]])
 
 
-def leaf(door: SceneObject, angle: float) -> Polygon:
+def leaf(door, angle):
     shape = next(link for link in door.links if link.name == "leaf")
     return Polygon(link_poses(door, [angle])["leaf"].apply_ring(shape.polygons[0]))
 
 
-def test_the_doors_of_scenario_1_stand_where_its_world_has_them(
-    campaigns: Path, layers: dict[str, SceneryLayer], building: Scene
-) -> None:
+def test_the_doors_of_scenario_1_stand_where_its_world_has_them(campaigns, layers, building):
     plan = load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
     scene = compile_scene(plan, [layers["doors_s1"]])
     for door, other, (number, pose) in zip(
@@ -89,7 +83,7 @@ def test_the_doors_of_scenario_1_stand_where_its_world_has_them(
 
 
 @pytest.mark.parametrize("number", PUBLISHED)
-def test_doors_stand_where_the_published_world_has_them(building: Scene, number: int) -> None:
+def test_doors_stand_where_the_published_world_has_them(building, number):
     door = building.objects[number - 1]
     assert door.name == f"door_{number}"
     assert (door.pose.x, door.pose.y, door.pose.yaw) == pytest.approx(PUBLISHED[number], abs=1e-6)
@@ -97,7 +91,7 @@ def test_doors_stand_where_the_published_world_has_them(building: Scene, number:
 
 
 @pytest.mark.parametrize("number", range(1, 12))
-def test_office_doors_open_into_the_corridor(building: Scene, number: int) -> None:
+def test_office_doors_open_into_the_corridor(building, number):
     corridor = next(r for r in building.regions if r.name == "left_long_corridor")
     tip = leaf(building.objects[number - 1], 1.4).centroid
     assert Polygon(corridor.outline).covers(tip)
@@ -107,35 +101,31 @@ def test_office_doors_open_into_the_corridor(building: Scene, number: int) -> No
     ("numbers", "room"),
     [((12, 13), "classroom_c069"), ((14, 15), "classroom_c022"), ((16, 17), "classroom_c025")],
 )
-def test_classroom_doors_open_into_their_rooms(
-    building: Scene, numbers: tuple[int, int], room: str
-) -> None:
+def test_classroom_doors_open_into_their_rooms(building, numbers, room):
     region = next(r for r in building.regions if r.name == room)
     for number in numbers:
         tip = leaf(building.objects[number - 1], 1.4).centroid
         assert Polygon(region.outline).covers(Point(tip))
 
 
-def test_a_closed_door_fills_its_doorway(building: Scene) -> None:
+def test_a_closed_door_fills_its_doorway(building):
     for door in building.objects:
         doorway = next(d for d in building.doorways if d.name == door.doorway)
         covered = Polygon(doorway.footprint).intersection(leaf(door, 0.0))
         assert covered.area == pytest.approx(0.93 * 0.05, rel=1e-6)
 
 
-def resolve(scene: Scene, *layers: SceneryLayer) -> dict[str, object]:
+def resolve(scene, *layers):
     result = resolve_behaviours(scene, layers, seed=np.random.SeedSequence(1), limit=1200.0)
     return {b.joint.removesuffix(".hinge"): b for b in result.behaviours}
 
 
-def test_scenario_1_holds_every_door_shut(building: Scene, layers: dict[str, SceneryLayer]) -> None:
+def test_scenario_1_holds_every_door_shut(building, layers):
     told = resolve(building, layers["doors"], layers["doors_closed"])
     assert told == {f"door_{n}": Hold(f"door_{n}.hinge", 0.0) for n in PUBLISHED}
 
 
-def test_scenario_2_moves_eleven_doors_at_random_times(
-    building: Scene, layers: dict[str, SceneryLayer]
-) -> None:
+def test_scenario_2_moves_eleven_doors_at_random_times(building, layers):
     told = resolve(building, layers["doors"], layers["doors_random"])
     moving = [b for b in told.values() if isinstance(b, KeyFrames)]
     assert [b.joint for b in moving] == [f"door_{n}.hinge" for n in range(1, 12)]
@@ -146,9 +136,7 @@ def test_scenario_2_moves_eleven_doors_at_random_times(
     assert sum(isinstance(b, Hold) for b in told.values()) == 6
 
 
-def test_scenario_3_shuts_two_doors_in_the_face_of_the_robot(
-    building: Scene, layers: dict[str, SceneryLayer]
-) -> None:
+def test_scenario_3_shuts_two_doors_in_the_face_of_the_robot(building, layers):
     told = resolve(building, *(layers[n] for n in ("doors", "doors_open", "close_on_approach")))
     for number in (12, 17):
         joint = f"door_{number}.hinge"
@@ -160,17 +148,13 @@ def test_scenario_3_shuts_two_doors_in_the_face_of_the_robot(
     assert told["door_1"] == Hold("door_1.hinge", 0.0)
 
 
-def test_scenario_2_as_published_has_the_doors_of_the_corridor_alone(
-    campaigns: Path, layers: dict[str, SceneryLayer], building: Scene
-) -> None:
+def test_scenario_2_as_published_has_the_doors_of_the_corridor_alone(campaigns, layers, building):
     plan = load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
     scene = compile_scene(plan, [layers["doors_s2"]])
     assert scene.objects == building.objects[:11]
 
 
-def test_scenario_2_as_published_moves_ten_doors_and_keeps_the_eleventh_shut(
-    building: Scene, layers: dict[str, SceneryLayer]
-) -> None:
+def test_scenario_2_as_published_moves_ten_doors_and_keeps_the_eleventh_shut(building, layers):
     told = resolve(building, layers["doors"], layers["doors_timed_era"])
     assert list(told) == [f"door_{n}" for n in range(1, 12)]
     for name, behaviour in told.items():
@@ -182,9 +166,7 @@ def test_scenario_2_as_published_moves_ten_doors_and_keeps_the_eleventh_shut(
 @pytest.mark.parametrize(
     ("layer", "begin"), [("close_on_approach_era", None), ("close_on_approach_swinging", 0.0)]
 )
-def test_the_published_triggers_count_from_the_foot(
-    building: Scene, layers: dict[str, SceneryLayer], layer: str, begin: float | None
-) -> None:
+def test_the_published_triggers_count_from_the_foot(building, layers, layer, begin):
     told = resolve(building, *(layers[n] for n in ("doors", "doors_open", layer)))
     for number in (12, 17):
         joint = f"door_{number}.hinge"
@@ -193,7 +175,7 @@ def test_the_published_triggers_count_from_the_foot(
 
 
 @pytest.mark.parametrize("behaviour", ["doors_open", "doors_moving", "doors_in_your_face"])
-def test_the_demo_flat_is_sound(campaigns: Path, behaviour: str) -> None:
+def test_the_demo_flat_is_sound(campaigns, behaviour):
     folder = campaigns / "demo"
     loaded = [load_scenery(folder / f"{name}.scenery") for name in ("doors", behaviour)]
     scene = compile_scene(load_floorplan(folder / "flat.fpm"), loaded)
@@ -208,5 +190,5 @@ def test_the_demo_flat_is_sound(campaigns: Path, behaviour: str) -> None:
     assert result.overridden == ()
 
 
-def test_building_c_has_no_errors(building: Scene) -> None:
+def test_building_c_has_no_errors(building):
     assert [d for d in check_scene(building) if d.severity is Severity.ERROR] == []

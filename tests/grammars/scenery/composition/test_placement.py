@@ -1,47 +1,44 @@
 """Objects stand where the layers say, and open to the side they say."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
 from shapely.geometry import Point, Polygon
 
-from grammars.model.geometry import Point2, Pose2
+from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
-from grammars.model.scene import Scene, SceneObject
 from grammars.scenery.composition import compile_scene
 from grammars.text.diagnostics import InputError
 from tests.grammars.plans import layer, scene_with, two_rooms
 
 
-def outline(body: SceneObject, link: str, *positions: float) -> Polygon:
+def outline(body, link, *positions):
     pose = link_poses(body, positions)[link]
     shape = next(part for part in body.links if part.name == link)
     return Polygon(pose.apply_ring(shape.polygons[0]))
 
 
-def the_door(text: str) -> SceneObject:
+def the_door(text):
     return scene_with(text).objects[0]
 
 
-def room_of(scene: Scene, point: Point2) -> str:
+def room_of(scene, point):
     return next((r.name for r in scene.regions if Polygon(r.outline).covers(Point(point))), "")
 
 
-def told(text: str) -> str:
+def told(text):
     with pytest.raises(InputError) as caught:
         scene_with(text)
     return str(caught.value).split(": ", 1)[1]
 
 
-def test_an_object_stands_in_the_frame_of_a_wall() -> None:
+def test_an_object_stands_in_the_frame_of_a_wall():
     # wall 1 of the hall is the east one: its frame at (5, 0) looks down (-y)
     door = the_door("d is a hinged_door at hall.walls[1], x 1 m, y 0.1 m, turned 90 deg")
     assert door.pose == Pose2(5.1, -1.0, 0.0)
 
 
-def test_an_object_stands_in_any_frame() -> None:
+def test_an_object_stands_in_any_frame():
     for frame, expected in {
         "world": (0.0, 0.0),
         "kitchen": (0.0, 3.9),
@@ -55,9 +52,7 @@ def test_an_object_stands_in_any_frame() -> None:
 
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("towards", ["inwards", "outwards", "into hall", "into kitchen"])
-def test_a_hinged_door_fits_its_doorway_and_opens_to_the_side_it_should(
-    side: str, towards: str
-) -> None:
+def test_a_hinged_door_fits_its_doorway_and_opens_to_the_side_it_should(side, towards):
     scene = scene_with(f"d is a hinged_door in kitchen_doorway, hinge {side}, opening {towards}")
     door = scene.objects[0]
     joint = door.joints[0]
@@ -74,12 +69,12 @@ def test_a_hinged_door_fits_its_doorway_and_opens_to_the_side_it_should(
     assert room_of(scene, (tip.x, tip.y)) == expected
 
 
-def test_left_and_right_may_be_seen_from_the_other_room() -> None:
+def test_left_and_right_may_be_seen_from_the_other_room():
     text = "d is a hinged_door in kitchen_doorway, hinge {} seen from {}, opening into hall"
     assert the_door(text.format("left", "kitchen")) == the_door(text.format("right", "hall"))
 
 
-def test_a_recessed_door_stands_deeper_in_the_wall() -> None:
+def test_a_recessed_door_stands_deeper_in_the_wall():
     text = "d is a hinged_door in kitchen_doorway, hinge left, opening inwards"
     flush, deep = the_door(text), the_door(text + ", recessed 12 cm")
     assert outline(flush, "leaf", 0.0).bounds[1] == pytest.approx(2.0)
@@ -88,7 +83,7 @@ def test_a_recessed_door_stands_deeper_in_the_wall() -> None:
 
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize(("on", "y"), [("on the inside", 2.0), ("on the side of kitchen", 2.4)])
-def test_a_slider_hangs_on_its_side_of_the_wall(side: str, on: str, y: float) -> None:
+def test_a_slider_hangs_on_its_side_of_the_wall(side, on, y):
     scene = scene_with(f"d is a slider in kitchen_doorway, sliding {side}, {on}")
     panel = outline(scene.objects[0], "panel", 0.0)
     opened = outline(scene.objects[0], "panel", 1.0)
@@ -97,14 +92,14 @@ def test_a_slider_hangs_on_its_side_of_the_wall(side: str, on: str, y: float) ->
     assert (opened.centroid.x < panel.centroid.x) == (side == "left")
 
 
-def test_a_double_slider_stands_in_the_middle_of_its_doorway() -> None:
+def test_a_double_slider_stands_in_the_middle_of_its_doorway():
     lift = the_door("d is a lift_door in kitchen_doorway")
     assert (lift.pose.x, lift.pose.y) == pytest.approx((0.5, 2.2))
     assert lift.doorway == "kitchen_doorway"
     assert lift.initial == (0.0, 0.0)
 
 
-def test_objects_start_closed_unless_something_else_is_said() -> None:
+def test_objects_start_closed_unless_something_else_is_said():
     place = "at kitchen_doorway"
     assert the_door(f"d is a hinged_door {place}").initial == (0.0,)
     assert the_door(f"d is a hinged_door {place}, starts open").initial == (1.7,)
@@ -120,7 +115,7 @@ def test_objects_start_closed_unless_something_else_is_said() -> None:
     assert (started.joints[0].lower, started.joints[0].upper) == (-2.0, 0.0)
 
 
-def test_a_second_layer_changes_how_a_door_starts_without_touching_the_first() -> None:
+def test_a_second_layer_changes_how_a_door_starts_without_touching_the_first():
     doors = layer("d is a hinged_door at kitchen_doorway\ne is a hinged_door at hall")
     more = layer("every hinged_door starts ajar\nd is frozen", "more", models=False)
     d, e = compile_scene(two_rooms(), [doors, more]).objects
@@ -128,7 +123,7 @@ def test_a_second_layer_changes_how_a_door_starts_without_touching_the_first() -
     assert (d.frozen, e.frozen) == (True, False)
 
 
-def test_a_door_placed_by_hand_knows_its_doorway() -> None:
+def test_a_door_placed_by_hand_knows_its_doorway():
     beside = "d is a hinged_door at kitchen_doorway, x {} m, y 0.2 m, turned -90 deg"
     assert the_door(beside.format("-0.475")).doorway == "kitchen_doorway"
     assert the_door(beside.format("2")).doorway == ""
@@ -178,18 +173,18 @@ MESSAGES = {
 
 
 @pytest.mark.parametrize("text", MESSAGES)
-def test_what_cannot_be_placed_is_explained(text: str) -> None:
+def test_what_cannot_be_placed_is_explained(text):
     assert told(text).startswith(MESSAGES[text])
 
 
-def test_a_door_wider_than_its_doorway_is_refused() -> None:
+def test_a_door_wider_than_its_doorway_is_refused():
     narrow = two_rooms(("width=1 m, height=2 m", "width=0.9 m, height=2 m"))
     door = layer("d is a hinged_door in kitchen_doorway, hinge left, opening inwards")
     with pytest.raises(InputError, match="d is 0.990 m wide, kitchen_doorway only 0.900 m"):
         compile_scene(narrow, [door])
 
 
-def test_the_same_name_in_two_layers_is_reported_with_both_places() -> None:
+def test_the_same_name_in_two_layers_is_reported_with_both_places():
     first = layer("d is a hinged_door at hall", "first")
     second = layer("d is a hinged_door at kitchen", "second", models=False)
     with pytest.raises(InputError) as caught:
@@ -198,7 +193,7 @@ def test_the_same_name_in_two_layers_is_reported_with_both_places() -> None:
     assert "first.scenery:" in str(caught.value)
 
 
-def test_every_object_that_cannot_be_placed_is_reported() -> None:
+def test_every_object_that_cannot_be_placed_is_reported():
     with pytest.raises(InputError) as caught:
         scene_with("d is a hinged_door at nowhere\ne is a hinged_door in nothing")
     assert len(caught.value.diagnostics) == 2

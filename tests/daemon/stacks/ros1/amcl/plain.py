@@ -1,27 +1,22 @@
 """AMCL written to be read: plain numpy and loops, the measure of the compiled one."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
-from daemon.stacks.kernels import Singles
-from daemon.stacks.ros1.amcl import AmclParameters
-from grammars.model.geometry import Floats, Pose2, wrap_angle
-from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
-from grammars.model.robot import Laser
+from grammars.model.geometry import Pose2, wrap_angle
+from grammars.model.grid import FREE, OCCUPIED
 
 Bin = tuple[int, int, int]
 Cell = tuple[int, int]
 
 
-def single(value: float) -> float:
+def single(value):
     """Round to single precision, in which messages carry limits and ranges."""
     return float(np.float32(value))
 
 
-def distances(grid: OccupancyGrid, cap: float) -> Floats:
+def distances(grid, cap):
     """Distance [m] of every cell to the nearest occupied one, ``cap`` beyond ``cap``."""
     found = np.argwhere(grid.cells == OCCUPIED)
     if len(found) == 0:
@@ -39,14 +34,14 @@ class Waiting:
     and what is put in stops below an equal one.
     """
 
-    def __init__(self) -> None:
-        self.entries: list[tuple[int, Cell, Cell]] = []
+    def __init__(self):
+        self.entries = []
 
-    def push(self, entry: tuple[int, Cell, Cell]) -> None:
+    def push(self, entry):
         self.entries.append(entry)
         self._put(len(self.entries) - 1, entry)
 
-    def pop(self) -> None:
+    def pop(self):
         last = self.entries.pop()
         count, hole = len(self.entries), 0
         if not count:
@@ -57,14 +52,14 @@ class Waiting:
             hole = nearest
         self._put(hole, last)
 
-    def _put(self, place: int, entry: tuple[int, Cell, Cell]) -> None:
+    def _put(self, place, entry):
         while place and self.entries[(place - 1) // 2][0] > entry[0]:
             self.entries[place] = self.entries[(place - 1) // 2]
             place = (place - 1) // 2
         self.entries[place] = entry
 
 
-def brushfire(grid: OccupancyGrid, cap: float) -> tuple[Floats, int]:
+def brushfire(grid, cap):
     """Return distances [m] as ``map_update_cspace`` spreads them, and how many cells were skipped.
 
     Those are nearer than the cell they were reached from, which is still in the queue: they leave
@@ -97,7 +92,7 @@ def brushfire(grid: OccupancyGrid, cap: float) -> tuple[Floats, int]:
     return away, skipped
 
 
-def cell_of(grid: OccupancyGrid, x: Floats, y: Floats) -> tuple[np.ndarray, np.ndarray]:
+def cell_of(grid, x, y):
     """Row and column as ``MAP_GXWX`` has them, about an origin in the middle of the map."""
     rows, columns = grid.cells.shape
     middle_x = grid.x + columns // 2 * grid.resolution
@@ -107,14 +102,13 @@ def cell_of(grid: OccupancyGrid, x: Floats, y: Floats) -> tuple[np.ndarray, np.n
     return j.astype(int), i.astype(int)
 
 
-def beams(laser: Laser, maximum: int) -> range:
+def beams(laser, maximum):
     return range(0, laser.rays, max(1, (laser.rays - 1) // (maximum - 1)))
 
 
 def distances_at_ends(
-    parameters: AmclParameters, grid: OccupancyGrid, field: Floats, laser: Laser, poses: Floats,
-    ranges: Singles, indices: range,
-) -> Floats:  # fmt: skip
+    parameters, grid, field, laser, poses,
+    ranges, indices):  # fmt: skip
     """Distance to the nearest obstacle at every usable beam's end, shape (particles, beams)."""
     bearings = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
     columns = []
@@ -133,22 +127,21 @@ def distances_at_ends(
     return np.array(columns).reshape(-1, len(poses)).T
 
 
-def pz(parameters: AmclParameters, laser: Laser, away: Floats) -> Floats:
+def pz(parameters, laser, away):
     hit = np.exp(-(away**2) / (2.0 * parameters.laser_sigma_hit**2))
     return parameters.laser_z_hit * hit + parameters.laser_z_rand / single(laser.range_max)
 
 
 def likelihood(
-    parameters: AmclParameters, grid: OccupancyGrid, field: Floats, laser: Laser, poses: Floats,
-    ranges: Singles,
-) -> Floats:  # fmt: skip
+    parameters, grid, field, laser, poses,
+    ranges):  # fmt: skip
     """p = 1 + sum pz^3 of each pose (n, 3)."""
     indices = beams(laser, parameters.laser_max_beams)
     away = distances_at_ends(parameters, grid, field, laser, poses, ranges, indices)
     return 1.0 + (pz(parameters, laser, away) ** 3).sum(axis=1)
 
 
-def map_range(grid: OccupancyGrid, x: float, y: float, angle: float, reach: float) -> float:
+def map_range(grid, x, y, angle, reach):
     """Walk Bresenham's line from cell to cell until something is not free."""
     (j0, j1), (i0, i1) = cell_of(
         grid,
@@ -173,9 +166,7 @@ def map_range(grid: OccupancyGrid, x: float, y: float, angle: float, reach: floa
             error -= abs(a1 - a0)
 
 
-def beam_likelihood(
-    p: AmclParameters, grid: OccupancyGrid, laser: Laser, pose: Floats, ranges: Singles
-) -> float:
+def beam_likelihood(p, grid, laser, pose, ranges):
     """The mixture of Probabilistic Robotics, table 6.1, beams combined as 1 + sum pz^3."""
     bearings = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
     most = single(laser.range_max)
@@ -196,7 +187,7 @@ def beam_likelihood(
     return total
 
 
-def moved(p: AmclParameters, poses: Floats, before: Pose2, after: Pose2, normals: Floats) -> Floats:
+def moved(p, poses, before, after, normals):
     """Poses (n, 3) after the motion; ``normals`` (3, n) in the order the model names its noise."""
     dx, dy = after.x - before.x, after.y - before.y
     rot, trans = wrap_angle(after.yaw - before.yaw), math.hypot(dx, dy)
@@ -222,7 +213,7 @@ def moved(p: AmclParameters, poses: Floats, before: Pose2, after: Pose2, normals
     return poses + np.column_stack((x, y, r1_hat + r2_hat))
 
 
-def limit(p: AmclParameters, bins: int) -> int:
+def limit(p, bins):
     """Particles asked for by ``bins`` occupied bins (Fox 2003, equation 14)."""
     if bins <= 1:
         return p.max_particles
@@ -231,16 +222,16 @@ def limit(p: AmclParameters, bins: int) -> int:
     return min(max(n, p.min_particles), p.max_particles)
 
 
-def bin_of(pose: Floats) -> Bin:
+def bin_of(pose):
     x, y, yaw = pose.tolist()
     return math.floor(x / 0.5), math.floor(y / 0.5), math.floor(yaw / (10.0 * math.pi / 180.0))
 
 
-def resampled(p: AmclParameters, poses: Floats, weights: Floats, draws: Floats) -> Floats:
+def resampled(p, poses, weights, draws):
     """Draw one at a time until there are more than the bins seen so far ask for."""
     cumulative = np.cumsum(weights)
-    drawn: list[Floats] = []
-    seen: set[Bin] = set()
+    drawn = []
+    seen = set()
     for r in draws:
         i = min(int(np.searchsorted(cumulative, r, side="right")), len(weights) - 1)
         drawn.append(poses[i])
@@ -250,10 +241,10 @@ def resampled(p: AmclParameters, poses: Floats, weights: Floats, draws: Floats) 
     return np.array(drawn)
 
 
-def clusters(poses: Floats) -> list[int]:
+def clusters(poses):
     """Cluster of every pose: connected components of occupied bins over 26 neighbours."""
     bins = [bin_of(pose) for pose in poses]
-    labels: dict[Bin, int] = {}
+    labels = {}
     for first in bins:
         if first in labels:
             continue
@@ -269,10 +260,10 @@ def clusters(poses: Floats) -> list[int]:
     return [labels[b] for b in bins]
 
 
-def summary(poses: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
+def summary(poses, weights):
     """Estimate (3,), mean of all (3,) and covariance of all (3, 3)."""
 
-    def mean(some: Floats, w: Floats) -> Floats:
+    def mean(some, w):
         yaw = math.atan2(w @ np.sin(some[:, 2]), w @ np.cos(some[:, 2]))
         return np.array([*(w @ some[:, :2] / w.sum()), yaw])
 
@@ -292,9 +283,8 @@ class PlainAmcl:
     """The likelihood-field filter without recovery: the same random numbers, none of the speed."""
 
     def __init__(
-        self, parameters: AmclParameters, grid: OccupancyGrid, laser: Laser, start: Pose2,
-        seed: int, field: Floats,
-    ) -> None:  # fmt: skip
+        self, parameters, grid, laser, start,
+        seed, field):  # fmt: skip
         p = self.parameters = parameters
         self.grid, self.laser, self.field = grid, laser, field
         self.random = np.random.default_rng(np.random.SeedSequence(seed))
@@ -302,10 +292,10 @@ class PlainAmcl:
         normals = self.random.standard_normal((3, p.max_particles))
         self.poses = np.array([start.x, start.y, start.yaw]) + normals.T * sigma
         self.weights = np.full(p.max_particles, 1.0 / p.max_particles)
-        self.last: Pose2 | None = None
+        self.last = None
         self.updates = 0
 
-    def update(self, ranges: Singles, odom: Pose2, laser: Laser | None = None) -> bool:
+    def update(self, ranges, odom, laser=None):
         """Take a scan; tell whether particles were resampled. Every scan counts as a motion.
 
         ``laser`` is another one than the filter's own.

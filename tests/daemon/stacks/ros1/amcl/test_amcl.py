@@ -1,17 +1,12 @@
-from __future__ import annotations
-
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
+from daemon.stacks.ros1.amcl import Amcl
 from daemon.stacks.ros1.quirks import ORIGINAL
-from grammars.model.geometry import Floats, Pose2, wrap_angle
-from grammars.model.robot import Laser
-from tests.daemon.stacks.pilot.world import Box
+from grammars.model.geometry import Pose2, wrap_angle
 from tests.daemon.stacks.ros1.amcl import plain
 from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, a_room, map_of, see
 
@@ -22,19 +17,11 @@ SAME = Pose2()
 NOTHING = np.full(LASER.rays, np.inf, dtype=np.float32)
 
 
-def an_amcl(
-    p: AmclParameters = PUBLISHED, walls: list[Box] = WALLS, start: Pose2 = START, seed: int = 0
-) -> Amcl:
+def an_amcl(p=PUBLISHED, walls=WALLS, start=START, seed=0):
     return Amcl(p, ORIGINAL, map_of(walls), (LASER,), start, np.random.SeedSequence(seed))
 
 
-def drive(
-    amcl: Amcl,
-    poses: Iterable[Pose2],
-    walls: list[Box] = WALLS,
-    odom: Pose2 = SAME,
-    seed: int = 0,
-) -> list[tuple[Pose2, AmclPose]]:
+def drive(amcl, poses, walls=WALLS, odom=SAME, seed=0):
     """Take a noisy scan at every pose; return the true pose of everything published.
 
     ``odom`` is the pose of odom in map, which no odometry error moves.
@@ -48,7 +35,7 @@ def drive(
     return published
 
 
-def a_loop(steps: int) -> list[Pose2]:
+def a_loop(steps):
     """A round trip through the room: an ellipse about its middle, heading along it."""
     turns = np.linspace(0.0, math.tau, steps, endpoint=False).tolist()
     points = [(2.8 + 1.6 * math.cos(t), 2.0 + 0.8 * math.sin(t)) for t in turns]
@@ -58,11 +45,11 @@ def a_loop(steps: int) -> list[Pose2]:
     ]
 
 
-def off(pose: Pose2, truth: Pose2) -> float:
+def off(pose, truth):
     return math.hypot(pose.x - truth.x, pose.y - truth.y)
 
 
-def test_at_first_particles_surround_the_start_pose() -> None:
+def test_at_first_particles_surround_the_start_pose():
     amcl = an_amcl()
     assert amcl.particles.shape == (2000, 3)
     np.testing.assert_allclose(amcl.particles.mean(axis=0), [1.2, 1.3, 0.3], atol=0.04)
@@ -70,7 +57,7 @@ def test_at_first_particles_surround_the_start_pose() -> None:
     np.testing.assert_allclose(amcl.weights, 1.0 / 2000)
 
 
-def test_the_first_scan_publishes_the_start_distribution_without_resampling() -> None:
+def test_the_first_scan_publishes_the_start_distribution_without_resampling():
     amcl = an_amcl()
     before = amcl.particles.copy()
     first = amcl.scan(0.3, see(WALLS, START), Pose2())
@@ -92,7 +79,7 @@ def test_the_first_scan_publishes_the_start_distribution_without_resampling() ->
         (Pose2(0.0, 0.0, -0.251), True),
     ],
 )
-def test_updates_are_due_per_axis_of_the_odom_frame(step: Pose2, moves: bool) -> None:
+def test_updates_are_due_per_axis_of_the_odom_frame(step, moves):
     amcl = an_amcl()
     odom = Pose2(3.0, -2.0, 3.1)
     amcl.scan(0.0, NOTHING, odom)
@@ -103,7 +90,7 @@ def test_updates_are_due_per_axis_of_the_odom_frame(step: Pose2, moves: bool) ->
     assert np.array_equal(amcl.particles, before) is not moves
 
 
-def test_motion_adds_up_since_the_last_update_not_since_the_last_scan() -> None:
+def test_motion_adds_up_since_the_last_update_not_since_the_last_scan():
     amcl = an_amcl()
     published = [amcl.scan(0.1 * k, NOTHING, Pose2(0.04 * k)) for k in range(8)]
     # Updates at 0.12 and 0.24 m: every second one resamples, the first scan counts as one.
@@ -111,19 +98,19 @@ def test_motion_adds_up_since_the_last_update_not_since_the_last_scan() -> None:
 
 
 @pytest.mark.parametrize(("interval", "expected"), [(1, [0, 1, 2, 3, 4, 5]), (3, [0, 2, 5])])
-def test_poses_are_published_upon_resampling(interval: int, expected: list[int]) -> None:
+def test_poses_are_published_upon_resampling(interval, expected):
     amcl = an_amcl(replace(PUBLISHED, resample_interval=interval))
     published = [amcl.scan(0.1 * k, NOTHING, Pose2(0.2 * k)) for k in range(6)]
     assert [k for k, answer in enumerate(published) if answer is not None] == expected
 
 
 @pytest.fixture(scope="module")
-def field() -> Floats:
+def field():
     return plain.brushfire(map_of(WALLS), PUBLISHED.laser_likelihood_max_dist)[0]
 
 
 @pytest.mark.parametrize("model", ["omni-corrected", "diff-corrected"])
-def test_whole_updates_are_those_of_the_plain_version(model: str, field: Floats) -> None:
+def test_whole_updates_are_those_of_the_plain_version(model, field):
     p = replace(PUBLISHED, min_particles=50, max_particles=300, odom_model_type=model)
     amcl = an_amcl(p, seed=5)
     reference = plain.PlainAmcl(p, map_of(WALLS), LASER, START, 5, field)
@@ -145,7 +132,7 @@ def test_whole_updates_are_those_of_the_plain_version(model: str, field: Floats)
 
 @pytest.mark.parametrize("model", ["omni-corrected", "diff-corrected"])
 @pytest.mark.parametrize("sensor", ["likelihood_field", "likelihood_field_prob"])
-def test_the_estimate_converges_and_stays(model: str, sensor: str) -> None:
+def test_the_estimate_converges_and_stays(model, sensor):
     p = replace(PUBLISHED, odom_model_type=model, laser_model_type=sensor)
     poses = a_loop(80)
     odom = Pose2(4.0, -1.0, 2.0)
@@ -162,7 +149,7 @@ def test_the_estimate_converges_and_stays(model: str, sensor: str) -> None:
     assert all(PUBLISHED.min_particles <= a.count <= 2000 for _, a in published)
 
 
-def test_the_spread_covers_the_error_as_the_paper_saw() -> None:
+def test_the_spread_covers_the_error_as_the_paper_saw():
     published = drive(an_amcl(start=a_loop(80)[0]), a_loop(80))[3:]
     inside = [
         abs(truth.x - a.mean.x) <= 2.0 * math.sqrt(a.covariance[0, 0])
@@ -172,7 +159,7 @@ def test_the_spread_covers_the_error_as_the_paper_saw() -> None:
     assert np.mean(inside) > 0.95
 
 
-def ahead_of_truth(thickness: float) -> float:
+def ahead_of_truth(thickness):
     """Mean error along the heading [m] on a drive down a corridor, its end wall in sight."""
     walls = a_room(7.0, 2.0, thickness)
     poses = [Pose2(2.0 + 0.11 * k, 1.3, 0.0) for k in range(28)]
@@ -186,14 +173,14 @@ def ahead_of_truth(thickness: float) -> float:
     return float(np.mean(errors))
 
 
-def test_thick_painted_walls_push_the_estimate_along_the_heading() -> None:
+def test_thick_painted_walls_push_the_estimate_along_the_heading():
     thick, thin = ahead_of_truth(0.25), ahead_of_truth(0.05)
     assert thick > 0.05
     assert thick - thin > 0.04
 
 
-def test_equal_seeds_give_equal_bytes_and_others_do_not() -> None:
-    def run(seed: int) -> tuple[bytes, list[Pose2]]:
+def test_equal_seeds_give_equal_bytes_and_others_do_not():
+    def run(seed):
         amcl = an_amcl(seed=seed)
         published = drive(amcl, a_loop(40)[:12])
         return amcl.particles.tobytes(), [answer.pose for _, answer in published]
@@ -203,7 +190,7 @@ def test_equal_seeds_give_equal_bytes_and_others_do_not() -> None:
 
 
 @pytest.mark.parametrize("value", [np.inf, np.nan])
-def test_bad_scans_leave_odometry_in_charge(value: float) -> None:
+def test_bad_scans_leave_odometry_in_charge(value):
     amcl = an_amcl()
     published = [
         amcl.scan(0.1 * k, np.full(LASER.rays, value, dtype=np.float32), Pose2(0.11 * k))
@@ -215,7 +202,7 @@ def test_bad_scans_leave_odometry_in_charge(value: float) -> None:
     np.testing.assert_allclose(amcl.weights.sum(), 1.0)
 
 
-def test_particles_off_the_map_are_carried_along() -> None:
+def test_particles_off_the_map_are_carried_along():
     far = Pose2(500.0, -300.0, 1.0)
     amcl = an_amcl(start=far)
     for k in range(5):
@@ -223,7 +210,7 @@ def test_particles_off_the_map_are_carried_along() -> None:
     assert off(Pose2(*amcl.particles.mean(axis=0).tolist()), far @ Pose2(0.6)) < 0.2
 
 
-def test_when_no_particle_explains_a_scan_all_weigh_the_same() -> None:
+def test_when_no_particle_explains_a_scan_all_weigh_the_same():
     p = replace(PUBLISHED, laser_model_type="likelihood_field_prob", laser_z_rand=0.0)
     amcl = an_amcl(p, start=Pose2(500.0, -300.0))
     published = amcl.scan(0.0, see(WALLS, START), Pose2())
@@ -231,7 +218,7 @@ def test_when_no_particle_explains_a_scan_all_weigh_the_same() -> None:
     np.testing.assert_array_equal(amcl.weights, 1.0 / 2000)
 
 
-def test_random_particles_come_in_only_when_scans_stop_fitting_and_recovery_is_on() -> None:
+def test_random_particles_come_in_only_when_scans_stop_fitting_and_recovery_is_on():
     """The fast average of likelihoods falls below the slow one (Probabilistic Robotics, 8.3.3)."""
     poses = a_loop(80)
     spreads = {}
@@ -248,7 +235,7 @@ def test_random_particles_come_in_only_when_scans_stop_fitting_and_recovery_is_o
     assert spreads[0.0] < 0.6 < spreads[0.5]
 
 
-def test_a_converged_filter_skips_the_beams_that_hit_what_the_map_does_not_show() -> None:
+def test_a_converged_filter_skips_the_beams_that_hit_what_the_map_does_not_show():
     """A cupboard the map does not show drags the estimate away unless its beams are skipped."""
     poses = a_loop(80)[:40]
     cupboard = [(0.7, 1.2, 1.0, 2.6)]
@@ -268,7 +255,7 @@ def test_a_converged_filter_skips_the_beams_that_hit_what_the_map_does_not_show(
     assert np.mean(errors[False]) > 0.3
 
 
-def test_selective_resampling_keeps_particles_that_tell_enough() -> None:
+def test_selective_resampling_keeps_particles_that_tell_enough():
     amcl = an_amcl(replace(PUBLISHED, selective_resampling=True))
     amcl.scan(0.0, NOTHING, Pose2())
     published = amcl.scan(0.1, NOTHING, Pose2(0.2))
@@ -277,12 +264,12 @@ def test_selective_resampling_keeps_particles_that_tell_enough() -> None:
     assert len(np.unique(amcl.particles[:, 0])) == 2000
 
 
-def test_a_scan_of_another_laser_is_refused() -> None:
+def test_a_scan_of_another_laser_is_refused():
     with pytest.raises(ValueError, match="the laser has 150 rays"):
         an_amcl().scan(0.0, np.zeros(151, dtype=np.float32), Pose2())
 
 
-def test_the_beam_model_localises_too() -> None:
+def test_the_beam_model_localises_too():
     p = replace(
         PUBLISHED, laser_model_type="beam", min_particles=100, max_particles=200,
         initial_cov_xx=0.04, initial_cov_yy=0.04,
@@ -297,16 +284,16 @@ REAR = replace(LASER, name="rear", mount=Pose2(-0.3, 0.1, math.pi), rays=90, ran
 NO_RETURN = np.full(REAR.rays, np.inf, dtype=np.float32)
 
 
-def two_lasers(p: AmclParameters = PUBLISHED, seed: int = 0) -> Amcl:
+def two_lasers(p=PUBLISHED, seed=0):
     seeds = np.random.SeedSequence(seed)
     return Amcl(p, ORIGINAL, map_of(WALLS), (FRONT, REAR), START, seeds)
 
 
-def test_each_laser_weighs_once_for_each_motion() -> None:
+def test_each_laser_weighs_once_for_each_motion():
     p = replace(PUBLISHED, resample_interval=100)
     amcl = two_lasers(p)
 
-    def weighs(laser: Laser, odom: Pose2) -> bool:
+    def weighs(laser, odom):
         before = amcl.weights.copy()
         amcl.scan(0.0, see(WALLS, START @ odom, laser=laser), odom, laser.name)
         return not np.array_equal(before, amcl.weights)
@@ -328,7 +315,7 @@ def test_each_laser_weighs_once_for_each_motion() -> None:
     assert weighs(FRONT, Pose2(0.42))
 
 
-def test_two_lasers_update_as_the_plain_version(field: Floats) -> None:
+def test_two_lasers_update_as_the_plain_version(field):
     p = replace(PUBLISHED, min_particles=50, max_particles=300, resample_interval=3)
     amcl = two_lasers(p, seed=5)
     reference = plain.PlainAmcl(p, map_of(WALLS), FRONT, START, 5, field)
@@ -346,7 +333,7 @@ def test_two_lasers_update_as_the_plain_version(field: Floats) -> None:
         pose = pose @ Pose2(0.15, 0.02, 0.1)
 
 
-def test_a_scan_has_as_many_rays_as_its_own_laser() -> None:
+def test_a_scan_has_as_many_rays_as_its_own_laser():
     amcl = two_lasers()
     amcl.scan(0.0, NOTHING, SAME, "front")
     amcl.scan(0.0, NO_RETURN, SAME, "rear")

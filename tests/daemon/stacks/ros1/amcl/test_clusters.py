@@ -1,16 +1,13 @@
-from __future__ import annotations
-
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.amcl.particle_filter import summarise
 from daemon.stacks.ros1.amcl.resampling import PoseHistogram, fill_bins, label_clusters
-from grammars.model.geometry import Floats
 from tests.daemon.stacks.ros1.amcl import plain
 
 
-def labelled(poses: Floats) -> tuple[PoseHistogram, np.ndarray, int]:
+def labelled(poses):
     count = len(poses)
     bins = PoseHistogram.for_particles(count)
     columns = np.ascontiguousarray(poses.T)
@@ -20,7 +17,7 @@ def labelled(poses: Floats) -> tuple[PoseHistogram, np.ndarray, int]:
     return bins, labels, clusters
 
 
-def summarised(poses: Floats, weights: Floats) -> Floats | None:
+def summarised(poses, weights):
     bins, labels, clusters = labelled(poses)
     columns = np.ascontiguousarray(poses.T)
     directions = np.array([np.cos(columns[2]), np.sin(columns[2])])
@@ -32,17 +29,14 @@ def summarised(poses: Floats, weights: Floats) -> Floats | None:
     return result if known else None
 
 
-def a_cloud(count: int, spread: float, seed: int) -> Floats:
+def a_cloud(count, spread, seed):
     random = np.random.default_rng(seed)
     centres = random.uniform(-4.0, 4.0, (3, 3))
     return centres[random.integers(3, size=count)] + spread * random.standard_normal((count, 3))
 
 
-@settings(deadline=None, max_examples=40)
 @given(count=st.integers(1, 200), spread=st.floats(0.01, 2.0), seed=st.integers(0, 2**32 - 1))
-def test_clusters_are_those_of_a_flood_over_neighbouring_bins(
-    count: int, spread: float, seed: int
-) -> None:
+def test_clusters_are_those_of_a_flood_over_neighbouring_bins(count, spread, seed):
     poses = a_cloud(count, spread, seed)
     bins, labels, clusters = labelled(poses)
     expected = plain.clusters(poses)
@@ -50,9 +44,8 @@ def test_clusters_are_those_of_a_flood_over_neighbouring_bins(
     assert clusters == max(expected) + 1
 
 
-@settings(deadline=None, max_examples=40)
 @given(count=st.integers(1, 200), spread=st.floats(0.01, 1.0), seed=st.integers(0, 2**32 - 1))
-def test_estimate_and_spread_are_those_of_numpy(count: int, spread: float, seed: int) -> None:
+def test_estimate_and_spread_are_those_of_numpy(count, spread, seed):
     poses = a_cloud(count, spread, seed)
     weights = np.random.default_rng(seed).random(count) + 0.01
     weights /= weights.sum()
@@ -66,7 +59,7 @@ def test_estimate_and_spread_are_those_of_numpy(count: int, spread: float, seed:
     np.testing.assert_allclose(yaw, covariance[2, 2], atol=1e-10)
 
 
-def test_the_heaviest_cluster_counts_not_the_largest() -> None:
+def test_the_heaviest_cluster_counts_not_the_largest():
     poses = np.array([[0.1, 0.1, 0.1]] * 5 + [[3.0, 0.1, 0.1]] * 2)
     result = summarised(poses, np.array([0.05] * 5 + [0.375] * 2))
     assert result is not None
@@ -74,7 +67,7 @@ def test_the_heaviest_cluster_counts_not_the_largest() -> None:
     np.testing.assert_allclose(result[3], 0.25 * 0.1 + 0.75 * 3.0)
 
 
-def test_equal_headings_have_no_variance_and_opposite_ones_a_mean_across_the_seam() -> None:
+def test_equal_headings_have_no_variance_and_opposite_ones_a_mean_across_the_seam():
     same = summarised(np.full((7, 3), 0.7), np.full(7, 1.0 / 7.0))
     assert same is not None
     assert 0.0 <= same[9] < 1e-12
@@ -84,5 +77,5 @@ def test_equal_headings_have_no_variance_and_opposite_ones_a_mean_across_the_sea
     assert abs(across[5]) > 3.0
 
 
-def test_weightless_particles_say_nothing() -> None:
+def test_weightless_particles_say_nothing():
     assert summarised(np.zeros((3, 3)), np.zeros(3)) is None

@@ -1,12 +1,9 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.amcl.distance_field import DistanceField, distance_field, spread_distances
-from grammars.model.geometry import Floats
+from daemon.stacks.ros1.amcl.distance_field import distance_field, spread_distances
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.daemon.stacks.ros1.amcl.plain import brushfire, distances, single
 
@@ -23,28 +20,25 @@ _A_CELL_IS_SKIPPED = (
 )
 
 
-def metres(field: DistanceField, cap: float) -> Floats:
+def metres(field, cap):
     """Distances without the frame."""
     return field.distances(cap)[field.squared[1:-1, 1:-1]]
 
 
-def drawn(*rows: str, radius: int = 40) -> list[list[int]]:
+def drawn(*rows, radius=40):
     """Squared distances on a map of ``.`` and ``#``, the lowest row first."""
     occupied = np.array([[mark == "#" for mark in row] for row in rows], dtype=np.uint8)
-    found: list[list[int]] = spread_distances(occupied, radius)[1:-1, 1:-1].tolist()
-    return found
+    return spread_distances(occupied, radius)[1:-1, 1:-1].tolist()
 
 
-def scattered(
-    rows: int, columns: int, share: float, seed: int, resolution: float = 0.05
-) -> OccupancyGrid:
+def scattered(rows, columns, share, seed, resolution=0.05):
     random = np.random.default_rng(seed)
     cells = random.choice(np.array([FREE, UNKNOWN], dtype=np.int8), (rows, columns))
     cells[random.random((rows, columns)) < share] = OCCUPIED
     return OccupancyGrid(resolution, 1.0, -2.0, cells)
 
 
-def slanted(rows: int, columns: int, walls: int, seed: int) -> OccupancyGrid:
+def slanted(rows, columns, walls, seed):
     """Walls at random angles, whose cells lead far past what is nearest to others."""
     random = np.random.default_rng(seed)
     cells = np.full((rows, columns), FREE, dtype=np.int8)
@@ -58,7 +52,6 @@ def slanted(rows: int, columns: int, walls: int, seed: int) -> OccupancyGrid:
     return OccupancyGrid(0.05, 0.0, 0.0, cells)
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     rows=st.integers(1, 30),
     columns=st.integers(1, 30),
@@ -66,15 +59,12 @@ def slanted(rows: int, columns: int, walls: int, seed: int) -> OccupancyGrid:
     cap=st.sampled_from([0.05, 0.2, 0.52, 2.0]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_exact_distances_are_those_of_brute_force_up_to_the_cap(
-    rows: int, columns: int, share: float, cap: float, seed: int
-) -> None:
+def test_exact_distances_are_those_of_brute_force_up_to_the_cap(rows, columns, share, cap, seed):
     grid = scattered(rows, columns, share, seed)
     away = metres(distance_field(grid, cap, brushfire=False), cap)
     np.testing.assert_allclose(away, distances(grid, cap), atol=1e-12)
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     rows=st.integers(1, 30),
     columns=st.integers(1, 30),
@@ -83,25 +73,20 @@ def test_exact_distances_are_those_of_brute_force_up_to_the_cap(
     cap=st.sampled_from([0.04, 0.2, 0.52, 2.0]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_spread_distances_are_those_of_the_plain_queue(
-    rows: int, columns: int, share: float, resolution: float, cap: float, seed: int
-) -> None:
+def test_spread_distances_are_those_of_the_plain_queue(rows, columns, share, resolution, cap, seed):
     grid = scattered(rows, columns, share, seed, resolution)
     found = metres(distance_field(grid, cap, brushfire=True), cap)
     np.testing.assert_array_equal(found, brushfire(grid, cap)[0])
 
 
-@settings(deadline=None, max_examples=20)
 @given(walls=st.integers(1, 8), seed=st.integers(0, 2**32 - 1))
-def test_distances_between_slanted_walls_are_those_of_the_plain_queue(
-    walls: int, seed: int
-) -> None:
+def test_distances_between_slanted_walls_are_those_of_the_plain_queue(walls, seed):
     grid = slanted(40, 50, walls, seed)
     found = metres(distance_field(grid, 2.0, brushfire=True), 2.0)
     np.testing.assert_array_equal(found, brushfire(grid, 2.0)[0])
 
 
-def test_a_cell_nearer_than_the_one_it_is_reached_from_leaves_the_queue_in_its_stead() -> None:
+def test_a_cell_nearer_than_the_one_it_is_reached_from_leaves_the_queue_in_its_stead():
     """Rare: on a published map of building C it happens to 609 cells, here to one."""
     marks = np.array([list(row) for row in (*["." * 18] * 5, *_A_CELL_IS_SKIPPED)])
     cells = np.where(marks == "#", OCCUPIED, FREE).astype(np.int8)
@@ -112,7 +97,7 @@ def test_a_cell_nearer_than_the_one_it_is_reached_from_leaves_the_queue_in_its_s
     np.testing.assert_array_equal(found, expected)
 
 
-def test_a_cell_keeps_the_first_obstacle_to_reach_it() -> None:
+def test_a_cell_keeps_the_first_obstacle_to_reach_it():
     """Obstacles a, lower left, and b, upper right, spread by increasing distance.
 
     Column 3 of the lowest row lies 3 cells right of a (squared 9) and 2 left of, 2 below b
@@ -131,7 +116,7 @@ def test_a_cell_keeps_the_first_obstacle_to_reach_it() -> None:
     ]
 
 
-def test_of_equal_distances_the_heap_decides() -> None:
+def test_of_equal_distances_the_heap_decides():
     """Of two cells at distance 1 the one that was put in last goes first.
 
     a and b are column 0, upwards, c stands right of b; p is right of a, q right of c.
@@ -144,7 +129,7 @@ def test_of_equal_distances_the_heap_decides() -> None:
     assert drawn("#..", "##.") == [[0, 1, 2], [0, 0, 1]]
 
 
-def test_distances_end_a_cell_short_where_the_resolution_is_rounded_up() -> None:
+def test_distances_end_a_cell_short_where_the_resolution_is_rounded_up():
     """5 cm are a little more in single precision: 2 m / 0.05000000075 m are 39 cells."""
     cells = np.full((1, 60), FREE, dtype=np.int8)
     cells[0, 0] = OCCUPIED
@@ -161,7 +146,7 @@ def test_distances_end_a_cell_short_where_the_resolution_is_rounded_up() -> None
     assert distance_field(tenths, 3.0, brushfire=True).radius == int(3.0 / single(0.3))
 
 
-def test_nothing_is_nearer_than_it_is() -> None:
+def test_nothing_is_nearer_than_it_is():
     grid = slanted(60, 60, 5, 3)
     exact = metres(distance_field(grid, 2.0, brushfire=False), 2.0)
     spread = metres(distance_field(grid, 2.0, brushfire=True), 2.0)
@@ -170,7 +155,7 @@ def test_nothing_is_nearer_than_it_is() -> None:
 
 
 @pytest.mark.parametrize(("brushfire", "radius"), [(True, 39), (False, 40)])
-def test_the_map_is_framed_by_the_value_of_far(brushfire: bool, radius: int) -> None:
+def test_the_map_is_framed_by_the_value_of_far(brushfire, radius):
     grid = OccupancyGrid(0.05, 0.0, 0.0, np.full((3, 4), OCCUPIED, np.int8))
     field = distance_field(grid, 2.0, brushfire=brushfire)
     assert field.radius == radius
@@ -184,9 +169,7 @@ def test_the_map_is_framed_by_the_value_of_far(brushfire: bool, radius: int) -> 
 
 @pytest.mark.parametrize("brushfire", [True, False])
 @pytest.mark.parametrize(("radius", "kind"), [(255, np.uint16), (256, np.int32)])
-def test_a_field_is_as_small_as_its_largest_value_allows(
-    brushfire: bool, radius: int, kind: type
-) -> None:
+def test_a_field_is_as_small_as_its_largest_value_allows(brushfire, radius, kind):
     cells = np.full((1, 300), FREE, dtype=np.int8)
     cells[0, 0] = OCCUPIED
     grid = OccupancyGrid(0.125, 0.0, 0.0, cells)
@@ -196,7 +179,7 @@ def test_a_field_is_as_small_as_its_largest_value_allows(
     assert field.squared[1, 1:-1].tolist() == within
 
 
-def test_equal_maps_share_a_field_that_nobody_can_change() -> None:
+def test_equal_maps_share_a_field_that_nobody_can_change():
     cells = np.zeros((5, 5), dtype=np.int8)
     cells[2, 2] = OCCUPIED
     one = distance_field(OccupancyGrid(0.05, 0.0, 0.0, cells.copy()), 1.0, brushfire=True)

@@ -1,16 +1,13 @@
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.amcl.motion_model import motion_between, move_particles
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.amcl.plain import moved
 from tests.daemon.stacks.ros1.amcl.world import PUBLISHED
 
@@ -18,9 +15,8 @@ MODELS = ("diff", "omni", "diff-corrected", "omni-corrected")
 
 
 def compiled(
-    p: AmclParameters, poses: Floats, before: Pose2, after: Pose2, normals: Floats,
-    *, full_turns: bool = True,
-) -> Floats:  # fmt: skip
+    p, poses, before, after, normals,
+    *, full_turns=True):  # fmt: skip
     columns = np.ascontiguousarray(poses.T)
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     move_particles(
@@ -31,7 +27,7 @@ def compiled(
     return columns.T
 
 
-def spread(model: str, **alphas: float) -> Floats:
+def spread(model, **alphas):
     """Standard deviation of x, y, yaw after 0.1 m straight ahead, from one point."""
     p = replace(PUBLISHED, odom_model_type=model, **alphas)
     poses = np.zeros((20_000, 3))
@@ -41,17 +37,16 @@ def spread(model: str, **alphas: float) -> Floats:
     return after.std(axis=0)
 
 
-def test_spreads_of_a_straight_step_are_those_the_original_shows() -> None:
+def test_spreads_of_a_straight_step_are_those_the_original_shows():
     np.testing.assert_allclose(spread("omni-corrected"), [0.032, 0.045, 0.032], rtol=0.03)
     np.testing.assert_allclose(spread("diff-corrected"), [0.032, 0.003, 0.045], rtol=0.1)
 
 
-def test_models_not_corrected_take_variances_for_standard_deviations() -> None:
+def test_models_not_corrected_take_variances_for_standard_deviations():
     np.testing.assert_allclose(spread("omni"), [0.001, 0.002, 0.001], rtol=0.03)
     np.testing.assert_allclose(spread("diff")[[0, 2]], [0.001, 0.001 * math.sqrt(2.0)], rtol=0.03)
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     model=st.sampled_from(MODELS),
     x=st.floats(-0.4, 0.4),
@@ -60,9 +55,7 @@ def test_models_not_corrected_take_variances_for_standard_deviations() -> None:
     after=st.floats(-3.1, 3.1),
     seed=st.integers(0, 1000),
 )
-def test_particles_move_as_in_the_plain_version(
-    model: str, x: float, y: float, before: float, after: float, seed: int
-) -> None:
+def test_particles_move_as_in_the_plain_version(model, x, y, before, after, seed):
     random = np.random.default_rng(seed)
     p = replace(PUBLISHED, odom_model_type=model, odom_alpha1=0.11, odom_alpha3=0.3)
     poses = random.uniform(-5.0, 5.0, (50, 3))
@@ -74,7 +67,7 @@ def test_particles_move_as_in_the_plain_version(
 
 
 @pytest.mark.parametrize("model", ["diff-corrected", "omni-corrected"])
-def test_without_noise_particles_follow_odometry(model: str) -> None:
+def test_without_noise_particles_follow_odometry(model):
     odom = Pose2(3.0, 4.0, 2.9)
     step = Pose2(-0.2, 0.1, 0.5)
     particle = Pose2(-1.0, 2.0, -1.2)
@@ -85,7 +78,7 @@ def test_without_noise_particles_follow_odometry(model: str) -> None:
     np.testing.assert_allclose(after, [expected.x, expected.y, expected.yaw], atol=1e-12)
 
 
-def test_turning_on_the_spot_gives_a_differential_robot_no_sideways_spread() -> None:
+def test_turning_on_the_spot_gives_a_differential_robot_no_sideways_spread():
     p = replace(PUBLISHED, odom_model_type="diff-corrected", odom_alpha4=0.0)
     normals = np.random.default_rng(0).standard_normal((3, 1000))
     after = compiled(p, np.zeros((1000, 3)), Pose2(), Pose2(0.0, 0.0, 0.5), normals)
@@ -93,7 +86,7 @@ def test_turning_on_the_spot_gives_a_differential_robot_no_sideways_spread() -> 
     assert after[:, 2].std() == pytest.approx(math.sqrt(0.1) * 0.5, rel=0.1)
 
 
-def test_driving_backwards_spreads_as_driving_forwards() -> None:
+def test_driving_backwards_spreads_as_driving_forwards():
     p = replace(PUBLISHED, odom_model_type="diff-corrected")
     normals = np.random.default_rng(0).standard_normal((3, 4000))
     ahead, back = (
@@ -104,7 +97,7 @@ def test_driving_backwards_spreads_as_driving_forwards() -> None:
     assert near.std() == pytest.approx(ahead[:, 2].std(), rel=0.05)
 
 
-def test_driving_backwards_leaves_headings_a_full_turn_apart() -> None:
+def test_driving_backwards_leaves_headings_a_full_turn_apart():
     """Two half turns add up to nothing or to a full turn, and nobody wraps them: an oddity."""
     p = replace(PUBLISHED, odom_model_type="diff-corrected")
     normals = np.random.default_rng(0).standard_normal((3, 400))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 import subprocess
 import sys
@@ -11,7 +9,7 @@ from pydantic import ValidationError
 from daemon.stacks.ros1.amcl import WITHOUT_EFFECT, AmclParameters
 
 
-def test_defaults_are_those_of_noetic() -> None:
+def test_defaults_are_those_of_noetic():
     p = AmclParameters()
     assert (p.min_particles, p.max_particles, p.resample_interval) == (100, 5000, 2)
     assert (p.kld_err, p.kld_z) == (0.01, 0.99)
@@ -46,30 +44,30 @@ def test_defaults_are_those_of_noetic() -> None:
         ("do_beamskip", "yes"),
     ],
 )
-def test_a_value_out_of_range_is_refused(name: str, value: object) -> None:
+def test_a_value_out_of_range_is_refused(name, value):
     with pytest.raises(ValidationError, match=name):
         AmclParameters(**{name: value})
 
 
-def test_an_unknown_model_is_answered_with_the_known_ones() -> None:
+def test_an_unknown_model_is_answered_with_the_known_ones():
     with pytest.raises(ValidationError, match="likelihood_field_prob"):
-        AmclParameters(laser_model_type="likelihood")  # type: ignore[arg-type]
+        AmclParameters(laser_model_type="likelihood")
     with pytest.raises(ValidationError, match="omni-corrected"):
-        AmclParameters(odom_model_type="ackermann")  # type: ignore[arg-type]
+        AmclParameters(odom_model_type="ackermann")
 
 
-def test_more_particles_at_least_than_at_most_are_refused() -> None:
+def test_more_particles_at_least_than_at_most_are_refused():
     with pytest.raises(ValidationError, match=r"min_particles \(600\) is more than max_particles"):
         AmclParameters(min_particles=600, max_particles=500)
 
 
-def test_a_parameter_either_has_an_effect_or_a_reason_why_not() -> None:
+def test_a_parameter_either_has_an_effect_or_a_reason_why_not():
     names = {field.name for field in fields(AmclParameters)}
     assert not names & set(WITHOUT_EFFECT)
     assert {"gui_publish_rate", "save_pose_rate", "initial_pose_a"} <= set(WITHOUT_EFFECT)
 
 
-def test_reading_parameters_loads_no_compiler() -> None:
+def test_reading_parameters_loads_no_compiler():
     code = (
         "import sys; from daemon.stacks.ros1.amcl import AmclParameters; AmclParameters();"
         "sys.exit('numba' in sys.modules)"

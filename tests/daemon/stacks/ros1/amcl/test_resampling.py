@@ -1,16 +1,12 @@
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.amcl.resampling import PoseHistogram, clear_bins, particle_limits, resample
-from grammars.model.geometry import Floats
 from tests.daemon.stacks.ros1.amcl import plain
 from tests.daemon.stacks.ros1.amcl.world import PUBLISHED
 
@@ -18,9 +14,8 @@ NO_CELLS = np.empty(0, dtype=np.int32)
 
 
 def drawn(
-    p: AmclParameters, poses: Floats, weights: Floats, draws: Floats, injection: float = 0.0,
-    free: np.ndarray = NO_CELLS,
-) -> Floats:  # fmt: skip
+    p, poses, weights, draws, injection=0.0,
+    free=NO_CELLS):  # fmt: skip
     """New poses (n, 3); checks what must hold of any draw."""
     most = p.max_particles
     columns = np.zeros((3, most))
@@ -45,7 +40,7 @@ def drawn(
     return result
 
 
-def test_the_table_of_limits_is_that_of_the_published_configuration() -> None:
+def test_the_table_of_limits_is_that_of_the_published_configuration():
     table = particle_limits(PUBLISHED)
     assert (table[2:8] == 500).all()
     assert [table[k] for k in (1, 8, 10, 15, 20, 30)] == [2000, 525, 651, 955, 1249, 1822]
@@ -53,24 +48,20 @@ def test_the_table_of_limits_is_that_of_the_published_configuration() -> None:
 
 
 @given(err=st.floats(0.001, 0.2), z=st.floats(0.0, 3.5), most=st.integers(1, 300))
-@settings(deadline=None, max_examples=40)
-def test_limits_are_those_of_the_formula(err: float, z: float, most: int) -> None:
+def test_limits_are_those_of_the_formula(err, z, most):
     p = replace(PUBLISHED, kld_err=err, kld_z=z, min_particles=min(20, most), max_particles=most)
     np.testing.assert_array_equal(
         particle_limits(p)[1:], [plain.limit(p, k) for k in range(1, most + 1)]
     )
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     count=st.integers(1, 300),
     spread=st.floats(0.05, 3.0),
     uneven=st.floats(0.0, 40.0),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_particles_are_drawn_as_one_at_a_time(
-    count: int, spread: float, uneven: float, seed: int
-) -> None:
+def test_particles_are_drawn_as_one_at_a_time(count, spread, uneven, seed):
     random = np.random.default_rng(seed)
     p = replace(PUBLISHED, min_particles=20, max_particles=300, kld_err=0.05)
     poses = random.normal(0.0, spread, (count, 3))
@@ -84,7 +75,7 @@ def test_particles_are_drawn_as_one_at_a_time(
     )
 
 
-def test_a_draw_beyond_the_rounded_sum_takes_the_last_particle() -> None:
+def test_a_draw_beyond_the_rounded_sum_takes_the_last_particle():
     p = replace(PUBLISHED, min_particles=2, max_particles=10)
     poses = np.arange(30.0).reshape(10, 3)
     weights = np.full(10, 0.1 - 1e-12)
@@ -92,7 +83,7 @@ def test_a_draw_beyond_the_rounded_sum_takes_the_last_particle() -> None:
     assert (got == poses[-1]).all()
 
 
-def test_one_bin_asks_for_all_particles_and_two_for_few() -> None:
+def test_one_bin_asks_for_all_particles_and_two_for_few():
     weights = np.full(2000, 1.0 / 2000)
     draws = np.random.default_rng(0).random(2000)
     together = np.full((2000, 3), 0.1)
@@ -102,7 +93,7 @@ def test_one_bin_asks_for_all_particles_and_two_for_few() -> None:
     assert len(drawn(PUBLISHED, apart, weights, draws)) == 501
 
 
-def test_injected_particles_stand_on_free_cells_with_any_heading() -> None:
+def test_injected_particles_stand_on_free_cells_with_any_heading():
     p = replace(PUBLISHED, min_particles=2000)
     free = np.array([3, 45, 80], dtype=np.int32)  # of a map 40 cells wide from (-1, -2)
     poses, weights = np.full((2000, 3), 9.0), np.full(2000, 1.0 / 2000)

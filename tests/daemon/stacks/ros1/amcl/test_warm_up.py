@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import importlib
 import pkgutil
 
@@ -14,7 +12,7 @@ from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.amcl.world import LASER, a_room, map_of, see
 
 
-def compiled() -> dict[str, int]:
+def compiled():
     """How many versions of each kernel of the room are compiled."""
     found = {}
     for info in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
@@ -24,7 +22,7 @@ def compiled() -> dict[str, int]:
     return found
 
 
-def test_after_warming_up_no_run_compiles_anything() -> None:
+def test_after_warming_up_no_run_compiles_anything():
     warm_up()
     before = compiled()
     assert before

@@ -1,15 +1,11 @@
 """Rooms on grids, scans of them, and the parameters of the published configurations."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.amcl import AmclParameters
 from grammars.model.geometry import Pose2
-from grammars.model.grid import OccupancyGrid
 from grammars.model.robot import Laser
-from tests.daemon.stacks.pilot.world import Box, cast, draw, edges
+from tests.daemon.stacks.pilot.world import cast, draw, edges
 
 LASER = Laser(Pose2(0.3), 0.3, -1.57, 1.57, 150, 0.05, 5.6, 10.0, 0.01, 0.0)
 PUBLISHED = AmclParameters(
@@ -22,7 +18,7 @@ PUBLISHED = AmclParameters(
 _EDGE = 0.3
 
 
-def a_room(width: float, depth: float, thickness: float) -> list[Box]:
+def a_room(width, depth, thickness):
     """Four walls around free space whose lower-left corner is (0.3, 0.3), painted outwards."""
     t, right, top = thickness, _EDGE + width, _EDGE + depth
     return [
@@ -33,17 +29,12 @@ def a_room(width: float, depth: float, thickness: float) -> list[Box]:
     ]
 
 
-def map_of(walls: list[Box]) -> OccupancyGrid:
+def map_of(walls):
     """Draw walls on cells of 5 cm."""
     return draw(walls, (max(box[2] for box in walls) + 0.1, max(box[3] for box in walls) + 0.1))
 
 
-def see(
-    walls: list[Box],
-    pose: Pose2,
-    random: np.random.Generator | None = None,
-    laser: Laser = LASER,
-) -> Singles:
+def see(walls, pose, random=None, laser=LASER):
     """What a laser measures at ``pose``, float32, with noise when ``random`` is given."""
     segments = np.vstack([edges(box) for box in walls])
     angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)

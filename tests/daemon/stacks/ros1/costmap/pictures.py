@@ -1,11 +1,7 @@
 """Small costmaps drawn with characters: cells of one metre, the lowest row at the bottom."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +13,7 @@ from daemon.stacks.ros1.costmap import (
     SensedScan,
 )
 from daemon.stacks.ros1.quirks import ORIGINAL
-from grammars.model.geometry import Point2, Pose2
+from grammars.model.geometry import Pose2
 
 SIGNS = {255: "?", 0: ".", 254: "#"}
 SMALL = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
@@ -28,16 +24,16 @@ HERE = Pose2()
 
 
 def build(
-    columns: int,
-    rows: int,
+    columns,
+    rows,
     *,
-    origin: Point2 = (0.0, 0.0),
-    rolling: bool = False,
-    unknown: bool = True,
-    layer_unknown: bool = True,
-    under: Sequence[Point2] | None = None,
-    **source: Any,
-) -> Costmap:
+    origin=(0.0, 0.0),
+    rolling=False,
+    unknown=True,
+    layer_unknown=True,
+    under=None,
+    **source,
+):
     """Return a costmap of one obstacle layer that is told what nobody has looked at.
 
     ``under`` is the footprint that is cleared, none where it is not given.
@@ -55,9 +51,7 @@ def build(
     return Costmap(parameters, np.array(under or SMALL, dtype=float), ORIGINAL)
 
 
-def rays(
-    begin: Point2, *ends: Point2, yaw: float = 0.0, nearest: float = 0.05, farthest: float = 60.0
-) -> SensedScan:
+def rays(begin, *ends, yaw=0.0, nearest=0.05, farthest=60.0):
     """Return a scan of rays from ``begin`` to each of ``ends``; the laser looks to ``yaw``."""
     ways = [(x - begin[0], y - begin[1]) for x, y in ends]
     ranges = np.array([math.hypot(x, y) for x, y in ways], dtype=np.float32)
@@ -65,16 +59,16 @@ def rays(
     return SensedScan(Pose2(*begin, yaw), ranges, angles, nearest, farthest)
 
 
-def drawn(costmap: Costmap) -> list[str]:
+def drawn(costmap):
     """Return the rows of the grid, the highest first."""
     return ["".join(SIGNS[int(cell)] for cell in row) for row in costmap.grid.cells[::-1]]
 
 
-def free(costmap: Costmap) -> set[tuple[int, int]]:
+def free(costmap):
     """Return the cells (column, row) that are free."""
     return {(int(x), int(y)) for y, x in np.argwhere(costmap.grid.cells == 0)}
 
 
-def marked(costmap: Costmap) -> set[tuple[int, int]]:
+def marked(costmap):
     """Return the cells (column, row) that are lethal."""
     return {(int(x), int(y)) for y, x in np.argwhere(costmap.grid.cells == 254)}

@@ -1,31 +1,22 @@
 """The update cycle of costmap_2d written down step by step, without any shortcut."""
 
-from __future__ import annotations
-
 import heapq
 import math
-from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from daemon.stacks.ros1.costmap import (
     InflationLayer,
-    LayeredCostmap,
-    ObservationSource,
     ObstacleLayer,
-    SensedScan,
     StaticLayer,
     radii,
 )
-from daemon.stacks.ros1.quirks import Quirks
-from grammars.model.geometry import Floats, Pose2
-from grammars.model.grid import OccupancyGrid
 
 LETHAL, UNKNOWN, INSCRIBED = 254, 255, 253
 Window = tuple[int, int, int, int]
 
 
-def line(x0: int, y0: int, x1: int, y1: int, most: float = math.inf) -> list[tuple[int, int]]:
+def line(x0, y0, x1, y1, most=math.inf):
     dx, dy = x1 - x0, y1 - y0
     long, short = max(abs(dx), abs(dy)), min(abs(dx), abs(dy))
     length = math.hypot(dx, dy)
@@ -44,7 +35,7 @@ def line(x0: int, y0: int, x1: int, y1: int, most: float = math.inf) -> list[tup
     return cells
 
 
-def cost(distance: float, layer: InflationLayer, inscribed: float, res: float) -> int:
+def cost(distance, layer, inscribed, res):
     if distance == 0:
         return LETHAL
     if distance * res <= inscribed:
@@ -53,7 +44,7 @@ def cost(distance: float, layer: InflationLayer, inscribed: float, res: float) -
     return int((INSCRIBED - 1) * fall)
 
 
-def by_queue(lethal: list[tuple[int, int]], shape: tuple[int, int], radius: int) -> np.ndarray:
+def by_queue(lethal, shape, radius):
     """Distance [cells] as the original finds it: sources are passed on to four neighbours.
 
     ``lethal`` row by row. Whoever waits at a distance that is done already waits for ever.
@@ -79,18 +70,18 @@ def by_queue(lethal: list[tuple[int, int]], shape: tuple[int, int], radius: int)
 class PlainGrid:
     """Cells at a place; ``voxels`` of a layer that has them: a set of levels by state."""
 
-    def __init__(self, x: float, y: float, res: float, shape: tuple[int, int], free: int) -> None:
+    def __init__(self, x, y, res, shape, free):
         self.x, self.y, self.res, self.free = x, y, res, free
         self.cells = np.full(shape, free)
-        self.extra: tuple[float, float, float, float] | None = None
+        self.extra = None
 
-    def cell(self, x: float, y: float) -> tuple[int, int] | None:
+    def cell(self, x, y):
         if x < self.x or y < self.y:
             return None
         i, j = int((x - self.x) / self.res), int((y - self.y) / self.res)
         return (i, j) if i < self.cells.shape[1] and j < self.cells.shape[0] else None
 
-    def moved(self, array: np.ndarray, dx: int, dy: int, free: int) -> np.ndarray:
+    def moved(self, array, dx, dy, free):
         rows, columns = self.cells.shape
         new = np.full_like(array, free)
         for r in range(rows):
@@ -99,11 +90,11 @@ class PlainGrid:
                     new[r, c] = array[r + dy, c + dx]
         return new
 
-    def shift(self, dx: int, dy: int) -> None:
+    def shift(self, dx, dy):
         self.cells = self.moved(self.cells, dx, dy, self.free)
         self.x, self.y = self.x + dx * self.res, self.y + dy * self.res
 
-    def clear_area(self, base: Pose2, side: float, *, inside: bool) -> None:
+    def clear_area(self, base, side, *, inside):
         x0, y0 = base.x - side / 2, base.y - side / 2
         a, b = int((x0 - self.x) / self.res), int((y0 - self.y) / self.res)
         c, d = int((x0 + side - self.x) / self.res), int((y0 + side - self.y) / self.res)
@@ -119,16 +110,16 @@ class PlainGrid:
 class PlainObstacles(PlainGrid):
     """An obstacle layer, or a voxel layer."""
 
-    def __init__(self, master: PlainGrid, layer: ObstacleLayer, free: int) -> None:
+    def __init__(self, master, layer, free):
         super().__init__(master.x, master.y, master.res, master.cells.shape, free)
         self.layer = layer
         self.columns = np.full(master.cells.shape, 0xFFFF, dtype=np.int64)
 
-    def shift(self, dx: int, dy: int) -> None:
+    def shift(self, dx, dy):
         self.columns = self.moved(self.columns, dx, dy, 0xFFFF)
         super().shift(dx, dy)
 
-    def points(self, source: ObservationSource, scan: SensedScan) -> list[tuple[float, float]]:
+    def points(self, source, scan):
         z = float(np.float32(scan.height))
         if not source.min_obstacle_height <= z <= source.max_obstacle_height:
             return []
@@ -147,7 +138,7 @@ class PlainObstacles(PlainGrid):
         assert points.dtype == np.float32
         return [(x, y) for x, y in points.astype(float).tolist()]
 
-    def clear(self, scan: SensedScan, points: list[tuple[float, float]], reach: float) -> Touched:
+    def clear(self, scan, points, reach):
         ox, oy = scan.pose.x, scan.pose.y
         start = self.cell(ox, oy)
         if start is None:
@@ -173,9 +164,7 @@ class PlainObstacles(PlainGrid):
             touched.append(cut_off(ox, oy, wx, wy, reach))
         return touched
 
-    def clear_voxels(
-        self, scan: SensedScan, points: list[tuple[float, float]], reach: float
-    ) -> Touched:
+    def clear_voxels(self, scan, points, reach):
         voxels, top = self.layer.voxels, self.layer.max_obstacle_height
         assert voxels is not None
         bottom, step = voxels.origin_z, voxels.z_resolution
@@ -185,14 +174,14 @@ class PlainObstacles(PlainGrid):
         high = (self.x + (columns - 0.5) * self.res, self.y + (rows - 0.5) * self.res)
         origin = (scan.pose.x, scan.pose.y, scan.height)
 
-        def in_cells(p: Sequence[float]) -> list[float] | None:
+        def in_cells(p):
             if any(p[k] < low[k] for k in range(3)):
                 return None
             units = (self.res, self.res, step)
             q = [(p[k] - low[k]) / units[k] for k in range(3)]
             return q if all(q[k] < sizes[k] for k in range(3)) else None
 
-        touched: Touched = []
+        touched = []
         begin = in_cells(origin)
         if begin is None:
             return touched
@@ -229,7 +218,7 @@ class PlainObstacles(PlainGrid):
             touched.append(cut_off(origin[0], origin[1], w[0], w[1], reach))
         return touched
 
-    def mark(self, scan: SensedScan, points: list[tuple[float, float]], reach: float) -> Touched:
+    def mark(self, scan, points, reach):
         z, touched, voxels = float(np.float32(scan.height)), [], self.layer.voxels
         if z > self.layer.max_obstacle_height:
             return []
@@ -254,14 +243,12 @@ class PlainObstacles(PlainGrid):
 Touched = list[tuple[float, float]]
 
 
-def cut_off(ox: float, oy: float, wx: float, wy: float, reach: float) -> tuple[float, float]:
+def cut_off(ox, oy, wx, wy, reach):
     part = min(1.0, reach / (math.hypot(wx - ox, wy - oy) or 1e-300))
     return ox + (wx - ox) * part, oy + (wy - oy) * part
 
 
-def line_in_space(
-    begin: Sequence[float], end: Sequence[float], most: float
-) -> list[tuple[int, int, int]]:
+def line_in_space(begin, end, most):
     """Bresenham along the axis with the most steps, of equals the first of x, y, z."""
     at = [int(b) for b in begin]
     steps = [int(e) - int(b) for b, e in zip(begin, end, strict=True)]
@@ -283,14 +270,7 @@ def line_in_space(
 class PlainCostmap:
     """Reference for :class:`Costmap`: same arguments, ``cells`` instead of ``grid``."""
 
-    def __init__(
-        self,
-        parameters: LayeredCostmap,
-        footprint: Floats,
-        quirks: Quirks,
-        static: OccupancyGrid | None = None,
-        hears: Mapping[str, Collection[str]] | None = None,
-    ) -> None:
+    def __init__(self, parameters, footprint, quirks, static=None, hears=None):
         self.parameters, self.footprint, self.quirks = parameters, footprint, quirks
         self.hears = hears
         p = parameters
@@ -301,7 +281,7 @@ class PlainCostmap:
         else:
             shape = (int(p.height / p.resolution), int(p.width / p.resolution))
             self.master = PlainGrid(p.origin_x, p.origin_y, p.resolution, shape, free)
-        self.grids: list[PlainGrid | None] = []
+        self.grids = []
         for layer in p.layers:
             if isinstance(layer, StaticLayer):
                 assert static is not None
@@ -322,14 +302,14 @@ class PlainCostmap:
         self.last = dict.fromkeys(range(len(p.layers)), nowhere)
 
     @property
-    def cells(self) -> np.ndarray:
+    def cells(self):
         return self.master.cells
 
-    def touch(self, x: float, y: float) -> None:
+    def touch(self, x, y):
         b = self.bounds
         self.bounds = (min(b[0], x), min(b[1], y), max(b[2], x), max(b[3], y))
 
-    def polygon(self, corners: list[tuple[float, float]]) -> list[tuple[int, int]]:
+    def polygon(self, corners):
         cells = [self.master.cell(x, y) for x, y in corners]
         if None in cells:
             return []
@@ -341,22 +321,18 @@ class PlainCostmap:
             filled += [(x, y) for y in range(min(column), max(column) + 1)]
         return filled
 
-    def clear_square(self, base: Pose2, half: float) -> None:
+    def clear_square(self, base, half):
         x, y = base.x, base.y
         square = [(-half, -half), (half, -half), (half, half), (-half, half)]
         for i, j in self.polygon([(x + u, y + v) for u, v in square]):
             self.master.cells[j, i] = 0
 
-    def clear_layers(
-        self, base: Pose2, side: float, names: Collection[str], *, inside: bool = False
-    ) -> None:
+    def clear_layers(self, base, side, names, *, inside=False):
         for layer, grid in zip(self.parameters.layers, self.grids, strict=True):
             if grid is not None and layer.name in names:
                 grid.clear_area(base, side, inside=inside)
 
-    def observations(
-        self, source: ObservationSource, scans: Sequence[SensedScan]
-    ) -> list[SensedScan]:
+    def observations(self, source, scans):
         """What the source's buffer holds, the newest first."""
         lasers = None if self.hears is None else self.hears[source.topic]
         buffer = [s for s in reversed(scans) if lasers is None or s.laser in lasers]
@@ -370,7 +346,7 @@ class PlainCostmap:
             kept.append(scan)
         return kept
 
-    def update(self, base: Pose2, scans: Sequence[SensedScan], frame_in_map: Pose2) -> None:
+    def update(self, base, scans, frame_in_map):
         p = self.parameters
         rows, columns = self.cells.shape
         if p.rolling_window:
@@ -424,9 +400,7 @@ class PlainCostmap:
                 assert grid is not None
                 self.merge(grid, window, "max" if layer.use_maximum else "true")
 
-    def observe(
-        self, layer: ObstacleLayer, grid: PlainObstacles, scans: Sequence[SensedScan]
-    ) -> None:
+    def observe(self, layer, grid, scans):
         for task in ("clearing", "marking"):
             for source in layer.sources:
                 for scan in self.observations(source, scans) if getattr(source, task) else ():
@@ -440,7 +414,7 @@ class PlainCostmap:
                     for x, y in touched:
                         self.touch(x, y)
 
-    def bounds_of_inflation(self, index: int, layer: InflationLayer) -> None:
+    def bounds_of_inflation(self, index, layer):
         own, last, by = self.bounds, self.last[index], layer.inflation_radius
         self.last[index] = own
         most = float(np.finfo(np.float32).max)
@@ -451,7 +425,7 @@ class PlainCostmap:
         high = [max(last[k], own[k]) + by for k in (2, 3)]
         self.bounds = (low[0], low[1], high[0], high[1])
 
-    def window(self) -> Window:
+    def window(self):
         rows, columns = self.cells.shape
         found = []
         for k, value in enumerate(self.bounds):
@@ -465,7 +439,7 @@ class PlainCostmap:
                 found.append(int((value - origin) / self.master.res))
         return found[0], found[1], min(columns, found[2] + 1), min(rows, found[3] + 1)
 
-    def merge(self, grid: PlainGrid, window: Window, method: str) -> None:
+    def merge(self, grid, window, method):
         for y in range(window[1], window[3]):
             for x in range(window[0], window[2]):
                 own, old = int(grid.cells[y, x]), int(self.cells[y, x])
@@ -476,7 +450,7 @@ class PlainCostmap:
                 elif method == "over" or old == UNKNOWN or old < own:
                     self.cells[y, x] = own
 
-    def show(self, grid: PlainGrid, window: Window, frame_in_map: Pose2, *, maximum: bool) -> None:
+    def show(self, grid, window, frame_in_map, *, maximum):
         for y in range(window[1], window[3]):
             for x in range(window[0], window[2]):
                 centre = [
@@ -488,7 +462,7 @@ class PlainCostmap:
                     own = int(grid.cells[found[1], found[0]])
                     self.cells[y, x] = max(own, int(self.cells[y, x])) if maximum else own
 
-    def inflate(self, layer: InflationLayer, window: Window) -> None:
+    def inflate(self, layer, window):
         inscribed, _ = radii(self.footprint)
         radius = math.ceil(layer.inflation_radius / self.master.res)
         rows, columns = self.cells.shape

@@ -1,11 +1,7 @@
 """What marks, what clears and what it costs."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,14 +9,13 @@ import pytest
 from daemon.stacks.ros1.costmap import (
     Costmap,
     InflationLayer,
-    Layer,
     LayeredCostmap,
     ObservationSource,
     ObstacleLayer,
     SensedScan,
     StaticLayer,
 )
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros1.costmap.plain import by_queue
@@ -38,21 +33,14 @@ ROLLING = LayeredCostmap(
 FAR_AWAY = Pose2(9.0, 1.0)
 
 
-def world(rows: int = 60, columns: int = 200) -> OccupancyGrid:
+def world(rows=60, columns=200):
     return OccupancyGrid(0.05, 0.0, 0.0, np.zeros((rows, columns), dtype=np.int8))
 
 
-def layered(
-    parameters: LayeredCostmap = STILL,
-    *,
-    static: Mapping[str, Any] | None = None,
-    obstacles: Mapping[str, Any] | None = None,
-    source: Mapping[str, Any] | None = None,
-    inflation: Mapping[str, Any] | None = None,
-) -> LayeredCostmap:
+def layered(parameters=STILL, *, static=None, obstacles=None, source=None, inflation=None):
     """Return the costmap with values of its layers changed."""
 
-    def changed(layer: Layer) -> Layer:
+    def changed(layer):
         if isinstance(layer, StaticLayer):
             return replace(layer, **(static or {}))
         if isinstance(layer, InflationLayer):
@@ -63,21 +51,17 @@ def layered(
     return replace(parameters, layers=tuple(changed(layer) for layer in parameters.layers))
 
 
-def build(
-    parameters: LayeredCostmap = STILL,
-    grid: OccupancyGrid | None = None,
-    quirks: Quirks = ORIGINAL,
-) -> Costmap:
+def build(parameters=STILL, grid=None, quirks=ORIGINAL):
     return Costmap(parameters, parameters.padded_footprint(), quirks, grid or world())
 
 
-def looking(away: float, x: float = 1.025, y: float = 1.025) -> SensedScan:
+def looking(away, x=1.025, y=1.025):
     """One ray along x from (x, y)."""
     ranges = np.array([away], dtype=np.float32)
     return SensedScan(Pose2(x, y), ranges, np.zeros(1), 0.05, 5.6)
 
 
-def value(costmap: Costmap, x: float, y: float) -> int:
+def value(costmap, x, y):
     found = costmap.grid.cell(x, y)
     assert found is not None
     return int(costmap.grid.cells[found[1], found[0]])
@@ -93,12 +77,7 @@ def value(costmap: Costmap, x: float, y: float) -> int:
         (OMNI, 0.5, 1.0, {0.5: 192}),
     ],
 )
-def test_costs_fall_with_the_distance_from_a_wall(
-    footprint: tuple[tuple[float, float], ...],
-    radius: float,
-    scaling: float,
-    costs: dict[float, int],
-) -> None:
+def test_costs_fall_with_the_distance_from_a_wall(footprint, radius, scaling, costs):
     grid = world()
     grid.cells[:, 100] = 100
     inflation = {"inflation_radius": radius, "cost_scaling_factor": scaling}
@@ -109,7 +88,7 @@ def test_costs_fall_with_the_distance_from_a_wall(
         assert value(costmap, 5.025 - away, 1.5) == cost
 
 
-def test_unknown_cells_become_free() -> None:
+def test_unknown_cells_become_free():
     grid = world()
     grid.cells[:, 150:] = -1
     assert value(build(STILL, grid), 9.0, 1.0) == 0
@@ -119,9 +98,7 @@ def test_unknown_cells_become_free() -> None:
     ("parameters", "quirks"),
     [(STILL, FIXED), (layered(obstacles={"track_unknown_space": True}), ORIGINAL)],
 )
-def test_unknown_cells_stay_unknown_until_a_ray_crosses_them(
-    parameters: LayeredCostmap, quirks: Quirks
-) -> None:
+def test_unknown_cells_stay_unknown_until_a_ray_crosses_them(parameters, quirks):
     grid = world()
     grid.cells[:, 30:] = -1
     costmap = build(parameters, grid, quirks)
@@ -131,7 +108,7 @@ def test_unknown_cells_stay_unknown_until_a_ray_crosses_them(
     assert value(costmap, 2.0, 1.6) == 255
 
 
-def test_a_return_marks_and_a_longer_ray_clears() -> None:
+def test_a_return_marks_and_a_longer_ray_clears():
     costmap = build()
     costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
     assert value(costmap, 2.525, 1.025) == 254
@@ -141,7 +118,7 @@ def test_a_return_marks_and_a_longer_ray_clears() -> None:
     assert value(costmap, 3.525, 1.025) == 254
 
 
-def test_a_ray_without_return_neither_marks_nor_clears() -> None:
+def test_a_ray_without_return_neither_marks_nor_clears():
     costmap = build()
     costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
     for lost in (math.inf, math.nan, 5.6, 0.04):
@@ -149,14 +126,14 @@ def test_a_ray_without_return_neither_marks_nor_clears() -> None:
         assert value(costmap, 2.525, 1.025) == 254
 
 
-def test_with_inf_is_valid_a_ray_without_return_clears() -> None:
+def test_with_inf_is_valid_a_ray_without_return_clears():
     costmap = build(layered(source={"inf_is_valid": True}))
     costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
     costmap.update(Pose2(1.0, 1.0), (looking(math.inf),))
     assert not costmap.grid.cells.any()
 
 
-def test_rays_clear_farther_than_they_mark() -> None:
+def test_rays_clear_farther_than_they_mark():
     costmap = build(layered(source={"obstacle_range": 6.0}))
     costmap.update(Pose2(1.0, 1.0), (looking(3.2),))
     assert value(costmap, 4.225, 1.025) == 254
@@ -169,14 +146,14 @@ def test_rays_clear_farther_than_they_mark() -> None:
     assert not costmap.grid.cells.any()
 
 
-def test_beyond_the_raytrace_range_nothing_is_cleared() -> None:
+def test_beyond_the_raytrace_range_nothing_is_cleared():
     costmap = build(layered(source={"obstacle_range": 5.0}))
     costmap.update(Pose2(1.0, 1.0), (looking(4.5),))
     costmap.update(Pose2(1.0, 1.0), (looking(4.9),))
     assert value(costmap, 5.525, 1.025) == 254
 
 
-def test_an_old_scan_is_applied_again() -> None:
+def test_an_old_scan_is_applied_again():
     costmap = build()
     scan = looking(1.5)
     costmap.update(Pose2(1.0, 1.0), (scan,))
@@ -186,7 +163,7 @@ def test_an_old_scan_is_applied_again() -> None:
     assert value(costmap, 2.525, 1.025) == 254
 
 
-def test_the_footprint_is_free_of_obstacles_but_not_of_walls() -> None:
+def test_the_footprint_is_free_of_obstacles_but_not_of_walls():
     grid = world()
     grid.cells[20, 20] = 100
     costmap = build(layered(inflation={"inflation_radius": 0.0}), grid)
@@ -198,7 +175,7 @@ def test_the_footprint_is_free_of_obstacles_but_not_of_walls() -> None:
     assert value(costmap, 1.025, 1.025) == 254
 
 
-def test_without_a_source_the_map_is_all_there_is() -> None:
+def test_without_a_source_the_map_is_all_there_is():
     grid = world()
     grid.cells[:, 100] = 100
     deaf = build(layered(obstacles={"sources": ()}), grid)
@@ -210,14 +187,14 @@ def test_without_a_source_the_map_is_all_there_is() -> None:
     assert not blind.grid.cells.any()
 
 
-def test_a_source_of_another_height_or_without_marking_marks_nothing() -> None:
+def test_a_source_of_another_height_or_without_marking_marks_nothing():
     for source in ({"min_obstacle_height": 0.5}, {"max_obstacle_height": -0.1}, {"marking": False}):
         costmap = build(layered(source=source))
         costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
         assert not costmap.grid.cells.any()
 
 
-def test_the_window_moves_by_whole_cells_toward_zero_and_keeps_what_it_knows() -> None:
+def test_the_window_moves_by_whole_cells_toward_zero_and_keeps_what_it_knows():
     costmap = build(layered(ROLLING, obstacles={"footprint_clearing_enabled": False}))
     costmap.update(Pose2(0.0, 0.0), (looking(1.0, 0.0, 0.0),))
     x = costmap.grid.x
@@ -231,7 +208,7 @@ def test_the_window_moves_by_whole_cells_toward_zero_and_keeps_what_it_knows() -
     assert not costmap.grid.cells.any()
 
 
-def test_without_the_quirk_the_window_moves_to_the_nearest_cell() -> None:
+def test_without_the_quirk_the_window_moves_to_the_nearest_cell():
     costmap = build(ROLLING, quirks=FIXED)
     costmap.update(Pose2(0.0, 0.0))
     centre = costmap.grid.x
@@ -239,7 +216,7 @@ def test_without_the_quirk_the_window_moves_to_the_nearest_cell() -> None:
     assert costmap.grid.x == pytest.approx(centre + 0.05)
 
 
-def test_a_cleared_square_comes_back_with_the_next_update() -> None:
+def test_a_cleared_square_comes_back_with_the_next_update():
     grid = world()
     grid.cells[:, 22] = 100
     costmap = build(STILL, grid)
@@ -252,7 +229,7 @@ def test_a_cleared_square_comes_back_with_the_next_update() -> None:
     np.testing.assert_array_equal(costmap.grid.cells, before)
 
 
-def test_a_cleared_square_out_of_sight_stays_clear() -> None:
+def test_a_cleared_square_out_of_sight_stays_clear():
     grid = world()
     grid.cells[:, 22] = 100
     costmap = build(STILL, grid)
@@ -263,7 +240,7 @@ def test_a_cleared_square_out_of_sight_stays_clear() -> None:
     assert value(costmap, 1.125, 1.025) == 0
 
 
-def test_a_working_reset_forgets_obstacles_far_from_the_robot() -> None:
+def test_a_working_reset_forgets_obstacles_far_from_the_robot():
     costmap = build()
     for away in (0.5, 2.5):
         costmap.update(FAR_AWAY, (replace(looking(away), pose=Pose2(1.025, 0.525 + away / 3)),))
@@ -274,7 +251,7 @@ def test_a_working_reset_forgets_obstacles_far_from_the_robot() -> None:
     assert value(costmap, 1.525, 0.7) == 254
 
 
-def test_what_changed_is_told_tightly() -> None:
+def test_what_changed_is_told_tightly():
     costmap = build()
     scan = looking(1.5)
     costmap.update(Pose2(1.0, 1.0), (scan,))
@@ -286,13 +263,13 @@ def test_what_changed_is_told_tightly() -> None:
     assert costmap.grid.take_changed() == (40, 10, 62, 31)
 
 
-def test_costmaps_of_one_map_do_not_share_their_cells() -> None:
+def test_costmaps_of_one_map_do_not_share_their_cells():
     one, other = build(), build()
     one.update(Pose2(1.0, 1.0), (looking(1.5),))
     assert not other.grid.cells.any()
 
 
-def test_the_nearest_obstacle_counts_and_the_original_hardly_ever_misses_it() -> None:
+def test_the_nearest_obstacle_counts_and_the_original_hardly_ever_misses_it():
     rng = np.random.default_rng(3)
     grid = world(60, 60)
     grid.cells[:] = np.where(rng.random((60, 60)) < 0.02, 100, 0)
@@ -311,17 +288,17 @@ def test_the_nearest_obstacle_counts_and_the_original_hardly_ever_misses_it() ->
         (replace(ROLLING, width=0.01), "has no cell"),
     ],
 )
-def test_impossible_costmaps_are_refused(parameters: LayeredCostmap, message: str) -> None:
+def test_impossible_costmaps_are_refused(parameters, message):
     with pytest.raises(ValueError, match=message):
         build(parameters)
 
 
-def test_a_static_costmap_needs_a_map() -> None:
+def test_a_static_costmap_needs_a_map():
     with pytest.raises(ValueError, match="was given no map"):
         Costmap(STILL, STILL.padded_footprint(), ORIGINAL)
 
 
-def test_a_scan_has_as_many_ranges_as_angles() -> None:
+def test_a_scan_has_as_many_ranges_as_angles():
     scan = replace(looking(1.0), ranges=np.ones(2, dtype=np.float32))
     with pytest.raises(ValueError, match="2 ranges at 1 angles"):
         build().update(Pose2(1.0, 1.0), (scan,))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,30 +11,28 @@ from tests.daemon.stacks.ros1.costmap.test_costmap import A2S, DIFF, OMNI
     ("points", "inscribed", "circumscribed"),
     [(A2S, 0.085, 0.143), (DIFF, 0.243, 0.434), (OMNI, 0.230, 0.427)],
 )
-def test_radii_of_the_padded_footprint(
-    points: tuple[tuple[float, float], ...], inscribed: float, circumscribed: float
-) -> None:
+def test_radii_of_the_padded_footprint(points, inscribed, circumscribed):
     padded = padded_footprint(points)
     assert padded.max(axis=0) == pytest.approx(np.array(points).max(axis=0) + 0.01)
     assert padded.min(axis=0) == pytest.approx(np.array(points).min(axis=0) - 0.01)
     assert radii(padded) == pytest.approx((inscribed, circumscribed), abs=5e-4)
 
 
-def test_a_coordinate_of_zero_is_not_padded() -> None:
+def test_a_coordinate_of_zero_is_not_padded():
     padded = padded_footprint([(0.0, 0.2), (-0.1, 0.0), (0.1, 0.0)])
     assert padded.tolist() == [[0.0, 0.2 + 0.01], [-0.1 - 0.01, 0.0], [0.1 + 0.01, 0.0]]
 
 
-def test_a_footprint_beside_the_origin_has_an_inscribed_radius_all_the_same() -> None:
+def test_a_footprint_beside_the_origin_has_an_inscribed_radius_all_the_same():
     assert radii([(1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)])[0] == 1.0
 
 
-def test_a_radius_stands_for_sixteen_corners() -> None:
+def test_a_radius_stands_for_sixteen_corners():
     corners = LayeredCostmap(robot_radius=0.3, footprint_padding=0.0).padded_footprint()
     assert corners.shape == (16, 2)
     assert radii(corners) == pytest.approx((0.3 * math.cos(math.pi / 16), 0.3))
 
 
-def test_two_points_are_no_footprint() -> None:
+def test_two_points_are_no_footprint():
     with pytest.raises(ValueError, match="at least three points"):
         padded_footprint([(0.1, 0.0), (-0.1, 0.0)])

@@ -1,13 +1,11 @@
 """Costs in the order of the original's queue (``inflation_queue_order``)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.costmap import Costmap, InflationLayer, LayeredCostmap, StaticLayer
@@ -24,7 +22,7 @@ SQUARE = ((-POINT, -POINT), (-POINT, POINT), (POINT, POINT), (POINT, -POINT))
 THREE = ((0, 0), (2, 1), (3, 3))
 
 
-def costmap(cells: np.ndarray, *, ordered: bool, inflation: InflationLayer = INFLATION) -> Costmap:
+def costmap(cells, *, ordered, inflation=INFLATION):
     """A map below an inflation, for a robot without padding."""
     parameters = LayeredCostmap((StaticLayer(), inflation), footprint=SQUARE, footprint_padding=0.0)
     grid = OccupancyGrid(0.05, 0.0, 0.0, cells.astype(np.int8))
@@ -32,7 +30,7 @@ def costmap(cells: np.ndarray, *, ordered: bool, inflation: InflationLayer = INF
     return Costmap(parameters, parameters.padded_footprint(), quirks, grid)
 
 
-def occupied(rows: int, columns: int, places: tuple[tuple[int, int], ...]) -> np.ndarray:
+def occupied(rows, columns, places):
     """``places`` are columns and rows."""
     cells = np.zeros((rows, columns), dtype=np.int8)
     for x, y in places:
@@ -40,18 +38,18 @@ def occupied(rows: int, columns: int, places: tuple[tuple[int, int], ...]) -> np
     return cells
 
 
-def at(squared: int) -> int:
+def at(squared):
     """The cost at a squared distance [cells^2]."""
     return cost(math.sqrt(squared), INFLATION, POINT, 0.05)
 
 
-def test_it_is_off_unless_asked_for() -> None:
+def test_it_is_off_unless_asked_for():
     assert not ORIGINAL.inflation_queue_order
     assert not FIXED.inflation_queue_order
 
 
 @pytest.mark.parametrize("updates", [0, 1, 3])
-def test_a_cell_whose_neighbours_have_other_obstacles_never_hears_of_its_own(updates: int) -> None:
+def test_a_cell_whose_neighbours_have_other_obstacles_never_hears_of_its_own(updates):
     """Four rows of four cells, the highest first, a and b and c occupied::
 
         . . . c
@@ -79,7 +77,7 @@ def test_a_cell_whose_neighbours_have_other_obstacles_never_hears_of_its_own(upd
     assert at(9) < at(8)
 
 
-def test_what_lies_farther_than_the_radius_costs_nothing() -> None:
+def test_what_lies_farther_than_the_radius_costs_nothing():
     """With a radius of 2 cells the corner is reached by none of the three."""
     near = replace(INFLATION, inflation_radius=0.1)
     first = costmap(occupied(4, 4, THREE), ordered=True, inflation=near)
@@ -91,7 +89,7 @@ def test_what_lies_farther_than_the_radius_costs_nothing() -> None:
     assert np.count_nonzero(first.grid.cells) == 3
 
 
-def slanted(rng: np.random.Generator, rows: int, columns: int, walls: int) -> np.ndarray:
+def slanted(rng, rows, columns, walls):
     """Walls at random angles, and free and unknown cells around them."""
     cells = rng.choice(np.array([0, -1]), (rows, columns), p=[0.9, 0.1])
     for _ in range(walls):
@@ -103,13 +101,12 @@ def slanted(rng: np.random.Generator, rows: int, columns: int, walls: int) -> np
     return cells
 
 
-@settings(deadline=None, max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     walls=st.integers(0, 6),
     radius=st.sampled_from([0.04, 0.1, 0.27, 0.55]),
 )
-def test_distances_are_those_of_the_plain_queue(seed: int, walls: int, radius: float) -> None:
+def test_distances_are_those_of_the_plain_queue(seed, walls, radius):
     rng = np.random.default_rng(seed)
     cells = slanted(rng, 40, 50, walls)
     layer = replace(INFLATION, inflation_radius=radius)
@@ -124,7 +121,7 @@ def test_distances_are_those_of_the_plain_queue(seed: int, walls: int, radius: f
     np.testing.assert_array_equal(first.grid.cells, expected)
 
 
-def test_all_sides_of_a_solid_block_are_inflated() -> None:
+def test_all_sides_of_a_solid_block_are_inflated():
     block = tuple((x, y) for x in range(6, 11) for y in range(6, 11))
     made = costmap(occupied(17, 17, block), ordered=False)
     made.update(Pose2(0.1, 0.1))

@@ -1,7 +1,5 @@
 """Layers beside and over each other, heights, several lasers, scans that are kept, resets."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -11,18 +9,15 @@ import pytest
 from daemon.stacks.ros1.costmap import (
     Costmap,
     InflationLayer,
-    Layer,
     LayeredCostmap,
     ObservationSource,
     ObstacleLayer,
-    SensedScan,
     StaticLayer,
     VoxelColumn,
     hears_height,
 )
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Pose2
-from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros1.costmap.test_costmap import (
     A2S,
     FAR_AWAY,
@@ -41,25 +36,23 @@ FLAT = InflationLayer(inflation_radius=0.0)
 """Inflation that writes nothing: the cells are those of the layers."""
 
 
-def build(*layers: Layer, grid: OccupancyGrid | None = None, **values: object) -> Costmap:
+def build(*layers, grid=None, **values):
     parameters = replace(LayeredCostmap(layers, footprint=A2S), **values)
     footprint = parameters.padded_footprint()
     return Costmap(parameters, footprint, ORIGINAL, grid or world(), TOPICS.__getitem__)
 
 
-def seen(
-    laser: str, away: float, *, height: float = 0.3, time: float = 0.0, y: float = 1.025
-) -> SensedScan:
+def seen(laser, away, *, height=0.3, time=0.0, y=1.025):
     return replace(looking(away, y=y), laser=laser, height=height, time=time)
 
 
-def wall(x: float) -> OccupancyGrid:
+def wall(x):
     grid = world()
     grid.cells[:, int(x / 0.05)] = 100
     return grid
 
 
-def test_several_obstacle_layers_are_all_kept() -> None:
+def test_several_obstacle_layers_are_all_kept():
     """As in TIAGo's files, where the laser is in the first layer of four."""
     front = replace(OBSTACLES, name="obstacle_laser_layer")
     rear = replace(OBSTACLES, name="obstacle_rear_layer", sources=(REAR,))
@@ -73,7 +66,7 @@ def test_several_obstacle_layers_are_all_kept() -> None:
     assert value(costmap, 2.025, 1.525) == 254
 
 
-def test_what_one_layer_cleared_another_one_still_shows() -> None:
+def test_what_one_layer_cleared_another_one_still_shows():
     rear = replace(OBSTACLES, name="rear", sources=(REAR,))
     costmap = build(StaticLayer(), OBSTACLES, rear, FLAT)
     costmap.update(HERE, (seen("rear", 1.0),))
@@ -82,7 +75,7 @@ def test_what_one_layer_cleared_another_one_still_shows() -> None:
 
 
 @pytest.mark.parametrize(("method", "cost"), [(0, 0), (1, 254), (2, 254)])
-def test_only_a_layer_that_overwrites_clears_walls_of_the_map(method: int, cost: int) -> None:
+def test_only_a_layer_that_overwrites_clears_walls_of_the_map(method, cost):
     layer = replace(OBSTACLES, combination_method=method, track_unknown_space=True)
     costmap = build(StaticLayer(), layer, FLAT, grid=wall(2.025))
     costmap.update(HERE, (seen("front", 2.5),))
@@ -91,14 +84,14 @@ def test_only_a_layer_that_overwrites_clears_walls_of_the_map(method: int, cost:
     assert value(costmap, 3.525, 1.025) == (0 if method == 2 else 254)
 
 
-def test_a_map_over_the_obstacles_hides_them_unless_it_takes_the_maximum() -> None:
+def test_a_map_over_the_obstacles_hides_them_unless_it_takes_the_maximum():
     for maximum, cost in ((False, 0), (True, 254)):
         costmap = build(OBSTACLES, StaticLayer(use_maximum=maximum), FLAT)
         costmap.update(HERE, (seen("front", 1.5),))
         assert value(costmap, 2.525, 1.025) == cost
 
 
-def test_only_what_lies_below_is_inflated() -> None:
+def test_only_what_lies_below_is_inflated():
     costmap = build(StaticLayer(), INFLATION, OBSTACLES, grid=wall(5.025))
     costmap.update(HERE, (seen("front", 1.5),))
     assert value(costmap, 5.225, 1.0) > 0
@@ -109,7 +102,7 @@ def test_only_what_lies_below_is_inflated() -> None:
     assert not twice.grid.cells.any()
 
 
-def test_a_source_hears_the_lasers_on_its_topic() -> None:
+def test_a_source_hears_the_lasers_on_its_topic():
     both = replace(LASER, topic="/both")
     for source, marked in ((LASER, True), (REAR, False), (both, True)):
         costmap = build(replace(OBSTACLES, sources=(source,)), FLAT)
@@ -117,14 +110,14 @@ def test_a_source_hears_the_lasers_on_its_topic() -> None:
         assert (value(costmap, 2.525, 1.025) == 254) == marked
 
 
-def test_of_two_lasers_on_one_topic_only_the_latest_scan_counts() -> None:
+def test_of_two_lasers_on_one_topic_only_the_latest_scan_counts():
     costmap = build(replace(OBSTACLES, sources=(replace(LASER, topic="/both"),)), FLAT)
     costmap.update(HERE, (seen("front", 1.5), seen("rear", 1.0, y=1.525, time=0.05)))
     assert value(costmap, 2.525, 1.025) == 0
     assert value(costmap, 2.025, 1.525) == 254
 
 
-def test_all_sources_clear_before_any_marks() -> None:
+def test_all_sources_clear_before_any_marks():
     layer = replace(OBSTACLES, sources=(LASER, REAR))
     costmap = build(layer, FLAT)
     costmap.update(HERE, (seen("front", 1.5), seen("rear", 2.5)))
@@ -132,7 +125,7 @@ def test_all_sources_clear_before_any_marks() -> None:
     assert value(costmap, 3.525, 1.025) == 254
 
 
-def test_scans_are_kept_as_long_as_they_persist() -> None:
+def test_scans_are_kept_as_long_as_they_persist():
     lasting = replace(LASER, observation_persistence=0.25, clearing=False)
     costmap = build(replace(OBSTACLES, sources=(lasting,)), FLAT)
     scans = [seen("front", 1.0 + 0.5 * k, time=0.1 * k) for k in range(4)]
@@ -141,7 +134,7 @@ def test_scans_are_kept_as_long_as_they_persist() -> None:
     assert shown == [0, 254, 254, 254], "the first is older than 0.25 s when the last is received"
 
 
-def test_a_laser_that_fell_silent_leaves_its_scans() -> None:
+def test_a_laser_that_fell_silent_leaves_its_scans():
     lasting = replace(LASER, observation_persistence=0.25)
     costmap = build(replace(OBSTACLES, sources=(lasting,)), FLAT)
     costmap.update(HERE, (seen("front", 1.5),))
@@ -151,7 +144,7 @@ def test_a_laser_that_fell_silent_leaves_its_scans() -> None:
     assert value(costmap, 2.525, 1.025) == 254
 
 
-def test_lasers_at_two_heights_do_not_clear_what_the_other_one_sees() -> None:
+def test_lasers_at_two_heights_do_not_clear_what_the_other_one_sees():
     """A table top, seen by the upper laser; the lower one looks through below it."""
     both = replace(OBSTACLES, sources=(LASER, REAR), voxels=VoxelColumn())
     costmap = build(both, FLAT)
@@ -168,7 +161,7 @@ def test_lasers_at_two_heights_do_not_clear_what_the_other_one_sees() -> None:
     assert value(plain, 2.525, 1.025) == 0
 
 
-def test_rays_of_a_voxel_layer_end_two_cells_before_their_return() -> None:
+def test_rays_of_a_voxel_layer_end_two_cells_before_their_return():
     for voxels, cost in ((None, 0), (VoxelColumn(), 254)):
         costmap = build(replace(OBSTACLES, voxels=voxels), FLAT)
         costmap.update(HERE, (seen("front", 1.5),))
@@ -178,7 +171,7 @@ def test_rays_of_a_voxel_layer_end_two_cells_before_their_return() -> None:
         assert value(costmap, 2.525, 1.025) == 0
 
 
-def test_a_column_is_lethal_when_enough_of_its_voxels_are_marked() -> None:
+def test_a_column_is_lethal_when_enough_of_its_voxels_are_marked():
     two = replace(OBSTACLES, sources=(LASER, REAR), voxels=VoxelColumn(mark_threshold=1))
     costmap = build(two, FLAT)
     costmap.update(HERE, (seen("front", 1.5, height=0.3),))
@@ -187,7 +180,7 @@ def test_a_column_is_lethal_when_enough_of_its_voxels_are_marked() -> None:
     assert value(costmap, 2.525, 1.025) == 254
 
 
-def test_a_column_is_unknown_while_too_many_of_its_voxels_are() -> None:
+def test_a_column_is_unknown_while_too_many_of_its_voxels_are():
     column = VoxelColumn(z_resolution=1.0, z_voxels=2, unknown_threshold=0)
     sources = (LASER, REAR)
     layer = replace(OBSTACLES, sources=sources, voxels=column, track_unknown_space=True)
@@ -203,9 +196,7 @@ def test_a_column_is_unknown_while_too_many_of_its_voxels_are() -> None:
     [(1.9, VoxelColumn(), True), (2.3, VoxelColumn(), False), (0.3, VoxelColumn(0.5), True),
      (1.9, VoxelColumn(z_voxels=5), False)],
 )  # fmt: skip
-def test_heights_beyond_a_column_are_not_marked(
-    height: float, column: VoxelColumn, marks: bool
-) -> None:
+def test_heights_beyond_a_column_are_not_marked(height, column, marks):
     everything = replace(LASER, max_obstacle_height=5.0)
     layer = replace(OBSTACLES, sources=(everything,), voxels=column)
     costmap = build(layer, FLAT)
@@ -213,7 +204,7 @@ def test_heights_beyond_a_column_are_not_marked(
     assert (value(costmap, 2.525, 1.025) == 254) == marks
 
 
-def test_points_have_single_precision_so_a_limit_may_be_passed_by_its_own_height() -> None:
+def test_points_have_single_precision_so_a_limit_may_be_passed_by_its_own_height():
     low = ObservationSource("scan", "/scan", max_obstacle_height=0.3)
     assert not hears_height(low, 0.3)
     assert hears_height(replace(low, max_obstacle_height=0.5), 0.5)
@@ -225,12 +216,12 @@ def test_points_have_single_precision_so_a_limit_may_be_passed_by_its_own_height
     [(VoxelColumn(z_voxels=17), "z_voxels 17 of obstacle_layer"),
      (VoxelColumn(z_resolution=0.0), "z_resolution 0 of obstacle_layer")],
 )  # fmt: skip
-def test_impossible_columns_are_refused(column: VoxelColumn, message: str) -> None:
+def test_impossible_columns_are_refused(column, message):
     with pytest.raises(ValueError, match=message):
         build(replace(OBSTACLES, voxels=column), FLAT)
 
 
-def test_a_window_that_rolls_shows_the_map_where_it_lies() -> None:
+def test_a_window_that_rolls_shows_the_map_where_it_lies():
     rolling = {"rolling_window": True, "width": 3.0, "height": 3.0, "frame": "odom"}
     costmap = build(StaticLayer(), OBSTACLES, FLAT, grid=wall(2.025), **rolling)
     # The robot is at (1, 1) in odom; odom lies 0.5 m ahead in the map, so the wall is nearer.
@@ -241,7 +232,7 @@ def test_a_window_that_rolls_shows_the_map_where_it_lies() -> None:
     assert value(costmap, 1.525, 1.0) == 0
 
 
-def test_off_the_map_a_rolling_window_keeps_what_lies_below() -> None:
+def test_off_the_map_a_rolling_window_keeps_what_lies_below():
     rolling = {"rolling_window": True, "width": 3.0, "height": 3.0, "track_unknown_space": True}
     costmap = build(StaticLayer(), FLAT, **rolling)
     costmap.update(Pose2(0.0, 0.0))
@@ -249,7 +240,7 @@ def test_off_the_map_a_rolling_window_keeps_what_lies_below() -> None:
     assert value(costmap, -0.5, 0.5) == 255
 
 
-def test_a_window_that_stands_still_has_the_size_that_is_written() -> None:
+def test_a_window_that_stands_still_has_the_size_that_is_written():
     costmap = build(OBSTACLES, INFLATION, width=2.0, height=1.0, origin_x=0.5, origin_y=0.5)
     assert costmap.grid.cells.shape == (20, 40)
     costmap.update(HERE, (seen("front", 1.0),))
@@ -258,7 +249,7 @@ def test_a_window_that_stands_still_has_the_size_that_is_written() -> None:
     assert costmap.grid.x == 0.5
 
 
-def test_resets_forget_the_layers_they_name_the_map_too() -> None:
+def test_resets_forget_the_layers_they_name_the_map_too():
     front, rear = replace(OBSTACLES, name="a/front"), replace(OBSTACLES, name="rear")
     layers = (StaticLayer("map"), front, replace(rear, sources=(REAR,)), INFLATION)
     costmap = build(*layers, grid=wall(6.025))
@@ -273,7 +264,7 @@ def test_resets_forget_the_layers_they_name_the_map_too() -> None:
     assert costmap.clear_layers(HERE, 3.0, None) == ("front", "rear")
 
 
-def test_a_reset_can_clear_inside_its_square() -> None:
+def test_a_reset_can_clear_inside_its_square():
     costmap = build(StaticLayer(), OBSTACLES, FLAT)
     for away in (0.5, 2.5):
         costmap.update(FAR_AWAY, (replace(seen("front", away, y=0.525 + away / 3)),))
@@ -282,7 +273,7 @@ def test_a_reset_can_clear_inside_its_square() -> None:
     assert np.argwhere(costmap.grid.cells == 254).tolist() == [[27, 70]]
 
 
-def test_what_a_reset_cleared_in_a_voxel_layer_is_marked_again_when_seen() -> None:
+def test_what_a_reset_cleared_in_a_voxel_layer_is_marked_again_when_seen():
     costmap = build(StaticLayer(), replace(OBSTACLES, voxels=VoxelColumn()), FLAT)
     costmap.update(HERE, (seen("front", 2.0),))
     costmap.clear_layers(HERE, 1.0, ("obstacle_layer",))
@@ -292,7 +283,7 @@ def test_what_a_reset_cleared_in_a_voxel_layer_is_marked_again_when_seen() -> No
     assert value(costmap, 3.025, 1.025) == 254
 
 
-def test_a_costmap_without_layers_stays_as_it_is() -> None:
+def test_a_costmap_without_layers_stays_as_it_is():
     costmap = build(width=2.0, height=2.0, track_unknown_space=True)
     costmap.update(HERE, (seen("front", 1.0),))
     assert (costmap.grid.cells == 255).all()

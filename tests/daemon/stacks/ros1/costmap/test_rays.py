@@ -6,15 +6,13 @@ marking in ``ObstacleLayer::updateBounds``, the polygon in ``Costmap2D::convexFi
 one metre large, so that a cell is the whole part of a coordinate.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from grammars.model.geometry import Point2, Pose2
+from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.costmap.pictures import HERE, build, drawn, free, marked, rays
 
 Cells = list[tuple[int, int]]
@@ -45,9 +43,7 @@ Cells = list[tuple[int, int]]
 @pytest.mark.parametrize(
     ("origin", "yaw"), [((0.0, 0.0), 0.0), ((-5.0, -3.0), 2.5), ((40.0, -60.0), -0.7)]
 )
-def test_a_ray_clears_the_cells_of_a_line_with_both_its_ends(
-    begin: tuple[int, int], end: tuple[int, int], cells: Cells, origin: Point2, yaw: float
-) -> None:
+def test_a_ray_clears_the_cells_of_a_line_with_both_its_ends(begin, end, cells, origin, yaw):
     costmap = build(12, 8, origin=origin)
     near, far = ((origin[0] + x + 0.4, origin[1] + y + 0.4) for x, y in (begin, end))
     costmap.update(HERE, (rays(near, (far[0] + 0.2, far[1] + 0.2), yaw=yaw),))
@@ -70,15 +66,13 @@ def test_a_ray_clears_the_cells_of_a_line_with_both_its_ends(
         (0.0, [(1, 1)]),
     ],
 )
-def test_the_raytrace_range_counts_whole_cells_along_the_leading_axis(
-    reach: float, cells: Cells
-) -> None:
+def test_the_raytrace_range_counts_whole_cells_along_the_leading_axis(reach, cells):
     costmap = build(12, 8, raytrace_range=reach)
     costmap.update(HERE, (rays((1.5, 1.5), (8.5, 4.5)),))
     assert free(costmap) == set(cells)
 
 
-def test_the_share_of_a_straight_line_may_round_to_a_cell_less() -> None:
+def test_the_share_of_a_straight_line_may_round_to_a_cell_less():
     # 13 / 23 * 23 is 12.999999999999998 in double precision: twelve steps instead of thirteen.
     costmap = build(30, 1, raytrace_range=13.0)
     costmap.update(HERE, (rays((0.5, 0.5), (23.5, 0.5)),))
@@ -105,13 +99,13 @@ def test_the_share_of_a_straight_line_may_round_to_a_cell_less() -> None:
         ((-8.5, -12.6), [(8, 4), (7, 3), (6, 2), (5, 1), (4, 0)]),
     ],
 )
-def test_a_ray_that_leaves_the_grid_ends_at_its_edge(end: Point2, cells: Cells) -> None:
+def test_a_ray_that_leaves_the_grid_ends_at_its_edge(end, cells):
     costmap = build(12, 8)
     costmap.update(HERE, (rays((8.5, 4.4), end),))
     assert free(costmap) == set(cells)
 
 
-def test_an_edge_below_and_left_belongs_to_the_grid_and_one_above_and_right_does_not() -> None:
+def test_an_edge_below_and_left_belongs_to_the_grid_and_one_above_and_right_does_not():
     # worldToMap: not below the origin, and a whole part less than the size. A ray that ends on the
     # far edge is not beyond it either, so it is not cut off, has no cell to end in, clears nothing
     # and marks nothing.
@@ -128,14 +122,14 @@ def test_an_edge_below_and_left_belongs_to_the_grid_and_one_above_and_right_does
 
 
 @pytest.mark.parametrize("begin", [(-0.5, 4.5), (12.0, 4.5), (4.5, -0.001), (4.5, 8.0)])
-def test_a_laser_off_the_grid_clears_nothing_but_marks(begin: Point2) -> None:
+def test_a_laser_off_the_grid_clears_nothing_but_marks(begin):
     costmap = build(12, 8, obstacle_range=20.0)
     costmap.update(HERE, (rays(begin, (5.5, 2.5)),))
     assert free(costmap) == set()
     assert costmap.grid.cells[2, 5] == 254
 
 
-def test_a_return_marks_nearer_than_the_obstacle_range_and_is_cleared_beyond_it() -> None:
+def test_a_return_marks_nearer_than_the_obstacle_range_and_is_cleared_beyond_it():
     # sq_dist >= sq_obstacle_range leaves it out; the end of the line has been cleared before.
     for reach, sign in ((5.0, "."), (5.001, "#")):
         costmap = build(8, 1, obstacle_range=reach)
@@ -143,7 +137,7 @@ def test_a_return_marks_nearer_than_the_obstacle_range_and_is_cleared_beyond_it(
         assert drawn(costmap) == ["....." + sign + "??"]
 
 
-def test_of_one_scan_all_rays_clear_before_any_return_marks() -> None:
+def test_of_one_scan_all_rays_clear_before_any_return_marks():
     costmap = build(8, 3, obstacle_range=20.0)
     costmap.update(HERE, (rays((0.5, 1.5), (3.5, 1.5), (6.5, 1.5), (4.5, 2.5)),))
     # To (4, 2): dx 4, dy 1, error 2, then 3, 4-4.
@@ -154,7 +148,7 @@ def test_of_one_scan_all_rays_clear_before_any_return_marks() -> None:
     ]
 
 
-def test_what_was_marked_is_cleared_by_the_line_of_a_later_ray_only() -> None:
+def test_what_was_marked_is_cleared_by_the_line_of_a_later_ray_only():
     costmap = build(8, 5, obstacle_range=20.0)
     costmap.update(HERE, (rays((0.5, 0.5), (2.5, 1.5), (3.5, 1.5), (4.5, 3.5)),))
     assert marked(costmap) == {(2, 1), (3, 1), (4, 3)}
@@ -167,9 +161,7 @@ def test_what_was_marked_is_cleared_by_the_line_of_a_later_ray_only() -> None:
     ("away", "seen"),
     [(0.9, False), (1.0, True), (math.nextafter(5.0, 0.0), False), (4.9999, True), (5.0, False)],
 )
-def test_a_ray_counts_from_the_least_range_on_and_below_the_greatest(
-    away: float, seen: bool
-) -> None:
+def test_a_ray_counts_from_the_least_range_on_and_below_the_greatest(away, seen):
     # laser_geometry: range >= range_min and range < range_cutoff, all in single precision, in which
     # the double before 5 is 5.
     costmap = build(8, 1)
@@ -177,7 +169,7 @@ def test_a_ray_counts_from_the_least_range_on_and_below_the_greatest(
     assert bool(free(costmap)) == seen
 
 
-def test_a_valid_infinity_marks_at_the_end_of_the_range_where_obstacles_may_be_that_far() -> None:
+def test_a_valid_infinity_marks_at_the_end_of_the_range_where_obstacles_may_be_that_far():
     # laserScanValidInfCallback makes it a return at range_max - 0.0001 like any other.
     scan = replace(
         rays((0.5, 0.5), (1.5, 0.5), farthest=4.0), ranges=np.array([np.inf], np.float32)
@@ -190,7 +182,7 @@ def test_a_valid_infinity_marks_at_the_end_of_the_range_where_obstacles_may_be_t
     assert drawn(costmap) == ["....#???"]
 
 
-def test_points_are_moved_in_single_precision() -> None:
+def test_points_are_moved_in_single_precision():
     """A point that rounds into another cell on its way (``doTransform`` of tf2_sensor_msgs).
 
     At 50 m a number of single precision is 3.8 um large. The laser stands at y = 50 + 1.7 um,
@@ -212,7 +204,7 @@ def test_points_are_moved_in_single_precision() -> None:
 
 # convexFillCells: the lines between corners as above, then in each column all from the lowest to
 # the highest of their cells.
-def test_the_footprint_frees_its_outline_and_what_lies_in_each_column_between() -> None:
+def test_the_footprint_frees_its_outline_and_what_lies_in_each_column_between():
     corners = ((2.5, 1.5), (8.5, 1.5), (5.5, 6.5))
     costmap = build(10, 8, under=corners, origin=(-7.0, 30.0))
     costmap.update(Pose2(-7.0, 30.0))
@@ -230,14 +222,14 @@ def test_the_footprint_frees_its_outline_and_what_lies_in_each_column_between() 
     ]
 
 
-def test_a_footprint_with_a_corner_off_the_grid_frees_nothing() -> None:
+def test_a_footprint_with_a_corner_off_the_grid_frees_nothing():
     corners = ((2.5, 1.5), (8.5, 1.5), (5.5, 8.0))
     costmap = build(10, 8, under=corners)
     costmap.update(Pose2())
     assert free(costmap) == set()
 
 
-def test_the_footprint_is_free_after_returns_under_it_were_marked() -> None:
+def test_the_footprint_is_free_after_returns_under_it_were_marked():
     # updateBounds marks, updateCosts clears the footprint before it merges.
     costmap = build(
         8, 3, obstacle_range=20.0, under=((2.5, 0.5), (4.5, 0.5), (4.5, 1.5), (2.5, 1.5))
@@ -250,7 +242,7 @@ def test_the_footprint_is_free_after_returns_under_it_were_marked() -> None:
     ]
 
 
-def test_bounds_end_where_the_range_does_and_hide_the_last_cell_of_a_line() -> None:
+def test_bounds_end_where_the_range_does_and_hide_the_last_cell_of_a_line():
     """``updateRaytraceBounds`` cuts a ray off in metres, ``raytraceLine`` in cells.
 
     A range of 3.2 m clears four cells beyond the first of a straight ray, up to x = 4; the bounds

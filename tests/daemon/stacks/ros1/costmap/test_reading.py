@@ -1,9 +1,5 @@
 """Files of people, with and without ``plugins``: the layers move_base would make of them."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from daemon.stacks.findings import FindingCollector, ParameterError
@@ -30,22 +26,22 @@ LAYERS = [
 OBSTACLES = {"observation_sources": "scan", "scan": SCAN}
 
 
-def context(**options: Any) -> CostmapContext:
+def context(**options):
     above = ParameterNamespace.of(options.pop("above", {}), ("move_base",))
     return CostmapContext(above=above, **options)
 
 
-def collect(given: dict[str, Any], **options: Any) -> tuple[LayeredCostmap, FindingCollector]:
+def collect(given, **options):
     report = FindingCollector()
     return read_costmap(given, PLACE, report, context(**options)), report
 
 
-def read(given: dict[str, Any], **options: Any) -> tuple[LayeredCostmap, list[str]]:
+def read(given, **options):
     costmap, report = collect(given, **options)
     return costmap, [str(problem) for problem in report.findings().problems]
 
 
-def idle(given: dict[str, Any], **options: Any) -> dict[str, str]:
+def idle(given, **options):
     _, report = collect(given, **options)
     return {
         "/".join(map(str, finding.path[2:])): finding.message
@@ -53,18 +49,18 @@ def idle(given: dict[str, Any], **options: Any) -> dict[str, str]:
     }
 
 
-def refusals(given: dict[str, Any], **options: Any) -> list[str]:
+def refusals(given, **options):
     with pytest.raises(ParameterError) as error:
         read(given, **options)
     return [str(problem) for problem in error.value.problems]
 
 
-def obstacle_layer(costmap: LayeredCostmap) -> ObstacleLayer:
+def obstacle_layer(costmap):
     (layer,) = (layer for layer in costmap.layers if isinstance(layer, ObstacleLayer))
     return layer
 
 
-def test_a_flat_file_is_read() -> None:
+def test_a_flat_file_is_read():
     costmap, problems = read(
         {
             "global_frame": "map", "robot_base_frame": "base_link", "update_frequency": 10,
@@ -86,7 +82,7 @@ def test_a_flat_file_is_read() -> None:
     )
 
 
-def test_defaults_are_those_of_noetic() -> None:
+def test_defaults_are_those_of_noetic():
     costmap, problems = read({})
     assert not problems
     assert costmap == LayeredCostmap(layers=(ObstacleLayer(), InflationLayer()))
@@ -99,7 +95,7 @@ def test_defaults_are_those_of_noetic() -> None:
     assert (source.obstacle_range, source.raytrace_range) == (2.5, 3.0)
 
 
-def test_a_layered_file_is_read_in_its_order() -> None:
+def test_a_layered_file_is_read_in_its_order():
     costmap, problems = read(
         {
             "plugins": LAYERS,
@@ -121,7 +117,7 @@ def test_a_layered_file_is_read_in_its_order() -> None:
     )
 
 
-def test_several_obstacle_layers_are_all_kept_and_those_that_are_off_are_not() -> None:
+def test_several_obstacle_layers_are_all_kept_and_those_that_are_off_are_not():
     # As TIAGo has it: the laser in one layer, three other sensors in three more.
     kinds = dict.fromkeys(("laser", "sonar", "rgbd"), "costmap_2d::ObstacleLayer")
     sonar = {"data_type": "PointCloud2", "expected_update_rate": 1.0}
@@ -144,7 +140,7 @@ def test_several_obstacle_layers_are_all_kept_and_those_that_are_off_are_not() -
     }
 
 
-def test_a_static_layer_that_is_off_takes_the_map_out_of_a_rolling_window_only() -> None:
+def test_a_static_layer_that_is_off_takes_the_map_out_of_a_rolling_window_only():
     given = {"plugins": LAYERS, "walls": {"enabled": False}}
     costmap, _ = read(given | {"rolling_window": True})
     assert [layer.name for layer in costmap.layers] == ["obstacles", "around"]
@@ -152,7 +148,7 @@ def test_a_static_layer_that_is_off_takes_the_map_out_of_a_rolling_window_only()
     assert "walls/enabled: a static layer that is off still gives the costmap the size" in said
 
 
-def test_a_layer_may_be_called_like_a_parameter() -> None:
+def test_a_layer_may_be_called_like_a_parameter():
     # fetch_navigation calls its static layer static_map, and sets static_map besides.
     plugins = [{"name": "static_map", "type": "costmap_2d::StaticLayer"}]
     costmap, problems = read({"plugins": plugins, "static_map": True})
@@ -162,7 +158,7 @@ def test_a_layer_may_be_called_like_a_parameter() -> None:
     assert (costmap.layers, problems) == ((StaticLayer("static_map", use_maximum=True),), [])
 
 
-def test_footprint_and_radius_are_found_upwards() -> None:
+def test_footprint_and_radius_are_found_upwards():
     # As MiR and PR2 write them, in the namespace of move_base.
     box = [[0.5, -0.3], [0.5, 0.3], [-0.4, 0.3], [-0.4, -0.3]]
     costmap, _ = read({}, above={"footprint": box})
@@ -179,7 +175,7 @@ def test_footprint_and_radius_are_found_upwards() -> None:
     assert above.robot_radius == 0.3
 
 
-def test_ranges_are_found_upwards_from_the_source() -> None:
+def test_ranges_are_found_upwards_from_the_source():
     ranges = {"obstacle_range": 4.0}
     voxel = [{"name": "v", "type": "costmap_2d::VoxelLayer"}]
     for given, above, expected in (
@@ -194,7 +190,7 @@ def test_ranges_are_found_upwards_from_the_source() -> None:
         assert obstacle_layer(costmap).sources[0].obstacle_range == expected
 
 
-def test_the_costmaps_own_parameters_are_copied_into_layers() -> None:
+def test_the_costmaps_own_parameters_are_copied_into_layers():
     # costmap_2d_ros.cpp copyParentParameters, since Melodic.
     given = {
         "plugins": LAYERS, "inflation_radius": 0.3, "track_unknown_space": False,
@@ -212,7 +208,7 @@ def test_the_costmaps_own_parameters_are_copied_into_layers() -> None:
     ]
 
 
-def test_unknown_space_is_tracked_by_the_costmap_and_by_each_layer() -> None:
+def test_unknown_space_is_tracked_by_the_costmap_and_by_each_layer():
     given = {"plugins": LAYERS, "obstacles": {"track_unknown_space": True}}
     costmap, _ = read(given)
     assert not costmap.track_unknown_space
@@ -230,7 +226,7 @@ def test_unknown_space_is_tracked_by_the_costmap_and_by_each_layer() -> None:
     assert not obstacle_layer(free).track_unknown_space
 
 
-def test_a_voxel_layer_is_read_with_or_without_plugins() -> None:
+def test_a_voxel_layer_is_read_with_or_without_plugins():
     # turtlebot_navigation keeps its parameters below obstacle_layer, as map_type has it.
     own = OBSTACLES | {"z_voxels": 2, "z_resolution": 0.2, "mark_threshold": 0, "origin_z": 0.0}
     costmap, problems = read({"map_type": "voxel", "obstacle_layer": own})
@@ -242,7 +238,7 @@ def test_a_voxel_layer_is_read_with_or_without_plugins() -> None:
     assert "must be less than or equal to 16" in refusals({"map_type": "voxel", "z_voxels": 17})[0]
 
 
-def test_the_depth_layer_of_fetch_is_a_voxel_layer_without_its_camera() -> None:
+def test_the_depth_layer_of_fetch_is_a_voxel_layer_without_its_camera():
     plugins = [{"name": "obstacles", "type": "costmap_2d::FetchDepthLayer"}]
     own = OBSTACLES | {"publish_observations": False, "z_voxels": 16}
     costmap, problems = read({"plugins": plugins, "obstacles": own})
@@ -251,7 +247,7 @@ def test_the_depth_layer_of_fetch_is_a_voxel_layer_without_its_camera() -> None:
     assert "there is no depth camera" in problems[0]
 
 
-def test_a_static_layer_may_lie_in_a_rolling_window_and_in_odom() -> None:
+def test_a_static_layer_may_lie_in_a_rolling_window_and_in_odom():
     given = {"rolling_window": True, "static_map": True, "global_frame": "/odom_comb"}
     costmap, problems = read(given, frames={"world": "map", "odom_comb": "odom"})
     assert problems == []
@@ -261,7 +257,7 @@ def test_a_static_layer_may_lie_in_a_rolling_window_and_in_odom() -> None:
     assert "amcl's global_frame_id (map) nor amcl's odom_frame_id (odom)" in said
 
 
-def test_a_static_layer_on_another_map_is_refused_with_what_to_do() -> None:
+def test_a_static_layer_on_another_map_is_refused_with_what_to_do():
     walls = [{"name": "virtual_walls", "type": "costmap_2d::StaticLayer"}]
     given = {"plugins": walls, "virtual_walls": {"map_topic": "/virtual_walls/map"}}
     (said,) = refusals(given)
@@ -279,7 +275,7 @@ def test_a_static_layer_on_another_map_is_refused_with_what_to_do() -> None:
         ("ObstacleLayer", "write costmap_2d::ObstacleLayer"),
     ],
 )
-def test_other_layers_are_refused_by_name_at_their_line(kind: str, said: str) -> None:
+def test_other_layers_are_refused_by_name_at_their_line(kind, said):
     given = {"plugins": [*LAYERS, {"name": "more", "type": kind}]}
     (found,) = refusals(given)
     assert "plugins[3]" in found
@@ -288,7 +284,7 @@ def test_other_layers_are_refused_by_name_at_their_line(kind: str, said: str) ->
     assert len(costmap.layers) == 3
 
 
-def test_sensors_nobody_has_are_named_and_left_out() -> None:
+def test_sensors_nobody_has_are_named_and_left_out():
     bump = {"data_type": "PointCloud2", "topic": "bumper"}
     given = {"observation_sources": "scan bump unwritten", "scan": SCAN, "bump": bump}
     costmap, problems = read(given, stops_robot=True)
@@ -302,7 +298,7 @@ def test_sensors_nobody_has_are_named_and_left_out() -> None:
     ]
 
 
-def test_a_silent_sensor_that_stops_move_base_is_an_error_in_the_local_costmap() -> None:
+def test_a_silent_sensor_that_stops_move_base_is_an_error_in_the_local_costmap():
     # tiago_2dnav waits for virtual obstacles twelve seconds, then stands still.
     given = {
         "observation_sources": "vo_cloud",
@@ -336,7 +332,7 @@ def test_a_silent_sensor_that_stops_move_base_is_an_error_in_the_local_costmap()
         ({"width": 0.3, "rolling_window": True}, "0.3 is none at all; write 1 or more"),
     ],
 )
-def test_what_cannot_be_is_refused_at_its_line(given: dict[str, Any], said: str) -> None:
+def test_what_cannot_be_is_refused_at_its_line(given, said):
     (found,) = refusals(given)
     assert said in found
 
@@ -356,12 +352,12 @@ def test_what_cannot_be_is_refused_at_its_line(given: dict[str, Any], said: str)
          "scan/sensor_frame: rays would begin at the middle of the robot"),
     ],
 )  # fmt: skip
-def test_what_is_probably_a_slip_is_said(given: dict[str, Any], said: str) -> None:
+def test_what_is_probably_a_slip_is_said(given, said):
     _, problems = read(given)
     assert any(said in problem for problem in problems), problems
 
 
-def test_what_has_no_effect_is_told() -> None:
+def test_what_has_no_effect_is_told():
     found = idle({"transform_tolerance": 2.0, **OBSTACLES, "scan": SCAN | {"sensor_frame": "laser"},
                   "z_voxels": 3, "other": SCAN, "static_map": True, "resolution": 0.1,
                   "unknown_cost_value": 255, "publish_voxel_map": True})  # fmt: skip

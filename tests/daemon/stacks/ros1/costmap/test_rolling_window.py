@@ -6,12 +6,9 @@ robot in the middle of what the original takes for its size, which is half a cel
 (columns - 0.5) cells. It moves by (int)((aim - origin) / resolution) cells.
 """
 
-from __future__ import annotations
-
 import pytest
 
-from daemon.stacks.ros1.costmap import Costmap
-from grammars.model.geometry import Point2, Pose2
+from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.costmap.pictures import build, drawn, marked, rays
 from tests.daemon.stacks.ros1.costmap.test_costmap import ROLLING
 from tests.daemon.stacks.ros1.costmap.test_costmap import build as build_real
@@ -20,16 +17,16 @@ MIDDLE = (2.75, 1.75)
 """Of a window of six by four cells of a metre, as seen from its corner: 5.5 and 3.5 halved."""
 
 
-def at(x: float, y: float) -> Pose2:
+def at(x, y):
     """Where the robot is for the window to aim at (x, y)."""
     return Pose2(x + MIDDLE[0], y + MIDDLE[1])
 
 
-def corner(costmap: Costmap) -> Point2:
+def corner(costmap):
     return costmap.grid.x, costmap.grid.y
 
 
-def rolling(**values: bool) -> Costmap:
+def rolling(**values):
     return build(6, 4, rolling=True, obstacle_range=20.0, **values)
 
 
@@ -46,15 +43,13 @@ def rolling(**values: bool) -> Costmap:
     ],
 )
 @pytest.mark.parametrize("origin", [(0.0, 0.0), (-8.0, 4.0)])
-def test_the_window_moves_by_whole_cells_cut_off_toward_zero(
-    aim: Point2, moved: tuple[int, int], origin: Point2
-) -> None:
+def test_the_window_moves_by_whole_cells_cut_off_toward_zero(aim, moved, origin):
     costmap = build(6, 4, rolling=True, origin=origin)
     costmap.update(at(origin[0] + aim[0], origin[1] + aim[1]))
     assert corner(costmap) == (origin[0] + moved[0], origin[1] + moved[1])
 
 
-def test_what_a_step_fell_short_of_counts_with_the_next_one() -> None:
+def test_what_a_step_fell_short_of_counts_with_the_next_one():
     # aim, (aim - corner): 0.6, 0.6 -> 0; 1.2, 1.2 -> 1; 1.8, 0.8 -> 0; 2.4, 1.4 -> 1. Back again it
     # stays until a whole cell behind: 1.5, -0.5 -> 0; 1.0, -1.0 -> -1; 0.1, -0.9 -> 0.
     costmap = rolling()
@@ -65,7 +60,7 @@ def test_what_a_step_fell_short_of_counts_with_the_next_one() -> None:
     assert corners == [0.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0]
 
 
-def test_a_new_window_of_three_metres_leaves_the_robot_out_of_its_middle() -> None:
+def test_a_new_window_of_three_metres_leaves_the_robot_out_of_its_middle():
     # 60 cells are 2.975 m to the original: it aims at -1.4875, 29.75 cells from where a window
     # begins, and moves 29.
     costmap = build_real(ROLLING)
@@ -76,7 +71,7 @@ def test_a_new_window_of_three_metres_leaves_the_robot_out_of_its_middle() -> No
     assert corner(costmap) == (-29 * 0.05 + 9 * 0.05, -29 * 0.05 - 10 * 0.05)
 
 
-def known() -> Costmap:
+def known():
     """A window at (0, 0) with something in every column and row."""
     costmap = rolling()
     ends = ((0.5, 3.5), (2.5, 1.5), (3.5, 2.5), (4.5, 0.5), (5.5, 3.5))
@@ -108,13 +103,13 @@ def known() -> Costmap:
         ((-60.0, 2.0), ["??????"] * 4),
     ],
 )
-def test_cells_that_lie_in_both_windows_are_kept(aim: Point2, picture: list[str]) -> None:
+def test_cells_that_lie_in_both_windows_are_kept(aim, picture):
     costmap = known()
     costmap.update(at(*aim))
     assert drawn(costmap) == picture
 
 
-def test_what_has_left_the_window_is_forgotten() -> None:
+def test_what_has_left_the_window_is_forgotten():
     costmap = known()
     costmap.update(at(3.0, 0.0))
     costmap.update(at(0.0, 0.0))
@@ -126,7 +121,7 @@ def test_what_has_left_the_window_is_forgotten() -> None:
     ]
 
 
-def test_a_scan_is_taken_in_after_the_window_has_moved() -> None:
+def test_a_scan_is_taken_in_after_the_window_has_moved():
     # From (3, 1) of the old window, two columns on: (1, 1); its return at x = 7 lay off that one.
     costmap = known()
     costmap.update(at(2.0, 0.0), (rays((3.5, 1.5), (7.5, 1.5)),))
@@ -158,8 +153,8 @@ def test_a_scan_is_taken_in_after_the_window_has_moved() -> None:
     ],
 )
 def test_new_cells_are_unknown_where_the_costmap_tracks_it_until_they_are_redone(
-    unknown: bool, layer_unknown: bool, new: str, redone: str
-) -> None:
+    unknown, layer_unknown, new, redone
+):
     costmap = rolling(unknown=unknown, layer_unknown=layer_unknown)
     costmap.update(at(0.0, 0.0))
     assert drawn(costmap) == [new * 6] * 4
@@ -176,7 +171,7 @@ def test_new_cells_are_unknown_where_the_costmap_tracks_it_until_they_are_redone
     ]
 
 
-def test_a_laser_that_is_kept_for_longer_stays_where_it_was() -> None:
+def test_a_laser_that_is_kept_for_longer_stays_where_it_was():
     costmap = build(6, 4, rolling=True, obstacle_range=20.0, observation_persistence=1.0)
     scan = rays((0.5, 0.5), (4.5, 0.5))
     costmap.update(at(0.0, 0.0), (scan,))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import importlib
 import pkgutil
 
@@ -10,7 +8,7 @@ from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.costmap.test_costmap import ROLLING, build, looking
 
 
-def compiled() -> dict[str, int]:
+def compiled():
     """How many versions of each kernel of the package are compiled."""
     found = {}
     for info in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
@@ -20,7 +18,7 @@ def compiled() -> dict[str, int]:
     return found
 
 
-def test_after_warming_up_a_run_compiles_nothing() -> None:
+def test_after_warming_up_a_run_compiles_nothing():
     package.warm_up()
     before = compiled()
     for costmap in (build(), build(ROLLING)):

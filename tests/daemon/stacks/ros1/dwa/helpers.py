@@ -8,16 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.base_local_planner.map_grid import Cells, passable_cells
+from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import DwaParameters, DwaSettings, longest_trajectory, settings_of
 from daemon.stacks.ros1.dwa.cycle import (
-    SearchBuffers,
     allocate_buffers,
     allocate_scoring_grid,
     choose_trajectory,
 )
-from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Floats
 from tests.daemon.stacks.ros1.dwa import plain
 
@@ -62,12 +61,12 @@ SMALL = np.array([[0.115, 0.085], [-0.09, 0.085], [-0.09, -0.085], [0.115, -0.08
 LARGE = np.array([[0.36, 0.243], [-0.36, 0.243], [-0.36, -0.243], [0.36, -0.243]])
 
 
-def singles(*values: float) -> Floats:
+def singles(*values):
     """Return values as the original stores them."""
     return np.array(values, dtype=np.float32).astype(np.float64)
 
 
-def settings(parameters: DwaParameters = A2S, quirks: Quirks = ORIGINAL) -> DwaSettings:
+def settings(parameters=A2S, quirks=ORIGINAL):
     return settings_of(parameters, quirks, 0.05, 0.05)
 
 
@@ -84,7 +83,7 @@ class Problem:
     outline: Floats
     banned: Integers
 
-    def search(self) -> tuple[int, SearchBuffers]:
+    def search(self):
         """Return the number of points of the winner, 0 for none, and what the search wrote."""
         field = allocate_scoring_grid(self.local, self.outline, self.banned)
         most = longest_trajectory(self.settings, *self.state[3:].tolist())
@@ -102,7 +101,7 @@ class Problem:
         )
         return n, room
 
-    def fast(self) -> tuple[int, float, Floats, Floats]:
+    def fast(self):
         """Return place, cost, velocity and trajectory of the winner; place -1 for none."""
         n, room = self.search()
         if n == 0:
@@ -110,7 +109,7 @@ class Problem:
         answer = room.answer
         return int(answer[4]), float(answer[3]), answer[:3].copy(), room.points[:n, :3].copy()
 
-    def costs(self) -> Floats:
+    def costs(self):
         """Return the cost of every sample by the plain version, infinite where it is illegal."""
         frame = np.array((self.local.x, self.local.y, self.local.resolution))
         return plain.costs(
@@ -125,12 +124,12 @@ class Problem:
             self.banned,
         )
 
-    def samples(self) -> Floats:
+    def samples(self):
         """Return every sample, shape (samples, 3), by the plain version."""
         distance = math.hypot(*(self.plan[-1] - self.state[:2]).tolist())
         return plain.raw_samples(self.state, distance, self.settings)
 
-    def plain(self) -> tuple[int, float, Floats]:
+    def plain(self):
         """Return place, cost and velocity of the winner; place -1 for none."""
         costs = self.costs()
         place = int(np.argmin(costs))
@@ -140,7 +139,7 @@ class Problem:
         return place, float(costs[place]), velocity
 
 
-def blobs(rng: np.random.Generator, shape: tuple[int, int], number: int, unknown: float) -> Cells:
+def blobs(rng, shape, number, unknown):
     """Return inflated costs around ``number`` lethal cells, and some unknown ones."""
     rows, columns = np.indices(shape)
     cost = np.zeros(shape)
@@ -153,9 +152,7 @@ def blobs(rng: np.random.Generator, shape: tuple[int, int], number: int, unknown
     return cost.astype(np.uint8)
 
 
-def random_problem(
-    rng: np.random.Generator, parameters: DwaParameters, quirks: Quirks = ORIGINAL
-) -> Problem:
+def random_problem(rng, parameters, quirks=ORIGINAL):
     """Return a cycle somewhere on a winding plan among obstacles."""
     shape = (60, 60) if rng.random() < 0.7 else (40, 90)
     x, y, yaw = rng.uniform(-80, 80), rng.uniform(-80, 80), rng.uniform(-math.pi, math.pi)

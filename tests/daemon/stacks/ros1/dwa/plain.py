@@ -3,21 +3,15 @@
 Compiled only so that tests can afford it on full-size problems; there is no shortcut in it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from daemon.model.kernels import kernel
-from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.base_local_planner.map_grid import Cells
-from daemon.stacks.ros1.dwa import DwaSettings
-from grammars.model.geometry import Floats
 
 
 @kernel
-def _speeds(low: float, high: float, count: int) -> list[float]:
+def _speeds(low, high, count):
     if low == high:
         return [low]
     count = max(count, 2)
@@ -38,7 +32,7 @@ def _speeds(low: float, high: float, count: int) -> list[float]:
 
 
 @kernel
-def speed_window(state: Floats, distance: float, s: DwaSettings) -> Floats:
+def speed_window(state, distance, s):
     acc = (s.acc_x, s.acc_y, s.acc_theta)
     low = [s.min_x, s.min_y, -s.max_theta]
     high = [s.max_x, s.max_y, s.max_theta]
@@ -57,7 +51,7 @@ def speed_window(state: Floats, distance: float, s: DwaSettings) -> Floats:
 
 
 @kernel
-def raw_samples(state: Floats, distance: float, s: DwaSettings) -> Floats:
+def raw_samples(state, distance, s):
     """Return all samples in the original's order, shape (samples, 3), in single precision."""
     window = speed_window(state, distance, s)
     xs = _speeds(window[0, 0], window[0, 1], s.x_samples)
@@ -74,7 +68,7 @@ def raw_samples(state: Floats, distance: float, s: DwaSettings) -> Floats:
 
 
 @kernel
-def _approach(target: Floats, now: Floats, s: DwaSettings, dt: float) -> Floats:
+def _approach(target, now, s, dt):
     acc = (s.acc_x, s.acc_y, s.acc_theta)
     out = np.zeros(3, dtype=np.float32)
     for k in range(3):
@@ -86,7 +80,7 @@ def _approach(target: Floats, now: Floats, s: DwaSettings, dt: float) -> Floats:
 
 
 @kernel
-def trajectory(state: Floats, sample: Floats, s: DwaSettings) -> tuple[Floats, Floats]:
+def trajectory(state, sample, s):
     """Return the poses (points, 3), none for an illegal sample, and the velocity."""
     none = np.zeros((0, 3))
     speed = math.hypot(sample[0], sample[1])
@@ -119,7 +113,7 @@ def trajectory(state: Floats, sample: Floats, s: DwaSettings) -> tuple[Floats, F
 
 
 @kernel
-def cell(x: float, y: float, cells: Cells, frame: Floats) -> tuple[int, int]:
+def cell(x, y, cells, frame):
     """Return row and column, (-1, -1) off the grid."""
     if x < frame[0] or y < frame[1]:
         return -1, -1
@@ -130,7 +124,7 @@ def cell(x: float, y: float, cells: Cells, frame: Floats) -> tuple[int, int]:
 
 
 @kernel
-def resampled(plan: Floats, resolution: float) -> Floats:
+def resampled(plan, resolution):
     out = [(plan[0, 0], plan[0, 1])]
     for i in range(1, len(plan)):
         ax, ay, bx, by = plan[i - 1, 0], plan[i - 1, 1], plan[i, 0], plan[i, 1]
@@ -145,7 +139,7 @@ def resampled(plan: Floats, resolution: float) -> Floats:
 
 
 @kernel
-def seeds_of(plan: Floats, cells: Cells, frame: Floats) -> Integers:
+def seeds_of(plan, cells, frame):
     """Return the known cells of a plan from the first one until it leaves them."""
     found = [(0, 0)][:0]
     for x, y in resampled(plan, frame[2]):
@@ -161,7 +155,7 @@ def seeds_of(plan: Floats, cells: Cells, frame: Floats) -> Integers:
 
 
 @kernel
-def distances(seeds: Integers, cells: Cells) -> Integers:
+def distances(seeds, cells):
     """Return the steps from the nearest seed, by a queue."""
     rows, columns = cells.shape
     out = np.full((rows, columns), rows * columns + 1, dtype=np.int32)
@@ -190,7 +184,7 @@ def distances(seeds: Integers, cells: Cells) -> Integers:
 
 
 @kernel
-def line(a: tuple[int, int], b: tuple[int, int]) -> list[tuple[int, int]]:
+def line(a, b):
     """Return the cells (row, column) of Bresenham's line, with both ends."""
     y, x = a
     dx, dy = abs(b[1] - x), abs(b[0] - y)
@@ -219,9 +213,7 @@ def line(a: tuple[int, int], b: tuple[int, int]) -> list[tuple[int, int]]:
 
 
 @kernel
-def under(
-    outline: Floats, scale: float, pose: Floats, cells: Cells, frame: Floats, inside: bool
-) -> int:
+def under(outline, scale, pose, cells, frame, inside):
     """Return the highest cost under the footprint and the centre, -1 when it cannot be there."""
     row, column = cell(pose[0], pose[1], cells, frame)
     if row < 0:
@@ -254,7 +246,7 @@ def under(
 
 
 @kernel
-def oscillates(banned: Integers, velocity: Floats) -> bool:
+def oscillates(banned, velocity):
     for k in range(3):
         if banned[2 * k] and velocity[k] < 0:
             return True
@@ -264,9 +256,7 @@ def oscillates(banned: Integers, velocity: Floats) -> bool:
 
 
 @kernel
-def obstacle(
-    points: Floats, velocity: Floats, outline: Floats, cells: Cells, frame: Floats, s: DwaSettings
-) -> float:
+def obstacle(points, velocity, outline, cells, frame, s):
     speed = math.hypot(velocity[0], velocity[1])
     scale = 1.0
     if speed > s.scaling_speed and s.max_scaling != 0.0:
@@ -282,9 +272,7 @@ def obstacle(
 
 
 @kernel
-def on_grid(
-    points: Floats, grid: Integers, cells: Cells, frame: Floats, shift: float, strict: bool
-) -> float:
+def on_grid(points, grid, cells, frame, shift, strict):
     """Return the distance at the last point, each of them ``shift`` ahead; negative: illegal."""
     value = 0.0
     for pose in points:
@@ -303,17 +291,7 @@ def on_grid(
 
 
 @kernel
-def costs(
-    state: Floats,
-    plan: Floats,
-    front_end: Floats,
-    aligned: bool,
-    s: DwaSettings,
-    cells: Cells,
-    frame: Floats,
-    outline: Floats,
-    banned: Integers,
-) -> Floats:
+def costs(state, plan, front_end, aligned, s, cells, frame, outline, banned):
     """Return the cost of every sample, infinite where it is illegal."""
     seeds = seeds_of(plan, cells, frame)
     path = distances(seeds, cells)

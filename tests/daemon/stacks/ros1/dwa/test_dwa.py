@@ -1,7 +1,5 @@
 """What the controller does with plans, goals and obstacles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -9,9 +7,9 @@ import numpy as np
 import pytest
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import Dwa, DwaParameters
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
-from grammars.model.geometry import Floats, Pose2, Twist2
+from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.dwa.helpers import (
     A2S,
     OMNI,
@@ -23,24 +21,22 @@ from tests.daemon.stacks.ros1.dwa.helpers import (
 )
 
 
-def controller(
-    parameters: DwaParameters = A2S, quirks: Quirks = ORIGINAL, *, latch: bool = False
-) -> Dwa:
+def controller(parameters=A2S, quirks=ORIGINAL, *, latch=False):
     return Dwa(parameters, quirks, SMALL, 0.05, latch_goal=latch)
 
 
-def empty(x: float = 0.0, y: float = 0.0) -> CostGrid:
+def empty(x=0.0, y=0.0):
     return CostGrid(0.05, x - 1.5, y - 1.5, np.zeros((60, 60), dtype=np.uint8))
 
 
-def straight(length: float = 3.0, yaw: float = 0.0) -> Floats:
+def straight(length=3.0, yaw=0.0):
     along = np.arange(0.0, length + 1e-9, 0.025)
     plan = np.column_stack([along * math.cos(yaw), along * math.sin(yaw), np.zeros(len(along))])
     plan[-1, 2] = yaw
     return plan
 
 
-def test_a_differential_robot_cannot_start_a_turn_on_the_spot() -> None:
+def test_a_differential_robot_cannot_start_a_turn_on_the_spot():
     dwa = controller()
     dwa.set_plan(straight(yaw=-math.pi / 2.0))
     answer = dwa.command(Pose2(), Twist2(), Pose2(), empty())
@@ -49,7 +45,7 @@ def test_a_differential_robot_cannot_start_a_turn_on_the_spot() -> None:
     assert answer.twist.wz == pytest.approx(-0.32, abs=1e-6)
 
 
-def test_it_drives_along_the_plan_at_full_speed() -> None:
+def test_it_drives_along_the_plan_at_full_speed():
     dwa = controller()
     dwa.set_plan(straight())
     answer = dwa.command(Pose2(), Twist2(0.22, 0.0, 0.0), Pose2(), empty())
@@ -58,7 +54,7 @@ def test_it_drives_along_the_plan_at_full_speed() -> None:
     assert answer.local_plan[0].tolist() == [0.0, 0.0]
 
 
-def test_the_plan_is_taken_through_the_correction_of_the_map() -> None:
+def test_the_plan_is_taken_through_the_correction_of_the_map():
     correction, twist = Pose2(5.0, -3.0, 0.7), Twist2(0.2, 0.0, 0.1)
     plan = straight()
     here = controller()
@@ -71,7 +67,7 @@ def test_the_plan_is_taken_through_the_correction_of_the_map() -> None:
     assert moved.command(pose, twist, correction, empty()).twist == expected.twist
 
 
-def test_no_command_without_a_plan_nearby_or_with_every_sample_illegal() -> None:
+def test_no_command_without_a_plan_nearby_or_with_every_sample_illegal():
     dwa = controller()
     assert not dwa.command(Pose2(), Twist2(), Pose2(), empty()).ok
     dwa.set_plan(straight() + np.array((5.0, 5.0, 0.0)))
@@ -87,9 +83,7 @@ def test_no_command_without_a_plan_nearby_or_with_every_sample_illegal() -> None
     assert dwa.command(Pose2(), Twist2(), Pose2(), local).ok
 
 
-def at_goal(
-    yaw_error: float, twist: Twist2, quirks: Quirks = ORIGINAL, cells: int = 0
-) -> tuple[bool, Twist2]:
+def at_goal(yaw_error, twist, quirks=ORIGINAL, cells=0):
     dwa = controller(A2S, quirks)
     dwa.set_plan(straight(1.0))
     local = empty(1.0)
@@ -99,24 +93,24 @@ def at_goal(
     return answer.ok, answer.twist
 
 
-def test_within_yaw_tolerance_it_stops() -> None:
+def test_within_yaw_tolerance_it_stops():
     assert at_goal(0.49, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
     # The tolerance belongs to it: 0.5 rad.
     assert at_goal(0.5, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
     assert at_goal(-0.5, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
 
 
-def test_it_slows_down_before_it_turns() -> None:
+def test_it_slows_down_before_it_turns():
     ok, twist = at_goal(1.0, Twist2(0.22, 0.0, 1.0))
     assert ok
     assert (twist.vx, twist.wz) == (0.0, pytest.approx(0.68))
 
 
-def test_a_stop_is_legal_though_it_is_slower_than_both_smallest_speeds() -> None:
+def test_a_stop_is_legal_though_it_is_slower_than_both_smallest_speeds():
     assert at_goal(1.0, Twist2(0.22, 0.0, 0.0)) == (True, Twist2())
 
 
-def test_each_axis_slows_down_by_what_it_can() -> None:
+def test_each_axis_slows_down_by_what_it_can():
     strafing = replace(OMNI, yaw_goal_tolerance=0.5)
     dwa = controller(strafing)
     dwa.set_plan(straight(1.0))
@@ -126,13 +120,13 @@ def test_each_axis_slows_down_by_what_it_can() -> None:
     assert (slower.vx, slower.vy, slower.wz) == pytest.approx((-0.075, -0.0375, 0.74))
 
 
-def test_turning_is_raised_to_the_minimum_after_it_was_limited() -> None:
+def test_turning_is_raised_to_the_minimum_after_it_was_limited():
     assert at_goal(2.0, Twist2())[1].wz == pytest.approx(1.37)
     assert at_goal(-2.0, Twist2())[1].wz == pytest.approx(-1.37)
     assert at_goal(2.0, Twist2(), FIXED)[1].wz == pytest.approx(0.32)
 
 
-def turning(error: float, wz: float, parameters: DwaParameters = A2S) -> float:
+def turning(error, wz, parameters=A2S):
     """Return the turning speed at the goal of a robot that turns already."""
     dwa = controller(parameters)
     dwa.set_plan(straight(1.0))
@@ -153,12 +147,12 @@ def turning(error: float, wz: float, parameters: DwaParameters = A2S) -> float:
         (0.6, 1.0, 1.37),  # nor below min_vel_theta.
     ],
 )
-def test_the_speed_of_a_turn_at_the_goal(error: float, wz: float, expected: float) -> None:
+def test_the_speed_of_a_turn_at_the_goal(error, wz, expected):
     assert turning(error, wz) == pytest.approx(expected)
     assert turning(-error, -wz) == pytest.approx(-expected)
 
 
-def test_after_it_has_turned_far_enough_it_stops_before_it_turns_again() -> None:
+def test_after_it_has_turned_far_enough_it_stops_before_it_turns_again():
     dwa = controller()
     dwa.set_plan(straight(1.0))
     answers = [
@@ -168,11 +162,11 @@ def test_after_it_has_turned_far_enough_it_stops_before_it_turns_again() -> None
     assert answers == pytest.approx([1.37, 0.0, 1.05, 1.37])
 
 
-def test_a_turn_in_collision_is_refused() -> None:
+def test_a_turn_in_collision_is_refused():
     assert at_goal(2.0, Twist2(), cells=254) == (False, Twist2())
 
 
-def test_once_turning_it_goes_on_turning_though_it_moves() -> None:
+def test_once_turning_it_goes_on_turning_though_it_moves():
     dwa = controller()
     dwa.set_plan(straight(1.0))
     dwa.command(Pose2(1.0, 0.0, -2.5), Twist2(), Pose2(), empty(1.0))
@@ -180,7 +174,7 @@ def test_once_turning_it_goes_on_turning_though_it_moves() -> None:
     assert answer.twist.wz == pytest.approx(1.69)
 
 
-def test_turns_are_checked_against_the_distances_of_the_last_sampling_cycle() -> None:
+def test_turns_are_checked_against_the_distances_of_the_last_sampling_cycle():
     dwa = controller()
     dwa.set_plan(straight(1.0))
     local = empty(1.0)
@@ -194,7 +188,7 @@ def test_turns_are_checked_against_the_distances_of_the_last_sampling_cycle() ->
     assert not stuck.ok
 
 
-def test_the_distances_of_the_last_sampling_cycle_lead_to_every_corner_of_its_costmap() -> None:
+def test_the_distances_of_the_last_sampling_cycle_lead_to_every_corner_of_its_costmap():
     dwa = controller(replace(A2S, occdist_scale=0.0, sim_time=0.4))
     dwa.set_plan(straight(1.0))
     # The plan runs from column 30 to column 50 of row 30: cell (0, 0) is the furthest from it.
@@ -204,7 +198,7 @@ def test_the_distances_of_the_last_sampling_cycle_lead_to_every_corner_of_its_co
     assert dwa.command(Pose2(1.0, 0.0, 0.8), Twist2(), Pose2(), cornered).ok
 
 
-def test_the_goal_is_reached_when_near_turned_and_standing() -> None:
+def test_the_goal_is_reached_when_near_turned_and_standing():
     dwa = controller()
     assert not dwa.goal_reached(Pose2(), Twist2(), Pose2())
     dwa.set_plan(straight(1.0))
@@ -218,7 +212,7 @@ def test_the_goal_is_reached_when_near_turned_and_standing() -> None:
     assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2(0.2, 0.0, 0.0))
 
 
-def test_tolerances_belong_to_the_goal() -> None:
+def test_tolerances_belong_to_the_goal():
     dwa = controller(replace(A2S, xy_goal_tolerance=0.5, yaw_goal_tolerance=0.25))
     dwa.set_plan(straight(1.0))
     assert dwa.goal_reached(Pose2(0.5, 0.0, -0.25), Twist2(), Pose2())
@@ -226,14 +220,14 @@ def test_tolerances_belong_to_the_goal() -> None:
     assert not dwa.goal_reached(Pose2(0.5, 0.0, -0.251), Twist2(), Pose2())
 
 
-def test_a_latch_holds_what_was_reached_and_nothing_else() -> None:
+def test_a_latch_holds_what_was_reached_and_nothing_else():
     dwa = controller(latch=True)
     dwa.set_plan(straight(1.0))
     for x, reached in ((0.8, False), (0.8, False), (0.95, True), (0.8, True), (0.5, True)):
         assert dwa.goal_reached(Pose2(x, 0.0, 0.0), Twist2(), Pose2()) is reached
 
 
-def test_a_latched_goal_stays_reached_until_the_next_plan() -> None:
+def test_a_latched_goal_stays_reached_until_the_next_plan():
     for latch in (False, True):
         dwa = controller(latch=latch)
         dwa.set_plan(straight(1.0))
@@ -244,7 +238,7 @@ def test_a_latched_goal_stays_reached_until_the_next_plan() -> None:
 
 
 @pytest.mark.parametrize(("quirks", "free"), [(ORIGINAL, True), (FIXED, False)])
-def test_new_plans_make_it_forget_that_it_turned_round(quirks: Quirks, free: bool) -> None:
+def test_new_plans_make_it_forget_that_it_turned_round(quirks, free):
     parameters = replace(A2S, min_vel_trans=0.0, min_vel_theta=0.0)
     dwa = controller(parameters, quirks)
     for yaw, vx in ((0.0, 0.2), (math.pi, -0.2)):
@@ -256,7 +250,7 @@ def test_new_plans_make_it_forget_that_it_turned_round(quirks: Quirks, free: boo
     assert (answer.twist.vx > 0.0) is free
 
 
-def test_pruning_forgets_the_plan_behind_the_robot() -> None:
+def test_pruning_forgets_the_plan_behind_the_robot():
     plan = np.concatenate([straight(2.5), straight(2.5)[::-1]])
     for prune in (False, True):
         dwa = controller(replace(A2S, prune_plan=prune))
@@ -265,7 +259,7 @@ def test_pruning_forgets_the_plan_behind_the_robot() -> None:
         assert dwa._plan.forgotten == (9 if prune else 0)
 
 
-def chosen(pose: Pose2, plan: Floats, aligned: bool, end: tuple[float, float]) -> Twist2:
+def chosen(pose, plan, aligned, end):
     """Return what the plain version chooses, with the end of the plan pushed ahead to ``end``."""
     state, few = singles(pose.x, pose.y, pose.yaw, 0.1, 0.0, 0.0), settings(FEW)
     none = np.zeros(6, dtype=np.int32)
@@ -277,7 +271,7 @@ def chosen(pose: Pose2, plan: Floats, aligned: bool, end: tuple[float, float]) -
 FEW = replace(A2S, vx_samples=6, vth_samples=9)
 
 
-def test_the_nose_counts_until_the_end_of_the_plan_is_near() -> None:
+def test_the_nose_counts_until_the_end_of_the_plan_is_near():
     plan = straight(0.5)
     answers = []
     for yaw in (-2.0, -1.2, -0.4, 0.4, 1.2, 2.0):
@@ -295,7 +289,7 @@ def test_the_nose_counts_until_the_end_of_the_plan_is_near() -> None:
     assert answers[::2] != answers[1::2]
 
 
-def test_a_robot_that_turns_faster_than_its_limit_is_followed() -> None:
+def test_a_robot_that_turns_faster_than_its_limit_is_followed():
     dwa = controller(replace(A2S, max_vel_theta=1.0, min_vel_theta=0.4))
     dwa.set_plan(straight())
     answer = dwa.command(Pose2(), Twist2(0.0, 0.0, 3.0), Pose2(), empty())
@@ -305,7 +299,7 @@ def test_a_robot_that_turns_faster_than_its_limit_is_followed() -> None:
     assert len(answer.local_plan) == math.ceil(answer.twist.wz * 15.0)
 
 
-def test_a_costmap_of_another_size_or_place_takes_the_place_of_the_last() -> None:
+def test_a_costmap_of_another_size_or_place_takes_the_place_of_the_last():
     dwa = controller()
     dwa.set_plan(straight())
     twist = Twist2(0.1, 0.0, 0.0)
@@ -326,7 +320,7 @@ def test_a_costmap_of_another_size_or_place_takes_the_place_of_the_last() -> Non
 
 
 @pytest.mark.parametrize("parameters", [A2S, OMNI])
-def test_it_reaches_a_goal_in_an_empty_world(parameters: DwaParameters) -> None:
+def test_it_reaches_a_goal_in_an_empty_world(parameters):
     dwa = controller(parameters)
     dwa.set_plan(straight(1.2, 0.6))
     pose, twist, period = Pose2(), Twist2(), 1.0 / (parameters.controller_frequency or 20.0)
@@ -343,7 +337,7 @@ def test_it_reaches_a_goal_in_an_empty_world(parameters: DwaParameters) -> None:
     assert dwa.goal_reached(pose, twist, Pose2())
 
 
-def test_what_is_kept_between_cycles_changes_no_command() -> None:
+def test_what_is_kept_between_cycles_changes_no_command():
     rng = np.random.default_rng(5)
     kept = Dwa(A2S, ORIGINAL, SMALL, 0.1)
     local = CostGrid(0.05, -1.5, -1.5, blobs(rng, (60, 60), 4, 0.0))

@@ -1,7 +1,5 @@
 """Parameters that contradict each other, robots that never start, and what kernels are given."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, replace
 
@@ -48,7 +46,7 @@ from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, settings
         ),
     ],
 )
-def test_each_contradiction_is_named_alone(wrong: dict[str, float], names: str, word: str) -> None:
+def test_each_contradiction_is_named_alone(wrong, names, word):
     (found,) = contradictions(replace(A2S, **wrong))
     assert found.names == tuple(names.split())
     assert word in found.text
@@ -71,7 +69,7 @@ def test_each_contradiction_is_named_alone(wrong: dict[str, float], names: str, 
         {"scaling_speed": 0.2201},
     ],
 )
-def test_what_only_looks_like_a_contradiction_is_none(sound: dict[str, float]) -> None:
+def test_what_only_looks_like_a_contradiction_is_none(sound):
     assert contradictions(replace(A2S, **sound)) == ()
     assert contradictions(OMNI) == ()
     assert contradictions(DwaParameters()) == ()
@@ -89,7 +87,7 @@ SLOW_START = replace(
 """Reaches 0.1 m/s and 0.2 rad/s within a period of 0.1 s: too little of both."""
 
 
-def test_a_robot_that_can_never_start_is_remarked_on() -> None:
+def test_a_robot_that_can_never_start_is_remarked_on():
     (found,) = remarks(SLOW_START)
     assert found.names == (
         "acc_lim_x", "min_vel_trans", "acc_lim_theta", "min_vel_theta", "controller_frequency",
@@ -124,13 +122,11 @@ def test_a_robot_that_can_never_start_is_remarked_on() -> None:
         ({"use_dwa": False, "sim_time": 0.1}, False),
     ],
 )
-def test_a_robot_starts_when_it_reaches_either_smallest_speed(
-    changed: dict[str, float], starts: bool
-) -> None:
+def test_a_robot_starts_when_it_reaches_either_smallest_speed(changed, starts):
     assert (remarks(replace(SLOW_START, **changed)) == ()) is starts
 
 
-def test_kernels_get_every_parameter_under_its_own_name() -> None:
+def test_kernels_get_every_parameter_under_its_own_name():
     given = DwaParameters(
         max_vel_trans=0.61, min_vel_trans=0.11, max_vel_x=0.52, min_vel_x=-0.13, max_vel_y=0.24,
         min_vel_y=-0.15, max_vel_theta=1.6, min_vel_theta=0.7, acc_lim_x=2.125, acc_lim_y=1.375,
@@ -157,7 +153,7 @@ def test_kernels_get_every_parameter_under_its_own_name() -> None:
     assert (other.strafe_leaks, other.perimeter_only) == (False, False)
 
 
-def test_defaults_are_those_of_noetic() -> None:
+def test_defaults_are_those_of_noetic():
     """``DWAPlanner.cfg`` of dwa_local_planner and ``add_generic_localplanner_params``."""
     assert asdict(DwaParameters()) == {
         "max_vel_trans": 0.55, "min_vel_trans": 0.1, "max_vel_x": 0.55, "min_vel_x": 0.0,
@@ -191,7 +187,5 @@ def test_defaults_are_those_of_noetic() -> None:
          (0.0, 0.0, 0.0), math.ceil(math.hypot(0.22, 0.11) * 100)),
     ],
 )  # fmt: skip
-def test_there_is_room_for_the_longest_trajectory_and_little_more(
-    parameters: DwaParameters, speeds: tuple[float, float, float], longest: int
-) -> None:
+def test_there_is_room_for_the_longest_trajectory_and_little_more(parameters, speeds, longest):
     assert longest < longest_trajectory(settings(parameters), *speeds) <= longest + 2

@@ -1,7 +1,5 @@
 """Samples, trajectories, distances, footprints and memory, against numbers of the original."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -26,12 +24,12 @@ from daemon.stacks.ros1.dwa.samples import (
     simulate_trajectory,
 )
 from daemon.stacks.ros1.quirks import FIXED
-from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.dwa import plain
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, settings, singles
 
 
-def counts(parameters: DwaParameters, vx: float) -> tuple[int, int]:
+def counts(parameters, vx):
     """Return how many samples there are, and how many of them are legal."""
     s = settings(parameters)
     samples = plain.raw_samples(singles(0, 0, 0, vx, 0, 0), 5.0, s)
@@ -47,13 +45,11 @@ def counts(parameters: DwaParameters, vx: float) -> tuple[int, int]:
         (OMNI, 0.22, (1155, 945)),
     ],
 )
-def test_numbers_of_samples(
-    parameters: DwaParameters, vx: float, expected: tuple[int, int]
-) -> None:
+def test_numbers_of_samples(parameters, vx, expected):
     assert counts(parameters, vx) == expected
 
 
-def test_spread_has_both_ends_and_a_zero() -> None:
+def test_spread_has_both_ends_and_a_zero():
     out = np.zeros(10)
     expected = singles(-0.3, 0.0, 0.1, 0.5).tolist()
     assert out[: sample_axis(-0.3, 0.5, 3, out)].tolist() == expected
@@ -61,7 +57,7 @@ def test_spread_has_both_ends_and_a_zero() -> None:
     assert out[: sample_axis(0.2, 0.2, 5, out)].tolist() == singles(0.2).tolist()
 
 
-def test_a_measured_strafe_leaks_into_the_samples() -> None:
+def test_a_measured_strafe_leaks_into_the_samples():
     state, out = singles(0, 0, 0, 0.1, 0.003, 0), np.zeros((3, 2))
     dynamic_window(state, 5.0, settings(), out)
     values = np.zeros(4)
@@ -73,9 +69,7 @@ def test_a_measured_strafe_leaks_into_the_samples() -> None:
     assert out[1].tolist() == [0.0, 0.0]
 
 
-def test_without_the_dynamic_window_all_that_is_reached_within_the_simulated_time_is_tried() -> (
-    None
-):
+def test_without_the_dynamic_window_all_that_is_reached_within_the_simulated_time_is_tried():
     out = np.zeros((3, 2))
     s = settings(replace(OMNI, use_dwa=False, sim_time=0.5, acc_lim_x=0.25, acc_lim_theta=3.0))
     # 0.125 m/s, 0.625 m/s and 1.5 rad/s from what it drives, and no further than to the goal.
@@ -93,7 +87,7 @@ def test_without_the_dynamic_window_all_that_is_reached_within_the_simulated_tim
     ("vx", "wz", "sim_time", "points"),
     [(0.22, 0.0, 1.5, 14), (0.22, 0.0, 2.5, 22), (0.0, 2.75, 1.5, 42), (0.0, 2.75, 2.5, 69)],
 )
-def test_numbers_of_points(vx: float, wz: float, sim_time: float, points: int) -> None:
+def test_numbers_of_points(vx, wz, sim_time, points):
     s = settings(replace(A2S, sim_time=sim_time))
     row, moving = np.zeros((80, 5)), np.zeros(3)
     vx, wz = singles(vx, wz).tolist()
@@ -103,7 +97,7 @@ def test_numbers_of_points(vx: float, wz: float, sim_time: float, points: int) -
     assert row[points - 1, 2] == pytest.approx(wz * sim_time * (points - 1) / points, abs=1e-5)
 
 
-def test_slow_samples_and_fast_ones_are_illegal() -> None:
+def test_slow_samples_and_fast_ones_are_illegal():
     s = settings()
     assert count_points(0.1, 1.36, s) == 0
     assert count_points(0.1, 1.37, s) > 0
@@ -111,21 +105,21 @@ def test_slow_samples_and_fast_ones_are_illegal() -> None:
     assert count_points(0.2202, 0.0, s) == 0
 
 
-def footprint(cells: Floats, outline: Floats = SMALL, *, inside: bool = False) -> int:
+def footprint(cells, outline=SMALL, *, inside=False):
     pose = np.array((1.51, 1.51, 0.0, 1.0, 0.0))
     spans = np.zeros((60, 2), dtype=np.int32)
     frame = np.array((0.0, 0.0, 0.05))
     return footprint_cost(cells.astype(np.uint8), frame, outline, 1.0, pose, spans, inside)
 
 
-def test_lethal_and_unknown_under_the_outline_reject_and_inscribed_does_not() -> None:
+def test_lethal_and_unknown_under_the_outline_reject_and_inscribed_does_not():
     for value, expected in ((254, -1), (255, -1), (253, 253), (7, 7)):
         cells = np.zeros((60, 60))
         cells[28, 30] = value
         assert footprint(cells) == expected
 
 
-def test_what_the_outline_encloses_counts_only_without_the_quirk() -> None:
+def test_what_the_outline_encloses_counts_only_without_the_quirk():
     cells, large = np.zeros((60, 60)), 3.0 * SMALL
     cells[32, 32] = 254
     assert footprint(cells, large) == 0
@@ -134,7 +128,7 @@ def test_what_the_outline_encloses_counts_only_without_the_quirk() -> None:
     assert footprint(cells, large, inside=True) == 200
 
 
-def test_rows_of_an_upright_costmap_all_have_room_for_what_an_outline_encloses() -> None:
+def test_rows_of_an_upright_costmap_all_have_room_for_what_an_outline_encloses():
     upright = CostGrid(0.05, -0.5, -1.5, np.zeros((60, 20), dtype=np.uint8))
     upright.cells[57, 10] = 254
     grid = allocate_scoring_grid(upright, SMALL, np.zeros(6, dtype=np.int32))
@@ -145,14 +139,14 @@ def test_rows_of_an_upright_costmap_all_have_room_for_what_an_outline_encloses()
         assert found == expected
 
 
-def test_the_centre_counts_and_a_corner_off_the_window_rejects() -> None:
+def test_the_centre_counts_and_a_corner_off_the_window_rejects():
     cells = np.zeros((60, 60))
     cells[30, 30] = 254
     assert footprint(cells, 3.0 * SMALL) == 254
     assert footprint(np.zeros((60, 60)), 20.0 * SMALL) == -1
 
 
-def test_two_corners_are_a_circle_that_inscribed_cells_stop() -> None:
+def test_two_corners_are_a_circle_that_inscribed_cells_stop():
     cells = np.zeros((60, 60))
     cells[30, 30] = 252
     assert footprint(cells, SMALL[:2]) == 252
@@ -160,7 +154,7 @@ def test_two_corners_are_a_circle_that_inscribed_cells_stop() -> None:
     assert footprint(cells, SMALL[:2]) == -1
 
 
-def test_the_footprint_grows_beyond_the_scaling_speed() -> None:
+def test_the_footprint_grows_beyond_the_scaling_speed():
     s = settings(replace(A2S, max_vel_trans=0.45, scaling_speed=0.25, max_scaling_factor=0.2))
     assert footprint_scale(0.25, s) == 1.0
     assert footprint_scale(0.35, s) == pytest.approx(1.1)
@@ -171,7 +165,7 @@ def test_the_footprint_grows_beyond_the_scaling_speed() -> None:
     assert footprint_scale(0.26, settings(replace(equal, max_scaling_factor=0.0))) == 1.0
 
 
-def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away() -> None:
+def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away():
     plan = np.column_stack([np.arange(-4.0, 4.01, 0.5), np.zeros(17), np.zeros(17)])
     out, turned = np.zeros((17, 2)), (1.0, 0.0, 0.0, 1.0)
     first, n, behind = transform_plan_window(plan, 0, turned, (0.0, 0.0), (1.0, 0.75), 1.2, out)
@@ -182,7 +176,7 @@ def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away() -> None:
     np.testing.assert_allclose(out[:n, 0], 1.0, atol=1e-12)
 
 
-def test_a_change_of_direction_is_final_until_the_robot_has_moved() -> None:
+def test_a_change_of_direction_is_final_until_the_robot_has_moved():
     memory, here = Oscillation(0.05, 0.2), Pose2()
     memory.chosen(here, Twist2(0.2, 0.0, 0.3), 0.11)
     assert not memory.banned.any()
@@ -194,7 +188,7 @@ def test_a_change_of_direction_is_final_until_the_robot_has_moved() -> None:
     assert not memory.banned.any()
 
 
-def ruled_out(*twists: Twist2, at: Pose2 | None = None) -> list[int]:
+def ruled_out(*twists, at=None):
     """Return what is ruled out after commands at one place and, maybe, the last one again."""
     memory = Oscillation(0.5, 0.25)
     for twist in twists:
@@ -204,7 +198,7 @@ def ruled_out(*twists: Twist2, at: Pose2 | None = None) -> list[int]:
     return memory.banned.tolist()
 
 
-def test_turning_and_strafing_are_remembered_only_when_slow() -> None:
+def test_turning_and_strafing_are_remembered_only_when_slow():
     for vx, remembered in ((0.2, False), (-0.2, False), (0.125, True), (-0.125, True)):
         turned = ruled_out(Twist2(vx, 0.0, 0.3), Twist2(vx, 0.0, -0.3))
         assert turned == [0, 0, 0, 0, 0, int(remembered)]
@@ -212,12 +206,12 @@ def test_turning_and_strafing_are_remembered_only_when_slow() -> None:
         assert strafed == [0, 0, int(remembered), 0, 0, 0]
 
 
-def test_the_sign_before_a_stop_counts() -> None:
+def test_the_sign_before_a_stop_counts():
     assert ruled_out(Twist2(-0.2), Twist2(), Twist2(0.2)) == [1, 0, 0, 0, 0, 0]
     assert ruled_out(Twist2(0.2), Twist2(), Twist2(0.2)) == [0] * 6
 
 
-def test_what_is_ruled_out_is_free_again_beyond_the_distance_or_the_angle() -> None:
+def test_what_is_ruled_out_is_free_again_beyond_the_distance_or_the_angle():
     turn_round = (Twist2(0.2), Twist2(-0.2))
     for dx, dy, dyaw, free in (
         (0.5, 0.0, 0.0, False),
@@ -239,7 +233,7 @@ def test_what_is_ruled_out_is_free_again_beyond_the_distance_or_the_angle() -> N
     assert memory.banned.tolist() == [0, 1, 0, 0, 0, 0]
 
 
-def test_values_out_of_range_and_unknown_names_are_refused() -> None:
+def test_values_out_of_range_and_unknown_names_are_refused():
     for wrong in ({"sim_granularity": 0.0}, {"sim_time": math.nan}, {"max_rot_vel": 1.0}):
         with pytest.raises(ValidationError):
             DwaParameters(**wrong)

@@ -1,26 +1,23 @@
 """What the search knows of samples before it follows any: where they end, what they cost."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import DwaParameters
 from tests.daemon.stacks.ros1.dwa import plain
-from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, Problem, random_problem, singles
+from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, random_problem, singles
 
 FEW = replace(A2S, vx_samples=6, vth_samples=7, twirling_scale=0.3)
 
 
-def problems(parameters: DwaParameters, number: int, seed: int = 3) -> list[Problem]:
+def problems(parameters, number, seed=3):
     rng = np.random.default_rng(seed)
     return [random_problem(rng, parameters) for _ in range(number)]
 
 
-def over(problem: Problem, cost: int, radius: float = np.inf) -> Problem:
+def over(problem, cost, radius=np.inf):
     """Return ``problem`` with one cost everywhere, or up to ``radius`` [m] from the robot."""
     local = problem.local
     rows, columns = np.indices(local.cells.shape)
@@ -30,7 +27,7 @@ def over(problem: Problem, cost: int, radius: float = np.inf) -> Problem:
     return replace(problem, local=replace(local, cells=cells), outline=SMALL)
 
 
-def assert_followed_in_order(problem: Problem) -> None:
+def assert_followed_in_order(problem):
     """Only samples that win, or were as good as the winner, were followed; the others' bounds
     are their costs, so that nothing better would have been known by following them.
     """
@@ -54,9 +51,7 @@ def assert_followed_in_order(problem: Problem) -> None:
     ],
 )
 @pytest.mark.parametrize("cost", [0, 50])
-def test_bounds_are_costs_where_every_pose_costs_the_same(
-    parameters: DwaParameters, cost: int
-) -> None:
+def test_bounds_are_costs_where_every_pose_costs_the_same(parameters, cost):
     for problem in problems(parameters, 6):
         if not parameters.use_dwa:
             # Which way an accelerating sample moves is known only once it was followed.
@@ -64,7 +59,7 @@ def test_bounds_are_costs_where_every_pose_costs_the_same(
         assert_followed_in_order(over(problem, cost))
 
 
-def test_the_footprint_where_the_robot_is_counts_for_all_that_do_not_grow() -> None:
+def test_the_footprint_where_the_robot_is_counts_for_all_that_do_not_grow():
     parameters = replace(FEW, occdist_scale=1.0)
     for problem in problems(parameters, 4):
         assert_followed_in_order(over(problem, 90, radius=0.3))
@@ -79,7 +74,7 @@ def test_the_footprint_where_the_robot_is_counts_for_all_that_do_not_grow() -> N
         np.testing.assert_array_equal(room.lower[: len(costs)][left], costs[left])
 
 
-def test_bounds_are_never_above_costs() -> None:
+def test_bounds_are_never_above_costs():
     for problem in problems(replace(FEW, occdist_scale=0.3), 12, seed=5):
         _, room = problem.search()
         costs = problem.costs()
@@ -90,7 +85,7 @@ def test_bounds_are_never_above_costs() -> None:
         assert (costs[~left] >= costs.min()).all()
 
 
-def assert_ends_hold(problem: Problem) -> tuple[int, int]:
+def assert_ends_hold(problem):
     """Compare where samples end with where they were said to; return how many were unsure, sure."""
     unsure, known = 0, 0
     _, room = problem.search()
@@ -114,14 +109,14 @@ def assert_ends_hold(problem: Problem) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("parameters", [A2S, OMNI])
-def test_ends_are_sure_or_said_to_be_unsure(parameters: DwaParameters) -> None:
+def test_ends_are_sure_or_said_to_be_unsure(parameters):
     counts = [assert_ends_hold(problem) for problem in problems(parameters, 6, seed=11)]
     unsure, known = np.sum(counts, axis=0)
     # Coordinates of 80 m have steps of 8e-6 m in single precision, cells are 0.05 m wide.
     assert unsure < 0.05 * known
 
 
-def far_away(problem: Problem) -> Problem:
+def far_away(problem):
     """Return ``problem`` 1024 m further, where single precision has steps of 1.2e-4 m."""
     local, state = problem.local, problem.state.copy()
     state[:2] = np.float32(state[:2] + 1024.0)
@@ -142,16 +137,14 @@ def far_away(problem: Problem) -> Problem:
         (replace(FEW, sim_granularity=0.003, sim_time=5.0, acc_lim_theta=0.5), 0.05),
     ],
 )
-def test_the_more_steps_are_rounded_the_less_sure_ends_are(
-    parameters: DwaParameters, turning: float
-) -> None:
+def test_the_more_steps_are_rounded_the_less_sure_ends_are(parameters, turning):
     for problem in problems(parameters, 12, seed=12):
         for vx, wz in ((0.2, turning), (-0.2, -turning)):
             problem.state[3:] = singles(vx, 0.0, wz)
             assert_ends_hold(far_away(over(problem, 0)))
 
 
-def test_of_samples_that_cost_the_same_the_first_wins() -> None:
+def test_of_samples_that_cost_the_same_the_first_wins():
     parameters = replace(FEW, path_distance_bias=0.0, goal_distance_bias=0.0, twirling_scale=0.0)
     late = 0
     for problem in problems(parameters, 40, seed=2):
@@ -163,7 +156,7 @@ def test_of_samples_that_cost_the_same_the_first_wins() -> None:
     assert late > 5
 
 
-def among_thin_walls(problem: Problem, rng: np.random.Generator) -> Problem:
+def among_thin_walls(problem, rng):
     """Return ``problem`` on a map of 1.1 m with rows of inscribed cells, which feet may touch."""
     cells = np.zeros((22, 22), dtype=np.uint8)
     for row, column in rng.integers(0, 22, (8, 2)).tolist():
@@ -187,7 +180,7 @@ def among_thin_walls(problem: Problem, rng: np.random.Generator) -> Problem:
         replace(FEW, path_distance_bias=0.0, goal_distance_bias=0.0, occdist_scale=0.0),
     ],
 )
-def test_no_pose_on_the_way_may_be_where_distances_do_not_go(parameters: DwaParameters) -> None:
+def test_no_pose_on_the_way_may_be_where_distances_do_not_go(parameters):
     rng = np.random.default_rng(17)
     legal = 0
     for problem in problems(parameters, 25, seed=8):
@@ -200,7 +193,7 @@ def test_no_pose_on_the_way_may_be_where_distances_do_not_go(parameters: DwaPara
     assert legal > 5
 
 
-def test_samples_that_leave_the_map_are_known_to() -> None:
+def test_samples_that_leave_the_map_are_known_to():
     rng = np.random.default_rng(29)
     left = 0
     for problem in problems(replace(FEW, vth_samples=20), 20, seed=13):
@@ -212,7 +205,7 @@ def test_samples_that_leave_the_map_are_known_to() -> None:
 
 
 @pytest.mark.parametrize("critic", ["path_distance_bias", "goal_distance_bias"])
-def test_samples_that_end_where_no_distance_leads_are_never_followed(critic: str) -> None:
+def test_samples_that_end_where_no_distance_leads_are_never_followed(critic):
     alone = {"path_distance_bias": 0.0, "goal_distance_bias": 0.0, "occdist_scale": 0.0}
     # 20 per metre is 1 per cell.
     parameters = replace(FEW, **(alone | {critic: 20.0}))

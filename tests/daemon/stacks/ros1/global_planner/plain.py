@@ -9,11 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.quirks import Quirks
-from grammars.model.geometry import Floats, Pose2
-
 F = np.float32
 HIGH = F(1e10)
 Singles = npt.NDArray[np.float32]
@@ -24,27 +19,27 @@ BUFFER = 10_000
 class Map:
     """Costs and potentials, with nothing off the map and the next row beside a row's end."""
 
-    def __init__(self, cells: npt.NDArray[np.uint8], parameters: GlobalPlannerParameters) -> None:
-        self.columns: int = cells.shape[1]
+    def __init__(self, cells, parameters):
+        self.columns = cells.shape[1]
         seen = cells.copy()
         if parameters.outline_map:
             seen[0], seen[-1], seen[:, 0], seen[:, -1] = (254,) * 4
-        self.cells: list[int] = seen.ravel().tolist()
+        self.cells = seen.ravel().tolist()
         self.size = len(self.cells)
-        self.found: dict[int, F] = {}
+        self.found = {}
         self.parameters = parameters
 
-    def index(self, point: Point) -> int:
+    def index(self, point):
         return int(point[0]) + int(point[1]) * self.columns
 
-    def potential(self, n: int) -> F:
+    def potential(self, n):
         return self.found.get(n, HIGH)
 
-    def set(self, n: int, value: float) -> None:
+    def set(self, n, value):
         if 0 <= n < self.size:
             self.found[n] = F(value)
 
-    def cost(self, n: int) -> F:
+    def cost(self, n):
         """The cost of a cell to Dijkstra; ``lethal_cost`` where it is blocked."""
         p = self.parameters
         if not 0 <= n < self.size:
@@ -55,11 +50,11 @@ class Map:
             return cost if cost < p.lethal_cost else F(p.lethal_cost - 1)
         return F(p.lethal_cost)
 
-    def byte(self, n: int, *, wrap: bool) -> int:
+    def byte(self, n, *, wrap):
         cost = self.cells[n] + self.parameters.neutral_cost
         return cost % 256 if wrap else min(cost, 255)
 
-    def updated(self, n: int, cost: int, before: F | None = None) -> F:
+    def updated(self, n, cost, before=None):
         """The potential that its neighbours, or the one ``before``, give a cell."""
         left, right = self.potential(n - 1), self.potential(n + 1)
         up, down = self.potential(n - self.columns), self.potential(n + self.columns)
@@ -73,18 +68,18 @@ class Map:
         return F(low + F(hf * F(-0.2301 * q * q + 0.5307 * q + 0.7040)))
 
 
-def dijkstra(area: Map, start: Point, goal: Point, buffer: int = BUFFER) -> bool:
+def dijkstra(area, start, goal, buffer=BUFFER):
     """Blocks of rising priority, until the goal has a potential."""
     p, columns = area.parameters, area.columns
     k = area.index(start)
-    pending: set[int] = set()
+    pending = set()
 
-    def push(queue: list[int], n: int) -> None:
+    def push(queue, n):
         if n not in pending and area.cost(n) < p.lethal_cost and len(queue) < buffer:
             queue.append(n)
             pending.add(n)
 
-    now: list[int] = []
+    now = []
     if p.old_navfn_behavior:
         area.set(k, 0.0)
         around = [1, -1, -columns, columns]
@@ -99,8 +94,8 @@ def dijkstra(area: Map, start: Point, goal: Point, buffer: int = BUFFER) -> bool
     for step in around:
         push(now, k + step)
     threshold, end = F(p.lethal_cost), area.index(goal)
-    later: list[int] = []
-    over: list[int] = []
+    later = []
+    over = []
     for _ in range(2 * area.size):
         if not now:
             return False
@@ -128,7 +123,7 @@ class Candidate:
     cell: int = field(compare=False)
 
 
-def astar(area: Map, start: Point, goal: Point, *, wrap: bool) -> bool:
+def astar(area, start, goal, *, wrap):
     """Each cell once; heapq breaks ties as libstdc++ does."""
     p, columns = area.parameters, area.columns
     end = area.index(goal)
@@ -151,7 +146,7 @@ def astar(area: Map, start: Point, goal: Point, *, wrap: bool) -> bool:
     return False
 
 
-def fill_around(area: Map, cell: tuple[int, int], *, wrap: bool) -> None:
+def fill_around(area, cell, *, wrap):
     for i in range(-2, 3):
         for j in range(-2, 3):
             n = area.index(cell) + i + j * area.columns
@@ -161,11 +156,11 @@ def fill_around(area: Map, cell: tuple[int, int], *, wrap: bool) -> None:
                     area.set(n, float(value))
 
 
-def slope(area: Map, n: int) -> tuple[F, F]:
+def slope(area, n):
     if n < area.columns or n > area.size - area.columns:
         return F(0), F(0)
 
-    def along(step: int) -> F:
+    def along(step):
         total, here = F(0), area.potential(n)
         if area.potential(n - step) < HIGH:
             total = F(total + F(area.potential(n - step) - here))
@@ -180,18 +175,18 @@ def slope(area: Map, n: int) -> tuple[F, F]:
     return F(F(1 / norm) * dx), F(F(1 / norm) * dy)
 
 
-def blend(a: F, b: F, share: F) -> F:
+def blend(a, b, share):
     return F((1.0 - float(share)) * float(a) + float(F(share * b)))
 
 
-def within(distance: float, point: tuple[F, F], start: Point) -> bool:
+def within(distance, point, start):
     return all(abs(float(a) - b) < distance for a, b in zip(point, start, strict=True))
 
 
-def along_gradient(area: Map, start: Point, goal: Point, *, lenient: bool) -> list[tuple[F, F]]:
+def along_gradient(area, start, goal, *, lenient):
     columns, n = area.columns, area.index(goal)
     dx, dy = (F(c - int(c)) for c in goal)
-    points: list[tuple[F, F]] = []
+    points = []
     for _ in range(4 * area.size):
         x, y = F(F(n % columns) + dx), F(F(n // columns) + dy)
         if within(1.0 if lenient else 0.5, (x, y), start):
@@ -227,7 +222,7 @@ def along_gradient(area: Map, start: Point, goal: Point, *, lenient: bool) -> li
     return []
 
 
-def along_cells(area: Map, start: Point, goal: Point, *, lenient: bool) -> list[tuple[F, F]]:
+def along_cells(area, start, goal, *, lenient):
     x, y = F(goal[0]), F(goal[1])
     points = [(x, y)]
     while int(x) + int(y) * area.columns != area.index(start):
@@ -247,20 +242,19 @@ def along_cells(area: Map, start: Point, goal: Point, *, lenient: bool) -> list[
     return points
 
 
-def wrapped(angle: float) -> float:
+def wrapped(angle):
     rest = math.fmod(angle + math.pi, 2 * math.pi)
     return rest + math.pi if rest <= 0 else rest - math.pi
 
 
-def read_back(yaw: float) -> float:
+def read_back(yaw):
     z, w = math.sin(yaw / 2), math.cos(yaw / 2)
     return math.atan2(2 * (w * z), w * w - z * z)
 
 
 def oriented(
-    points: list[tuple[float, float]], start: float, end: float, mode: int, window: int,
-    *, overshoot: bool,
-) -> list[float]:  # fmt: skip
+    points, start, end, mode, window,
+    *, overshoot):  # fmt: skip
     """Yaws of the points, the last of which is the goal."""
     last = len(points) - 1
     if mode == 0:
@@ -289,9 +283,7 @@ def oriented(
     return yaws
 
 
-def plan(
-    grid: CostGrid, start: Pose2, goal: Pose2, parameters: GlobalPlannerParameters, quirks: Quirks
-) -> Floats | None:
+def plan(grid, start, goal, parameters, quirks):
     """The plan of GlobalPlanner; the grid is not touched."""
     here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
     if here is None or there is None:

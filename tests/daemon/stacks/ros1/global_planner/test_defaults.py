@@ -1,13 +1,11 @@
 """What counts when nothing is written: the defaults of Noetic's GlobalPlanner."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 
 
-def test_defaults_are_those_of_noetic() -> None:
+def test_defaults_are_those_of_noetic():
     """``GlobalPlanner.cfg`` and ``GlobalPlanner::initialize``."""
     assert asdict(GlobalPlannerParameters()) == {
         "old_navfn_behavior": False, "use_quadratic": True, "use_dijkstra": True,

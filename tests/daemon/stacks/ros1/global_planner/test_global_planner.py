@@ -1,9 +1,5 @@
 """Plans of GlobalPlanner: costs, modes, coordinates, failures, oddities and what is kept."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -31,27 +27,27 @@ from daemon.stacks.ros1.global_planner.expansion import (
 from daemon.stacks.ros1.global_planner.orientation import orient
 from daemon.stacks.ros1.navfn.restricted import spread_towards
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Pose2
 
 
-def a_grid(rows: int = 20, columns: int = 40, x: float = 0.0, y: float = 0.0) -> CostGrid:
+def a_grid(rows=20, columns=40, x=0.0, y=0.0):
     return CostGrid(0.05, x, y, np.zeros((rows, columns), dtype=np.uint8))
 
 
-def centre(grid: CostGrid, column: int, row: int, yaw: float = 0.0) -> Pose2:
+def centre(grid, column, row, yaw=0.0):
     r = grid.resolution
     return Pose2(grid.x + (column + 0.5) * r, grid.y + (row + 0.5) * r, yaw)
 
 
-def plan(grid: CostGrid, start: Pose2, goal: Pose2, **given: Any) -> Floats | None:
+def plan(grid, start, goal, **given):
     return GlobalPlanner(GlobalPlannerParameters(**given), ORIGINAL).plan(grid, start, goal)
 
 
-def length_of(poses: Floats) -> float:
+def length_of(poses):
     return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
-def test_costs_are_scaled_and_what_is_nearly_lethal_is_blocked() -> None:
+def test_costs_are_scaled_and_what_is_nearly_lethal_is_blocked():
     costs, gains = cost_tables(253, 50, 3.0, allow_unknown=True)
     assert costs[[0, 1, 60, 67, 68, 251]].tolist() == [50, 53, 230, 251, 252, 252]
     assert costs[255] == 252
@@ -61,7 +57,7 @@ def test_costs_are_scaled_and_what_is_nearly_lethal_is_blocked() -> None:
     assert np.isinf(gains[255])
 
 
-def test_costs_are_whole_numbers_and_gains_exact() -> None:
+def test_costs_are_whole_numbers_and_gains_exact():
     costs, gains = cost_tables(253, 66, 0.55, allow_unknown=True)
     assert costs[1] == 66
     assert gains[1] == pytest.approx(0.707106781 * 66.55, rel=1e-6)
@@ -71,9 +67,7 @@ def test_costs_are_whole_numbers_and_gains_exact() -> None:
 @pytest.mark.parametrize("dijkstra", [True, False])
 @pytest.mark.parametrize("grid_path", [True, False])
 @pytest.mark.parametrize("old", [True, False])
-def test_every_mode_leads_straight_along_a_free_row(
-    quadratic: bool, dijkstra: bool, grid_path: bool, old: bool
-) -> None:
+def test_every_mode_leads_straight_along_a_free_row(quadratic, dijkstra, grid_path, old):
     grid = a_grid(x=-1.0, y=2.0)
     # Half a centimetre beyond the centre: before it, A* and paths from cell to cell miss the start.
     start, goal = Pose2(-0.72, 2.53, 0.3), Pose2(0.53, 2.53, 1.5)
@@ -94,9 +88,7 @@ def test_every_mode_leads_straight_along_a_free_row(
     [{"use_dijkstra": False}, {"use_grid_path": True}],
     ids=["A* along the gradient", "Dijkstra from cell to cell"],
 )
-def test_whether_the_start_is_met_depends_on_where_in_its_cell_the_robot_is(
-    given_parameters: dict[str, Any],
-) -> None:
+def test_whether_the_start_is_met_depends_on_where_in_its_cell_the_robot_is(given_parameters):
     grid = a_grid()
     goal, missed = Pose2(1.53, 0.53), 0
     for x in np.arange(0.25, 0.3, 0.005).tolist():
@@ -109,7 +101,7 @@ def test_whether_the_start_is_met_depends_on_where_in_its_cell_the_robot_is(
     assert missed > 0
 
 
-def test_a_plan_starts_where_the_robot_is_inside_its_cell() -> None:
+def test_a_plan_starts_where_the_robot_is_inside_its_cell():
     grid = a_grid()
     start, goal = Pose2(0.263, 0.517), Pose2(1.511, 0.486, 1.0)
     found = plan(grid, start, goal)
@@ -120,7 +112,7 @@ def test_a_plan_starts_where_the_robot_is_inside_its_cell() -> None:
     assert steps == pytest.approx(0.025, abs=1e-5)
 
 
-def test_dijkstra_and_a_star_agree_on_the_cost_where_the_way_is_one_cell_wide() -> None:
+def test_dijkstra_and_a_star_agree_on_the_cost_where_the_way_is_one_cell_wide():
     grid = a_grid()
     grid.cells[:] = 254
     grid.cells[10, 3:31] = grid.cells[10:18, 30] = 0
@@ -136,7 +128,7 @@ def test_dijkstra_and_a_star_agree_on_the_cost_where_the_way_is_one_cell_wide() 
     assert np.array_equal(found[0], found[1])
 
 
-def test_dijkstra_avoids_costs_that_a_star_takes_for_cheap() -> None:
+def test_dijkstra_avoids_costs_that_a_star_takes_for_cheap():
     grid = a_grid()
     grid.cells[9:12, 8:28] = 230
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
@@ -152,7 +144,7 @@ def test_dijkstra_avoids_costs_that_a_star_takes_for_cheap() -> None:
     assert np.abs(sane[:, 1] - start.y).max() > 0.05
 
 
-def test_the_start_cell_is_freed_in_the_costmap_for_good() -> None:
+def test_the_start_cell_is_freed_in_the_costmap_for_good():
     grid = a_grid()
     grid.cells[10, 5] = 254
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
@@ -164,7 +156,7 @@ def test_the_start_cell_is_freed_in_the_costmap_for_good() -> None:
     assert grid.version == version + 1
 
 
-def test_without_the_quirk_only_the_cell_of_the_robot_is_free_and_only_for_the_planner() -> None:
+def test_without_the_quirk_only_the_cell_of_the_robot_is_free_and_only_for_the_planner():
     grid = a_grid()
     grid.cells[:, 20] = 254
     planner = GlobalPlanner(GlobalPlannerParameters(use_dijkstra=False), FIXED)
@@ -174,7 +166,7 @@ def test_without_the_quirk_only_the_cell_of_the_robot_is_free_and_only_for_the_p
     assert (grid.cells[:, 20] == 254).all()
 
 
-def test_no_plan_to_what_cannot_be_reached() -> None:
+def test_no_plan_to_what_cannot_be_reached():
     grid = a_grid()
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
     assert plan(grid, start, centre(grid, 45, 10)) is None
@@ -186,20 +178,20 @@ def test_no_plan_to_what_cannot_be_reached() -> None:
 
 
 @pytest.mark.parametrize("dijkstra", [True, False])
-def test_a_blocked_goal_has_no_plan_whatever_the_tolerance(dijkstra: bool) -> None:
+def test_a_blocked_goal_has_no_plan_whatever_the_tolerance(dijkstra):
     grid = a_grid()
     grid.cells[9:12, 29:32] = 254
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
     assert plan(grid, start, goal, use_dijkstra=dijkstra, default_tolerance=0.5) is None
 
 
-def test_a_robot_with_all_cells_around_it_blocked_is_boxed_in() -> None:
+def test_a_robot_with_all_cells_around_it_blocked_is_boxed_in():
     grid = a_grid()
     grid.cells[7:14, 2:9] = 254
     assert plan(grid, centre(grid, 5, 10), centre(grid, 30, 10)) is None
 
 
-def test_unknown_cells_are_dear_or_blocked() -> None:
+def test_unknown_cells_are_dear_or_blocked():
     grid = a_grid()
     grid.cells[:, 20] = 255
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
@@ -208,7 +200,7 @@ def test_unknown_cells_are_dear_or_blocked() -> None:
         assert plan(grid, start, goal, use_dijkstra=dijkstra, allow_unknown=False) is None
 
 
-def test_the_lethal_cost_decides_what_is_blocked() -> None:
+def test_the_lethal_cost_decides_what_is_blocked():
     grid = a_grid()
     grid.cells[:, 20] = 120
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
@@ -219,7 +211,7 @@ def test_the_lethal_cost_decides_what_is_blocked() -> None:
     assert plan(grid, start, goal, lethal_cost=120, use_dijkstra=False) is None
 
 
-def test_the_outline_closes_the_border_for_this_planner_only() -> None:
+def test_the_outline_closes_the_border_for_this_planner_only():
     grid = a_grid()
     grid.cells[:-1, 20] = 254
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
@@ -228,7 +220,7 @@ def test_the_outline_closes_the_border_for_this_planner_only() -> None:
     assert plan(grid, start, goal, outline_map=False) is not None
 
 
-def test_the_neutral_cost_weighs_length_against_costs() -> None:
+def test_the_neutral_cost_weighs_length_against_costs():
     grid = a_grid(40, 40)
     grid.cells[5:35, 19:22] = 40
     start, goal = centre(grid, 5, 20), centre(grid, 35, 20)
@@ -239,7 +231,7 @@ def test_the_neutral_cost_weighs_length_against_costs() -> None:
     assert length_of(near) < 1.6 < length_of(far)
 
 
-def test_as_navfn_the_goal_stands_twice_at_the_end() -> None:
+def test_as_navfn_the_goal_stands_twice_at_the_end():
     grid = a_grid()
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10, 1.0)
     parameters = GlobalPlannerParameters(old_navfn_behavior=True)
@@ -252,7 +244,7 @@ def test_as_navfn_the_goal_stands_twice_at_the_end() -> None:
     assert np.array_equal(once[-1], twice[-1])
 
 
-def test_near_the_border_of_a_map_without_outline_nothing_lies_beyond() -> None:
+def test_near_the_border_of_a_map_without_outline_nothing_lies_beyond():
     grid = a_grid(6, 8)
     for dijkstra in (True, False):
         for grid_path in (True, False):
@@ -265,12 +257,12 @@ def test_near_the_border_of_a_map_without_outline_nothing_lies_beyond() -> None:
                     assert found is None or np.isfinite(found).all()
 
 
-def test_what_did_not_change_is_not_planned_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_did_not_change_is_not_planned_again(monkeypatch):
     from daemon.stacks.ros1.global_planner import _planner
 
     calls = []
 
-    def counted(*arguments: Any) -> Any:
+    def counted(*arguments):
         calls.append(arguments)
         return propagate_wave(*arguments)
 
@@ -295,7 +287,7 @@ def test_what_did_not_change_is_not_planned_again(monkeypatch: pytest.MonkeyPatc
     assert len(calls) == 3
 
 
-def test_a_long_history_of_plans_leaves_no_trace_in_the_next_one() -> None:
+def test_a_long_history_of_plans_leaves_no_trace_in_the_next_one():
     random = np.random.default_rng(4)
     grid = a_grid(50, 60)
     grid.cells[:] = random.choice([0, 0, 0, 40, 120, 254], size=grid.cells.shape)
@@ -309,7 +301,7 @@ def test_a_long_history_of_plans_leaves_no_trace_in_the_next_one() -> None:
         assert found is None or fresh is None or np.array_equal(found, fresh)
 
 
-def test_parameters_are_those_of_noetic_and_checked() -> None:
+def test_parameters_are_those_of_noetic_and_checked():
     defaults = GlobalPlannerParameters()
     assert (defaults.lethal_cost, defaults.neutral_cost, defaults.cost_factor) == (253, 50, 3.0)
     assert (defaults.orientation_mode, defaults.orientation_window_size) == (1, 1)
@@ -321,9 +313,9 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
         GlobalPlannerParameters(orientation_mode=7)
 
 
-def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
+def test_everything_is_compiled_by_the_warm_up_and_only_once():
     warm_up()
-    kernels: tuple[Any, ...] = (
+    kernels = (
         copy_window, seed_wave, propagate_wave, goal_is_doubtful,
         fill_around_goal, search_astar, descend_gradient, descend_cells, orient,
     )  # fmt: skip
@@ -334,5 +326,5 @@ def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
             plan(grid, start, goal, use_dijkstra=dijkstra, use_grid_path=grid_path)
     assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
     # navfn has no table of costs: of either kind there is one.
-    tables = [str(types[2]) for types in spread_towards.signatures]  # type: ignore[attr-defined]
+    tables = [str(types[2]) for types in spread_towards.signatures]
     assert len([table for table in tables if table != "none"]) == 1

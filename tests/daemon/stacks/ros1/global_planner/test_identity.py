@@ -1,18 +1,15 @@
 """The compiled planner against the plain one, and against plans of the original."""
 
-from __future__ import annotations
-
 import hashlib
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.global_planner import plain
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
@@ -35,11 +32,8 @@ parameters = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(seeds, parameters, st.sampled_from([ORIGINAL, FIXED]))
-def test_plans_are_those_of_the_plain_planner(
-    seed: int, given_parameters: GlobalPlannerParameters, quirks: Quirks
-) -> None:
+def test_plans_are_those_of_the_plain_planner(seed, given_parameters, quirks):
     random = np.random.default_rng(seed)
     cells = random_cells(random, 4, 26)
     cells[random.random(cells.shape) < 0.3] = 0
@@ -63,7 +57,7 @@ def test_plans_are_those_of_the_plain_planner(
         y[0] += 0.05 * random.normal()
 
 
-def rooms() -> CostGrid:
+def rooms():
     """Return a map of arithmetic: walls with doors, costs around them, hills, unknown corners."""
     row, column = np.mgrid[0:60, 0:90]
     away = np.minimum(np.abs(column - 30), np.abs(column - 60)).astype(float)
@@ -75,14 +69,14 @@ def rooms() -> CostGrid:
     return CostGrid(0.05, -1.5, 0.7, cells.astype(np.uint8))
 
 
-def digest(plan: np.ndarray) -> str:
+def digest(plan):
     """Return a digest of a plan to a tenth of a micrometre and a microradian."""
     rounded = np.round(plan * [1e7, 1e7, 1e6]).astype(np.int64)
     return hashlib.sha256(rounded.tobytes()).hexdigest()[:16]
 
 
 START, GOAL = Pose2(-0.83, 1.22, 0.4), Pose2(2.41, 2.93, -1.1)
-GOLDEN: list[tuple[dict[str, Any], int, str]] = [
+GOLDEN = [
     ({}, 158, "0b12d3cec1b26e2a"),
     ({"use_quadratic": False}, 162, "03078cf1dcacda03"),
     ({"use_grid_path": True}, 0, ""),
@@ -109,9 +103,7 @@ points: the original finds no plan."""
 
 
 @pytest.mark.parametrize(("settings_of_it", "points", "expected"), GOLDEN)
-def test_plans_are_those_of_the_original(
-    settings_of_it: dict[str, Any], points: int, expected: str
-) -> None:
+def test_plans_are_those_of_the_original(settings_of_it, points, expected):
     found = GlobalPlanner(GlobalPlannerParameters(**settings_of_it), ORIGINAL).plan(
         rooms(), START, GOAL
     )

@@ -17,7 +17,7 @@ from daemon.stacks.ros1.move_base import (
     RobotPoses,
 )
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
-from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 
 STEP = 0.05
 GOAL = Pose2(10.0, 0.0, 0.0)
@@ -32,13 +32,13 @@ class FakeController:
     plans: int = 0
     arrived: bool = False
 
-    def set_plan(self, plan: Floats) -> None:
+    def set_plan(self, plan):
         self.plans += 1
 
-    def goal_reached(self) -> bool:
+    def goal_reached(self):
         return self.arrived
 
-    def command(self) -> Twist2 | None:
+    def command(self):
         return FORWARD if self.works(self.bench.now) else None
 
 
@@ -52,11 +52,11 @@ class Tried:
     period: float = STEP
     since: float = 0.0
 
-    def start(self, around: RobotPoses) -> None:
+    def start(self, around):
         self.since = self.bench.now
         self.bench.tried.append((self.since, self.name))
 
-    def step(self, around: RobotPoses) -> RecoveryStep:
+    def step(self, around):
         return RecoveryStep(None, self.bench.now - self.since >= self.lasts - 1e-9)
 
 
@@ -72,7 +72,7 @@ class Bench:
     speed: float = 0.2
     """How fast the robot gets on while it is commanded to [m/s]."""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         defaults = {
             "controller_frequency": 10.0,
             "planner_frequency": 5.0,
@@ -82,11 +82,11 @@ class Bench:
         given = MoveBaseParameters(**(defaults | self.parameters))
         self.now, self.pose = 0.0, Pose2()
         self.status = MoveBaseStatus()
-        self.tried: list[tuple[float, str]] = []
-        self.planned: list[float] = []
-        self.states: list[tuple[float, str]] = []
-        self.commands: list[tuple[float, Twist2]] = []
-        self.result: str | None = None
+        self.tried = []
+        self.planned = []
+        self.states = []
+        self.commands = []
+        self.result = None
         self.controller = FakeController(self.works, self)
         recoveries = [Tried(f"r{k}", self, lasts) for k, lasts in enumerate(self.recoveries)]
         self.planner = PlannerThread(given, self.quirks, self.status, self._plan)
@@ -94,18 +94,18 @@ class Bench:
             given, self.quirks, self.status, self.planner, self.controller, recoveries, self._look
         )
 
-    def _plan(self, goal: Pose2) -> Floats | None:
+    def _plan(self, goal):
         self.planned.append(self.now)
         return PLAN if self.plans(self.now) else None
 
-    def _look(self) -> RobotPoses:
+    def _look(self):
         return RobotPoses(self.pose, self.pose)
 
-    def accept(self) -> None:
+    def accept(self):
         self.move_base.accept(self.now, GOAL)
         assert self.move_base.take_command() == Twist2()
 
-    def run(self, until: float) -> Bench:
+    def run(self, until):
         """Step until a time [s] or the end of the goal."""
         while self.now < until - 1e-9 and self.result is None:
             self.now = round(self.now + STEP, 9)
@@ -123,12 +123,12 @@ class Bench:
                 self.states.append((self.now, state))
         return self
 
-    def said(self, words: str) -> int:
+    def said(self, words):
         """How many sentences contain ``words``."""
         return sum(words in sentence for sentence in self.status.log)
 
 
-def without(*names: str) -> Quirks:
+def without(*names):
     """The original but for some quirks."""
     known = {item.name for item in fields(Quirks)}
     assert set(names) <= known

@@ -1,7 +1,5 @@
 """The states, timers and patience of move_base, with everything around it faked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from grammars.model.geometry import Twist2
 from tests.daemon.stacks.ros1.move_base.bench import FORWARD, Bench, without
 
 
-def test_a_goal_is_planned_for_and_then_followed() -> None:
+def test_a_goal_is_planned_for_and_then_followed():
     bench = Bench()
     bench.accept()
     bench.run(1.0)
@@ -18,7 +16,7 @@ def test_a_goal_is_planned_for_and_then_followed() -> None:
     assert np.diff([time for time, _ in bench.commands]) == pytest.approx(0.1)
 
 
-def test_plans_are_made_at_the_planner_s_frequency_from_start_to_start() -> None:
+def test_plans_are_made_at_the_planner_s_frequency_from_start_to_start():
     bench = Bench()
     bench.accept()
     bench.run(2.0)
@@ -26,7 +24,7 @@ def test_plans_are_made_at_the_planner_s_frequency_from_start_to_start() -> None
     assert bench.controller.plans == len(bench.planned)
 
 
-def test_planning_as_often_as_controlling_leaves_a_cycle_without_a_new_plan_now_and_then() -> None:
+def test_planning_as_often_as_controlling_leaves_a_cycle_without_a_new_plan_now_and_then():
     bench = Bench(parameters={"controller_frequency": 20.0, "planner_frequency": 20.0})
     bench.accept()
     bench.run(60.0)
@@ -36,7 +34,7 @@ def test_planning_as_often_as_controlling_leaves_a_cycle_without_a_new_plan_now_
     assert cycles - bench.controller.plans == pytest.approx(cycles / 51, abs=2)
 
 
-def test_with_a_planner_frequency_of_zero_there_is_one_plan_per_request() -> None:
+def test_with_a_planner_frequency_of_zero_there_is_one_plan_per_request():
     bench = Bench(works=lambda now: now < 1.0 or now > 1.35, parameters={"planner_frequency": 0.0})
     bench.accept()
     bench.run(3.0)
@@ -44,7 +42,7 @@ def test_with_a_planner_frequency_of_zero_there_is_one_plan_per_request() -> Non
     assert bench.planned == pytest.approx([0.05, 1.05, 1.15, 1.25, 1.35])
 
 
-def test_the_robot_stops_when_it_arrives() -> None:
+def test_the_robot_stops_when_it_arrives():
     bench = Bench()
     bench.accept()
     bench.run(1.0)
@@ -58,7 +56,7 @@ def test_the_robot_stops_when_it_arrives() -> None:
     assert len(bench.planned) == planned, "without a goal nothing is planned"
 
 
-def test_without_a_plan_recoveries_begin_after_the_planner_s_patience() -> None:
+def test_without_a_plan_recoveries_begin_after_the_planner_s_patience():
     bench = Bench(plans=lambda now: False)
     bench.accept()
     bench.run(60.0)
@@ -70,21 +68,21 @@ def test_without_a_plan_recoveries_begin_after_the_planner_s_patience() -> None:
     assert bench.said("goal aborted: no valid plan, even after recoveries") == 1
 
 
-def test_while_a_plan_is_waited_for_every_control_cycle_wakes_the_planner() -> None:
+def test_while_a_plan_is_waited_for_every_control_cycle_wakes_the_planner():
     bench = Bench(plans=lambda now: now > 2.0)
     bench.accept()
     bench.run(2.0)
     assert np.diff(bench.planned) == pytest.approx(0.1)
 
 
-def test_a_number_of_retries_may_end_the_wait_before_patience_does() -> None:
+def test_a_number_of_retries_may_end_the_wait_before_patience_does():
     bench = Bench(plans=lambda now: False, parameters={"max_planning_retries": 3})
     bench.accept()
     bench.run(2.0)
     assert bench.tried[0][0] < 0.6
 
 
-def test_controller_patience_ends_in_all_recoveries_at_once_and_an_abort() -> None:
+def test_controller_patience_ends_in_all_recoveries_at_once_and_an_abort():
     bench = Bench(works=lambda now: now < 3.0, parameters={"oscillation_timeout": 0.0})
     bench.accept()
     bench.run(60.0)
@@ -97,7 +95,7 @@ def test_controller_patience_ends_in_all_recoveries_at_once_and_an_abort() -> No
     assert bench.said("goal aborted: no valid velocity command, even after recoveries") == 1
 
 
-def test_controller_patience_starts_anew_after_a_recovery_without_the_quirk() -> None:
+def test_controller_patience_starts_anew_after_a_recovery_without_the_quirk():
     bench = Bench(
         works=lambda now: now < 3.0,
         quirks=without("control_patience_survives_recovery"),
@@ -108,7 +106,7 @@ def test_controller_patience_starts_anew_after_a_recovery_without_the_quirk() ->
     assert np.diff([time for time, _ in bench.tried]) == pytest.approx(15.2, abs=0.3)
 
 
-def test_a_controller_that_fails_for_a_while_goes_back_to_planning_and_stops() -> None:
+def test_a_controller_that_fails_for_a_while_goes_back_to_planning_and_stops():
     bench = Bench(works=lambda now: not 2.0 <= now < 4.0)
     bench.accept()
     bench.run(6.0)
@@ -119,7 +117,7 @@ def test_a_controller_that_fails_for_a_while_goes_back_to_planning_and_stops() -
     assert bench.said("velocity commands again after 2.") == 1
 
 
-def test_a_robot_that_does_not_get_on_goes_into_recoveries_after_ten_seconds() -> None:
+def test_a_robot_that_does_not_get_on_goes_into_recoveries_after_ten_seconds():
     bench = Bench(speed=0.0)
     bench.accept()
     bench.run(60.0)
@@ -128,7 +126,7 @@ def test_a_robot_that_does_not_get_on_goes_into_recoveries_after_ten_seconds() -
     assert bench.said("goal aborted: it does not get on, even after recoveries") == 1
 
 
-def test_a_robot_that_gets_on_again_has_all_its_recoveries_again() -> None:
+def test_a_robot_that_gets_on_again_has_all_its_recoveries_again():
     bench = Bench(speed=0.0)
     bench.accept()
     bench.run(23.0)
@@ -139,7 +137,7 @@ def test_a_robot_that_gets_on_again_has_all_its_recoveries_again() -> None:
     assert [name for _, name in bench.tried] == ["r0", "r1", "r0"]
 
 
-def test_a_failed_replanning_is_ignored_while_the_controller_works() -> None:
+def test_a_failed_replanning_is_ignored_while_the_controller_works():
     bench = Bench(plans=lambda now: now < 1.0)
     bench.accept()
     bench.run(20.0)
@@ -148,7 +146,7 @@ def test_a_failed_replanning_is_ignored_while_the_controller_works() -> None:
     assert bench.tried == []
 
 
-def test_without_the_quirk_a_failed_replanning_stops_the_robot() -> None:
+def test_without_the_quirk_a_failed_replanning_stops_the_robot():
     bench = Bench(plans=lambda now: now < 1.0, quirks=without("failed_replanning_ignored"))
     bench.accept()
     bench.run(3.0)
@@ -156,7 +154,7 @@ def test_without_the_quirk_a_failed_replanning_stops_the_robot() -> None:
     assert bench.commands[-1][1] == Twist2()
 
 
-def test_a_recovery_that_takes_time_blocks_the_loop() -> None:
+def test_a_recovery_that_takes_time_blocks_the_loop():
     bench = Bench(
         works=lambda now: now < 1.0,
         recoveries=(3.0,),
@@ -169,7 +167,7 @@ def test_a_recovery_that_takes_time_blocks_the_loop() -> None:
     assert 3.0 <= bench.now - begun < 3.5
 
 
-def test_disabled_recoveries_abort_at_once() -> None:
+def test_disabled_recoveries_abort_at_once():
     bench = Bench(plans=lambda now: False, recoveries=())
     bench.accept()
     bench.run(60.0)
@@ -177,7 +175,7 @@ def test_disabled_recoveries_abort_at_once() -> None:
     assert bench.said("goal aborted: no valid plan") == 1
 
 
-def test_patience_begins_anew_with_a_new_goal() -> None:
+def test_patience_begins_anew_with_a_new_goal():
     bench = Bench(plans=lambda now: not now < 10.0, recoveries=())
     bench.accept()
     bench.run(60.0)

@@ -1,7 +1,5 @@
 """What counts when nothing is written: the defaults of Noetic's move_base and its recoveries."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 import pytest
@@ -15,7 +13,7 @@ from daemon.stacks.ros1.move_base import (
 )
 
 
-def test_move_base() -> None:
+def test_move_base():
     """``MoveBase.cfg`` and the constructor of ``MoveBase``."""
     assert asdict(MoveBaseParameters()) == {
         "base_global_planner": "navfn/NavfnROS",
@@ -29,7 +27,7 @@ def test_move_base() -> None:
     }  # fmt: skip
 
 
-def test_recoveries() -> None:
+def test_recoveries():
     """``ClearCostmapRecovery::initialize`` and ``RotateRecovery::initialize``."""
     assert asdict(ClearCostmapParameters()) == {
         "reset_distance": 3.0, "layer_names": ("obstacles",), "invert_area_to_clear": False,
@@ -50,16 +48,14 @@ def test_recoveries() -> None:
         ("planner_patience", (-0.1,), (0.0,)),
     ],
 )
-def test_what_makes_no_sense_is_refused(
-    name: str, wrong: tuple[float, ...], right: tuple[float, ...]
-) -> None:
+def test_what_makes_no_sense_is_refused(name, wrong, right):
     for value in wrong:
         with pytest.raises(ValidationError):
-            MoveBaseParameters(**{name: value})  # type: ignore[arg-type]
+            MoveBaseParameters(**{name: value})
     for value in right:
-        assert getattr(MoveBaseParameters(**{name: value}), name) == value  # type: ignore[arg-type]
+        assert getattr(MoveBaseParameters(**{name: value}), name) == value
 
 
-def test_recoveries_that_are_not_built_in_are_refused() -> None:
+def test_recoveries_that_are_not_built_in_are_refused():
     with pytest.raises(ValidationError, match="not built in"):
         RecoveryBehavior("shake", "shake_recovery/ShakeRecovery")

@@ -1,7 +1,5 @@
 """Waypoints one by one, at most one a second, none after a failure."""
 
-from __future__ import annotations
-
 from daemon.stacks.ros1.move_base import DispatcherParameters, WaypointDispatcher
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Waypoint
@@ -10,20 +8,20 @@ WAYPOINTS = (Waypoint("a", 1.0, 0.0, 0.5), Waypoint("b", 2.0, 0.0), Waypoint("c"
 HERE = Pose2(0.1, 0.2, 0.3)
 
 
-def make(**given: object) -> tuple[WaypointDispatcher, list[tuple[Pose2, Pose2]]]:
-    asked: list[tuple[Pose2, Pose2]] = []
-    parameters = DispatcherParameters(**given)  # type: ignore[arg-type]
+def make(**given):
+    asked = []
+    parameters = DispatcherParameters(**given)
     return WaypointDispatcher(parameters, WAYPOINTS, lambda a, b: asked.append((a, b))), asked
 
 
-def test_it_sends_the_first_goal_at_once_and_waits_for_its_result() -> None:
+def test_it_sends_the_first_goal_at_once_and_waits_for_its_result():
     dispatcher, asked = make()
     assert dispatcher.step(0.0, None, HERE) == Pose2(1.0, 0.0, 0.5)
     assert dispatcher.step(0.05, None, HERE) is None
     assert asked == [(HERE, Pose2(1.0, 0.0, 0.5))], "a plan from where amcl last saw the robot"
 
 
-def test_a_waypoint_without_a_heading_gets_the_one_missions_of_the_original_have() -> None:
+def test_a_waypoint_without_a_heading_gets_the_one_missions_of_the_original_have():
     dispatcher, _ = make()
     dispatcher.step(0.0, None, HERE)
     assert dispatcher.step(20.0, "succeeded", HERE) == Pose2(2.0, 0.0, 0.0)
@@ -32,7 +30,7 @@ def test_a_waypoint_without_a_heading_gets_the_one_missions_of_the_original_have
     assert dispatcher.step(20.0, "succeeded", HERE) == Pose2(2.0, 0.0, 1.0)
 
 
-def test_after_a_long_goal_the_next_is_sent_at_once_and_after_a_short_one_later() -> None:
+def test_after_a_long_goal_the_next_is_sent_at_once_and_after_a_short_one_later():
     dispatcher, _ = make()
     dispatcher.step(0.0, None, HERE)
     assert dispatcher.step(20.0, "succeeded", HERE) is not None
@@ -41,7 +39,7 @@ def test_after_a_long_goal_the_next_is_sent_at_once_and_after_a_short_one_later(
     assert dispatcher.step(21.0, None, HERE) is not None
 
 
-def test_the_mission_succeeds_with_the_last_waypoint() -> None:
+def test_the_mission_succeeds_with_the_last_waypoint():
     dispatcher, _ = make()
     for time in (0.0, 10.0, 20.0):
         assert dispatcher.step(time, "succeeded" if time else None, HERE) is not None
@@ -50,7 +48,7 @@ def test_the_mission_succeeds_with_the_last_waypoint() -> None:
     assert (progress.current, progress.reached, progress.state) == (2, 3, "succeeded")
 
 
-def test_an_aborted_goal_ends_the_mission() -> None:
+def test_an_aborted_goal_ends_the_mission():
     dispatcher, asked = make()
     dispatcher.step(0.0, None, HERE)
     dispatcher.step(10.0, "succeeded", HERE)
@@ -61,7 +59,7 @@ def test_an_aborted_goal_ends_the_mission() -> None:
     assert len(asked) == 2
 
 
-def test_it_need_not_ask_for_plans() -> None:
+def test_it_need_not_ask_for_plans():
     dispatcher, asked = make(make_plan=False)
     dispatcher.step(0.0, None, HERE)
     assert asked == []

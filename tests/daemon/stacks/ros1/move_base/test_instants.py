@@ -6,10 +6,6 @@ Controlling is due every 0.1 s from the goal on; the planner thread has its turn
 before the control loop: a wake-up of the one is heard by the other at the next instant.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import pytest
 
 from grammars.model.geometry import Pose2, Twist2
@@ -19,34 +15,34 @@ STILL = Twist2()
 Times = list[float]
 
 
-def close(times: Times) -> object:
+def close(times):
     return pytest.approx(times, abs=1e-6)
 
 
-def started(bench: Bench, until: float, begin: float = 0.0) -> Bench:
+def started(bench, until, begin=0.0):
     bench.now = begin
     bench.accept()
     return bench.run(until)
 
 
-def failing(*, since: float, until: float = 1e9) -> Callable[[float], bool]:
+def failing(*, since, until=1e9):
     """A controller, or a planner, that fails in [since, until)."""
     return lambda now: not since - 1e-6 < now < until - 1e-6
 
 
-def states(bench: Bench) -> list[tuple[float, str]]:
+def states(bench):
     return [(round(time, 2), state[:5]) for time, state in bench.states]
 
 
-def still(bench: Bench) -> Times:
+def still(bench):
     return [round(time, 2) for time, command in bench.commands if command == STILL]
 
 
-def forward(bench: Bench) -> Times:
+def forward(bench):
     return [round(time, 2) for time, command in bench.commands if command == FORWARD]
 
 
-def tried(bench: Bench) -> list[tuple[float, str]]:
+def tried(bench):
     return [(round(time, 2), name) for time, name in bench.tried]
 
 
@@ -62,9 +58,7 @@ def tried(bench: Bench) -> list[tuple[float, str]]:
         (3.0, [0.05, 0.4, 0.75]),
     ],
 )
-def test_a_goal_is_planned_for_at_once_and_then_at_the_frequency(
-    frequency: float, planned: Times
-) -> None:
+def test_a_goal_is_planned_for_at_once_and_then_at_the_frequency(frequency, planned):
     bench = started(Bench(parameters={"planner_frequency": frequency}), 1.0)
     assert bench.planned == close(planned)
     assert states(bench) == [(0.05, "contr")]
@@ -73,14 +67,14 @@ def test_a_goal_is_planned_for_at_once_and_then_at_the_frequency(
 
 
 # A failing controller sets PLANNING and wakes the planner, which sets its timer anew.
-def test_a_plan_out_of_turn_moves_the_turns() -> None:
+def test_a_plan_out_of_turn_moves_the_turns():
     bench = started(Bench(works=lambda now: abs(now - 0.9) > 1e-6), 1.5)
     assert bench.planned == close([0.05, 0.25, 0.45, 0.65, 0.85, 0.95, 1.15, 1.35])
     assert states(bench) == [(0.05, "contr"), (0.9, "plann"), (0.95, "contr")]
     assert still(bench) == [0.9]
 
 
-def test_with_a_frequency_of_zero_a_failing_controller_is_the_only_reason_to_plan_again() -> None:
+def test_with_a_frequency_of_zero_a_failing_controller_is_the_only_reason_to_plan_again():
     works = failing(since=0.5, until=0.7)
     bench = started(Bench(works=works, parameters={"planner_frequency": 0.0}), 1.2)
     assert bench.planned == close([0.05, 0.55, 0.65])
@@ -105,9 +99,7 @@ def test_with_a_frequency_of_zero_a_failing_controller_is_the_only_reason_to_pla
         (0.0, {"max_planning_retries": -1, "planner_patience": 2.0}, 2.05),
     ],
 )
-def test_the_planner_gives_up_after_its_patience_or_its_retries(
-    begin: float, parameters: dict[str, float], given_up: float
-) -> None:
+def test_the_planner_gives_up_after_its_patience_or_its_retries(begin, parameters, given_up):
     bench = Bench(plans=lambda now: False, parameters=parameters)
     started(bench, given_up, begin)
     assert states(bench)[-1] == (given_up, "clear")
@@ -123,7 +115,7 @@ def test_the_planner_gives_up_after_its_patience_or_its_retries(
     assert [time for time in still(bench) if time < given_up + 0.15] == [given_up]
 
 
-def test_retries_are_counted_anew_after_a_recovery_and_a_plan() -> None:
+def test_retries_are_counted_anew_after_a_recovery_and_a_plan():
     bench = Bench(plans=failing(since=0.0, until=0.8), parameters={"max_planning_retries": 3})
     # Tries 0.05 to 0.35, recovery at 0.4, cycle at 0.5; tries 0.55 to 0.75, plan at 0.85.
     started(bench, 1.0)
@@ -136,7 +128,7 @@ def test_retries_are_counted_anew_after_a_recovery_and_a_plan() -> None:
 # executeCycle, CONTROLLING: now > last_valid_control + controller_patience. Until then each failure
 # means PLANNING and a plan half a cycle later; afterwards CLEARING, a recovery in the next cycle,
 # PLANNING, a plan when the timer says so, and failing again, as last_valid_control stays.
-def test_after_the_controller_s_patience_all_recoveries_follow_at_once() -> None:
+def test_after_the_controller_s_patience_all_recoveries_follow_at_once():
     works = failing(since=1.0)
     bench = started(Bench(works=works, parameters={"controller_patience": 0.5}), 5.0)
     # The last command was at 0.9: 1.4 is not late yet, 1.5 is. Woken from 1.05 to 1.45; from then
@@ -156,7 +148,7 @@ def test_after_the_controller_s_patience_all_recoveries_follow_at_once() -> None
     assert bench.said("goal aborted: no valid velocity command, even after recoveries") == 1
 
 
-def test_a_plan_made_while_clearing_is_due_takes_the_state_back() -> None:
+def test_a_plan_made_while_clearing_is_due_takes_the_state_back():
     """The thread sets CONTROLLING whatever the state is, as long as it may plan.
 
     At 20 Hz it makes a plan between any two control cycles: CLEARING never lasts until the next
@@ -172,8 +164,8 @@ def test_a_plan_made_while_clearing_is_due_takes_the_state_back() -> None:
 
 # recovery_index_ goes back to the first behaviour with a command after CONTROLLING_R, a plan after
 # PLANNING_R, and a move after OSCILLATION_R.
-def test_a_command_gives_back_the_recoveries_that_a_failing_controller_used() -> None:
-    def works(now: float) -> bool:
+def test_a_command_gives_back_the_recoveries_that_a_failing_controller_used():
+    def works(now):
         return failing(since=1.0, until=1.85)(now) and failing(since=3.0)(now)
 
     bench = started(Bench(works=works, parameters={"controller_patience": 0.5}), 9.0)
@@ -184,8 +176,8 @@ def test_a_command_gives_back_the_recoveries_that_a_failing_controller_used() ->
     assert bench.now == pytest.approx(4.4)
 
 
-def test_a_plan_gives_back_the_recoveries_that_a_failing_planner_used() -> None:
-    def plans(now: float) -> bool:
+def test_a_plan_gives_back_the_recoveries_that_a_failing_planner_used():
+    def plans(now):
         return not (now < 0.6 or 2.0 < now < 3.0)
 
     parameters = {"planner_frequency": 0.0, "max_planning_retries": 1}
@@ -198,7 +190,7 @@ def test_a_plan_gives_back_the_recoveries_that_a_failing_planner_used() -> None:
     assert tried(bench) == [(0.1, "r0"), (0.3, "r1"), (0.5, "r2"), (2.1, "r0")]
 
 
-def test_a_plan_gives_nothing_back_to_a_robot_that_does_not_get_on() -> None:
+def test_a_plan_gives_nothing_back_to_a_robot_that_does_not_get_on():
     parameters = {"oscillation_timeout": 1.0}
     bench = started(Bench(speed=0.0, parameters=parameters), 9.0)
     # 0 + 1.0 < now from 1.1 on: zero, then a command nevertheless; r0 at 1.2, which begins the
@@ -211,7 +203,7 @@ def test_a_plan_gives_nothing_back_to_a_robot_that_does_not_get_on() -> None:
     assert 1.2 not in forward(bench)
 
 
-def test_a_plan_between_two_cycles_delays_the_recovery_of_a_robot_that_does_not_get_on() -> None:
+def test_a_plan_between_two_cycles_delays_the_recovery_of_a_robot_that_does_not_get_on():
     # CLEARING at 1.0, CONTROLLING with the plan of 1.05; CLEARING again at 1.1, none until 1.25.
     bench = started(Bench(speed=0.0, parameters={"oscillation_timeout": 0.9}), 1.3)
     assert states(bench) == [
@@ -231,9 +223,7 @@ def test_a_plan_between_two_cycles_delays_the_recovery_of_a_robot_that_does_not_
         ([(3.15, 4.15), (3.0, 4.0), (2.85, 3.85), (3.0, 4.0)], 2.5),
     ],
 )
-def test_to_get_on_is_to_leave_the_place_where_it_last_did(
-    steps: list[tuple[float, float]], recovers: float
-) -> None:
+def test_to_get_on_is_to_leave_the_place_where_it_last_did(steps, recovers):
     parameters = {"oscillation_timeout": 1.0, "planner_frequency": 0.0}
     bench = Bench(speed=0.0, parameters=parameters)
     bench.pose = Pose2(3.0, 4.0)
@@ -246,16 +236,14 @@ def test_to_get_on_is_to_leave_the_place_where_it_last_did(
 
 
 @pytest.mark.parametrize(("begin", "timeout"), [(0.1, 0.7), (0.2, 0.7), (0.6, 0.3)])
-def test_the_end_of_the_oscillation_timeout_itself_is_not_late(
-    begin: float, timeout: float
-) -> None:
+def test_the_end_of_the_oscillation_timeout_itself_is_not_late(begin, timeout):
     # In double precision 0.1 + 0.7 is 0.7999999999999999.
     bench = Bench(speed=0.0, parameters={"oscillation_timeout": timeout, "planner_frequency": 0.0})
     started(bench, begin + 2.0, begin)
     assert tried(bench)[0] == (round(begin + timeout + 0.2, 2), "r0")
 
 
-def test_a_failing_controller_puts_off_the_recoveries_of_oscillation() -> None:
+def test_a_failing_controller_puts_off_the_recoveries_of_oscillation():
     """Both in one cycle: CLEARING of the one is overwritten with PLANNING of the other.
 
     That goes on until the controller's patience is over as well, and is then its recovery.
@@ -269,7 +257,7 @@ def test_a_failing_controller_puts_off_the_recoveries_of_oscillation() -> None:
     assert bench.said("r0: no valid velocity command") == 1
 
 
-def test_to_arrive_comes_before_everything_else() -> None:
+def test_to_arrive_comes_before_everything_else():
     bench = Bench(speed=0.0, works=failing(since=0.9), parameters={"oscillation_timeout": 0.5})
     bench.controller.arrived = True
     started(bench, 0.2)
@@ -295,7 +283,7 @@ def test_to_arrive_comes_before_everything_else() -> None:
         (1.0, [2.3, 2.4]),
     ],
 )
-def test_the_beat_of_the_loop_after_a_recovery(lasts: float, commands: Times) -> None:
+def test_the_beat_of_the_loop_after_a_recovery(lasts, commands):
     parameters = {"oscillation_timeout": 1.0, "planner_frequency": 0.0}
     bench = Bench(speed=0.0, recoveries=(lasts,), parameters=parameters)
     started(bench, 3.0)
@@ -303,7 +291,7 @@ def test_the_beat_of_the_loop_after_a_recovery(lasts: float, commands: Times) ->
     assert [time for time in forward(bench) if time > 1.15][:2] == commands
 
 
-def test_the_planner_goes_on_during_a_recovery_that_it_has_not_asked_for() -> None:
+def test_the_planner_goes_on_during_a_recovery_that_it_has_not_asked_for():
     parameters = {"oscillation_timeout": 1.0}
     bench = Bench(speed=0.0, recoveries=(1.0,), parameters=parameters)
     started(bench, 2.35)
@@ -314,7 +302,7 @@ def test_the_planner_goes_on_during_a_recovery_that_it_has_not_asked_for() -> No
     assert [time for time in forward(bench) if time > 1.1] == [2.3]
 
 
-def test_the_planner_rests_during_a_recovery_that_it_has_asked_for() -> None:
+def test_the_planner_rests_during_a_recovery_that_it_has_asked_for():
     parameters = {"max_planning_retries": 0}
     bench = Bench(plans=failing(since=0.0, until=1.0), recoveries=(1.0,), parameters=parameters)
     started(bench, 1.3)
@@ -324,7 +312,7 @@ def test_the_planner_rests_during_a_recovery_that_it_has_asked_for() -> None:
     assert forward(bench) == [1.2, 1.3]
 
 
-def test_a_new_goal_begins_with_new_patience_but_where_the_robot_was_seen_to_move_last() -> None:
+def test_a_new_goal_begins_with_new_patience_but_where_the_robot_was_seen_to_move_last():
     bench = Bench(speed=0.2, parameters={"oscillation_timeout": 1.0, "oscillation_distance": 0.2})
     started(bench, 1.75)
     bench.controller.arrived = True

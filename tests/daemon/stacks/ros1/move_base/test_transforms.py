@@ -1,7 +1,5 @@
 """Look-ups of the two transforms at the stamps the stack asks for."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -11,11 +9,11 @@ from daemon.stacks.ros1.move_base import TransformBuffer
 from grammars.model.geometry import Pose2, Twist2
 
 
-def at(time: float, x: float = 0.0, yaw: float = 0.0) -> Odometry:
+def at(time, x=0.0, yaw=0.0):
     return Odometry(time, Pose2(x, 0.0, yaw), Twist2())
 
 
-def test_before_any_correction_the_robot_is_where_it_was_told_to_be() -> None:
+def test_before_any_correction_the_robot_is_where_it_was_told_to_be():
     buffer = TransformBuffer(Pose2(5.0, 1.0, math.pi / 2), 0.5, delayed=True)
     buffer.move(at(0.0, x=2.0))
     pose = buffer.base_in_map()
@@ -24,7 +22,7 @@ def test_before_any_correction_the_robot_is_where_it_was_told_to_be() -> None:
     assert buffer.base_in_map().y == pytest.approx(2.0)
 
 
-def test_a_correction_holds_for_stamped_look_ups_only_after_the_tolerance() -> None:
+def test_a_correction_holds_for_stamped_look_ups_only_after_the_tolerance():
     buffer = TransformBuffer(Pose2(), 0.5, delayed=True)
     buffer.move(at(0.0))
     buffer.correct(0.0, Pose2(0.1))
@@ -34,7 +32,7 @@ def test_a_correction_holds_for_stamped_look_ups_only_after_the_tolerance() -> N
     assert buffer.correction_at(9.0) == Pose2(0.1)
 
 
-def test_between_two_broadcasts_the_correction_is_interpolated() -> None:
+def test_between_two_broadcasts_the_correction_is_interpolated():
     buffer = TransformBuffer(Pose2(), 0.5, delayed=True)
     buffer.move(at(0.0))
     buffer.correct(1.0, Pose2(0.0, 0.0, math.pi - 0.1))
@@ -46,7 +44,7 @@ def test_between_two_broadcasts_the_correction_is_interpolated() -> None:
     assert buffer.correction_at(1.525).x == pytest.approx(0.05)
 
 
-def test_without_the_quirk_corrections_hold_at_once() -> None:
+def test_without_the_quirk_corrections_hold_at_once():
     buffer = TransformBuffer(Pose2(), 0.5, delayed=False)
     buffer.move(at(0.0))
     buffer.correct(0.1, Pose2(0.1))
@@ -54,7 +52,7 @@ def test_without_the_quirk_corrections_hold_at_once() -> None:
     assert buffer.correction_at(0.2) == Pose2(0.2)
 
 
-def test_odometry_is_interpolated_at_the_stamp_of_a_scan() -> None:
+def test_odometry_is_interpolated_at_the_stamp_of_a_scan():
     buffer = TransformBuffer(Pose2(), 0.5, delayed=True)
     for k in range(1000):
         buffer.move(at(0.051 * k, x=0.01 * k))

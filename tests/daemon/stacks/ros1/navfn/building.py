@@ -1,7 +1,5 @@
 """Building C as the planner sees it, and the starts and goals of scenario S1."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -21,7 +19,7 @@ INSCRIBED_RADIUS, INFLATION_RADIUS, SCALING = 0.085, 0.5, 3.0
 """[m, m, 1/m] The global costmap of a2s."""
 
 
-def costmap() -> CostGrid:
+def costmap():
     """Return the inflated map of building C with the doors of S1."""
     from scipy.ndimage import distance_transform_edt
 
@@ -36,7 +34,7 @@ def costmap() -> CostGrid:
     return CostGrid(grid.resolution, grid.x, grid.y, costs)
 
 
-def drive(step: float) -> list[tuple[Pose2, Pose2]]:
+def drive(step):
     """Return start and goal of each plan on straight lines between the waypoints of S1.
 
     ``step`` [m] is what the robot moves between two plans.

@@ -1,21 +1,16 @@
 """navfn written down plainly: the yardstick of the compiled version, for small grids."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import numpy.typing as npt
-
-from daemon.stacks.ros1.cost_grid import CostGrid
-from grammars.model.geometry import Floats, Pose2
 
 F = np.float32
 HIGH = F(1e10)
 Singles = npt.NDArray[np.float32]
 
 
-def costs_of(cells: npt.NDArray[np.uint8], *, allow_unknown: bool = True) -> npt.NDArray[np.int64]:
+def costs_of(cells, *, allow_unknown=True):
     """Flat costs with the blocked ring around the map."""
     costs = np.array(
         [
@@ -27,7 +22,7 @@ def costs_of(cells: npt.NDArray[np.uint8], *, allow_unknown: bool = True) -> npt
     return costs.ravel()
 
 
-def updated(left: F, right: F, up: F, down: F, cost: int) -> F:
+def updated(left, right, up, down, cost):
     """The new potential of a cell between its four neighbours."""
     c, hf = min(left, right), F(cost)
     a = min(up, down)
@@ -38,16 +33,7 @@ def updated(left: F, right: F, up: F, down: F, cost: int) -> F:
     return F(low + F(hf * F(-0.2301 * q * q + 0.5307 * q + 0.7040)))
 
 
-def wave(
-    costs: npt.NDArray[np.int64],
-    columns: int,
-    start: int,
-    goal: int,
-    size: int = 10_000,
-    ahead: Singles | None = None,
-    bound: F = HIGH,
-    log: list[int] | None = None,
-) -> Singles:
+def wave(costs, columns, start, goal, size=10_000, ahead=None, bound=HIGH, log=None):
     """The potential when the goal first has one; ``size`` of the priority buffers.
 
     Cells are left out where threshold and ``ahead`` exceed ``bound``. ``log`` takes every cell that
@@ -55,18 +41,18 @@ def wave(
     """
     pot = np.full(costs.size, HIGH, dtype=F)
     pot[start] = 0
-    pending: set[int] = set()
+    pending = set()
 
-    def push(buffer: list[int], n: int) -> None:
+    def push(buffer, n):
         if 0 <= n < costs.size and n not in pending and costs[n] < 254 and len(buffer) < size:
             buffer.append(n)
             pending.add(n)
 
-    now: list[int] = []
+    now = []
     for n in (start + 1, start - 1, start - columns, start + columns):
         push(now, n)
-    later: list[int] = []
-    over: list[int] = []
+    later = []
+    over = []
     threshold = F(254)
     rows = costs.size // columns
     with np.errstate(over="ignore"):
@@ -97,8 +83,8 @@ def wave(
     return pot
 
 
-def gradient(pot: Singles, n: int, columns: int) -> tuple[F, F]:
-    def slope(before: int, after: int) -> F:
+def gradient(pot, n, columns):
+    def slope(before, after):
         total = F(0)
         if pot[before] < HIGH:
             total = F(total + F(pot[before] - pot[n]))
@@ -114,18 +100,18 @@ def gradient(pot: Singles, n: int, columns: int) -> tuple[F, F]:
     return F(scale * dx), F(scale * dy)
 
 
-def blend(a: F, b: F, share: F) -> F:
+def blend(a, b, share):
     return F((1.0 - float(share)) * float(a) + float(F(share * b)))
 
 
-def path(pot: Singles, columns: int, goal: int) -> list[tuple[F, F]]:
+def path(pot, columns, goal):
     """Points from the goal down to the robot, in cells; empty when there is no way."""
 
-    def rounded(v: F) -> int:
+    def rounded(v):
         return int(math.copysign(math.floor(abs(float(v)) + 0.5), float(v)))
 
     n, dx, dy = goal, F(0), F(0)
-    points: list[tuple[F, F]] = []
+    points = []
     for _ in range(4 * columns):
         nearest = min(max(n + rounded(dx) + columns * rounded(dy), 0), pot.size - 1)
         if pot[nearest] < 50:
@@ -166,7 +152,7 @@ def path(pot: Singles, columns: int, goal: int) -> list[tuple[F, F]]:
     return []
 
 
-def plan(grid: CostGrid, start: Pose2, goal: Pose2) -> Floats | None:
+def plan(grid, start, goal):
     """The plan of NavfnROS without tolerance; the grid is not touched."""
     here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
     if here is None or there is None:

@@ -1,7 +1,5 @@
 """Plans of navfn: costs, interpolation, coordinates, failures and tolerance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -26,28 +24,26 @@ from daemon.stacks.ros1.navfn.restricted import (
     spread_towards,
 )
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Pose2
 
 F = np.float32
 
 
-def a_grid(rows: int = 20, columns: int = 40, x: float = 0.0, y: float = 0.0) -> CostGrid:
+def a_grid(rows=20, columns=40, x=0.0, y=0.0):
     return CostGrid(0.05, x, y, np.zeros((rows, columns), dtype=np.uint8))
 
 
-def centre(grid: CostGrid, column: int, row: int, yaw: float = 0.0) -> Pose2:
+def centre(grid, column, row, yaw=0.0):
     r = grid.resolution
     return Pose2(grid.x + (column + 0.5) * r, grid.y + (row + 0.5) * r, yaw)
 
 
-def plan(
-    grid: CostGrid, start: Pose2, goal: Pose2, *, tolerance: float = 0.0, unknown: bool = True
-) -> Floats | None:
+def plan(grid, start, goal, *, tolerance=0.0, unknown=True):
     parameters = NavfnParameters(default_tolerance=tolerance, allow_unknown=unknown)
     return Navfn(parameters, ORIGINAL).plan(grid, start, goal)
 
 
-def test_costs_rise_with_the_costmap_and_inscribed_cells_are_blocked() -> None:
+def test_costs_rise_with_the_costmap_and_inscribed_cells_are_blocked():
     table = translation_table(allow_unknown=True)
     assert [int(table[v]) for v in (0, 1, 100, 161, 252)] == [50, 50, 130, 178, 251]
     assert [int(table[v]) for v in (253, 254, 255)] == [254, 254, 253]
@@ -64,13 +60,11 @@ def test_costs_rise_with_the_costmap_and_inscribed_cells_are_blocked() -> None:
         (100.0, 1e10, 150.0),
     ],
 )
-def test_a_cell_is_interpolated_between_its_two_lowest_neighbours(
-    across: float, along: float, expected: float
-) -> None:
+def test_a_cell_is_interpolated_between_its_two_lowest_neighbours(across, along, expected):
     assert interpolate_potential(F(across), F(along), F(50.0)) == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_straight_path_runs_from_corner_to_corner_half_a_cell_at_a_time() -> None:
+def test_a_straight_path_runs_from_corner_to_corner_half_a_cell_at_a_time():
     grid = a_grid(x=-1.0, y=2.0)
     found = plan(grid, centre(grid, 5, 10), centre(grid, 30, 10, 1.5))
     assert found is not None
@@ -81,7 +75,7 @@ def test_a_straight_path_runs_from_corner_to_corner_half_a_cell_at_a_time() -> N
     assert steps == pytest.approx(0.025, abs=1e-5)
 
 
-def test_without_the_quirk_paths_run_through_cell_centres() -> None:
+def test_without_the_quirk_paths_run_through_cell_centres():
     grid = a_grid()
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
     corner = Navfn(NavfnParameters(), ORIGINAL).plan(grid, start, goal)
@@ -91,7 +85,7 @@ def test_without_the_quirk_paths_run_through_cell_centres() -> None:
     assert middle[:-1, :2] - corner[:-1, :2] == pytest.approx(0.025)
 
 
-def test_the_start_cell_is_freed_in_the_costmap_for_good() -> None:
+def test_the_start_cell_is_freed_in_the_costmap_for_good():
     grid = a_grid()
     grid.cells[10, 5] = 254
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
@@ -103,7 +97,7 @@ def test_the_start_cell_is_freed_in_the_costmap_for_good() -> None:
     assert grid.version == version + 1
 
 
-def test_no_plan_to_what_cannot_be_reached() -> None:
+def test_no_plan_to_what_cannot_be_reached():
     grid = a_grid()
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
     grid.cells[10, 30] = 253
@@ -116,13 +110,13 @@ def test_no_plan_to_what_cannot_be_reached() -> None:
     assert plan(grid, start, centre(grid, 0, 10)) is None
 
 
-def test_a_robot_inside_an_inflated_wall_is_boxed_in() -> None:
+def test_a_robot_inside_an_inflated_wall_is_boxed_in():
     grid = a_grid()
     grid.cells[8:13, 3:8] = 253
     assert plan(grid, centre(grid, 5, 10), centre(grid, 30, 10)) is None
 
 
-def test_unknown_cells_are_dear_or_blocked() -> None:
+def test_unknown_cells_are_dear_or_blocked():
     grid = a_grid()
     grid.cells[:, 20] = 255
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
@@ -130,7 +124,7 @@ def test_unknown_cells_are_dear_or_blocked() -> None:
     assert plan(grid, start, goal, unknown=False) is None
 
 
-def test_with_tolerance_the_nearest_point_of_a_square_raster_will_do() -> None:
+def test_with_tolerance_the_nearest_point_of_a_square_raster_will_do():
     grid = a_grid()
     grid.cells[10, 30] = 254
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10, 0.7)
@@ -142,7 +136,7 @@ def test_with_tolerance_the_nearest_point_of_a_square_raster_will_do() -> None:
     assert plan(grid, start, goal, tolerance=0.1) is None
 
 
-def test_parameters_are_those_of_noetic_and_checked() -> None:
+def test_parameters_are_those_of_noetic_and_checked():
     defaults = NavfnParameters()
     assert (defaults.allow_unknown, defaults.default_tolerance) == (True, 0.0)
     assert set(WITHOUT_EFFECT) <= set(NavfnParameters.__dataclass_fields__)
@@ -150,7 +144,7 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
         NavfnParameters(default_tolerance=-0.1)
 
 
-def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
+def test_everything_is_compiled_by_the_warm_up_and_only_once():
     warm_up()
     kernels = (
         translate_costs, propagate_wave, seed_wave, descent_is_doubtful, clear_doubts,
@@ -158,8 +152,8 @@ def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
-    assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)  # type: ignore[attr-defined]
+    assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
     # GlobalPlanner has a table of costs: of either kind there is one.
-    tables = [str(types[2]) for types in spread_towards.signatures]  # type: ignore[attr-defined]
+    tables = [str(types[2]) for types in spread_towards.signatures]
     assert tables.count("none") == 1
     assert len(tables) == len(set(tables))

@@ -1,10 +1,8 @@
 """What the restricted wave leaves out, how that is noticed, and the remainder it is guided by."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
@@ -26,7 +24,7 @@ F = np.float32
 FAR = float(UNREACHED)
 
 
-def depends(log: list[int], n: int) -> bool:
+def depends(log, n):
     """Tell whether a cell left out took part in what a cell has gone through, backward.
 
     A cell that is needed when it was looked at needs its neighbours from then on back, because
@@ -42,9 +40,8 @@ def depends(log: list[int], n: int) -> bool:
     return False
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_doubtful_is_what_a_cell_left_out_took_part_in(seed: int, certified: bool) -> None:
+def test_doubtful_is_what_a_cell_left_out_took_part_in(seed, certified):
     random = np.random.default_rng(seed)
     rows = int(random.integers(6, 20))
     choice = [0, 0, 0, 0, 40, 120, 252, 254]
@@ -78,7 +75,7 @@ def test_doubtful_is_what_a_cell_left_out_took_part_in(seed: int, certified: boo
     assert np.array_equal(flags, costs)
 
 
-def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over() -> None:
+def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over():
     size = 1600
     costs = np.full(size, 254, dtype=np.uint16)
     free = np.zeros((40, 40), dtype=np.uint8)
@@ -97,9 +94,8 @@ def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over() -> None:
         assert (costs < 256).all()
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_up_to_its_limit_the_remainder_is_that_without_one(seed: int) -> None:
+def test_up_to_its_limit_the_remainder_is_that_without_one(seed):
     random = np.random.default_rng(seed)
     grid = CostGrid(0.05, 0.0, 0.0, random_cells(random, 20, 80))
     rows, columns = grid.cells.shape
@@ -131,7 +127,7 @@ def test_up_to_its_limit_the_remainder_is_that_without_one(seed: int) -> None:
     assert limited.ahead[within] == pytest.approx(endless.ahead[within], rel=0.02, abs=2.0)
 
 
-def test_a_goal_walled_in_has_no_path_until_the_wall_is_gone() -> None:
+def test_a_goal_walled_in_has_no_path_until_the_wall_is_gone():
     grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
     twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
     field = PotentialField(grid, allow_unknown=True, worthwhile=1)
@@ -149,7 +145,7 @@ def test_a_goal_walled_in_has_no_path_until_the_wall_is_gone() -> None:
     assert field.restricted > 3
 
 
-def test_what_remains_is_the_least_beside_a_cell() -> None:
+def test_what_remains_is_the_least_beside_a_cell():
     # A corridor of one row: a step along it costs 50, and beside it there is no way.
     costs = np.full(100, 254, dtype=np.uint16)
     costs[51:59] = 50

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import pytest
 from pydantic import Field, model_validator
@@ -24,25 +23,25 @@ class Model:
     low: float = 0.0
 
     @model_validator(mode="after")
-    def _ordered(self) -> Model:
+    def _ordered(self):
         if self.low > self.radius:
             raise ValueError(f"low {self.low} is above radius {self.radius}")
         return self
 
 
-def read(given: Mapping[str, Any], **options: Any) -> tuple[Model, FindingCollector]:
+def read(given, **options):
     report = FindingCollector()
     return read_section(Model, given, ("ns",), report, **options), report
 
 
-def fatal(given: Mapping[str, Any]) -> str:
+def fatal(given):
     _, report = read(given)
     with pytest.raises(ParameterError) as caught:
         report.findings()
     return str(caught.value)
 
 
-def test_what_is_given_is_taken_and_the_rest_has_defaults() -> None:
+def test_what_is_given_is_taken_and_the_rest_has_defaults():
     model, report = read({"radius": 2, "samples": 4.0, "corners": [[1, 2], [3.5, 4]]})
     assert model == Model(radius=2.0, samples=4, corners=((1.0, 2.0), (3.5, 4.0)))
     assert report.findings().problems == ()
@@ -65,38 +64,36 @@ def test_what_is_given_is_taken_and_the_rest_has_defaults() -> None:
         ({"low": 5.0}, "ns: low 5.0 is above radius 0.5"),
     ],
 )
-def test_what_the_original_would_silently_ignore_is_an_error(
-    given: dict[str, Any], message: str
-) -> None:
+def test_what_the_original_would_silently_ignore_is_an_error(given, message):
     assert message in fatal(given)
 
 
-def test_every_error_is_reported_at_once() -> None:
+def test_every_error_is_reported_at_once():
     text = fatal({"radius": -1.0, "samples": 0, "active": 3})
     assert all(f"ns/{name}" in text for name in ("radius", "samples", "active"))
 
 
-def test_an_unknown_name_is_a_warning_with_what_was_probably_meant() -> None:
+def test_an_unknown_name_is_a_warning_with_what_was_probably_meant():
     _, report = read({"raduis": 1.0})
     (finding,) = report.findings().problems
     assert finding.path == ("ns", "raduis")
     assert finding.hint == 'did you mean "radius"?'
 
 
-def test_a_name_without_effect_is_listed_with_the_reason_and_no_problem() -> None:
+def test_a_name_without_effect_is_listed_with_the_reason_and_no_problem():
     _, report = read({"low": 0.1, "viz": True}, without_effect={"low": "unused", "viz": "drawn"})
     findings = report.findings()
     assert findings.problems == ()
     assert [str(f) for f in findings.without_effect] == ["ns/low: unused", "ns/viz: drawn"]
 
 
-def test_in_a_section_that_no_ros_node_reads_an_unknown_name_is_an_error() -> None:
+def test_in_a_section_that_no_ros_node_reads_an_unknown_name_is_an_error():
     _, report = read({"raduis": 1.0}, strict=True)
     with pytest.raises(ParameterError, match="raduis"):
         report.findings()
 
 
-def test_quirks_are_a_profile_or_one_with_switches_turned() -> None:
+def test_quirks_are_a_profile_or_one_with_switches_turned():
     report = FindingCollector()
     assert read_quirks("fixed", ("quirks",), report) == FIXED
     mixed = read_quirks({"like": "fixed", "strafe_leaks": True}, ("quirks",), report)
@@ -115,7 +112,7 @@ def test_quirks_are_a_profile_or_one_with_switches_turned() -> None:
         (3, "must be original, fixed"),
     ],
 )
-def test_wrong_quirks_are_errors(given: object, message: str) -> None:
+def test_wrong_quirks_are_errors(given, message):
     report = FindingCollector()
     read_quirks(given, ("quirks",), report)
     assert message in str(ParameterError(report.fatal))

@@ -1,7 +1,5 @@
 """Who hears the scan, as roscpp resolves and remaps names."""
 
-from __future__ import annotations
-
 import pytest
 
 from daemon.stacks.ros1.topics import (
@@ -31,8 +29,8 @@ A2S, FRO = "robile_john/scan_front", "scan_front"
     ],
 )
 def test_the_wrong_scan_topic_is_wrong_only_without_the_launch_wide_remap(
-    published: str, remap: dict[str, str], source: str, amcl: bool, costmaps: bool
-) -> None:
+    published, remap, source, amcl, costmaps
+):
     given = TopicParameters(scan=published, amcl="/scan_front", remap=remap)
     topics = resolve_topics(given, [source], [source])
     assert topics.heard(ONE_LASER) == Wiring(
@@ -40,7 +38,7 @@ def test_the_wrong_scan_topic_is_wrong_only_without_the_launch_wide_remap(
     )
 
 
-def test_each_costmap_listens_for_itself_and_to_any_of_its_sources() -> None:
+def test_each_costmap_listens_for_itself_and_to_any_of_its_sources():
     topics = resolve_topics(TopicParameters(scan="/scan"), ["sonar", "scan"], ["sonar"])
     assert topics.heard(ONE_LASER) == Wiring(
         amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=()
@@ -48,13 +46,13 @@ def test_each_costmap_listens_for_itself_and_to_any_of_its_sources() -> None:
     assert topics.local_costmap == ("/sonar",)
 
 
-def test_names_are_resolved_beside_their_nodes_with_remaps_of_their_own() -> None:
+def test_names_are_resolved_beside_their_nodes_with_remaps_of_their_own():
     # As a launch file in <group ns="robot1"> makes them.
     nodes = {
         "amcl": NodeNames("/robot1/amcl", {"scan": "front/scan"}),
         "move_base": NodeNames("/robot1/move_base_node", {"scan": "/far"}),
     }
-    given = TopicParameters(remap={"scan": "near"}, nodes=nodes)  # type: ignore[arg-type]
+    given = TopicParameters(remap={"scan": "near"}, nodes=nodes)
     assert given.resolve("amcl", "scan") == "/robot1/front/scan"
     assert given.resolve("move_base", "scan") == "/far"
     assert given.resolve("move_base", "~scan") == "/robot1/move_base_node/scan"
@@ -65,7 +63,7 @@ def test_names_are_resolved_beside_their_nodes_with_remaps_of_their_own() -> Non
     assert TopicParameters(maps=("walls", "/map")).resolved_maps() == ("/walls", "/map")
 
 
-def test_a_topic_may_carry_any_laser_it_could_be_of() -> None:
+def test_a_topic_may_carry_any_laser_it_could_be_of():
     one = resolve_topics(TopicParameters(scan="/scan"), [], [])
     assert [one.may_carry_scan(t) for t in ("/scan", "/scan_rear", "/scanner")] == [
         True, True, False,
@@ -87,13 +85,11 @@ def test_a_topic_may_carry_any_laser_it_could_be_of() -> None:
         ("scan", {"/scan": "/b", "/b": "/c"}, "/b"),
     ],
 )
-def test_names_are_resolved_in_their_namespace_and_remapped_once(
-    name: str, remap: dict[str, str], resolved: str
-) -> None:
+def test_names_are_resolved_in_their_namespace_and_remapped_once(name, remap, resolved):
     assert resolve_name(name, "/move_base", remap) == resolved
 
 
-def test_what_the_launch_file_of_amcl_maps_to_is_not_mapped_again() -> None:
+def test_what_the_launch_file_of_amcl_maps_to_is_not_mapped_again():
     given = TopicParameters(scan=GAZEBO, amcl=GAZEBO, remap=LAUNCH)
     assert not resolve_topics(given, [], []).heard(ONE_LASER).amcl
     unmapped = TopicParameters(scan="/scan", remap={"/scan": "/other"})

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from daemon.stacks.ros1.base_local_planner import ControllerAnswer
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 
-def rectangle(back: float, front: float, side: float) -> Floats:
+def rectangle(back, front, side):
     return np.array([[back, -side], [back, side], [front, side], [front, -side]])
 
 
-def circle(radius: float) -> Floats:
+def circle(radius):
     angles = 2.0 * math.pi * np.arange(16) / 16.0
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
@@ -105,7 +103,7 @@ Box = tuple[float, float, float, float]
 """Least x, least y, largest x, largest y of an obstacle [m]."""
 
 
-def costs_around(pose: Pose2, cells: int, resolution: float, *boxes: Box) -> CostGrid:
+def costs_around(pose, cells, resolution, *boxes):
     """Return the window around ``pose``: lethal boxes, inscribed 0.2 m and costs 0.6 m around."""
     x0 = math.floor(pose.x / resolution - cells / 2) * resolution
     y0 = math.floor(pose.y / resolution - cells / 2) * resolution
@@ -122,7 +120,7 @@ def costs_around(pose: Pose2, cells: int, resolution: float, *boxes: Box) -> Cos
     return CostGrid(resolution, x0, y0, cost.astype(np.uint8))
 
 
-def straight(length: float, yaw: float = 0.0, end: float | None = None) -> Floats:
+def straight(length, yaw=0.0, end=None):
     """Return a plan of ``length`` [m] from the origin; its last heading is ``end`` or ``yaw``."""
     along = np.arange(0.0, length + 1e-9, 0.05)
     plan = np.column_stack([along * math.cos(yaw), along * math.sin(yaw), np.zeros(len(along))])
@@ -133,18 +131,14 @@ def straight(length: float, yaw: float = 0.0, end: float | None = None) -> Float
 class Controller(Protocol):
     """What can be driven."""
 
-    def set_plan(self, plan: Floats) -> None: ...
+    def set_plan(self, plan): ...
 
-    def goal_reached(self, pose: Pose2, twist: Twist2, map_to_odom: Pose2) -> bool: ...
+    def goal_reached(self, pose, twist, map_to_odom): ...
 
-    def command(
-        self, pose: Pose2, twist: Twist2, map_to_odom: Pose2, local: CostGrid
-    ) -> ControllerAnswer: ...
+    def command(self, pose, twist, map_to_odom, local): ...
 
 
-def drive(
-    controller: Controller, robot: Robot, pose: Pose2, steps: int, *boxes: Box
-) -> Iterator[tuple[Pose2, ControllerAnswer]]:
+def drive(controller, robot, pose, steps, *boxes):
     """Yield where the robot is and what is commanded, at most ``steps`` times.
 
     Commands are done at once and to the letter; ends when the goal is reached.

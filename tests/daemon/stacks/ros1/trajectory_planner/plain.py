@@ -9,11 +9,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.base_local_planner.map_grid import Cells
-from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.trajectory_planner._settings import RolloutSettings
-from grammars.model.geometry import Floats
 from tests.daemon.stacks.ros1.dwa import plain
 
 Velocity = tuple[float, float, float]
@@ -26,25 +21,23 @@ class Trajectory:
     points: list[Velocity] = field(default_factory=list)
 
 
-def between(start: float, end: float) -> float:
+def between(start, end):
     rest = math.fmod(end - start + math.pi, 2.0 * math.pi)
     return rest + math.pi if rest <= 0.0 else rest - math.pi
 
 
-def length(x: float, y: float) -> float:
+def length(x, y):
     return float(np.hypot(x, y))
 
 
-def under_robot(
-    state: Floats, outline: Floats, cells: Cells, frame: Floats
-) -> set[tuple[int, int]]:
+def under_robot(state, outline, cells, frame):
     """Return the cells (row, column) of the outline, and between them in every column."""
     c, d = math.cos(state[2]), math.sin(state[2])
     corners = []
     for x, y in outline.tolist():
         at = plain.cell(state[0] + (x * c - y * d), state[1] + (x * d + y * c), cells, frame)
         corners.append(at)
-    found: set[tuple[int, int]] = set()
+    found = set()
     for k, at in enumerate(corners):
         to = corners[(k + 1) % len(corners)]
         if at[0] < 0 or to[0] < 0:
@@ -59,7 +52,7 @@ def under_robot(
 class PlainPlanner:
     """``TrajectoryPlanner::findBestPath`` with its memory."""
 
-    def __init__(self, s: RolloutSettings, strafes: tuple[float, ...], outline: Floats) -> None:
+    def __init__(self, s, strafes, outline):
         self.s, self.strafes, self.outline = s, strafes, outline
         self.reset_after = self.escape_after = self.escape_turn = 0.0
         self.flags = dict.fromkeys(
@@ -71,21 +64,21 @@ class PlainPlanner:
         self.at = (0.0, 0.0)
         self.escaped_at = (0.0, 0.0, 0.0)
 
-    def best(self, state: Floats, plan: Floats, local: CostGrid) -> Trajectory:
+    def best(self, state, plan, local):
         self.state, self.plan, self.cells = state, plan, local.cells
         self.frame = np.array((local.x, local.y, local.resolution))
         seeds = plain.seeds_of(plan, self.cells, self.frame)
         freed = self.cells.copy()
         for row, column in under_robot(state, self.outline, self.cells, self.frame):
             freed[row, column] = 0
-        self.path: Integers = plain.distances(seeds, freed)
-        self.goal: Integers = plain.distances(seeds[-1:], self.cells)
+        self.path = plain.distances(seeds, freed)
+        self.goal = plain.distances(seeds[-1:], self.cells)
         found = self.search()
         if found.cost == -1.0:
             found.cost = 1.0
         return found
 
-    def trajectory(self, velocity: Velocity) -> Trajectory:
+    def trajectory(self, velocity):
         s, size = self.s, self.cells.size
         out = Trajectory(velocity)
         vx, vy, wz = velocity
@@ -140,7 +133,7 @@ class PlainPlanner:
             out.cost = s.path_scale * path + goal * s.goal_scale + s.obstacle_scale * worst
         return out
 
-    def heading_error(self, at: tuple[int, int], x: float, y: float, yaw: float) -> float:
+    def heading_error(self, at, x, y, yaw):
         for px, py in self.plan[::-1].tolist():
             to = plain.cell(px, py, self.cells, self.frame)
             if to[0] >= 0 and all(self.cells[cell] < 253 for cell in plain.line(at, to)):
@@ -149,13 +142,13 @@ class PlainPlanner:
                 return abs(between(yaw, math.atan2(gy - y, gx - x)))
         return sys.float_info.max
 
-    def ahead(self, trajectory: Trajectory) -> float | None:
+    def ahead(self, trajectory):
         x, y, yaw = trajectory.points[-1]
         x, y = x + self.s.lookahead * math.cos(yaw), y + self.s.lookahead * math.sin(yaw)
         row, column = plain.cell(x, y, self.cells, self.frame)
         return None if row < 0 else float(self.goal[row, column])
 
-    def search(self) -> Trajectory:
+    def search(self):
         s = self.s
         x, y, yaw, vx, _, wz = self.state.tolist()
         reach = s.period if s.dwa else s.sim_time
@@ -166,7 +159,7 @@ class PlainPlanner:
         right = max(s.right, wz - s.acc_theta * reach)
         step, turn = (most - least) / (s.x_samples - 1), (left - right) / (s.theta_samples - 1)
         best = Trajectory()
-        arcs: list[Velocity] = []
+        arcs = []
         speed = least
         for _ in range(s.x_samples):
             arcs.append((speed, 0.0, 0.0))
@@ -216,7 +209,7 @@ class PlainPlanner:
         self.forget(x, y, yaw)
         return best
 
-    def remember(self, velocity: Velocity) -> None:
+    def remember(self, velocity):
         _, vy, wz = velocity
         if wz != 0.0:
             side = "right" if wz < 0 else "left"
@@ -228,7 +221,7 @@ class PlainPlanner:
             self.stuck[stuck] = self.stuck[stuck] or self.flags[f"strafe_{side}"]
             self.flags[f"strafe_{other}"] = True
 
-    def forget(self, x: float, y: float, yaw: float) -> None:
+    def forget(self, x, y, yaw):
         if length(x - self.at[0], y - self.at[1]) > self.reset_after:
             self.flags = dict.fromkeys(self.flags, False)
             self.stuck = dict.fromkeys(self.stuck, False)

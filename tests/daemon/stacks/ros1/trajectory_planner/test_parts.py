@@ -1,10 +1,7 @@
 """Parameters, the velocity window, trajectories, the cells under the robot and the memories."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +9,6 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 
 from daemon.stacks.findings import FindingCollector
-from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.map_grid import contains_cell, empty_set
 from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.quirks import ORIGINAL
@@ -38,12 +34,11 @@ from daemon.stacks.ros1.trajectory_planner._search import (
     velocity_window,
 )
 from daemon.stacks.ros1.trajectory_planner._settings import (
-    RolloutSettings,
     longest_trajectory,
     settings_of,
 )
 from daemon.stacks.ros1.trajectory_planner._trajectory_planner import EscapeMode, OscillationFlags
-from grammars.model.geometry import Floats, wrap_angle
+from grammars.model.geometry import wrap_angle
 from tests.daemon.stacks.ros1.trajectory_planner import plain
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, rectangle
 
@@ -51,15 +46,15 @@ DEFAULT = TrajectoryPlannerParameters()
 HUSKY = ROBOTS["husky"].parameters
 
 
-def settings(parameters: TrajectoryPlannerParameters = DEFAULT) -> RolloutSettings:
+def settings(parameters=DEFAULT):
     return settings_of(parameters, ORIGINAL, 0.05, 0.1)
 
 
-def state(*values: float) -> Floats:
+def state(*values):
     return np.array(values)
 
 
-def test_defaults_are_those_of_dynamic_reconfigure() -> None:
+def test_defaults_are_those_of_dynamic_reconfigure():
     s = settings()
     assert (s.max_x, s.min_x, s.left, s.right, s.slowest_turn) == (0.55, 0.0, 1.0, -1.0, 0.4)
     assert (s.path_scale, s.goal_scale, s.obstacle_scale) == (0.6, 0.8, 0.01)
@@ -82,7 +77,7 @@ def test_defaults_are_those_of_dynamic_reconfigure() -> None:
     }  # fmt: skip
 
 
-def test_weights_are_per_metre_when_asked_and_go_by_older_names() -> None:
+def test_weights_are_per_metre_when_asked_and_go_by_older_names():
     s = settings(HUSKY)
     assert (s.path_scale, s.goal_scale) == (0.75 * 0.05, 1.0 * 0.05)
     assert s.obstacle_scale == 0.1
@@ -91,7 +86,7 @@ def test_weights_are_per_metre_when_asked_and_go_by_older_names() -> None:
     assert settings(replace(DEFAULT, gdist_scale=9.0)).goal_scale == 5.0
 
 
-def test_the_older_name_of_the_slowest_turn_is_heard_at_the_goal_only() -> None:
+def test_the_older_name_of_the_slowest_turn_is_heard_at_the_goal_only():
     from daemon.stacks.ros1.trajectory_planner._parameters import slowest_turn_at_goal
 
     older = replace(DEFAULT, min_in_place_rotational_vel=0.7)
@@ -109,7 +104,7 @@ def test_the_older_name_of_the_slowest_turn_is_heard_at_the_goal_only() -> None:
         ("", (0.0,)),
     ],
 )
-def test_strafe_speeds_are_read_as_c_reads_numbers(text: str, speeds: tuple[float, ...]) -> None:
+def test_strafe_speeds_are_read_as_c_reads_numbers(text, speeds):
     assert strafe_speeds(replace(DEFAULT, y_vels=text)) == speeds
 
 
@@ -125,8 +120,8 @@ def test_strafe_speeds_are_read_as_c_reads_numbers(text: str, speeds: tuple[floa
         ({"meter_scoring": True}, "per metre"),
     ],
 )
-def test_what_may_not_be_taken_as_written_is_named(wrong: dict[str, object], words: str) -> None:
-    found = doubts(replace(DEFAULT, **wrong))  # type: ignore[arg-type]
+def test_what_may_not_be_taken_as_written_is_named(wrong, words):
+    found = doubts(replace(DEFAULT, **wrong))
     assert [words in entry.text for entry in found] == [True]
     assert found[0].names == tuple(wrong)
 
@@ -149,8 +144,8 @@ def test_what_may_not_be_taken_as_written_is_named(wrong: dict[str, object], wor
         ),
     ],
 )
-def test_each_contradiction_is_named_alone(wrong: dict[str, float], names: str, word: str) -> None:
-    (found,) = contradictions(replace(DEFAULT, **wrong))  # type: ignore[arg-type]
+def test_each_contradiction_is_named_alone(wrong, names, word):
+    (found,) = contradictions(replace(DEFAULT, **wrong))
     assert found.names == tuple(names.split())
     assert word in found.text
 
@@ -168,17 +163,17 @@ def test_each_contradiction_is_named_alone(wrong: dict[str, float], names: str, 
         {"heading_scoring_timestep": 0.8, "sim_time": 0.7},
     ],
 )
-def test_what_only_looks_like_a_contradiction_is_none(sound: dict[str, float]) -> None:
-    assert contradictions(replace(DEFAULT, **sound)) == ()  # type: ignore[arg-type]
+def test_what_only_looks_like_a_contradiction_is_none(sound):
+    assert contradictions(replace(DEFAULT, **sound)) == ()
 
 
-def test_the_ends_of_a_range_are_taken_as_written() -> None:
+def test_the_ends_of_a_range_are_taken_as_written():
     for name, low, high in (("sim_time", 0.0, 10.0), ("min_vel_theta", -20.0, 0.0)):
         for value, doubted in ((low, 0), (high, 0), (low - 0.1, 1), (high + 0.1, 1)):
-            assert len(doubts(replace(DEFAULT, **{name: value}))) == doubted  # type: ignore[arg-type]
+            assert len(doubts(replace(DEFAULT, **{name: value}))) == doubted
 
 
-def test_published_configurations_contradict_nothing_and_are_taken_as_written() -> None:
+def test_published_configurations_contradict_nothing_and_are_taken_as_written():
     assert doubts(DEFAULT) == ()
     for robot in ROBOTS.values():
         assert contradictions(robot.parameters) == ()
@@ -198,8 +193,8 @@ PUBLISHED = (
 
 
 @pytest.mark.parametrize(("files", "name"), list(zip(PUBLISHED, ROBOTS, strict=True)))
-def test_published_files_are_read(files: tuple[str, ...], name: str, reference_data: Path) -> None:
-    given: dict[str, object] = {}
+def test_published_files_are_read(files, name, reference_data):
+    given = {}
     for file in files:
         text = (reference_data / "robots" / file).read_text("utf-8")
         given |= YAML(typ="safe", pure=True).load(text)["TrajectoryPlannerROS"]
@@ -213,7 +208,7 @@ def test_published_files_are_read(files: tuple[str, ...], name: str, reference_d
     assert read.latch_xy_goal_tolerance == ROBOTS[name].parameters.latch_xy_goal_tolerance
 
 
-def test_values_out_of_range_and_unknown_names_are_refused() -> None:
+def test_values_out_of_range_and_unknown_names_are_refused():
     for wrong in ({"sim_granularity": 0.0}, {"sim_time": math.nan}, {"backup_vel": -0.2}):
         with pytest.raises(ValidationError):
             TrajectoryPlannerParameters(**wrong)
@@ -221,25 +216,25 @@ def test_values_out_of_range_and_unknown_names_are_refused() -> None:
     assert "escape_vel" not in WITHOUT_EFFECT
 
 
-def window(parameters: TrajectoryPlannerParameters, vx: float, wz: float, way: float) -> Floats:
+def window(parameters, vx, wz, way):
     out = np.zeros((2, 2))
     velocity_window(state(0, 0, 0, vx, 0, wz), way, settings(parameters), out)
     return out
 
 
-def test_the_window_is_one_period_or_the_whole_simulation() -> None:
+def test_the_window_is_one_period_or_the_whole_simulation():
     np.testing.assert_allclose(window(HUSKY, 0.5, 0.1, 9.0), [[0.375, 0.625], [-0.06, 0.26]])
     np.testing.assert_allclose(
         window(replace(HUSKY, dwa=False), 0.5, 0.1, 9.0), [[0.0, 1.0], [-1.0, 1.0]]
     )
 
 
-def test_near_the_end_of_the_plan_the_robot_slows_down_but_not_below_its_slowest() -> None:
+def test_near_the_end_of_the_plan_the_robot_slows_down_but_not_below_its_slowest():
     assert window(HUSKY, 0.2, 0.0, 0.5)[0, 1] == 0.25
     assert window(replace(HUSKY, min_vel_x=0.3), 0.2, 0.0, 0.5)[0].tolist() == [0.3, 0.3]
 
 
-def test_arcs_are_straight_first_and_leave_the_highest_turn_out() -> None:
+def test_arcs_are_straight_first_and_leave_the_highest_turn_out():
     few = replace(HUSKY, vx_samples=2, vtheta_samples=3)
     out = np.zeros((20, 3))
     edges = np.array([[0.2, 0.4], [-0.1, 0.3]])
@@ -250,7 +245,7 @@ def test_arcs_are_straight_first_and_leave_the_highest_turn_out() -> None:
     assert out[n - 2 : n].tolist() == [[0.1, 0.1, 0.0], [0.1, -0.1, 0.0]]
 
 
-def test_numbers_of_points() -> None:
+def test_numbers_of_points():
     s = settings(HUSKY)
     assert count_points(1.0, 0.0, 0.0, s) == 100
     assert count_points(0.0, 0.0, 0.0, s) == 1
@@ -259,7 +254,7 @@ def test_numbers_of_points() -> None:
     assert count_points(0.0, 0.0, 0.0, settings(ROBOTS["fetch"].parameters)) == 40
 
 
-def test_trajectories_accelerate_and_leave_their_end_out() -> None:
+def test_trajectories_accelerate_and_leave_their_end_out():
     p = replace(HUSKY, sim_time=1.0, sim_granularity=0.25, acc_lim_x=2.0)
     points = np.zeros((10, 5))
     assert simulate_trajectory(state(1, 2, 0, 0, 0, 0), 1.0, 0.0, 0.0, settings(p), points) == 4
@@ -267,7 +262,7 @@ def test_trajectories_accelerate_and_leave_their_end_out() -> None:
     assert points[:4, 1].tolist() == [2.0] * 4
 
 
-def test_no_trajectory_is_longer_than_there_is_room() -> None:
+def test_no_trajectory_is_longer_than_there_is_room():
     for robot in ROBOTS.values():
         p, s = robot.parameters, settings(robot.parameters)
         for vx, wz in ((0.0, 0.0), (0.9, 2.0), (-0.4, -3.0)):
@@ -278,7 +273,7 @@ def test_no_trajectory_is_longer_than_there_is_room() -> None:
                     assert count_points(speed, 0.0, sample, s) <= most
 
 
-def test_angles_are_wrapped_as_others_do_but_for_rounding() -> None:
+def test_angles_are_wrapped_as_others_do_but_for_rounding():
     for angle in np.linspace(-9.0, 9.0, 181).tolist():
         assert normalize_angle(angle) == pytest.approx(wrap_angle(angle), abs=1e-14)
         assert normalize_angle(angle) == plain.between(0.0, angle)
@@ -286,7 +281,7 @@ def test_angles_are_wrapped_as_others_do_but_for_rounding() -> None:
 
 @pytest.mark.parametrize("at", [(1.5, 1.5, 0.4), (0.1, 1.5, 2.0), (-0.5, 1.0, 0.0)])
 @pytest.mark.parametrize("corners", [4, 3, 2])
-def test_the_cells_under_the_robot(at: tuple[float, float, float], corners: int) -> None:
+def test_the_cells_under_the_robot(at, corners):
     outline, frame = rectangle(-0.4, 0.6, 0.3)[:corners], np.array((0.0, 0.0, 0.05))
     cells = np.zeros((60, 64), dtype=np.uint8)
     found, spans = empty_set(cells.shape), np.zeros((64, 2), dtype=np.int32)
@@ -295,7 +290,7 @@ def test_the_cells_under_the_robot(at: tuple[float, float, float], corners: int)
     assert got == plain.under_robot(np.array(at), outline, cells, frame)
 
 
-def test_without_a_footprint_the_robot_covers_its_cell() -> None:
+def test_without_a_footprint_the_robot_covers_its_cell():
     found, spans = empty_set((60, 60)), np.zeros((60, 2), dtype=np.int32)
     frame, none = np.array((0.0, 0.0, 0.05)), np.zeros((1, 2))
     for x, covers in ((1.51, True), (-1.0, False)):
@@ -304,13 +299,13 @@ def test_without_a_footprint_the_robot_covers_its_cell() -> None:
         assert contains_cell(found, 15, 30) is covers
 
 
-def forbidden(*places: int) -> Integers:
+def forbidden(*places):
     out = np.zeros(4, dtype=np.int32)
     out[list(places)] = 1
     return out
 
 
-def test_the_second_turn_in_a_row_forbids_the_other_side_until_the_robot_has_moved() -> None:
+def test_the_second_turn_in_a_row_forbids_the_other_side_until_the_robot_has_moved():
     for wz, other in ((0.5, NO_RIGHT_TURN), (-0.5, NO_LEFT_TURN)):
         flags = OscillationFlags(0.05)
         flags.chosen((1.0, 1.0), 0.0, 0.0, wz)
@@ -323,7 +318,7 @@ def test_the_second_turn_in_a_row_forbids_the_other_side_until_the_robot_has_mov
         assert not flags.forbidden.any()
 
 
-def test_a_strafe_forbids_going_back() -> None:
+def test_a_strafe_forbids_going_back():
     for vy, back in ((0.1, NO_LEFT_STRAFE), (-0.1, NO_RIGHT_STRAFE)):
         flags = OscillationFlags(0.05)
         flags.chosen((0.0, 0.0), 0.0, vy, 0.0)
@@ -332,7 +327,7 @@ def test_a_strafe_forbids_going_back() -> None:
         np.testing.assert_array_equal(flags.forbidden, forbidden(back))
 
 
-def test_an_escape_ends_far_enough_from_where_it_began() -> None:
+def test_an_escape_ends_far_enough_from_where_it_began():
     escape = EscapeMode(0.1, 0.5)
     escape.begin(state(1, 1, 3.1, 0, 0, 0))
     escape.begin(state(1.09, 1, 3.1, 0, 0, 0))

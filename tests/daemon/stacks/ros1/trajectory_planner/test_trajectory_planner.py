@@ -1,21 +1,17 @@
 """What the controller does with plans, goals, blocked ways and obstacles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from daemon.stacks.ros1.base_local_planner import ControllerAnswer
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
-from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import (
     ROBOTS,
-    Box,
     costs_around,
     drive,
     rectangle,
@@ -30,34 +26,32 @@ OMNI = replace(
 OUTLINE = rectangle(-0.3, 0.3, 0.2)
 
 
-def controller(
-    parameters: TrajectoryPlannerParameters = HUSKY, quirks: Quirks = ORIGINAL
-) -> TrajectoryPlanner:
+def controller(parameters=HUSKY, quirks=ORIGINAL):
     return TrajectoryPlanner(parameters, quirks, OUTLINE, 0.2)
 
 
-def around(pose: Pose2 = Pose2(), *boxes: Box) -> CostGrid:  # noqa: B008
+def around(pose=Pose2(), *boxes):  # noqa: B008
     return costs_around(pose, 80, 0.05, *boxes)
 
 
 def first(
-    planner: TrajectoryPlanner,
-    twist: Twist2 = Twist2(),  # noqa: B008
-    *boxes: Box,
-    yaw: float = 0.0,
-) -> ControllerAnswer:
+    planner,
+    twist=Twist2(),  # noqa: B008
+    *boxes,
+    yaw=0.0,
+):
     pose = Pose2(yaw=yaw)
     return planner.command(pose, twist, Pose2(), around(pose, *boxes))
 
 
-def test_it_speeds_up_as_much_as_one_period_allows() -> None:
+def test_it_speeds_up_as_much_as_one_period_allows():
     planner = controller()
     planner.set_plan(straight(1.5))
     assert first(planner).twist == Twist2(0.125, 0.0, 0.0)
     assert first(planner, Twist2(0.125)).twist.vx == 0.25
 
 
-def test_the_period_is_that_of_move_base_unless_it_has_one_of_its_own() -> None:
+def test_the_period_is_that_of_move_base_unless_it_has_one_of_its_own():
     planner = controller(replace(HUSKY, controller_frequency=None))
     planner.set_plan(straight(1.5))
     assert first(planner).twist.vx == 0.5
@@ -66,13 +60,13 @@ def test_the_period_is_that_of_move_base_unless_it_has_one_of_its_own() -> None:
     assert first(planner).twist.vx == 0.125
 
 
-def test_it_slows_down_before_the_end_of_the_plan() -> None:
+def test_it_slows_down_before_the_end_of_the_plan():
     planner = controller()
     planner.set_plan(straight(0.7))
     assert 0.3 < first(planner, Twist2(0.4)).twist.vx <= 0.35
 
 
-def test_a_plan_behind_makes_it_turn_on_the_spot() -> None:
+def test_a_plan_behind_makes_it_turn_on_the_spot():
     planner = controller()
     planner.set_plan(straight(1.5, 2.0))
     answer = first(planner)
@@ -80,7 +74,7 @@ def test_a_plan_behind_makes_it_turn_on_the_spot() -> None:
     assert answer.local_plan.tolist() == [[0.0, 0.0]] * 10
 
 
-def test_the_plan_is_taken_through_the_correction_of_the_map() -> None:
+def test_the_plan_is_taken_through_the_correction_of_the_map():
     correction, twist = Pose2(5.0, -3.0, 0.7), Twist2(0.2, 0.0, 0.1)
     here, moved = controller(), controller()
     here.set_plan(straight(1.5))
@@ -91,7 +85,7 @@ def test_the_plan_is_taken_through_the_correction_of_the_map() -> None:
     assert moved.command(pose, twist, correction, around()).twist == expected.twist
 
 
-def test_no_command_without_a_plan_nearby() -> None:
+def test_no_command_without_a_plan_nearby():
     planner = controller()
     assert not first(planner).ok
     planner.set_plan(straight(1.5) + np.array((9.0, 9.0, 0.0)))
@@ -99,10 +93,10 @@ def test_no_command_without_a_plan_nearby() -> None:
     assert first(planner).twist == Twist2()
 
 
-WALL_AHEAD: Box = (0.9, -3.0, 1.1, 3.0)
+WALL_AHEAD = (0.9, -3.0, 1.1, 3.0)
 
 
-def test_a_blocked_way_is_not_driven() -> None:
+def test_a_blocked_way_is_not_driven():
     planner = controller()
     planner.set_plan(straight(1.8))
     pose, twist = Pose2(0.1), Twist2(0.3)
@@ -113,10 +107,10 @@ def test_a_blocked_way_is_not_driven() -> None:
     assert pose.x + 0.3 < WALL_AHEAD[0]
 
 
-def test_with_nothing_legal_it_backs_up_until_it_is_out() -> None:
+def test_with_nothing_legal_it_backs_up_until_it_is_out():
     planner = controller()
     planner.set_plan(straight(1.5))
-    on_the_bumper: Box = (0.26, -0.1, 0.34, 0.1)
+    on_the_bumper = (0.26, -0.1, 0.34, 0.1)
     assert first(planner, Twist2(), on_the_bumper).twist == Twist2(-0.1, 0.0, 0.0)
     # Though the way is free again, it drives no arc before it is 0.1 m away.
     assert first(planner).twist.vx <= 0.0
@@ -125,20 +119,20 @@ def test_with_nothing_legal_it_backs_up_until_it_is_out() -> None:
     assert planner.command(moved, Twist2(), Pose2(), around(moved)).twist.vx > 0.0
 
 
-def test_it_does_not_back_up_when_the_plan_leads_nowhere() -> None:
+def test_it_does_not_back_up_when_the_plan_leads_nowhere():
     planner = controller()
     planner.set_plan(straight(1.5))
-    walls: tuple[Box, ...] = ((1.2, -0.5, 1.3, 0.5), (1.7, -0.5, 1.8, 0.5))
+    walls = ((1.2, -0.5, 1.3, 0.5), (1.7, -0.5, 1.8, 0.5))
     closed = ((1.2, 0.5, 1.8, 0.6), (1.2, -0.6, 1.8, -0.5))
     answer = first(planner, Twist2(), *walls, *closed)
     assert (answer.ok, answer.twist, answer.local_plan.shape) == (False, Twist2(), (0, 2))
 
 
-def test_with_room_only_at_the_side_an_omnidirectional_robot_strafes() -> None:
+def test_with_room_only_at_the_side_an_omnidirectional_robot_strafes():
     for side in (1.0, -1.0):
         planner = controller(OMNI)
         planner.set_plan(straight(0.6, side * math.pi / 2.0))
-        slot: tuple[Box, ...] = ((0.35, -1.5, 0.5, 1.5), (-0.5, -1.5, -0.35, 1.5))
+        slot = ((0.35, -1.5, 0.5, 1.5), (-0.5, -1.5, -0.35, 1.5))
         answer = first(planner, Twist2(), *slot)
         assert answer.ok
         assert (answer.twist.vx, answer.twist.vy * side > 0.0) == (0.0, True)
@@ -147,14 +141,14 @@ def test_with_room_only_at_the_side_an_omnidirectional_robot_strafes() -> None:
         assert first(planner, Twist2(), *slot).twist == Twist2(-0.1, 0.0, 0.0)
 
 
-def test_strafes_are_compared_by_where_they_look_so_the_first_wins_before_a_wall() -> None:
+def test_strafes_are_compared_by_where_they_look_so_the_first_wins_before_a_wall():
     planner = controller(replace(OMNI, heading_lookahead=0.325))
     planner.set_plan(straight(0.6, math.pi / 2.0))
-    slot: tuple[Box, ...] = ((0.35, -1.5, 0.5, 1.5), (-0.5, -1.5, -0.35, 1.5))
+    slot = ((0.35, -1.5, 0.5, 1.5), (-0.5, -1.5, -0.35, 1.5))
     assert first(planner, Twist2(), *slot).twist == Twist2(0.0, -0.3, 0.0)
 
 
-def test_what_stands_on_the_robot_is_free_on_the_way_to_the_path() -> None:
+def test_what_stands_on_the_robot_is_free_on_the_way_to_the_path():
     planner = controller()
     planner.set_plan(straight(1.5))
     local = around()
@@ -163,7 +157,7 @@ def test_what_stands_on_the_robot_is_free_on_the_way_to_the_path() -> None:
     assert planner.command(Pose2(), Twist2(), Pose2(), local).twist.vx > 0.0
 
 
-def test_only_the_outline_of_the_footprint_is_looked_at() -> None:
+def test_only_the_outline_of_the_footprint_is_looked_at():
     for quirks, drives in ((ORIGINAL, True), (FIXED, False)):
         planner = controller(HUSKY, quirks)
         planner.set_plan(straight(1.5))
@@ -173,25 +167,25 @@ def test_only_the_outline_of_the_footprint_is_looked_at() -> None:
         assert (answer.twist.vx > 0.0) is drives
 
 
-def test_meters_and_cells_weigh_the_same_times_the_resolution() -> None:
-    box: Box = (0.9, 0.25, 1.2, 0.6)
+def test_meters_and_cells_weigh_the_same_times_the_resolution():
+    box = (0.9, 0.25, 1.2, 0.6)
     answers = []
     for metres in (True, False):
         factor = 1.0 if metres else 0.05
         weights = {"path_distance_bias": 1.5 * factor, "goal_distance_bias": 2.0 * factor}
-        planner = controller(replace(HUSKY, meter_scoring=metres, **weights))  # type: ignore[arg-type]
+        planner = controller(replace(HUSKY, meter_scoring=metres, **weights))
         planner.set_plan(straight(1.8, 0.2))
         answers.append(first(planner, Twist2(0.3), box).twist)
     assert answers[0] == answers[1]
 
 
 def at_goal(
-    yaw_error: float,
-    twist: Twist2 = Twist2(),  # noqa: B008
-    parameters: TrajectoryPlannerParameters = HUSKY,
-    quirks: Quirks = ORIGINAL,
-    *boxes: Box,
-) -> tuple[TrajectoryPlanner, ControllerAnswer]:
+    yaw_error,
+    twist=Twist2(),  # noqa: B008
+    parameters=HUSKY,
+    quirks=ORIGINAL,
+    *boxes,
+):
     planner, pose = controller(parameters, quirks), Pose2(0.9, 0.0, -yaw_error)
     planner.set_plan(straight(1.0))
     answer = planner.command(pose, twist, Pose2(), around(pose, *boxes))
@@ -199,7 +193,7 @@ def at_goal(
     return planner, answer
 
 
-def test_within_tolerance_it_stands_and_the_goal_is_reached() -> None:
+def test_within_tolerance_it_stands_and_the_goal_is_reached():
     planner, answer = at_goal(0.09, Twist2(0.3, 0.0, 0.2))
     assert (answer.ok, answer.twist) == (True, Twist2())
     assert planner.goal_reached(Pose2(), Twist2(), Pose2())
@@ -207,7 +201,7 @@ def test_within_tolerance_it_stands_and_the_goal_is_reached() -> None:
     assert not planner.goal_reached(Pose2(0.9), Twist2(), Pose2())
 
 
-def test_it_slows_down_before_it_turns() -> None:
+def test_it_slows_down_before_it_turns():
     planner, answer = at_goal(1.0, Twist2(0.3, 0.02, -0.4))
     assert answer.ok
     assert (answer.twist.vx, answer.twist.vy) == (pytest.approx(0.175), 0.0)
@@ -215,7 +209,7 @@ def test_it_slows_down_before_it_turns() -> None:
     assert not planner.goal_reached(Pose2(), Twist2(), Pose2())
 
 
-def test_it_turns_within_its_acceleration_and_so_that_it_can_stop() -> None:
+def test_it_turns_within_its_acceleration_and_so_that_it_can_stop():
     assert at_goal(2.0)[1].twist == Twist2(0.0, 0.0, 0.2)
     slow = replace(HUSKY, acc_lim_theta=0.1, min_in_place_vel_theta=0.1)
     assert at_goal(-0.2, Twist2(0.0, 0.0, 0.01), slow)[1].twist.wz == pytest.approx(-0.1)
@@ -225,7 +219,7 @@ def test_it_turns_within_its_acceleration_and_so_that_it_can_stop() -> None:
     assert at_goal(2.0, Twist2(), fast)[1].twist.wz == 1.0
 
 
-def test_the_turn_at_the_goal_has_a_limit_of_its_own() -> None:
+def test_the_turn_at_the_goal_has_a_limit_of_its_own():
     slow = replace(HUSKY, acc_lim_theta=20.0, max_vel_theta=0.5, min_vel_theta=-0.3)
     assert at_goal(2.0, Twist2(), slow)[1].twist.wz == 1.0
     assert at_goal(2.0, Twist2(), replace(slow, max_rotational_vel=0.7))[1].twist.wz == 0.7
@@ -233,19 +227,19 @@ def test_the_turn_at_the_goal_has_a_limit_of_its_own() -> None:
     assert at_goal(-2.0, Twist2(), slow, FIXED)[1].twist.wz == -0.3
 
 
-def test_once_turning_it_goes_on_turning_though_it_moves() -> None:
+def test_once_turning_it_goes_on_turning_though_it_moves():
     planner, _ = at_goal(2.0)
     answer = planner.command(Pose2(0.9, 0.0, -1.9), Twist2(0.0, 0.0, 0.2), Pose2(), around())
     assert answer.twist.wz == pytest.approx(0.36)
 
 
-def test_a_turn_in_collision_is_refused() -> None:
+def test_a_turn_in_collision_is_refused():
     _, answer = at_goal(2.0, Twist2(), HUSKY, ORIGINAL, (0.5, -1.0, 1.5, 1.0))
     assert (answer.ok, answer.twist) == (False, Twist2())
 
 
 @pytest.mark.parametrize("latch", [False, True])
-def test_a_latched_goal_is_only_turned_to_until_the_next_plan(latch: bool) -> None:
+def test_a_latched_goal_is_only_turned_to_until_the_next_plan(latch):
     planner, _ = at_goal(2.0, Twist2(), replace(HUSKY, latch_xy_goal_tolerance=latch))
     off = Pose2(0.5, 0.0, -2.0)
     answer = planner.command(off, Twist2(), Pose2(), around(off))
@@ -254,7 +248,7 @@ def test_a_latched_goal_is_only_turned_to_until_the_next_plan(latch: bool) -> No
     assert len(planner.command(off, Twist2(), Pose2(), around(off)).local_plan) > 0
 
 
-def test_the_goal_it_turns_at_is_the_end_of_the_window() -> None:
+def test_the_goal_it_turns_at_is_the_end_of_the_window():
     planner = controller()
     planner.set_plan(straight(4.0, end=1.0))
     # A window of half a metre either way ends beside the robot, where the plan looks ahead.
@@ -265,7 +259,7 @@ def test_the_goal_it_turns_at_is_the_end_of_the_window() -> None:
 
 
 @pytest.mark.parametrize("prune", [False, True])
-def test_pruning_forgets_the_plan_behind_the_robot(prune: bool) -> None:
+def test_pruning_forgets_the_plan_behind_the_robot(prune):
     plan = np.concatenate([straight(2.5), straight(2.5)[::-1]])
     planner = controller(replace(HUSKY, prune_plan=prune))
     planner.set_plan(plan)
@@ -276,7 +270,7 @@ def test_pruning_forgets_the_plan_behind_the_robot(prune: bool) -> None:
 
 @pytest.mark.parametrize("name", list(ROBOTS))
 @pytest.mark.parametrize("yaw", [0.6, 2.8])
-def test_published_robots_reach_their_goal_in_an_empty_world(name: str, yaw: float) -> None:
+def test_published_robots_reach_their_goal_in_an_empty_world(name, yaw):
     robot = ROBOTS[name]
     planner = TrajectoryPlanner(
         robot.parameters, ORIGINAL, robot.outline, 1.0 / robot.frequency, latch_goal=False
@@ -290,7 +284,7 @@ def test_published_robots_reach_their_goal_in_an_empty_world(name: str, yaw: flo
     assert abs(poses[-1].yaw - goal.yaw) <= robot.parameters.yaw_goal_tolerance
 
 
-def test_a_costmap_of_another_shape_is_taken() -> None:
+def test_a_costmap_of_another_shape_is_taken():
     planner = controller()
     planner.set_plan(straight(1.5))
     for cells in (80, 60, 100):

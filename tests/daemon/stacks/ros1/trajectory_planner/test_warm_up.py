@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from dataclasses import replace
@@ -24,7 +22,7 @@ from tests.daemon.stacks.ros1.trajectory_planner.helpers import (
 )
 
 
-def compiled() -> dict[str, int]:
+def compiled():
     """How many versions of each kernel of both rooms are compiled."""
     found = {}
     for package in (shared, room):
@@ -35,7 +33,7 @@ def compiled() -> dict[str, int]:
     return found
 
 
-def test_after_warming_up_no_run_compiles_anything() -> None:
+def test_after_warming_up_no_run_compiles_anything():
     warm_up()
     before = compiled()
     assert before
