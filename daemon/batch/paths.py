@@ -56,14 +56,6 @@ def is_endpoint(text: str) -> bool:
     return found is not None and int(found[2]) < 65536
 
 
-def split_endpoint(endpoint: str) -> tuple[str, int]:
-    """Return host and port of an endpoint; raises ``ValueError`` for one that has none."""
-    found = _ENDPOINT.match(endpoint)
-    if found is None:
-        raise ValueError(f"{endpoint!r} has no host and port")
-    return found[1].strip("[]"), int(found[2])
-
-
 def socket_path(endpoint: str) -> Path | None:
     """Return the path of an endpoint that is a socket, ``None`` for others."""
     return Path(endpoint.removeprefix(_SOCKET)) if endpoint.startswith(_SOCKET) else None

@@ -18,7 +18,7 @@ from tests.chaos.clock import clock
 from tests.chaos.cluster import cluster
 from tests.chaos.cut import cut_off
 from tests.chaos.disk import full_disk
-from tests.chaos.floods import flood, idle, voided
+from tests.chaos.floods import flood, voided
 from tests.chaos.long_writes import long_writes
 from tests.chaos.network import network
 from tests.chaos.output import output
@@ -49,7 +49,6 @@ def _scenarios(runs, seed):
         "bits": lambda folder: bits(folder, seed=seed),
         "output": output,
         "flood": flood,
-        "idle": idle,
         "void": voided,
     }
 

@@ -1,8 +1,7 @@
-"""A key that asks without end, connections that say nothing, and a key that is taken back."""
+"""A key that asks without end, and a key that is taken back."""
 
 import os
 import shutil
-import socket
 import subprocess
 import sys
 import threading
@@ -31,8 +30,6 @@ from tests.daemon.batch.harness import (
 from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
-CHANCE = 15.0
-"""Seconds within which somebody new has to be let in while others hold the door."""
 
 
 @contextmanager
@@ -103,53 +100,6 @@ def _ask(daemon, key, stop, asked):
                     asked["answered"] += 1
         except DaemonError:
             asked["refused"] += 1  # a limit on the rate: it asks on
-
-
-def idle(folder, *, rate=20.0, seconds=20.0, chances=5):
-    """Connections that never say a word come in; people with keys still do, too."""
-    report = Report("idle: connections to the port that say nothing")
-    stop = threading.Event()
-    held = []
-    with guarded(folder) as (daemon, keys):
-        host, _, port = daemon.endpoint.removeprefix("tls/").rpartition(":")
-
-        def knock():
-            while not stop.wait(1.0 / rate):
-                with suppress(OSError):
-                    held.append(socket.create_connection((host, int(port)), 5.0))
-
-        thread = threading.Thread(target=knock)
-        thread.start()
-        try:
-            time.sleep(seconds / 2)
-            entered = sum(_enters(daemon, keys) for _ in range(chances))
-        finally:
-            stop.set()
-            thread.join()
-            for one in held:
-                one.close()
-        report.fact("idle connections", len(held))
-        report.fact("let in meanwhile", f"{entered} of {chances}")
-        report.expect(entered == chances, f"{chances - entered} of {chances} were kept out")
-        report.expect(_enters(daemon, keys) == 1, "nobody is let in afterwards")
-    return report
-
-
-def _enters(daemon, keys):
-    """Whether somebody new gets an answer in time; a process of its own, as people are."""
-    program = (
-        "import sys; from pathlib import Path; from daemon.batch.client import Client\n"
-        "with Client.open(sys.argv[1], keys=Path(sys.argv[2]), timeout=5.0) as client:\n"
-        "    client.overview()"
-    )
-    command = [sys.executable, "-c", program, daemon.endpoint, str(keys / "viewer")]
-    deadline = time.monotonic() + CHANCE
-    while (left := deadline - time.monotonic()) > 0:
-        with suppress(subprocess.TimeoutExpired):
-            done = subprocess.run(command, cwd=ROOT, capture_output=True, check=False, timeout=left)
-            if done.returncode == 0:
-                return 1
-    return 0
 
 
 def voided(folder, *, runs=12):

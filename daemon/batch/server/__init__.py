@@ -1,6 +1,5 @@
 """The daemon itself: the ledger behind a Zenoh router, and a local worker."""
 
-from daemon.batch.server._acceptor_process import AcceptorProcess
 from daemon.batch.server._request_limits import MOST_WAITING, RequestLimits
 from daemon.batch.server._runtime import (
     DaemonClock,
@@ -21,7 +20,6 @@ from daemon.batch.server._workers import WorkerRegistry
 __all__ = [
     "MOST_WAITING",
     "STOP_MARGIN",
-    "AcceptorProcess",
     "DaemonClock",
     "DaemonSettings",
     "EventLog",

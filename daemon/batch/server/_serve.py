@@ -18,8 +18,7 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.paths import StatePaths, is_encrypted
-from daemon.batch.server._acceptor_process import AcceptorProcess
+from daemon.batch.paths import StatePaths
 from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.batch.server._contact import ContactFile, hold_alone
 from daemon.batch.server._dispatcher import RequestDispatcher
@@ -221,16 +220,13 @@ class _Daemon:
         """Open the bus, work, leave; ``stack`` closes what was opened."""
         self._local = local
         self._coordinator = coordinator
-        acceptor = self._start_acceptor(stack)
         session = stack.enter_context(
-            bus.open_router(self._zenoh_endpoints(acceptor), self._listening.keys)
+            bus.open_router(self._listening.endpoints, self._listening.keys)
         )
         self._hint = lambda: _publish_hint(session)
         remove_remains(self._paths)
         remove_staged_searches(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
-        if acceptor is not None:
-            acceptor.supervise()
         for keeper in (self._quota, Housekeeping(self._paths, self._log)):
             keeper.start()
             stack.callback(keeper.close)
@@ -241,8 +237,6 @@ class _Daemon:
         while not self._stop.asked:
             contact.write()
             self._request_limits.look()
-            if acceptor is not None:
-                acceptor.supervise()
             if local is not None:
                 local.supervise()
             given_up = coordinator.watch(self._searches)
@@ -257,20 +251,6 @@ class _Daemon:
         coordinator.close()
         self._leave(local)
         self._log.write("stopped")
-
-    def _start_acceptor(self, stack: ExitStack) -> AcceptorProcess | None:
-        """Listen where keys are asked for; Zenoh does so behind it."""
-        address = self._listening.address
-        if not is_encrypted(address):
-            return None
-        acceptor = AcceptorProcess(address, self._log)
-        stack.callback(acceptor.close)
-        return acceptor
-
-    def _zenoh_endpoints(self, acceptor: AcceptorProcess | None) -> tuple[str, ...]:
-        if acceptor is None:
-            return self._listening.endpoints
-        return (self._listening.socket, acceptor.behind)
 
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session

@@ -1,29 +1,22 @@
 """Names of keys, over TLS against a real daemon: who asks, who is believed, who is let in."""
 
-import errno
-import json
-import os
-import signal
 import socket
 import sqlite3
 import ssl
-import subprocess
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 
-import psutil
 import pytest
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.acceptor import MOST_GREETED, MOST_SILENT_EACH
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import Role, find_credentials, find_daemon_credentials
 from daemon.batch.security.authority import create_authority, issue_key, revoke_key
-from daemon.batch.server import MOST_WAITING, AcceptorProcess, EventLog
+from daemon.batch.server import MOST_WAITING
 from daemon.model import verbs
 from daemon.model.messages import (
     ASK,
@@ -36,7 +29,7 @@ from daemon.model.messages import (
 )
 from daemon.model.run_state import RunState
 from grammars.text import codec
-from tests.daemon.batch.harness import alive, daemon_at, eventually, free_endpoint
+from tests.daemon.batch.harness import daemon_at, eventually, free_endpoint
 from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = datetime.now(UTC).replace(microsecond=0)
@@ -239,61 +232,6 @@ def test_a_flood_under_one_key_keeps_nobody_else_waiting(daemon, keys):
 # --- the port
 
 
-@pytest.fixture
-def silence(daemon):
-    port = int(daemon.endpoint.rpartition(":")[2])
-    with ExitStack() as stack:
-        for _ in range(2 * MOST_SILENT_EACH):
-            stack.enter_context(socket.create_connection(("127.0.0.1", port)))
-        yield port
-
-
-def test_silent_connections_keep_nobody_out(daemon, keys, silence):
-    assert silence
-    with as_key(daemon, keys, "viewer") as client:
-        client.overview()
-
-
-def test_handshakes_that_do_not_go_on_keep_nobody_else_out(daemon, keys):
-    port = int(daemon.endpoint.rpartition(":")[2])
-    here = ("127.0.0.2", 0)
-    with ExitStack() as stack:
-        for _ in range(3 * MOST_GREETED):
-            one = socket.create_connection(("127.0.0.1", port), source_address=here)
-            stack.enter_context(one)
-            one.sendall(client_hello())
-        with as_key(daemon, keys, "viewer") as client:
-            client.overview()
-
-
-def client_hello():
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-    sent = ssl.MemoryBIO()
-    with pytest.raises(ssl.SSLWantReadError):
-        context.wrap_bio(ssl.MemoryBIO(), sent).do_handshake()
-    return sent.read()
-
-
-def test_what_is_no_hello_is_sent_away(daemon):
-    port = int(daemon.endpoint.rpartition(":")[2])
-    for words in (
-        b"GET / HTTP/1.1\r\n\r\n",
-        b"\x16\x03\x01\xff\xff\x01",
-        b"\x16\x03\x01\x00\x05\x02",
-    ):
-        with socket.create_connection(("127.0.0.1", port), timeout=60.0) as one:
-            one.sendall(words)
-            assert end_of(one) == b""
-
-
-def end_of(one):
-    try:
-        return one.recv(1)
-    except ConnectionResetError:
-        return b""
-
-
 def test_who_comes_over_tls_is_not_the_owner(daemon, keys):
     with bus.open_client(
         daemon.endpoint, find_credentials(Role.WORKER, keys / "worker")
@@ -303,27 +241,7 @@ def test_who_comes_over_tls_is_not_the_owner(daemon, keys):
                 assert list(session.get(f"{ASK}/{name}/{verb}", payload=b"{}", timeout=60.0)) == []
 
 
-def test_the_port_opens_again_and_closes_with_the_daemon(keys, tmp_path):
-    with daemon_at(tmp_path / "state", listen=tls(), keys=str(keys)) as part:
-        eventually(lambda: reached(part))
-        first = int(part.noted("acceptor started")[0]["pid"])
-        os.kill(first, signal.SIGKILL)
-
-        def answers():
-            try:
-                with as_key(part, keys, "viewer") as client:
-                    client.overview()
-            except DaemonError:
-                return False
-            return len(part.noted("acceptor started")) == 2
-
-        eventually(answers)
-        second = psutil.Process(int(part.noted("acceptor started")[1]["pid"]))
-        part.kill()
-        eventually(lambda: not alive([second]))
-
-
-def test_it_listens_at_addresses_of_either_kind(keys, tmp_path):
+def test_it_listens_at_addresses_of_either_kind(keys):
     with closing(socket.socket(socket.AF_INET6)) as probe:
         try:
             probe.bind(("::1", 0))
@@ -331,10 +249,7 @@ def test_it_listens_at_addresses_of_either_kind(keys, tmp_path):
             pytest.skip("there is no IPv6 here")
     address = free_endpoint("::").replace("tcp/", "tls/")
     port = int(address.rpartition(":")[2])
-    log = EventLog(tmp_path / "log")
-    acceptor = AcceptorProcess(address, log)
-    with bus.open_router([acceptor.behind], find_daemon_credentials(keys)) as _, closing(acceptor):
-        acceptor.supervise()
+    with bus.open_router([address], find_daemon_credentials(keys)):
         context = ssl.create_default_context(cafile=str(keys / "ca.pem"))
         context.load_cert_chain(keys / "viewer" / "cert.pem", keys / "viewer" / "key.pem")
         for host in ("::1", "127.0.0.1"):
@@ -343,33 +258,10 @@ def test_it_listens_at_addresses_of_either_kind(keys, tmp_path):
                 context.wrap_socket(plain, server_hostname=host) as wrapped,
             ):
                 assert wrapped.version() == "TLSv1.3"
-    log.close()
 
 
-def test_an_address_that_is_taken_is_said(keys, tmp_path):
-    log = EventLog(tmp_path / "log")
-    with closing(socket.create_server(("127.0.0.1", 0))) as taken, closing(log):
+def test_an_address_that_is_taken_is_said(keys):
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(DaemonError, match=f"cannot listen at tls/127.0.0.1:{port}"):
-            AcceptorProcess(f"tls/127.0.0.1:{port}", log)
-
-
-def test_a_daemon_without_a_process_for_connections_goes_on_and_tries_again(tmp_path, monkeypatch):
-    log = EventLog(tmp_path / "log")
-    acceptor = AcceptorProcess(free_endpoint().replace("tcp/", "tls/"), log)
-
-    tries = []
-
-    def none_left(*_, **__):
-        tries.append(1)
-        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
-
-    def events():
-        return [json.loads(line)["event"] for line in (tmp_path / "log").read_text().splitlines()]
-
-    with closing(log), closing(acceptor):
-        with monkeypatch.context() as patch:
-            patch.setattr(subprocess, "Popen", none_left)
-            eventually(lambda: acceptor.supervise() or len(tries) == 2)
-        assert events() == ["acceptor not started"]  # once, however often
-        eventually(lambda: acceptor.supervise() or events()[-1] == "acceptor started")
+            bus.open_router([f"tls/127.0.0.1:{port}"], find_daemon_credentials(keys))
