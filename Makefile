@@ -41,7 +41,6 @@ bench: $(VENV)/.installed-test    ## measure, side by side; ends with goal / mea
 
 bench-campaign: $(VENV)/.installed-test ## the 120 runs of the published experiment, two at a time
 	$(KEEP_BYTECODE) $(BIN)/python -m tests.benchmarks campaign
-	$(KEEP_BYTECODE) $(BIN)/python -m tests.benchmarks campaign --planner incremental
 
 fuzz: $(VENV)/.installed-test     ## 10 000 mutated files of every language; some hours
 	$(BIN)/python -m tests.fuzz

@@ -20,7 +20,6 @@ _LOCAL: Final = {
     "base_local_planner/TrajectoryPlannerROS": "trajectory_planner",
     "dwa_local_planner/DWAPlannerROS": "dwa",
 }
-_INCREMENTAL: Final = "navfn.incremental"
 SYSTEM_ROOMS: Final = (
     _PILOT,
     *(f"{_ROS}.{name}" for name in (*_ALWAYS, *_GLOBAL.values(), *_LOCAL.values())),
@@ -45,8 +44,6 @@ def kernel_rooms(kind: str, parameters: Mapping[str, Any]) -> tuple[str, ...]:
         _chosen(move_base.get("base_global_planner"), _GLOBAL),
         _chosen(move_base.get("base_local_planner"), _LOCAL),
     ]
-    if parameters.get("planner") == "incremental":
-        names.append(_INCREMENTAL)
     return (*RUN_ROOMS, *(f"{_ROS}.{name}" for name in names))
 
 

@@ -260,14 +260,6 @@ def _ros_tree() -> Schema:
             "dispatcher": _reference("dispatcher"),
             "topics": _reference("topics"),
             "quirks": quirks,
-            "planner": {
-                "description": (
-                    "How plans of navfn are made: exact as ROS makes them, incremental is quicker "
-                    "and not quite the same (docs/fast-planner.md)."
-                ),
-                "enum": ["exact", "incremental", None],
-                "default": "exact",
-            },
         },
     }
 

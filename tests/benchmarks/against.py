@@ -50,7 +50,6 @@ class Sample:
     cpu: float
     simulated: float = 0.0
     digest: str = ""
-    planner: str = ""
 
 
 class Checkout:
@@ -199,8 +198,6 @@ def _compared(case, revision, old, new):
         )
     digests = [{one.digest for one in samples} for samples in (old, new)]
     same = "same bytes" if digests[0] == digests[1] and len(digests[0]) == 1 else "OTHER BYTES"
-    if old[0].planner != new[0].planner:
-        same = "there with another planner"
     return Measurement(
         case, new[0].simulated / now, "x real time",
         Reference(revision, old[0].simulated / before), (), f"{now:.2f} CPU s, {note}, {same}",
@@ -216,7 +213,7 @@ def main(arguments):
     asked = parser.parse_args(arguments)
     if unknown := set(asked.cases) - {*RUNS, *COMMANDS}:
         parser.error(f"no case {', '.join(sorted(unknown))}")
-    cases = asked.cases or [c for c in (*RUNS, *COMMANDS) if c != "s1-incremental"]
+    cases = asked.cases or (*RUNS, *COMMANDS)
     try:
         yield from compare(asked.revision, dict.fromkeys(cases, max(1, asked.times)))
     except LookupError as error:

@@ -38,19 +38,13 @@ def measure():
     warm_up()
     original = building.costmap()
     trips = building.drive(STEP)
-    kinds = {"certified": True, "margin only": False}
     for title, noisy in (("costs at rest", False), ("costs change", True)):
         random = np.random.default_rng(0)
         cells = original.cells.copy()
-        grids = [CostGrid(original.resolution, original.x, original.y, cells) for _ in range(3)]
-        fields = {
-            name: PotentialField(grid, allow_unknown=True, certified=certified)
-            for (name, certified), grid in zip(kinds.items(), grids[1:], strict=True)
-        }
+        grids = [CostGrid(original.resolution, original.x, original.y, cells) for _ in range(2)]
+        field = PotentialField(grids[1], allow_unknown=True)
         slow = PotentialField(grids[0], allow_unknown=True, margins=())
-        taken = {name: [] for name in kinds}
-        same = dict.fromkeys(kinds, 0)
-        whole = []
+        taken, whole, same = [], [], 0
         for k, (start, goal) in enumerate(trips):
             here, there = original.cell(start.x, start.y), original.cell(goal.x, goal.y)
             assert here is not None
@@ -61,21 +55,17 @@ def measure():
                 window = disturb(random, grids[0], original, here)
                 for grid in grids:
                     grid.touch(window)
-            found = {}
-            for name, field in fields.items():
-                begin = time.process_time()
-                found[name] = field.path(*trip)
-                taken[name].append(time.process_time() - begin)
+            begin = time.process_time()
+            found = field.path(*trip)
+            taken.append(time.process_time() - begin)
             if k % COMPARED == 0:
                 begin = time.process_time()
                 expected = slow.path(*trip)
                 whole.append(time.process_time() - begin)
-                for name, path in found.items():
-                    same[name] += np.array_equal(path, expected)
+                same += np.array_equal(found, expected)
         beside = Reference("whole waves", np.mean(whole).item() * 1e3)
-        for name, field in fields.items():
-            yield Measurement(
-                f"{title}, {name}", np.mean(taken[name]).item() * 1e3, "ms", beside, (),
-                f"median {np.median(taken[name]) * 1e3:.2f} of {len(trips)}; {field.restricted} "
-                f"restricted, {field.whole} whole; {same[name]} of {len(whole)} compared the same",
-            )  # fmt: skip
+        yield Measurement(
+            title, np.mean(taken).item() * 1e3, "ms", beside, (),
+            f"median {np.median(taken) * 1e3:.2f} of {len(trips)}; {field.restricted} "
+            f"restricted, {field.whole} whole; {same} of {len(whole)} compared the same",
+        )  # fmt: skip

@@ -1,8 +1,8 @@
 """What the ROS stack costs: scenario S1 of the published experiment with a2s, a whole run.
 
-Simulated seconds per CPU second with either global planner, CPU seconds per component. A
-component's time is what passes inside its calls from the stack; the stack's own is the rest of its
-updates; the rest of the run is the simulator, the trace, reading it back and judging.
+Simulated seconds per CPU second, CPU seconds per component. A component's time is what passes
+inside its calls from the stack; the stack's own is the rest of its updates; the rest of the run is
+the simulator, the trace, reading it back and judging.
 ``python -m tests.benchmarks flame`` shows the same by function.
 """
 
@@ -21,11 +21,9 @@ from daemon.stacks.ros1.navfn import Navfn
 from daemon.stacks.ros1.stack import RosStack
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least
-from tests.planner_comparison import PLANNERS, planned_by
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "campaign.yaml"
 SUT = "a2s"
-EXACT, INCREMENTAL = PLANNERS
 TIMES = 2
 METHODS = (
     ("navfn", Navfn, ("plan",)),
@@ -36,12 +34,12 @@ METHODS = (
 )
 
 
-def case(planner=EXACT):
-    """S1 of the published experiment, with one of the two global planners."""
+def case():
+    """S1 of the published experiment."""
     submission = expand(load_campaign(CAMPAIGN))
     spec = next(run for run in submission.runs if run.scenario == "S1" and run.sut.name == SUT)
     scene = next(scene for scene in submission.scenes if scene.digest == spec.scene)
-    return planned_by(spec, planner), scene
+    return spec, scene
 
 
 @contextmanager
@@ -76,33 +74,24 @@ def _timed(method, total):
 
 
 def measure():
-    """Whole runs with either planner in turns, then where the time of the exact one goes."""
+    """Whole runs, then where the time of another one goes."""
     warm_up()
-    cases = {planner: case(planner) for planner in (EXACT, INCREMENTAL)}
-    best = {}
+    spec, scene = case()
+    runs = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
         for k in range(TIMES):
-            for planner, (spec, scene) in cases.items():
-                progress.say(f"{planner} planner, {k + 1} of {TIMES}")
-                start = time.process_time()
-                result = execute(spec, scene, trace_path=path)
-                cpu = time.process_time() - start
-                simulated = result.timing.simulated
-                size = result.trace.size / 1000 / (simulated / 60)
-                note = f"{cpu:.2f} CPU s for {simulated:.0f} s, {result.ended}, {result.outcome}"
-                found = (simulated / cpu, cpu, f"{note}, trace {size:.0f} kB/min")
-                best[planner] = max(best.get(planner, found), found)
-        exact, incremental = best[EXACT], best[INCREMENTAL]
-        yield Measurement(
-            f"S1, {SUT}, {EXACT}", exact[0], "x real time", None, (at_least(130.0),), exact[2]
-        )
-        yield Measurement(
-            f"S1, {SUT}, {INCREMENTAL}", incremental[0], "x real time",
-            Reference(EXACT, exact[0]), (at_least(200.0),), incremental[2],
-        )  # fmt: skip
-        spec, scene = cases[EXACT]
-        progress.say(f"{EXACT} planner, with stopwatches")
+            progress.say(f"{k + 1} of {TIMES}")
+            start = time.process_time()
+            result = execute(spec, scene, trace_path=path)
+            cpu = time.process_time() - start
+            simulated = result.timing.simulated
+            size = result.trace.size / 1000 / (simulated / 60)
+            note = f"{cpu:.2f} CPU s for {simulated:.0f} s, {result.ended}, {result.outcome}"
+            runs.append((simulated / cpu, f"{note}, trace {size:.0f} kB/min"))
+        speed, note = max(runs)
+        yield Measurement(f"S1, {SUT}", speed, "x real time", None, (at_least(130.0),), note)
+        progress.say("with stopwatches")
         with stopwatches() as spent:
             start = time.process_time()
             execute(spec, scene, trace_path=path)

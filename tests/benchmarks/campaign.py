@@ -1,6 +1,6 @@
 """A whole campaign on a daemon of its own with two workers' slots: ``make bench-campaign``.
 
-``python -m tests.benchmarks campaign [FILE] [--planner incremental] [--only SCENARIO] …``. The 120
+``python -m tests.benchmarks campaign [FILE] [--only SCENARIO] …``. The 120
 runs of the published experiment unless told otherwise, from the submission to the written report,
 on a state directory that is removed afterwards. Before and after it one run, S1 with a2s, is
 executed alone: its CPU seconds are the reference, since they tell how quick the machine is today.
@@ -23,15 +23,14 @@ import psutil
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
 from tests.benchmarks import progress
-from tests.benchmarks.bench_ros import CAMPAIGN, EXACT, INCREMENTAL
+from tests.benchmarks.bench_ros import CAMPAIGN
 from tests.benchmarks.case_process import REFERENCE
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 from tests.daemon.batch.harness import daemon_at, eventually, family
-from tests.planner_comparison import planned_by
 from tests.scenario_tui.terminal.pseudo_terminal import scenario
 
 RUNS = 120
-GOALS = {EXACT: 270.0, INCREMENTAL: 165.0}
+GOAL = 270.0
 """Seconds for all of them and the report, on two cores."""
 LOOK = 0.5
 """Seconds between two questions how far it is: a question costs the daemon half a millisecond."""
@@ -50,14 +49,14 @@ def reference():
     return used, simulated
 
 
-def chosen(file, repeats, only, suts, planner):
+def chosen(file, repeats, only, suts):
     """The campaign with the runs that are asked for.
 
     Raises ``LookupError`` when none is left.
     """
     submission = expand(load_campaign(file))
     runs = tuple(
-        _with_planner(run, planner)
+        run
         for run in submission.runs
         if (repeats is None or run.repeat < repeats)
         and (not only or any(fnmatch.fnmatchcase(run.scenario, each) for each in only))
@@ -68,10 +67,6 @@ def chosen(file, repeats, only, suts, planner):
     used = {run.scene for run in runs}
     scenes = tuple(scene for scene in submission.scenes if scene.digest in used)
     return replace(submission, runs=runs, scenes=scenes, reserve=(), fresh=True)
-
-
-def _with_planner(run, planner):
-    return planned_by(run, planner) if run.sut.kind == "ros" else run
 
 
 def cpu(daemon):
@@ -197,15 +192,14 @@ def main(arguments):
     """Measure what the command line asks for."""
     parser = argparse.ArgumentParser("tests.benchmarks campaign", description=__doc__)
     parser.add_argument("file", nargs="?", type=Path, default=CAMPAIGN)
-    parser.add_argument("--planner", choices=(EXACT, INCREMENTAL), default=EXACT)
     parser.add_argument("--repeats", type=int, help="the first so many of each cell")
     parser.add_argument("--only", action="append", default=[], metavar="SCENARIO", help="or S3.*")
     parser.add_argument("--sut", action="append", default=[])
     parser.add_argument("--slots", type=int, default=2)
     asked = parser.parse_args(arguments)
     try:
-        submission = chosen(asked.file, asked.repeats, asked.only, asked.sut, asked.planner)
+        submission = chosen(asked.file, asked.repeats, asked.only, asked.sut)
     except LookupError as error:
         parser.error(str(error))
     whole = asked.file == CAMPAIGN and len(submission.runs) == RUNS and asked.slots == 2
-    yield from measured(submission, asked.slots, GOALS[asked.planner] if whole else None)
+    yield from measured(submission, asked.slots, GOAL if whole else None)

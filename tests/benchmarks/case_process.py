@@ -3,7 +3,7 @@
 It is started by its path with another checkout on ``PYTHONPATH``, so it uses nothing that is not in
 both: no module of this folder but those that have been there for long. Reads names of cases from
 its input, one a line, each perhaps with another limit of simulated seconds, and answers with a line
-of JSON: CPU seconds, simulated seconds, the digest of the trace, and the planner that was chosen.
+of JSON: CPU seconds, simulated seconds and the digest of the trace.
 """
 
 import hashlib
@@ -16,7 +16,6 @@ from pathlib import Path
 
 CAMPAIGNS = {
     "s1": ("ortega2024", "S1", "a2s"),
-    "s1-incremental": ("ortega2024", "S1", "a2s"),
     "s3.1-omni": ("ortega2024", "S3.1", "fro-omni"),
     "rude-house": ("demo", "rude-house", None),
 }
@@ -41,19 +40,7 @@ def load(name):
     spec = next(
         run for run in submission.runs if run.scenario == scenario and sut in (None, run.sut.name)
     )
-    if name.endswith("-incremental"):
-        spec = incremental(spec)
     return spec, next(scene for scene in submission.scenes if scene.digest == spec.scene)
-
-
-def incremental(spec):
-    """The run with the planner that keeps its wave; as it was in a checkout that has no such."""
-    from daemon.stacks.ros1 import configuration
-
-    if "planner" not in configuration._SECTIONS:
-        return spec
-    parameters = {**spec.sut.parameters, "planner": "incremental"}
-    return replace(spec, sut=replace(spec.sut, parameters=parameters))
 
 
 def tell_cpu(name):
@@ -87,8 +74,7 @@ def main(folder):
         result = execute(spec, scene, trace_path=path)
         used = time.process_time() - start
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        planner = spec.sut.parameters.get("planner", "")
-        print(json.dumps([used, result.timing.simulated, digest, planner]), flush=True)
+        print(json.dumps([used, result.timing.simulated, digest]), flush=True)
 
 
 if __name__ == "__main__":

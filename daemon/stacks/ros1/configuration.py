@@ -2,7 +2,7 @@
 
 The tree holds what a parameter server holds, by namespace (``amcl``, ``move_base`` with
 ``global_costmap``, ``local_costmap``, the planners and the recoveries in it), and four sections
-that are not ROS's: ``dispatcher``, ``topics``, ``quirks`` and ``planner``.
+that are not ROS's: ``dispatcher``, ``topics`` and ``quirks``.
 """
 
 from __future__ import annotations
@@ -32,21 +32,19 @@ from daemon.stacks.ros1.parameters import ParameterTree, read_section
 from daemon.stacks.ros1.planners import (
     DWA,
     NAMESPACES,
-    PLANNER,
     TRAJECTORY,
     GlobalPlannerChoice,
     LocalPlannerChoice,
     namespace_of,
     read_global_planner,
     read_local_planner,
-    read_way_of_planning,
     say_unread,
 )
 from daemon.stacks.ros1.quirks import Quirks, read_quirks
 from daemon.stacks.ros1.topics import ONE_LASER, TopicParameters, Topics, Wiring
 from grammars.text.diagnostics import did_you_mean
 
-_SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks", PLANNER)
+_SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
 _BODY: Final = ("footprint", "robot_radius", "obstacle_range", "raytrace_range")
 """What costmaps find in the namespace of move_base when theirs has none."""
 _ROTATION_OWN: Final = frozenset({"sim_granularity", "frequency"})
@@ -85,7 +83,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     what a run can live with is in ``findings``.
     """
     report = FindingCollector()
-    _refuse_unknown_sections(parameters, report)
+    _check_sections(parameters, report)
     tree = ParameterTree(parameters, report)
     quirks = read_quirks(parameters.get("quirks", "original"), ("quirks",), report)
     move_base = _read_move_base(tree)
@@ -108,11 +106,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     resets = {name: _read_reset(tree, name) for name in _resets(move_base)}
     for name, reset in resets.items():
         _check_layer_names(tree, name, reset, costmaps)
-    global_planner = read_way_of_planning(
-        tree,
-        read_global_planner(tree, move_base.base_global_planner),
-        move_base.base_global_planner,
-    )
+    global_planner = read_global_planner(tree, move_base.base_global_planner)
     say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
     return RosParameters(
         amcl=localisation,
@@ -133,9 +127,12 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     )
 
 
-def _refuse_unknown_sections(parameters: Mapping[str, Any], report: FindingCollector) -> None:
+def _check_sections(parameters: Mapping[str, Any], report: FindingCollector) -> None:
     for name in parameters:
-        if name not in _SECTIONS:
+        if name == "planner":
+            message = "plans are always made as navfn and GlobalPlanner make them"
+            report.fatal.append(ParameterFinding((name,), message, "leave planner out"))
+        elif name not in _SECTIONS:
             hint = did_you_mean(name, _SECTIONS)
             report.problems.append(
                 ParameterFinding((name,), f'no node here is called "{name}"', hint)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Generic, TypeAlias, TypeVar
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
@@ -16,17 +16,11 @@ from daemon.stacks.ros1 import dwa, global_planner, navfn, trajectory_planner
 from daemon.stacks.ros1.base_local_planner import Contradiction
 from daemon.stacks.ros1.dwa import Dwa, DwaParameters
 from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters
-from daemon.stacks.ros1.navfn import (
-    IncrementalNavfn,
-    IncrementalNavfnParameters,
-    Navfn,
-    NavfnParameters,
-)
+from daemon.stacks.ros1.navfn import Navfn, NavfnParameters
 from daemon.stacks.ros1.parameters import ParameterTree, read_section
 from daemon.stacks.ros1.quirks import Quirks
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters
 from grammars.model.geometry import Floats
-from grammars.text.diagnostics import did_you_mean
 
 GlobalPlannerChoice: TypeAlias = NavfnParameters | GlobalPlannerParameters
 LocalPlannerChoice: TypeAlias = DwaParameters | TrajectoryPlannerParameters
@@ -36,11 +30,6 @@ NAVFN: Final = "navfn/NavfnROS"
 GLOBAL_PLANNER: Final = "global_planner/GlobalPlanner"
 DWA: Final = "dwa_local_planner/DWAPlannerROS"
 TRAJECTORY: Final = "base_local_planner/TrajectoryPlannerROS"
-PLANNER: Final = "planner"
-"""The section that says how plans of navfn are made."""
-EXACT: Final = "exact"
-INCREMENTAL: Final = "incremental"
-_WAYS: Final = (EXACT, INCREMENTAL)
 _ELSEWHERE: Final = (
     "to test a stack that uses it, bring that stack itself as the system under test "
     '(README, "Bring your own stack")'
@@ -96,33 +85,6 @@ def read_global_planner(tree: ParameterTree, chosen: str) -> GlobalPlannerChoice
     return read
 
 
-def read_way_of_planning(
-    tree: ParameterTree, read: GlobalPlannerChoice, chosen: str
-) -> GlobalPlannerChoice:
-    """Return the parameters ``read``, for the way of planning that ``planner`` asks for.
-
-    That is ``exact``, as ROS plans, or ``incremental``: quicker, and not quite the same paths.
-    """
-    given = tree.data.get(PLANNER, EXACT)
-    if given == EXACT:
-        return read
-    if given != INCREMENTAL:
-        message = f"must be {' or '.join(_WAYS)} (given: {given!r})"
-        hint = did_you_mean(given, _WAYS) if isinstance(given, str) else ""
-        tree.report.fatal.append(ParameterFinding((PLANNER,), message, hint))
-        return read
-    if not isinstance(read, NavfnParameters):
-        message = f"only {NAVFN} can plan incrementally, and the global planner is {chosen}"
-        hint = f"leave planner out, or write base_global_planner: {NAVFN}"
-        tree.report.fatal.append(ParameterFinding((PLANNER,), message, hint))
-        return read
-    if read.default_tolerance > 0.0:
-        message = "plans with a default_tolerance above 0 are made as by exact"
-        tree.report.without_effect.append(ParameterFinding((PLANNER,), message))
-    values = {field.name: getattr(read, field.name) for field in fields(read)}
-    return IncrementalNavfnParameters(**values)
-
-
 def read_local_planner(
     tree: ParameterTree, chosen: str, controller_frequency: float
 ) -> LocalPlannerChoice:
@@ -143,8 +105,6 @@ def make_global_planner(parameters: GlobalPlannerChoice, quirks: Quirks) -> Navf
     """Return the global planner that ``parameters`` are of."""
     if isinstance(parameters, GlobalPlannerParameters):
         return GlobalPlanner(parameters, quirks)
-    if isinstance(parameters, IncrementalNavfnParameters):
-        return IncrementalNavfn(parameters, quirks)
     return Navfn(parameters, quirks)
 
 

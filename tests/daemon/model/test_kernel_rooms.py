@@ -35,8 +35,6 @@ def test_only_what_a_system_calls_is_loaded():
     assert not {f"{ROS}.trajectory_planner", f"{ROS}.global_planner"} & set(
         kernel_rooms("ros", dwa)
     )
-    assert f"{ROS}.navfn.incremental" in kernel_rooms("ros", {"planner": "incremental"})
-    assert callable(import_module(f"{ROS}.navfn.incremental").warm_up)
     assert f"{ROS}.trajectory_planner" in kernel_rooms("ros", {"move_base": None})
 
 

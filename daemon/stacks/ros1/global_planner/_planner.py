@@ -68,7 +68,6 @@ class _Field(GuidedField):
             cycles=2 * rows * columns,
             margins=MARGINS if guided else (),
             worthwhile=WORTHWHILE if worthwhile is None else worthwhile,
-            certified=True,
         )
         self.grid, self._parameters = grid, parameters
         self._area = int(rows * columns)
@@ -214,7 +213,7 @@ class _Field(GuidedField):
         self._count, self._doubts, fill, used, threshold = spread_towards(
             self._states, self._potentials, self._table, self._gains, ahead, bound,
             np.float32(self._parameters.lethal_cost), self.columns, goal, self._cycles,
-            self._buffers, waiting, self._log, self._count, self._doubtful, True,
+            self._buffers, waiting, self._log, self._count, self._doubtful,
         )  # fmt: skip
         return int(fill), int(used), threshold
 

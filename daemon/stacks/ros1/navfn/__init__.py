@@ -19,11 +19,8 @@ no full proof: a wave through cells left out might reach a cell of that history 
 that the restricted wave had not come to by then, which that cannot show; only the margin
 stands against that. On small random maps with margins drawn from 100 to 2500, instead of the
 2000 and more used here, 8 paths in 1 315 180 differed; with those used here none in 118 125, nor
-in a whole run of S1. Without ``certified`` nothing is passed on, which saves a fortieth of the
-time; on the first kind of maps 79 paths in 63 180 differed. Paths were counted when doubt was found
+in a whole run of S1. Paths were counted when doubt was found
 by reading a log of the wave backward; the tests hold what the wave passes on to that.
-
-:mod:`.incremental` is another planner, by choice: the potential of the goal, kept between plans.
 """
 
 from daemon.stacks.ros1.navfn._planner import (
@@ -33,19 +30,11 @@ from daemon.stacks.ros1.navfn._planner import (
     PotentialField,
     warm_up,
 )
-from daemon.stacks.ros1.navfn.incremental import (
-    IncrementalNavfn,
-    IncrementalNavfnParameters,
-)
-from daemon.stacks.ros1.navfn.incremental import warm_up as warm_up_incremental
 
 __all__ = [
     "WITHOUT_EFFECT",
-    "IncrementalNavfn",
-    "IncrementalNavfnParameters",
     "Navfn",
     "NavfnParameters",
     "PotentialField",
     "warm_up",
-    "warm_up_incremental",
 ]

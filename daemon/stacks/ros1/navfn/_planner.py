@@ -71,7 +71,6 @@ class PotentialField(GuidedField):
         allow_unknown: bool,
         margins: tuple[float, ...] = MARGINS,
         worthwhile: int = WORTHWHILE,
-        certified: bool = True,
     ) -> None:
         rows, columns = grid.cells.shape
         size = rows * columns
@@ -81,7 +80,6 @@ class PotentialField(GuidedField):
             cycles=max(size // 20, rows + columns),
             margins=margins,
             worthwhile=worthwhile,
-            certified=certified,
         )
         self.grid = grid
         self._table = translation_table(allow_unknown=allow_unknown)
@@ -136,7 +134,7 @@ class PotentialField(GuidedField):
         self._count, self._doubts, fill, used, threshold = spread_towards(
             costs, potentials, None, GAINS, self._remainder.ahead, bound, _FIRST_THRESHOLD,
             self.columns, goal, self._cycles, self._buffers, waiting, self._log, 1,
-            self._doubtful, self._certified,
+            self._doubtful,
         )  # fmt: skip
         return int(fill), int(used), threshold
 
@@ -147,15 +145,10 @@ class PotentialField(GuidedField):
 
 
 class Navfn:
-    """Plans on a global costmap as NavfnROS does; ``quirks`` says what of its oddities is kept.
+    """Plans on a global costmap as NavfnROS does; ``quirks`` says what of its oddities is kept."""
 
-    Without ``certified`` fewer plans are checked by a whole wave, see :class:`PotentialField`.
-    """
-
-    def __init__(
-        self, parameters: NavfnParameters, quirks: Quirks, *, certified: bool = True
-    ) -> None:
-        self._parameters, self._quirks, self._certified = parameters, quirks, certified
+    def __init__(self, parameters: NavfnParameters, quirks: Quirks) -> None:
+        self._parameters, self._quirks = parameters, quirks
         self._field: PotentialField | None = None
 
     def plan(self, grid: CostGrid, start: Pose2, goal: Pose2) -> Floats | None:
@@ -193,9 +186,7 @@ class Navfn:
     def _field_of(self, grid: CostGrid) -> PotentialField:
         field = self._field
         if field is None or field.grid is not grid or field.size != grid.cells.size:
-            field = PotentialField(
-                grid, allow_unknown=self._parameters.allow_unknown, certified=self._certified
-            )
+            field = PotentialField(grid, allow_unknown=self._parameters.allow_unknown)
             self._field = field
         return field
 

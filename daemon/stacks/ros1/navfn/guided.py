@@ -37,9 +37,7 @@ class GuidedField(ABC):
     """Potentials over flat costs of navfn's kind, ``BLOCKED`` or less.
 
     With ``margins`` the wave is restricted to what can matter, and checked afterwards; without it
-    is always whole. The history of ``certified`` paths is checked; without it they rest on the
-    margin and on what the descent looked at. ``whole`` and ``restricted`` count the waves that
-    gave an answer.
+    is always whole. ``whole`` and ``restricted`` count the waves that gave an answer.
     """
 
     def __init__(
@@ -50,11 +48,10 @@ class GuidedField(ABC):
         cycles: int,
         margins: tuple[float, ...],
         worthwhile: int,
-        certified: bool,
     ) -> None:
         self.columns, self.size = columns, size
         self.whole, self.restricted = 0, 0
-        self._margins, self._worthwhile, self._certified = margins, worthwhile, certified
+        self._margins, self._worthwhile = margins, worthwhile
         self._cycles = cycles
         self._costs = np.full(size, BLOCKED, dtype=np.uint16)
         self._potentials = np.full(size, UNREACHED, dtype=np.float32)

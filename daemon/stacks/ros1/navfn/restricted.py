@@ -182,15 +182,14 @@ def spread_towards(
     reached: Integers,
     count: int,
     doubtful: Integers,
-    certified: bool,
 ) -> tuple[int, int, int, int, np.float32]:
     """Spread the wave as :func:`propagate_wave` does, but leave out what the bound excludes.
 
     It begins with the ``waiting`` cells of the first buffer; ``count`` cells in ``reached`` have a
     potential already. What a cell costs stands in its state, or in a ``table`` where there is one.
     A cell is left out when threshold plus ``ahead`` exceed ``bound``, and is flagged ``DOUBTFUL``;
-    if ``certified``, so is each cell looked at beside a doubtful one. The cells flagged stand in
-    ``doubtful``, for :func:`clear_doubts`. Returns how many cells were reached, how many are
+    so is each cell looked at beside a doubtful one. The cells flagged stand in ``doubtful``, for
+    :func:`clear_doubts`. Returns how many cells were reached, how many are
     doubtful, the fill, the cycles used and the threshold at the end. It gives up, with a fill of
     all there is, where a buffer could run over.
     """
@@ -203,7 +202,6 @@ def spread_towards(
     # Unsigned, so that an index is not looked at for being negative.
     one, line = np.uintp(1), np.uintp(columns)
     flag, settled = np.uint16(DOUBTFUL), np.uint16(VALUE | DOUBTFUL)
-    passed_on = flag if certified else np.uint16(0)
     used = 0
     # The inner loop is where a plan's time goes. It stays one loop with everything in registers:
     # the order of its events is the result, so it cannot be reordered or vectorised.
@@ -245,7 +243,7 @@ def spread_towards(
                 continue
             on_left, on_right = states[n - one], states[n + one]
             above, below = states[n - line], states[n + line]
-            if (on_left | on_right | above | below) & passed_on > state:
+            if (on_left | on_right | above | below) & flag > state:
                 states[n] = state | flag
                 doubtful[doubts] = n
                 doubts += 1

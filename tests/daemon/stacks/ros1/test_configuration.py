@@ -31,7 +31,7 @@ def tree(**sections):
         "local_costmap": costmap(global_frame="odom", rolling_window=True),
     }
     own = sections.pop("move_base", {})
-    nodes = ("amcl", "topics", "dispatcher", "quirks", "amlc")
+    nodes = ("amcl", "topics", "dispatcher", "quirks", "amlc", "planner")
     outer = {name: sections.pop(name) for name in nodes if name in sections}
     return outer | {"move_base": move_base | own | sections}
 
@@ -127,6 +127,7 @@ def test_dwa_inherits_the_controller_frequency_of_move_base(move_base, dwa, freq
         ({"dispatcher": {"rat": 2.0}}, 'did you mean "rate"?'),
         ({"quirks": {"perimeter": False}}, 'did you mean "perimeter_only"?'),
         ({"amcl": 3}, "amcl: must be names with values"),
+        ({"planner": "incremental"}, "planner: plans are always made as navfn and GlobalPlanner"),
         ({"DWAPlannerROS": 3}, "move_base/DWAPlannerROS: must be names with values"),
     ],
 )

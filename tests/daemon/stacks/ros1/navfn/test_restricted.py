@@ -40,8 +40,8 @@ def depends(log, n):
     return False
 
 
-@given(st.integers(0, 2**32 - 1), st.booleans())
-def test_doubtful_is_what_a_cell_left_out_took_part_in(seed, certified):
+@given(st.integers(0, 2**32 - 1))
+def test_doubtful_is_what_a_cell_left_out_took_part_in(seed):
     random = np.random.default_rng(seed)
     rows = int(random.integers(6, 20))
     choice = [0, 0, 0, 0, 40, 120, 252, 254]
@@ -61,7 +61,7 @@ def test_doubtful_is_what_a_cell_left_out_took_part_in(seed, certified):
     waiting = seed_wave(flags, potentials, COLUMNS, start, buffers[0], reached)
     count, doubts, _, _, _ = spread_towards(
         flags, potentials, None, GAINS, ahead, bound, F(254), COLUMNS, goal, cycles, buffers,
-        waiting, reached, 1, doubtful, certified,
+        waiting, reached, 1, doubtful,
     )  # fmt: skip
     assert np.array_equal(potentials, expected)
     assert set(reached[:count].tolist()) == set(np.flatnonzero(expected < UNREACHED).tolist())
@@ -69,7 +69,7 @@ def test_doubtful_is_what_a_cell_left_out_took_part_in(seed, certified):
     assert found == set(np.flatnonzero(flags & DOUBTFUL).tolist())
     assert len(found) == doubts
     left_out = {~n for n in log if n < 0}
-    affected = {n for n in free.tolist() if depends(log, n)} if certified else set()
+    affected = {n for n in free.tolist() if depends(log, n)}
     assert found == left_out | affected
     clear_doubts(flags, doubtful, doubts)
     assert np.array_equal(flags, costs)
@@ -88,7 +88,7 @@ def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over():
         waiting = seed_wave(costs, potentials, 40, 820, buffers[0], reached)
         _, _, fill, _, _ = spread_towards(
             costs, potentials, None, GAINS, np.zeros(size, dtype=np.float32), UNREACHED, F(254),
-            40, 1300, 10_000, buffers, waiting, reached, 1, doubtful, True,
+            40, 1300, 10_000, buffers, waiting, reached, 1, doubtful,
         )  # fmt: skip
         assert (fill == room) is gives_up
         assert (costs < 256).all()
