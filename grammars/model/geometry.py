@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from grammars.model.slots import fills_slots
 
@@ -47,6 +47,34 @@ def wrap_angle(angle: float) -> float:
 def turn(a: Point2, b: Point2, c: Point2) -> float:
     """Return whether the way a, b, c turns left (> 0) or right (< 0): a cross product [m^2]."""
     return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+
+
+_FLAT: Final = 1e-9
+
+
+def convex_ring(corners: Sequence[Point2]) -> Ring | None:
+    """Return the corners of a convex outline counter-clockwise, ``None`` for any other outline.
+
+    Repeated corners and corners on a straight line are refused: no side may be doubtful.
+    """
+    # By signs and not by shapely's hull, which would forgive repeats.
+    turns = [turn(corners[i - 2], corners[i - 1], corners[i]) for i in range(len(corners))]
+    one_way = all(t > _FLAT for t in turns) or all(t < -_FLAT for t in turns)
+    if len(corners) < 3 or not one_way or not _turns_once(corners):
+        return None
+    return tuple(corners) if turns[0] > 0.0 else tuple(reversed(corners))
+
+
+def _turns_once(corners: Sequence[Point2]) -> bool:
+    """A star also turns one way only, but more than once around."""
+    # Headings, not areas: a pentagram has a positive area and turns left at every corner.
+    headings = [
+        math.atan2(b[1] - a[1], b[0] - a[0])
+        for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)
+    ]
+    turned = zip([headings[-1], *headings[:-1]], headings, strict=True)
+    total = sum(math.remainder(b - a, math.tau) for a, b in turned)
+    return abs(abs(total) - math.tau) < 1e-6
 
 
 @fills_slots

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from grammars.model.geometry import Pose2, Ring, turn
+from grammars.model.geometry import Pose2, Ring, convex_ring, turn
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS
 from grammars.model.robot import LASER_NAME, LONGEST_LASER_NAME, Drive, Laser, OdometryNoise, Robot
 from grammars.text.diagnostics import InputError
@@ -64,7 +64,8 @@ class FootprintText(StrictModel):
     radius: Length | None = Field(default=None, gt=0)
     """Of a round robot; simulated as a regular polygon of 32 corners on the circle."""
     corners: list[tuple[Length, Length]] | None = Field(default=None, min_length=3, max_length=64)
-    """The corners in order around the robot, each as [x, y]; the outline must be convex."""
+    """The corners in order around the robot, each as [x, y]; the outline must be convex
+    and contain [0 m, 0 m]."""
 
     @model_validator(mode="after")
     def _either(self) -> FootprintText:
@@ -255,6 +256,7 @@ class OdometryText(StrictModel):
 
 
 _MOST_LASERS: Final = 16
+_BESIDE: Final = 1e-9
 
 
 class RobotText(StrictModel):
@@ -305,7 +307,7 @@ def load_robot(path: str | Path) -> Robot:
 def read_robot(document: YamlDocument) -> Robot:
     """Return what a robot file means; raises :class:`InputError` with every problem of it."""
     text = read_model(document, RobotText)
-    ring = _check_convex(text.footprint.ring(), document)
+    ring = _outline(text.footprint, document)
     _check_names(text.lasers or (), document)
     written = [text.laser] if text.laser is not None else text.lasers or []
     first, *others = (laser.laser() for laser in written)
@@ -332,14 +334,21 @@ def _check_names(lasers: Sequence[NamedLaserText], document: YamlDocument) -> No
             )
 
 
-def _check_convex(ring: Ring, document: YamlDocument) -> Ring:
-    """Return the ring counter-clockwise; the simulator and the oracles need it convex."""
-    # By signs and not by shapely's hull: repeated and collinear corners must be refused too.
-    turns = [turn(ring[i - 2], ring[i - 1], ring[i]) for i in range(len(ring))]
-    if not (all(t > 0 for t in turns) or all(t < 0 for t in turns)):
+def _outline(text: FootprintText, document: YamlDocument) -> Ring:
+    """Return the footprint counter-clockwise; the simulator and the oracles need it convex."""
+    where = document.where(("footprint", "corners"))
+    ring = convex_ring(text.ring())
+    if ring is None:
         raise InputError.at(
-            document.where(("footprint", "corners")),
+            where,
             "the footprint is not convex",
             "list the corners in order around the robot, without dents or repeats",
         )
-    return ring if turns[0] > 0 else tuple(reversed(ring))
+    sides = zip(ring, (*ring[1:], ring[0]), strict=True)
+    if any(turn((0.0, 0.0), a, b) < -_BESIDE for a, b in sides):
+        raise InputError.at(
+            where,
+            "the footprint does not contain base_link, the point (0 m, 0 m) the robot turns about",
+            "give the corners as they lie around that point",
+        )
+    return ring

@@ -7,7 +7,7 @@ import math
 from functools import partial
 from typing import Any, Final, Literal
 
-from grammars.model.geometry import Point2, Pose2, Ring, turn
+from grammars.model.geometry import Point2, Pose2, Ring, convex_ring
 from grammars.model.kinematics import WORLD
 from grammars.model.movers import PLANAR_JOINTS, with_planar_chain
 from grammars.model.scene import Joint, Link
@@ -145,31 +145,14 @@ class ConvexNode(TypedNode):
 
     def ring(self, reader: NodeReader) -> Ring:
         """Return the outline, counter-clockwise."""
-        return _convex([_point(reader, p) for p in self.points], reader.where(self))
-
-
-def _convex(points: list[Point2], where: Where) -> Ring:
-    """Return the corners counter-clockwise; raises unless they are those of a convex polygon."""
-    turns = [turn(points[i - 2], points[i - 1], points[i]) for i in range(len(points))]
-    one_way = all(t > _TOLERANCE for t in turns) or all(t < -_TOLERANCE for t in turns)
-    if len(points) < 3 or not one_way or not _turns_once(points):
-        raise InputError.at(
-            where,
-            "the polygon is not convex",
-            "list three or more corners in order; join several convex shapes with and",
-        )
-    return tuple(points) if turns[0] > 0.0 else tuple(reversed(points))
-
-
-def _turns_once(points: list[Point2]) -> bool:
-    """A star polygon also turns one way only, but more than once around."""
-    # Headings, not areas: a pentagram has a positive area and turns left at every corner.
-    headings = [
-        math.atan2(b[1] - a[1], b[0] - a[0])
-        for a, b in zip(points, [*points[1:], points[0]], strict=True)
-    ]
-    total = sum(math.remainder(b - a, math.tau) for a, b in zip(headings[-1:] + headings, headings))  # noqa: B905
-    return abs(abs(total) - math.tau) < 1e-6
+        ring = convex_ring([_point(reader, p) for p in self.points])
+        if ring is None:
+            raise InputError.at(
+                reader.where(self),
+                "the polygon is not convex",
+                "list three or more corners in order; join several convex shapes with and",
+            )
+        return ring
 
 
 def _joint(reader: NodeReader, links: set[str], node: Any) -> Joint:

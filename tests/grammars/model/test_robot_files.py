@@ -148,6 +148,23 @@ def test_a_dented_footprint_is_refused(tmp_path):
         load_robot(write(tmp_path, ROBOT.replace("length: 0.6 m, width: 0.4 m", corners)))
 
 
+def test_a_star_shaped_footprint_is_refused(tmp_path):
+    # It turns left at every corner, but twice around.
+    points = [(math.cos(math.tau * 2 * k / 5), math.sin(math.tau * 2 * k / 5)) for k in range(5)]
+    corners = ", ".join(f"[{x:.6f} m, {y:.6f} m]" for x, y in points)
+    text = ROBOT.replace("length: 0.6 m, width: 0.4 m", f"corners: [{corners}]")
+    with pytest.raises(InputError, match="not convex"):
+        load_robot(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["counter-clockwise", "clockwise"])
+def test_a_footprint_beside_its_base_frame_is_refused(tmp_path, order):
+    points = ["[0.5 m, -0.2 m]", "[1 m, -0.2 m]", "[1 m, 0.2 m]", "[0.5 m, 0.2 m]"][::order]
+    text = ROBOT.replace("length: 0.6 m, width: 0.4 m", f"corners: [{', '.join(points)}]")
+    with pytest.raises(InputError, match="does not contain base_link"):
+        load_robot(write(tmp_path, text))
+
+
 def test_the_robot_the_paper_simulated_has_no_limits(campaigns):
     robot = load_robot(campaigns / "robots" / "robile-planar-move.yaml")
     drive, odometry = robot.drive, robot.odometry
