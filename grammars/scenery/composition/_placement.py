@@ -6,19 +6,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
 from shapely.geometry import Point, Polygon
 
-from grammars.floorplan import FloorPlan, Opening
+from grammars.floorplan import Feature, FloorPlan, Opening
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import own_joints
 from grammars.model.scene import Joint, Link, SceneObject
 from grammars.scenery.composition._amounts import closed_positions
 from grammars.scenery.model import At, FrameName, In, Instance, Name, ObjectModel
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, did_you_mean
 
 
 def mirrored_links(links: tuple[Link, ...], across: Point2) -> tuple[Link, ...]:
@@ -291,7 +292,10 @@ def _check_space(plan: FloorPlan, name: FrameName) -> None:
 
 
 def frames_of(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
-    """Return the world poses of all frames that :func:`frame_named` knows but ``world``."""
+    """Return the world poses of all frames that have a name, except ``world``.
+
+    Of several things of one name, spaces go before openings and openings before features.
+    """
     frames: dict[str, Pose2] = {}
     for space in plan.spaces:
         frames[space.name] = space.frame
@@ -299,44 +303,38 @@ def frames_of(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
             frames[f"{space.name}.walls[{number}]"] = wall.frame
     for opening in plan.openings:
         frames.setdefault(opening.name, opening.frame)
+    named = Counter(feature.name for feature in plan.features)
     for feature in plan.features:
-        frames[f"{feature.space}.{feature.name}" if feature.space else feature.name] = feature.frame
-        # Spaces before openings before features, as frame_named looks them up.
+        frames.setdefault(_full_name(feature), feature.frame)
         frames.setdefault(feature.id, feature.frame)
-        if sum(f.name == feature.name for f in plan.features) == 1:
+        if named[feature.name] == 1:
             frames.setdefault(feature.name, feature.frame)
     return tuple(frames.items())
 
 
+def _full_name(feature: Feature) -> str:
+    return f"{feature.space}.{feature.name}" if feature.space else feature.name
+
+
 def frame_named(plan: FloorPlan, name: FrameName) -> Pose2:
     """Return the world pose of a frame; raises :class:`InputError` with the closest name."""
-    if name.name == "world" and name.wall is None and not name.part:
-        return Pose2()
+    frames = {**dict(frames_of(plan)), "world": Pose2()}
+    if str(name) in frames:
+        return frames[str(name)]
     space = next((s for s in plan.spaces if s.name == name.name), None)
-    if name.wall is not None or name.part:
-        if space is None:
-            hint = did_you_mean(name.name, (s.name for s in plan.spaces))
-            raise InputError.at(name.where, f'there is no space "{name.name}"', hint)
-        if name.wall is not None:
-            if not 0 <= name.wall < len(space.walls):
-                hint = f"it has walls 0 to {len(space.walls) - 1}"
-                raise InputError.at(name.where, f"there is no {name}", hint)
-            return space.walls[name.wall].frame
-        inside = {f.name: f.frame for f in plan.features if f.space == space.name}
-        return _known(inside, name.part, f"feature in {space.name}", name.where)
-    frames = {f.name: f.frame for f in plan.features}
-    frames.update((f.id, f.frame) for f in plan.features)
-    frames.update((o.name, o.frame) for o in plan.openings)
-    frames.update((s.name, s.frame) for s in plan.spaces)
+    if space is None and (name.wall is not None or name.part):
+        hint = did_you_mean(name.name, (s.name for s in plan.spaces))
+        raise InputError.at(name.where, f'there is no space "{name.name}"', hint)
+    if space is not None and name.wall is not None:
+        hint = f"it has walls 0 to {len(space.walls) - 1}"
+        raise InputError.at(name.where, f"there is no {name}", hint)
+    if space is not None:
+        inside = [f.name for f in plan.features if f.space == space.name]
+        message = f'there is no feature in {space.name} "{name.part}" in the floor plan'
+        raise InputError.at(name.where, message, did_you_mean(name.part, inside))
     doubles = [f for f in plan.features if f.name == name.name]
-    if len(doubles) > 1 and space is None:
-        hint = " or ".join(f"{f.space}.{f.name}" if f.space else f.id for f in doubles)
-        raise InputError.at(name.where, f'"{name}" may mean several features', hint)
-    return _known(frames, name.name, "space, opening or feature", name.where)
-
-
-def _known(frames: dict[str, Pose2], name: str, kind: str, where: Where) -> Pose2:
-    if name not in frames:
-        hint = did_you_mean(name, (*frames, "world"))
-        raise InputError.at(where, f'there is no {kind} "{name}" in the floor plan', hint)
-    return frames[name]
+    if doubles:
+        hint = " or ".join(map(_full_name, doubles))
+        raise InputError.at(name.where, f'"{name.name}" may mean several features', hint)
+    message = f'there is no space, opening or feature "{name.name}" in the floor plan'
+    raise InputError.at(name.where, message, did_you_mean(name.name, frames))

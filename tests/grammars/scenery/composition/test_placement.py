@@ -5,11 +5,12 @@ import math
 import pytest
 from shapely.geometry import Point, Polygon
 
+from grammars.floorplan import parse_floorplan
 from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.scenery.composition import compile_scene
 from grammars.text.diagnostics import InputError
-from tests.grammars.plans import layer, scene_with, two_rooms
+from tests.grammars.plans import TWO_ROOMS, layer, resolved, scene_with, two_rooms
 
 
 def outline(body, link, *positions):
@@ -48,6 +49,49 @@ def test_an_object_stands_in_any_frame():
     }.items():
         pose = the_door(f"d is a hinged_door at {frame}").pose
         assert (pose.x, pose.y) == pytest.approx(expected)
+
+
+def column(name):
+    return (
+        f"Column {name}:\n    shape: Rectangle width=0.3 m, length=0.3 m\n    height: 2 m\n"
+        "    location: wrt: hall translation: x: 1 m, y: 1 m\n"
+    )
+
+
+PERSON = """
+mover person
+    link body circle radius 20 cm from 0 m to 1.7 m, mass 70 kg
+p is a person at hall, x 3 m, y 1 m
+"""
+
+
+@pytest.mark.parametrize(
+    ("added", "frame"),
+    [
+        (column("kitchen"), "kitchen"),
+        (column("way_out"), "way_out"),
+        (column("pillar"), "pillar"),
+        (column("pillar"), "kitchen.pillar"),
+    ],
+    ids=["space and column", "opening and column", "column and feature", "full name"],
+)
+def test_a_name_means_one_frame_whoever_says_it(added, frame):
+    plan = parse_floorplan(TWO_ROOMS + added, "two_rooms.fpm")
+    objects = layer(PERSON + f"d is a hinged_door at {frame}\n")
+    walk = layer(f"p walks along (0 m, 0 m), (1 m, 0 m) of {frame}", "walk", models=False)
+    scene = compile_scene(plan, [objects, walk])
+    stands = next(body.pose for body in scene.objects if body.name == "d")
+    (walks,) = resolved(scene, [objects, walk]).behaviours
+    assert (stands.x, stands.y) == walks.route[0]
+
+
+def test_a_name_of_two_features_is_refused():
+    hall = "location: wrt: world of: this\n"
+    pillar = TWO_ROOMS[TWO_ROOMS.index("    features:") : TWO_ROOMS.index("Entryway")]
+    plan = parse_floorplan(TWO_ROOMS.replace(hall, hall + pillar), "two_rooms.fpm")
+    with pytest.raises(InputError, match='"pillar" may mean several') as caught:
+        compile_scene(plan, [layer("d is a hinged_door at pillar")])
+    assert "hall.pillar or kitchen.pillar" in str(caught.value)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
