@@ -15,7 +15,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from grammars.model.geometry import Point2, Ring
+from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_fixed
 from grammars.model.scene import Joint, Link, Region, Scene, SceneObject
@@ -68,7 +68,15 @@ def swept_area(
     Joints without a range stay where they are at the start. Between steps the convex hull of two
     neighbouring placements is taken, so nothing is missed but the bulge of a short arc.
     """
-    shapes: list[Any] = [[link_shape(body, link, body.initial)]]
+    return shapely.union_all(swept_pieces(body, link, ranges))
+
+
+def swept_pieces(
+    body: SceneObject, link: Link, ranges: Mapping[str, tuple[float, float]]
+) -> list[BaseGeometry]:
+    """Return convex pieces that make up :func:`swept_area`."""
+    start = link_poses(body, body.initial)[link.name]
+    pieces: list[BaseGeometry] = [Polygon(start.apply_ring(ring)) for ring in link.polygons]
     for index, joint in enumerate(body.joints):
         if joint.name not in ranges:
             continue
@@ -77,15 +85,16 @@ def swept_area(
             link_poses(body, [*body.initial[:index], q, *body.initial[index + 1 :]])[link.name]
             for q in _steps(joint, low, high)
         ]
-        rings = [np.array([pose.apply_ring(ring) for pose in poses]) for ring in link.polygons]
-        if len(rings) == 1:
-            # The hulls hold the placements as well.
-            both = np.concatenate([rings[0][:-1], rings[0][1:]], axis=1)
-            shapes.append(shapely.convex_hull(shapely.linestrings(both)))
-        else:
-            # The hull of several polygons would fill what is free between them.
-            shapes.extend(shapely.polygons(corners) for corners in rings)
-    return shapely.union_all(np.concatenate(shapes))
+        pieces += [hull for ring in link.polygons for hull in hulls_between(poses, ring)]
+    return pieces
+
+
+def hulls_between(poses: Sequence[Pose2], ring: Ring) -> list[BaseGeometry]:
+    """Return the convex hull of a convex ring at each pose and the next one."""
+    placed = np.array([pose.apply_ring(ring) for pose in poses])
+    both = np.concatenate([placed[:-1], placed[1:]], axis=1)
+    hulls: Any = shapely.convex_hull(shapely.linestrings(both))
+    return list(hulls)
 
 
 def _steps(joint: Joint, low: float, high: float) -> list[float]:

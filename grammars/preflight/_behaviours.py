@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
+import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
+import numpy as np
 import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -24,17 +25,20 @@ from grammars.model.behaviour import (
 )
 from grammars.model.free_space import (
     SNAP_DISTANCE,
+    hulls_between,
     inscribed_radius,
     is_overlap,
     link_shape,
+    moving_links,
     still_links,
     swept_area,
+    swept_pieces,
     valid_polygon,
 )
-from grammars.model.geometry import Pose2
+from grammars.model.geometry import Pose2, Ring
 from grammars.model.kinematics import WORLD
 from grammars.model.mission import Mission
-from grammars.model.movers import Route, body_link, is_fixed, is_mover, own_joints
+from grammars.model.movers import CORNER, PLANAR_JOINTS, Route, is_fixed, is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Link, Scene, SceneObject
 from grammars.preflight._checked import CheckedScene, free_space
@@ -43,7 +47,9 @@ from grammars.preflight._standing import check_inside
 from grammars.preflight._sweeps import starts_in_wall
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
-_ROUTE_STEP = 0.1
+_ROUTE_STEP: Final = 0.1
+_TURN_STEPS: Final = 46
+"""Placements of a mover that turns round: 4 degrees apart, as leaves are swept."""
 
 
 def check_walks(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> list[Diagnostic]:
@@ -113,29 +119,18 @@ def _check_way(
     if through:
         message = f"{body.name} walks through {' and '.join(through)}"
         return [Diagnostic(place, message, "lead the route through a doorway")]
-    link = next(part for part in body.links if part.name == body_link(body))
-    area = walked_area(walk, link)
+    walked = [(link, _walked_area(body, link, walk, behaviours)) for link in moving_links(body)]
     brushed = [
-        o for o, part in checked.obstacles.hit_by(area, *heights).items() if is_overlap(part)
+        owner
+        for link, area in walked
+        for owner, part in checked.obstacles.hit_by(area, link.z_min, link.z_max).items()
+        if is_overlap(part)
     ]
-    shut = immobile_leaves(checked.scene, heights[1], behaviours)
     met = [
         other.name
         for other in checked.scene.objects
         if other is not body
-        and (
-            any(
-                part.z_min < heights[1]
-                and part.z_max > heights[0]
-                and is_overlap(area.intersection(link_shape(other, part, other.initial)))
-                for part in still_links(other)
-            )
-            # Doors that never move are as still as furniture.
-            or (
-                not is_mover(other.joints)
-                and any(is_overlap(area.intersection(leaf)) for leaf in shut.get(other.name, ()))
-            )
-        )
+        and any(_meets(checked.scene, link, area, other, behaviours) for link, area in walked)
     ]
     return [
         Diagnostic(
@@ -144,25 +139,79 @@ def _check_way(
             "nothing stops a mover but the robot: move the route",
             Severity.WARNING,
         )
-        for what, names in (("brushes", brushed), ("walks through", met))
+        for what, names in (("brushes", dict.fromkeys(brushed)), ("walks through", met))
         if names
     ]
 
 
-def walked_area(walk: Walk, link: Link) -> BaseGeometry:
-    """Return the floor that the body ``link`` covers on the route once."""
-    route = Route(walk)
-    count = max(2, int(route.length / _ROUTE_STEP) + 1)
-    # Between two placements the hull, as for leaves that sweep: nothing is missed on straight legs.
-    ways = [route.length * i / (count - 1) for i in range(count)]
-    placements = [
-        shapely.union_all(
-            [Polygon(Pose2(*route.point(w), route.yaw(w)).apply_ring(r)) for r in link.polygons]
-        )
-        for w in ways
+def _meets(
+    scene: Scene,
+    link: Link,
+    area: BaseGeometry,
+    other: SceneObject,
+    behaviours: Sequence[Behaviour],
+) -> bool:
+    """Return whether what ``link`` covers on its way overlaps what of ``other`` stands still."""
+    standing = [
+        link_shape(other, part, other.initial)
+        for part in still_links(other)
+        if part.z_min < link.z_max and part.z_max > link.z_min
     ]
-    hulls = [shapely.convex_hull(shapely.union(a, b)) for a, b in itertools.pairwise(placements)]
-    return shapely.union_all(hulls if len(link.polygons) == 1 else [*placements, *hulls])
+    # Doors that never move are as still as furniture.
+    if not is_mover(other.joints):
+        standing += immobile_leaves(scene, link.z_max, behaviours).get(other.name, ())
+    return any(is_overlap(area.intersection(shape)) for shape in standing)
+
+
+def _walked_area(
+    body: SceneObject, link: Link, walk: Walk, behaviours: Sequence[Behaviour]
+) -> BaseGeometry:
+    """Return the floor that ``link`` of a mover covers while its body walks the route."""
+    poses = _walked_poses(walk)
+    rings = _walking_rings(body, link, behaviours)
+    return shapely.union_all([hull for ring in rings for hull in hulls_between(poses, ring)])
+
+
+def _walked_poses(walk: Walk) -> list[Pose2]:
+    """Return the poses of a walking body, there and back, close to each other."""
+    route = Route(walk)
+    # A round turns in its first corner only when it comes there again.
+    length = route.length + (CORNER if route.closed else 0.0)
+    ways = np.linspace(0.0, length, max(2, int(length / _ROUTE_STEP) + 1)).tolist()
+    forward = [Pose2(*route.point(way), route.yaw(way)) for way in ways]
+    if walk.manner != "back-and-forth" or walk.facing != "ahead":
+        return forward
+    turns = [Pose2(yaw=float(turned)) for turned in np.linspace(0.0, math.pi, _TURN_STEPS)]
+    back = [pose @ turns[-1] for pose in reversed(forward)]
+    first, last = forward[0], forward[-1]
+    return [
+        *forward,
+        *(last @ turn for turn in turns),
+        *back,
+        *(first @ turn for turn in reversed(turns)),
+    ]
+
+
+def _walking_rings(body: SceneObject, link: Link, behaviours: Sequence[Behaviour]) -> list[Ring]:
+    """Return what ``link`` covers in the frame of the body that walks, as convex outlines.
+
+    Those at the start, and those on the way to where behaviours send the joints in between.
+    """
+    at_home = dataclasses.replace(
+        body, pose=Pose2(), initial=(*(0.0 for _ in PLANAR_JOINTS), *body.initial[3:])
+    )
+    ranges = {}
+    for behaviour in behaviours:
+        if isinstance(behaviour, Walk):
+            continue
+        for joint, start in zip(body.joints, at_home.initial, strict=True):
+            if behaviour.joint == f"{body.name}.{joint.name}":
+                sent = (start, *behaviour.positions)
+                ranges[joint.name] = (min(sent), max(sent))
+    return [
+        tuple((float(x), float(y)) for x, y in shapely.get_coordinates(piece)[:-1])
+        for piece in swept_pieces(at_home, link, ranges)
+    ]
 
 
 _WaitingBehaviour: TypeAlias = Reaction | Walk

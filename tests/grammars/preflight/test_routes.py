@@ -2,7 +2,7 @@
 
 import pytest
 
-from grammars.model.behaviour import Hold, Walk
+from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Walk
 from grammars.model.geometry import Pose2
 from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission, scene_with
 
@@ -61,6 +61,51 @@ def test_a_long_body_is_wide_where_it_turns(robile):
     sideways = found(robile, cart, (-3.0, 1.6), (3.0, 1.6), facing="sideways")
     assert sideways == [f"? v brushes hall-wall-0 on its way ({MOVE})"]
     assert found(robile, cart, (-3.0, 1.6), (3.0, 1.6), facing="fixed") == []
+
+
+# 1 m of cart ahead of the body, joined to it; the arm beside it folds out to the left.
+NURSE = """
+mover nurse
+    link body circle radius 25 cm from 0 m to 1.7 m, mass 75 kg
+    link cart box 1 m x 0.4 m at (0.8 m, 0 m) from 0 m to 1 m, mass 20 kg
+    link arm box 10 cm x 10 cm at (0 m, 0.3 m) from 1 m to 1.2 m, mass 2 kg
+    joint grip fixed from body to cart
+    joint shoulder prismatic from body to arm along y, between 0 m and 1 m
+v is a nurse in hall, x -3 m
+"""
+
+
+def test_what_a_mover_carries_goes_through_no_wall_unseen(robile):
+    brushes = f"? v brushes hall-wall-1 on its way ({MOVE})"
+    assert found(robile, NURSE, (-3.0, 0.0), (3.6, 0.0)) == []
+    assert found(robile, NURSE, (-3.0, 0.0), (3.95, 0.0)) == [brushes]
+
+
+def test_what_a_mover_carries_meets_what_stands(robile):
+    for high, met in (("0.9 m", True), ("1.2 m", False)):
+        low, top = ("0 m", high) if met else ("1 m", high)
+        board = f"object board link top box 20 cm x 20 cm from {low} to {top}, mass 9 kg\n"
+        texts = found(robile, NURSE + board + "b is a board at hall", (-3, 0), (-1.2, 0))
+        assert texts == [f"? v walks through b on its way ({MOVE})"] * met
+
+
+def test_what_a_mover_carries_swings_where_it_turns_round(robile):
+    ends = ((-3.0, 0.9), (3.0, 0.9))
+    assert found(robile, NURSE, *ends) == []
+    brushes = f"? v brushes hall-wall-0 on its way ({MOVE})"
+    assert found(robile, NURSE, *ends, manner="back-and-forth") == [brushes]
+    assert found(robile, NURSE, *ends, manner="back-and-forth", facing="sideways") == [brushes]
+    fixed = {"manner": "back-and-forth", "facing": "fixed"}
+    assert found(robile, NURSE, *ends, **fixed) == []
+
+
+def test_what_a_mover_carries_is_where_a_behaviour_sends_it(robile):
+    route = Walk("v", ((-3.0, 1.2), (3.0, 1.2)), 1.0)
+    out = KeyFrames("v.shoulder", (KeyFrame(0.0, 0.0), KeyFrame(5.0, 0.8)), Jump())
+    scene = scene_with(NURSE)
+    assert messages(robile, scene, TASK, route) == []
+    (brushes,) = messages(robile, scene, TASK, route, out)
+    assert "v brushes hall-wall-0" in brushes
 
 
 def test_nothing_is_missed_between_the_points_of_a_long_way(robile):
