@@ -6,6 +6,7 @@ Every part of the product that keeps something for others to read writes it this
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,12 +29,15 @@ def replacing(path: Path, *, mode: int | None = None, durable: bool = True) -> I
     """Give the path of a file to be written, beside ``path``, that takes its place afterwards.
 
     When the block raises, ``path`` keeps what it held and nothing is left. ``mode`` are the
-    permissions of the new file.
+    permissions of the new file: with them it is there, empty, when the block begins.
     """
     # The name is random, not the process id: two threads may write the same file. The doctor
     # knows what a killed process left behind by the dot and the suffix.
     temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}.tmp")
     try:
+        if mode is not None:
+            # Created with them, not given them later: nobody else ever reads a byte of it.
+            os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode | stat.S_IWUSR))
         yield temporary
         if mode is not None:
             temporary.chmod(mode)

@@ -18,6 +18,18 @@ def test_a_file_is_replaced_as_a_whole_and_nothing_is_left_beside_it(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("mode", [0o600, 0o400])
+def test_a_private_file_is_private_while_it_is_written(tmp_path, mode):
+    before = os.umask(0)
+    try:
+        with replacing(tmp_path / "kept", mode=mode) as temporary:
+            temporary.write_bytes(b"secret")
+            assert temporary.stat().st_mode & 0o077 == 0
+    finally:
+        os.umask(before)
+    assert (tmp_path / "kept").stat().st_mode & 0o777 == mode
+
+
 def test_what_fails_leaves_what_was_there(tmp_path, monkeypatch):
     path = tmp_path / "kept"
     write_atomically(path, b"before")
