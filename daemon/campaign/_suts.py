@@ -82,15 +82,11 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
     layer, document = text.layer, text.document
     if overrides:
         layer = _changed(layer, overrides)
-    settings = apply_common_costmap(layer.settings) if layer.kind == ROS else layer.settings
+    settings = _spread(layer.kind, layer.settings)
     _refuse_missing(settings)
-    tree = parameter_tree(settings)
+    tree = _parameters(layer.kind, settings)
     if layer.attached:
         tree = {**tree, FILES_PARAMETER: _attach(layer, document)}
-    if layer.kind == ROS2:
-        from daemon.stacks.ros2.settings import REPEATABLE
-
-        tree[REPEATABLE] = False
     try:
         findings = check_parameters(layer.kind, tree)
     except ValueError as error:
@@ -109,6 +105,21 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
         warnings=(*layer.warnings, *_warnings(findings, document, settings), *idle),
         idle=idle,
     )
+
+
+def _spread(kind: str, settings: ParameterValues) -> ParameterValues:
+    """Return settings with the values that costmaps have in common in each of them."""
+    return apply_common_costmap(settings) if kind == ROS else settings
+
+
+def _parameters(kind: str, settings: ParameterValues) -> dict[str, Any]:
+    """Return the parameters of a run; those of a ROS 2 stack say that it is not repeatable."""
+    tree = parameter_tree(settings)
+    if kind == ROS2:
+        from daemon.stacks.ros2.settings import REPEATABLE
+
+        tree.setdefault(REPEATABLE, False)
+    return tree
 
 
 def _refuse_missing(settings: ParameterValues) -> None:
@@ -137,10 +148,11 @@ def default_sut(reference: LayerReference) -> LoadedSut:
 
     Raises :class:`InputError` for what it does not take.
     """
-    settings = _settings(reference.values, {}, reference.name)
-    tree = parameter_tree(settings)
+    kind = reference.name
+    settings = _spread(kind, _settings(reference.values, {}, kind))
+    tree = _parameters(kind, settings)
     try:
-        findings = check_parameters(reference.name, tree)
+        findings = check_parameters(kind, tree)
     except ParameterError as error:
         raise InputError(
             Diagnostic(parameter_place(settings, p.path) or reference.where, _named(p), p.hint)
@@ -158,7 +170,7 @@ def default_sut(reference: LayerReference) -> LoadedSut:
         )
         for found in findings.problems
     )
-    sut = SutReference(reference.name, reference.name, tree)
+    sut = SutReference(kind, kind, tree)
     return LoadedSut(sut, "", settings, findings, (), warnings)
 
 

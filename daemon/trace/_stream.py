@@ -190,8 +190,9 @@ class MessageStream:
         self._made("/events", time, lambda now: log_payload(now, source, text, level))
 
     def latency(self, time: float, seconds: float) -> None:
-        """Hand over how long an external system took to answer [s of wall clock]."""
-        self._sample("/sut/latency", time, layouts.latency(), ("seconds",), (seconds,))
+        """Hand over how long a system that is not repeatable took to answer [s of wall clock]."""
+        if not self._spec.sut.repeatable:
+            self._sample("/sut/latency", time, layouts.latency(), ("seconds",), (seconds,))
 
     def _sample(
         self, topic: str, time: float, layout: MessageLayout, names: Sequence[str],

@@ -213,8 +213,12 @@ class TraceWriter:
             self._flush()
 
     def latency(self, time: float, seconds: float) -> None:
-        """Record how long an external system took to answer [s of wall clock]."""
-        self._signals.latency.add(self._at(time), (seconds,))
+        """Record how long an external system took to answer [s of wall clock].
+
+        A repeatable run records none: the wall clock would be all that differs between two of them.
+        """
+        if not self._spec.sut.repeatable:
+            self._signals.latency.add(self._at(time), (seconds,))
 
     def attach(self, name: str, data: bytes) -> None:
         """Put text that a system under test printed beside the messages."""

@@ -81,6 +81,19 @@ def test_what_is_waited_for_is_one_line_that_can_be_sent(demo, tmp_path, monkeyp
     assert read_outputs(tmp_path / "run.mcap") == {"stack.txt": "up\N{REPLACEMENT CHARACTER}\n"}
 
 
+def test_a_repeatable_system_that_tells_its_latency_leaves_a_whole_trace(
+    demo, tmp_path, monkeypatch
+):
+    spec, scene = demo
+    again = replace(spec, sut=SutReference("outside", "outside", {}), limit=12.0)
+    path = tmp_path / "run.mcap"
+    result, _ = executed((again, scene), Outside(()), path, monkeypatch)
+    trace = read_trace(path)
+    assert (trace.complete, len(trace.latency.time)) == (True, 0)
+    assert trace.ground_truth.time[-1] == 12.0
+    assert result.ended == "limit"
+
+
 def test_last_lines_that_are_no_text_still_make_a_result(demo, tmp_path, monkeypatch):
     system = Outside(("starting",), "it ended with exit code 3\n  Segmentation \udcfffault")
     result, _ = executed(demo, system, tmp_path / "run.mcap", monkeypatch)

@@ -70,6 +70,24 @@ def test_the_specification_holds_the_keys_as_they_are_written(folder):
     assert (settings.start_up, settings.late, settings.reuse) == (120.0, 0.1, True)
 
 
+def test_a_stack_named_by_its_kind_is_not_repeatable_either(folder):
+    launch = {"launch": "nav {map}", "ready": ["amcl"]}
+    named = LayerLibrary(folder).sut(LayerReference("ros2", launch, Where("campaign.yaml", 1, 1)))
+    assert (named.repeatable, named.parameters["repeatable"]) == (False, False)
+    path = folder / "campaign.yaml"
+    by_kind = "{ros2: {launch: 'nav {map}', ready: [amcl]}}"
+    path.write_text(CAMPAIGN.format(repeats="").replace("nav2]}", f"{by_kind}]}}"))
+    assert repeats_by_sut(path) == {"pilot": [0], "ros2": [0, 1, 2, 3, 4]}
+
+
+def test_no_stack_can_be_called_repeatable(folder):
+    keys = {"launch": "nav {map}", "repeatable": True}
+    with pytest.raises(InputError, match="never repeatable"):
+        LayerLibrary(folder).sut(LayerReference("ros2", keys, Where("campaign.yaml", 1, 1)))
+    with pytest.raises(InputError, match="never repeatable"):
+        LayerLibrary(folder).sut(LayerReference("nav2", keys, Where("campaign.yaml", 1, 1)))
+
+
 def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder):
     (folder / "nav2_other.yaml").write_text("a: 1\n")
     (folder / "other.yaml").write_text(
