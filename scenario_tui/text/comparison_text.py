@@ -287,10 +287,10 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
 
     For a measure, the range of its values.
     """
-    measured = [v.evidence.value for _, v in verdicts if v.outcome is Outcome.MEASURE]
-    values = [value for value in measured if value is not None]
+    measures = [v for _, v in verdicts if v.outcome is Outcome.MEASURE]
+    values = [v.evidence.value for v in measures if v.evidence.value is not None]
     if values:
-        unit = verdicts[0][1].unit
+        unit = measures[0].unit
         return f"{quantity(min(values), unit)} to {quantity(max(values), unit)}", ""
     decided = [(label, v) for label, v in verdicts if v.outcome in (Outcome.PASS, Outcome.FAIL)]
     known = [(v.margin, label, v) for label, v in decided if v.margin is not None]

@@ -203,6 +203,9 @@ def _quantities(records: Iterable[RunRecord]) -> dict[str, tuple[QuantityKind, s
     found: dict[str, tuple[QuantityKind, str]] = {}
     for record in records:
         for verdict in record.verdicts:
+            # An error says neither what an oracle is nor in which unit.
+            if verdict.outcome is Outcome.ERROR:
+                continue
             kind: QuantityKind = "measure" if verdict.outcome is Outcome.MEASURE else "margin"
             found.setdefault(verdict.oracle, (kind, verdict.unit))
     found.setdefault(DURATION, ("duration", "s"))

@@ -1,10 +1,13 @@
 """Two runs compared: clocks, verdicts, specifications, and the screen that shows them."""
 
 from dataclasses import replace
+from io import StringIO
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from daemon.analysis.rejudge import RejudgedTrace
 from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Evidence, Outcome, Verdict
@@ -18,7 +21,8 @@ from scenario_tui.dashboard.signal_strips import (
     shift_to_clock,
 )
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.comparison_text import pair_verdicts, spec_differences
+from scenario_tui.text.comparison_text import pair_verdicts, rejudge_table, spec_differences
+from scenario_tui.text.formatting import DASHBOARD_STYLES
 from tests.scenario_tui.dashboard.inline import screen_text
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
@@ -68,6 +72,17 @@ def test_verdicts_that_differ_come_first():
     assert [(p.oracle, p.differs, p.change) for p in found] == [
         ("turns", True, pytest.approx(-0.6)), ("new", True, None), ("same", False, 2.0),
     ]  # fmt: skip
+
+
+def test_measures_judged_again_keep_their_unit_beside_a_trace_that_is_not_valid():
+    measured = Verdict("path", "…", Outcome.MEASURE, None, None, "m", Evidence(value=3.5))
+    broken = Verdict("path", "…", Outcome.ERROR, None, None, "", Evidence(note="no clock"))
+    traces = [
+        RejudgedTrace(name, name, verdicts=(one,)) for name, one in (("a", broken), ("b", measured))
+    ]
+    console = Console(width=100, file=StringIO())
+    console.print(rejudge_table(traces, DASHBOARD_STYLES))
+    assert "3.5 m to 3.5 m" in console.file.getvalue()
 
 
 def test_specifications_differ_part_by_part():

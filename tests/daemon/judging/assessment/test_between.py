@@ -9,6 +9,7 @@ from daemon.judging.assessment import (
     compare_campaigns,
 )
 from daemon.model.assessments import AssessmentRules
+from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.daemon.judging.assessment.records import cell, measure, record, verdict
 
 
@@ -147,6 +148,21 @@ def test_margins_that_nobody_judged_are_no_values():
         3.0,
         "measure",
     )
+
+
+@pytest.mark.parametrize("broken", [0, 4])
+@pytest.mark.parametrize("made", [measure, verdict])
+def test_a_run_without_a_valid_trace_leaves_the_quantities_of_the_others(broken, made):
+    def runs(value):
+        return [record(i, made(value + 0.1 * i, "seen")) for i in range(5)]
+
+    invalid = Evidence(note="invalid trace: no clock")
+    error = Verdict("seen", "…", Outcome.ERROR, None, None, "", invalid)
+    after = runs(3.0)
+    after[broken] = record(broken, error, outcome=Outcome.ERROR)
+    found = shift(between(runs(2.0), after), "seen")
+    kind = "measure" if made is measure else "margin"
+    assert (found.kind, found.unit, found.n) == (kind, made(1.0).unit, 4)
 
 
 def test_a_difference_is_no_change_when_it_is_as_likely_as_not():

@@ -59,6 +59,26 @@ def test_a_robot_that_never_arrives_has_no_short_delay():
     )
 
 
+@pytest.mark.parametrize(
+    ("text", "counts"),
+    [
+        ("reached(mission, 0.25 m)", True),
+        ("reached (mission, 0.25 m)", True),
+        ("  reached\n  ( mission , 0.25 m )", True),
+        ("reached(mission, 0.25 m) when speed < 1 m/s", True),
+        ("always(mission.reached >= 0)", False),
+        ("a_plugin_that_is_not_here(3)", False),
+    ],
+)
+def test_a_mission_that_was_missed_is_known_however_its_oracle_is_written(text, counts):
+    missed = tuple(
+        record(i, verdict(-1.0, "arrives", text), scenario="A", took=20.0) for i in range(5)
+    )
+    found = compared(delay(), missed, timed("B", [100] * 5))
+    assert found.left_out == (5 if counts else 0)
+    assert found.verdict is (Outcome.INCONCLUSIVE if counts else Outcome.PASS)
+
+
 def test_one_pair_decides_nothing():
     found = compared(delay(), timed("A", [101]), timed("B", [100]))
     assert (found.verdict, found.note) == (Outcome.INCONCLUSIVE, "only one pair")
