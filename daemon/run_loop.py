@@ -8,7 +8,7 @@ test, its command. Why in this order: see ``RunLoop._tick``. Nothing here looks 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -133,6 +133,7 @@ class RunLoop:
             finished = self.advance(round(self._spec.limit * TICK_RATE))
             self._finish_sut()
         except SutError as error:
+            self._record_events(world.time, error.events)
             trace.event(world.time, "sut", error.note, level="error")
             return "crashed", error.note
         finally:
@@ -325,9 +326,12 @@ class RunLoop:
             trace.command(now, decision.command)
         if decision.latency is not None:
             trace.latency(now, decision.latency)
-        for event in decision.events:
+        self._record_events(now, decision.events)
+
+    def _record_events(self, now: float, events: Iterable[str | SutEvent]) -> None:
+        for event in events:
             said = event if isinstance(event, SutEvent) else SutEvent(event)
-            trace.event(now, said.source, said.text, level=said.level)
+            self._trace.event(now, said.source, said.text, level=said.level)
 
     def _publish_snapshot(self, now: float) -> None:
         """Tell how far the run is, as detailed as is wanted."""

@@ -210,7 +210,7 @@ class _TopicExchange:
         if self._odometry is None:
             return Decision(None, active)
         now = moment.observation.time
-        heard = self._telemetry.read(answer.messages, now, self._odometry)
+        heard = self._telemetry.read(answer.messages, now, self._odometry, answer.dropped)
         return heard.decision(active, events=heard.events)
 
     def _measured(self, moment: _Moment) -> Iterator[tuple[str, bytes]]:

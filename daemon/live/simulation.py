@@ -229,7 +229,10 @@ class LiveSimulation:
         self._driver.dismiss()
         self._note = error.note
         assert self._loop is not None
-        self._stream.event(self._loop.world.time, "sut", error.note, level="error")
+        time = self._loop.world.time
+        for event in error.events:
+            self._stream.event(time, event.source, event.text, level=event.level)
+        self._stream.event(time, "sut", error.note, level="error")
 
     def _tell(self, now: float) -> None:
         """Say how it goes, and what there is to see if somebody looks."""

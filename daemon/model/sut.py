@@ -8,7 +8,7 @@ navigation stack. Frames per REP 105: ``map``, ``odom``, ``base_link``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol, runtime_checkable
 
@@ -172,9 +172,20 @@ class Decision:
 class SutFailure(Exception):  # noqa: N818  (not an error of ours: how a run ended)
     """The system under test cannot be tested any further: not the robot failed, the system did.
 
-    The message is the note of the run as it is, written for people; it may have several lines.
-    Any other exception ends a run as well, but is told as a crash with its place in the code.
+    ``reason`` says why, written for people, and ``printed`` holds the last lines of its programs.
+    Together they are the message, and that is the note of the run. ``events`` belong into the log
+    of the run before it: sentences that no decision carries any more. Any other exception ends a
+    run as well, but is told as a crash with its place in the code.
     """
+
+    events: tuple[SutEvent, ...] = ()
+
+    def __init__(
+        self, reason: str, *, printed: Sequence[str] = (), events: Sequence[SutEvent] = ()
+    ) -> None:
+        first = f"{reason}; the stack's last lines:" if printed else reason
+        super().__init__("\n".join([first, *(f"  {line}" for line in printed)]))
+        self.reason, self.printed, self.events = reason, tuple(printed), tuple(events)
 
 
 class SystemUnderTest(Protocol):

@@ -21,7 +21,10 @@ check of a campaign allows, for machines that are full of runs."""
 
 
 class SutError(Exception):
-    """The system under test raised; ``note`` says what, for the result and the trace."""
+    """The system under test raised; ``note`` says what, for the result and the trace.
+
+    ``events`` are what it had to say before that.
+    """
 
     def __init__(self, error: BaseException) -> None:
         # The innermost frame: where in the system under test it happened. Not
@@ -32,6 +35,7 @@ class SutError(Exception):
         place = (
             f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})" if where else ""
         )
+        self.events = error.events if isinstance(error, SutFailure) else ()
         self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
         if isinstance(error, SutFailure | OutOfTime):
             self.note = str(error)

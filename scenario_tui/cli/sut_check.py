@@ -48,12 +48,14 @@ _WALL: Final = 0.2
 class InspectionOutput(Output, schema="inspection"):
     """What was seen of an external system that was started, against what a run needs.
 
-    ``failure`` says why it could not be started at all, or did not get ready; ``lines`` are empty
-    when there was nothing to look at. It took ``seconds`` of wall clock.
+    ``failure`` says why it could not be started at all, or did not get ready, and ``printed``
+    holds the last lines of its programs then; ``lines`` are empty when there was nothing to look
+    at. It took ``seconds`` of wall clock.
     """
 
     sut: str
     failure: str
+    printed: tuple[str, ...]
     distribution: str
     rmw: str
     seconds: float
@@ -78,11 +80,11 @@ class InspectionOutput(Output, schema="inspection"):
             if line.hint:
                 text.append(f"\n{'':{width + 4}}→ {line.hint}")
             console.print(text, soft_wrap=True)
-        _, *last_lines = printed_lines(self.failure) or [""]
+        last_lines = printed_lines("\n".join(self.printed))
         if last_lines:
             console.print("\nthe stack's last lines", style="dim")
         for printed in last_lines:
-            console.print(printed, markup=False, soft_wrap=True)
+            console.print(f"  {printed}", markup=False, soft_wrap=True)
 
 
 def check(
@@ -124,10 +126,9 @@ def check(
         with _progress() as on_progress:
             seen = inspection.inspect_stack(settings, briefing, first, on_progress)
     except SutFailure as error:
-        failure = str(error)
         if as_json:
-            InspectionOutput(name, failure, "", "", 0.0, ()).emit()
-        say(f"{name} cannot be started: {failure}")
+            InspectionOutput(name, error.reason, error.printed, "", "", 0.0, ()).emit()
+        say(f"{name} cannot be started: {error}")
         raise typer.Exit(ExitCode.INFRASTRUCTURE) from None
     lines = examine(settings, seen, briefing.robot.lasers)
     _output(name, seen, lines).show(as_json)
@@ -137,9 +138,15 @@ def check(
 
 
 def _output(name: str, seen: Inspection, lines: tuple[CheckLine, ...]) -> InspectionOutput:
-    identity = seen.identity
+    identity, failure = seen.identity, seen.failure
     return InspectionOutput(
-        name, seen.failure, identity.distribution, identity.rmw, seen.seconds, lines
+        name,
+        failure.reason if failure else "",
+        failure.printed if failure else (),
+        identity.distribution,
+        identity.rmw,
+        seen.seconds,
+        lines,
     )
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.spec import RunResult, SutReference
-from daemon.model.sut import Decision, Progress, SutFailure
+from daemon.model.sut import Decision, Progress, SutEvent, SutFailure
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from daemon.stacks import registry
@@ -20,8 +20,8 @@ class Outside:
     period = 0.1
     needs_ground_truth = False
 
-    def __init__(self, waiting, failure=""):
-        self._waiting, self._failure = waiting, failure
+    def __init__(self, waiting, failure="", events=()):
+        self._waiting, self._failure, self._events = waiting, failure, events
 
     def start(self, briefing):
         """Nothing to prepare."""
@@ -29,7 +29,7 @@ class Outside:
     def bring_up(self, first):
         yield from self._waiting
         if self._failure:
-            raise SutFailure(self._failure)
+            raise SutFailure(self._failure, events=self._events)
 
     def update(self, observation):
         return Decision(None, Progress(0, 0, "active"), latency=0.012)
@@ -100,6 +100,18 @@ def test_last_lines_that_are_no_text_still_make_a_result(demo, tmp_path, monkeyp
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
     assert result.note == "it ended with exit code 3\n  Segmentation \\udcfffault"
     assert codec.from_json(RunResult, codec.to_json(result)).note == result.note
+
+
+def test_what_a_system_said_before_it_failed_is_in_the_log(demo, tmp_path, monkeypatch):
+    events = (SutEvent("out of memory", "error", "planner"), SutEvent("bye"))
+    system = Outside(("starting",), "it ended with exit code 9", events)
+    executed(demo, system, tmp_path / "run.mcap", monkeypatch)
+    log = read_trace(tmp_path / "run.mcap").events
+    assert [(e.source, e.text, e.level) for e in log] == [
+        ("planner", "out of memory", "error"),
+        ("sut", "bye", "info"),
+        ("sut", "it ended with exit code 9", "error"),
+    ]
 
 
 class _Watching:

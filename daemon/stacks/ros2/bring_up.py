@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import time as wall_clock
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -67,20 +67,17 @@ class StackSession:
         return self.link.cycle(cycle)
 
     def explain(self, lost: str) -> str:
-        """Return why the link was lost: that a process ended says more than that it is silent."""
+        """Return why the link was lost: an end of a process says more than its silence."""
         until = wall_clock.monotonic() + 2.0
         ended = self.process.ended()
         while not ended and wall_clock.monotonic() < until:
             wall_clock.sleep(0.05)
             ended = self.process.ended()
-        return self.with_last_lines(ended or lost)
+        return ended or lost
 
-    def with_last_lines(self, sentence: str) -> str:
-        """Return a sentence with the last lines the stack printed below it."""
-        lines = self.process.last_lines(_LAST_LINES)
-        if not lines:
-            return sentence
-        return "\n".join([f"{sentence}; the stack's last lines:", *(f"  {line}" for line in lines)])
+    def failure(self, reason: str, events: Sequence[SutEvent] = ()) -> SutFailure:
+        """Return a failure of the stack with the last lines it printed."""
+        return SutFailure(reason, printed=self.process.last_lines(_LAST_LINES), events=events)
 
     def close(self, *, keep: bool) -> Mapping[str, bytes]:
         """Let go of the stack, end it unless it is kept; return what it printed."""
@@ -116,8 +113,9 @@ class BringUp:
                 yield from self._connect()
             self._align()
         except LinkLost as error:
-            why = self.ready_session().explain(str(error))
-            raise SutFailure(f"{_NOT_UP}: {why}") from error
+            session = self.ready_session()
+            why = session.explain(str(error))
+            raise session.failure(f"{_NOT_UP}: {why}") from error
         identity = self.ready_session().link.identity
         self.events.append(
             SutEvent(
@@ -149,7 +147,11 @@ class BringUp:
         process = StackProcess(self._settings, values=values, key=self._key(), relay=relay_path())
         # Where the map lies is known with the folder; the values are used when it is started.
         values[placeholders.MAP] = str(self._write_map(process))
-        link = RelayLink.listen(process.socket, process.nonce)
+        try:
+            link = RelayLink.listen(process.socket, process.nonce)
+        except LinkLost as error:
+            process.release(keep=False)
+            raise SutFailure(str(error)) from error
         self.session = StackSession(self._settings, process, link)
         yield from self._start(process)
         while not link.accept(timeout=0.1):
@@ -212,7 +214,7 @@ class BringUp:
             if off:
                 raise SutFailure(off)
         except (SutFailure, LinkLost, OSError, ValueError) as error:
-            first = str(error).splitlines()[0]
+            first = error.reason if isinstance(error, SutFailure) else str(error)
             self.events.append(SutEvent(f"the stack could not be used again: {first}", "warn"))
             session.close(keep=False)
             return False
@@ -340,8 +342,15 @@ class BringUp:
             tuple(latest.values()),
             lambda _: now,
         )
-        answer = session.cycle(Cycle(now, tuple(messages), "nothing", wait))
-        heard = session.telemetry.read(answer.messages, 0.0, self._first.odometry[-1])
+        self._cycle(Cycle(now, tuple(messages), "nothing", wait))
+
+    def _cycle(self, cycle: Cycle) -> None:
+        """Do one cycle and hear its answer: the link forgets what it has handed over."""
+        session = self.ready_session()
+        answer = session.cycle(cycle)
+        heard = session.telemetry.read(
+            answer.messages, 0.0, self._first.odometry[-1], answer.dropped
+        )
         self.events += heard.events
 
     def _align(self) -> None:
@@ -355,25 +364,20 @@ class BringUp:
     def _tell_pose(self) -> None:
         session = self.ready_session()
         message = sensors.initial_pose(self._briefing.start, session.time, self._settings.frames)
-        session.cycle(Cycle(session.time + 1, ((self._settings.topics.initial_pose, message),)))
+        self._cycle(Cycle(session.time + 1, ((self._settings.topics.initial_pose, message),)))
 
     def _check_alive(self, process: StackProcess, missing: str) -> None:
         ended = process.ended()
         if ended:
-            raise SutFailure(self._with_last_lines(f"{_NOT_UP}: {ended}"))
+            raise self.ready_session().failure(f"{_NOT_UP}: {ended}")
         if wall_clock.monotonic() - self._began > self._settings.start_up:
-            raise SutFailure(
-                self._with_last_lines(
-                    f"the stack was not ready within {self._settings.start_up:g} s of wall clock "
-                    f"(start-up): {missing}"
-                )
+            raise self.ready_session().failure(
+                f"the stack was not ready within {self._settings.start_up:g} s of wall clock "
+                f"(start-up): {missing}"
             )
 
     def _waited(self) -> str:
         return f"{wall_clock.monotonic() - self._began:.0f} s"
-
-    def _with_last_lines(self, sentence: str) -> str:
-        return self.ready_session().with_last_lines(sentence)
 
     def _values(self) -> dict[str, str]:
         """Return the values of placeholders that do not depend on the folder of the run."""

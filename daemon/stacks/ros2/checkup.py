@@ -88,10 +88,7 @@ class _Checkup:
         name = f"ROS 2 {identity.distribution.title() or 'of unknown distribution'}"
         what = f"{name}, {identity.rmw}"
         if self._inspection.failure:
-            why, *last_lines = self._inspection.failure.splitlines()
-            if last_lines:
-                # Of "it did not; the stack's last lines:", which follow the first.
-                why = why.rpartition("; ")[0] or why
+            why = self._inspection.failure.reason
             return CheckLine("start-up", "missing", f"{what}: {why}", "see the lines below")
         return CheckLine("start-up", "ok", f"{what}, ready after {took:.1f} s of wall clock")
 

@@ -39,7 +39,7 @@ class Inspection:
 
     ``parameters`` are those of :data:`PARAMETERS` that nodes have, by absolute name of the node;
     ``transforms`` (parent, child) come from others than this side. ``located``: it knows where the
-    robot is in the map. ``failure`` says why it did not come up, empty when it did, after
+    robot is in the map. ``failure`` says why it did not come up, ``None`` when it did, after
     ``seconds`` of wall clock.
     """
 
@@ -50,7 +50,7 @@ class Inspection:
     transforms: frozenset[tuple[str, str]] = frozenset()
     located: bool = True
     seconds: float = 0.0
-    failure: str = ""
+    failure: SutFailure | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,22 +90,26 @@ def inspect_stack(
     # Of a stack that an earlier run has left one would not see how it starts.
     attempt = BringUp(dataclasses.replace(settings, reuse=False), briefing, first)
     began = wall_clock.monotonic()
-    failure = ""
+    failure: SutFailure | None = None
     try:
         try:
             for waiting in attempt.run():
                 on_progress(waiting)
         except SutFailure as error:
-            failure = str(error)
+            failure = error
         seconds = wall_clock.monotonic() - began
-        if attempt.session is None or attempt.session.process.ended():
-            raise SutFailure(failure)
+        if failure is not None and attempt.session is None:
+            raise failure
+        session = attempt.ready_session()
+        ended = session.process.ended()
+        if ended:
+            raise failure or session.failure(ended)
         on_progress("looking at its graph")
         try:
-            seen = _look(attempt.session, settings)
+            seen = _look(session, settings)
         except LinkLost as error:
             # Why it did not come up says more than that it is gone now.
-            raise SutFailure(failure or attempt.session.explain(str(error))) from error
+            raise failure or session.failure(session.explain(str(error))) from error
         return dataclasses.replace(seen, seconds=seconds, failure=failure)
     finally:
         if attempt.session is not None:

@@ -121,7 +121,8 @@ class CycleAnswer:
     ``latency`` [s of wall clock] from the clock to the command that answered, ``None`` when none
     did within ``wait``. ``commands`` counts all of this cycle; the last one is among the
     ``messages``. ``heard``: anything at all came from the stack. ``server``: the action server is
-    in the graph (looked at now and then, so up to a second old).
+    in the graph (looked at now and then, so up to a second old). ``dropped`` counts by topic the
+    messages that were too many for one cycle.
     """
 
     latency: float | None
@@ -130,6 +131,7 @@ class CycleAnswer:
     server: bool
     messages: tuple[ReceivedMessage, ...] = ()
     goals: tuple[GoalUpdate, ...] = ()
+    dropped: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,8 +126,6 @@ class RelayLink:
         self._goals: set[int] = set()
         self.address = address
         """What ``SCENARIO_SOCKET`` has to be: a path, or ``tcp://127.0.0.1:PORT``."""
-        self.dropped: dict[str, int] = {}
-        """Messages that were too many for one cycle, by topic, since the set-up."""
 
     @classmethod
     def listen(cls, path: Path | str, nonce: str) -> RelayLink:
@@ -206,8 +204,6 @@ class RelayLink:
         blob = b"".join(data for _topic, data in cycle.messages)
         head, data = self._ask(request, blob, cycle.wait + _SILENCE)
         reply: _CycleReply = self._check(_CycleReply, head, "answer to a cycle")
-        for topic, count in reply.dropped.items():
-            self.dropped[topic] = self.dropped.get(topic, 0) + count
         return CycleAnswer(
             latency=reply.latency,
             commands=reply.commands,
@@ -215,6 +211,7 @@ class RelayLink:
             server=reply.server,
             messages=self._read_messages(reply.messages, data),
             goals=self._read_goals(reply.goals),
+            dropped=reply.dropped,
         )
 
     def readiness(self) -> Readiness:

@@ -70,6 +70,8 @@ class Ros2Stack:
         attempt = BringUp(self._settings, self._briefing, first)
         try:
             yield from attempt.run()
+        except SutFailure as error:
+            raise SutFailure(error.reason, printed=error.printed, events=attempt.events) from error
         finally:
             # Also of a stack that did not come up: it has to be ended, and what it printed kept.
             self._session = attempt.session
@@ -100,9 +102,9 @@ class Ros2Stack:
         try:
             return self._cycle(observation, self._session, self._mission, self._lockstep)
         except LinkLost as error:
-            raise SutFailure(self._session.explain(str(error))) from error
+            raise self._session.failure(self._session.explain(str(error)), self._said) from error
         except SutFailure as error:
-            raise SutFailure(self._session.with_last_lines(str(error))) from error
+            raise self._session.failure(error.reason, self._said) from error
 
     def _cycle(
         self,
@@ -127,25 +129,29 @@ class Ros2Stack:
                 round(lockstep.tolerance * _NANO),
             )
         )
+        # First of all: what a stack says last explains why it ended.
+        heard = session.telemetry.read(
+            answer.messages, observation.time, self._odometry, answer.dropped
+        )
+        self._said += heard.events
         # After the wait, in which a crash shows: it says more than what is missing because of it.
         ended = session.process.ended()
         if ended:
             raise SutFailure(ended)
-        heard = session.telemetry.read(answer.messages, observation.time, self._odometry)
         command, behind = _newest_command(answer, self._settings.topics.command, time)
-        said = self._said + heard.events
-        self._said = []
         for line in heard.log:
             mission.hear_log(line)
         for update in answer.goals:
-            said += mission.take(update)
+            self._said += mission.take(update)
         # A goal that ended in this cycle is owed no command any more.
         latency, events = lockstep.take(
             HeardAnswer(answer.latency, behind, answer.commands, answer.heard),
             active=active and mission.active,
         )
+        self._said += events
         self._watch_server(answer, mission)
-        return heard.decision(mission.progress, command, latency=latency, events=[*said, *events])
+        said, self._said = self._said, []
+        return heard.decision(mission.progress, command, latency=latency, events=said)
 
     def _outgoing(self, observation: Observation) -> Iterator[tuple[str, bytes]]:
         """Yield what is new: transforms, odometry, scans, each with its own stamp."""
@@ -173,7 +179,7 @@ class Ros2Stack:
             try:
                 self._lockstep.check_share()
             except SutFailure as error:
-                raise SutFailure(self._session.with_last_lines(str(error))) from error
+                raise self._session.failure(error.reason) from error
             self._sound = True
 
     def close(self) -> None:

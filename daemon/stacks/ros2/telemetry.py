@@ -6,7 +6,7 @@ Everything here is looked at or recorded; a message that cannot be read is told 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -113,12 +113,22 @@ class Telemetry:
         """Take the robot's own odometry: odom -> base is published on this side."""
         self._tree.add(self._frames.odom, self._frames.base, sample.pose)
 
-    def read(self, messages: tuple[ReceivedMessage, ...], now: float, odometry: Odometry) -> Heard:
+    def read(
+        self,
+        messages: tuple[ReceivedMessage, ...],
+        now: float,
+        odometry: Odometry,
+        dropped: Mapping[str, int] | None = None,
+    ) -> Heard:
         """Read the messages of one cycle at the simulated time ``now`` [s].
 
-        ``odometry`` is the newest sample: an estimate is map -> odom with it.
+        ``odometry`` is the newest sample: an estimate is map -> odom with it. ``dropped`` counts
+        by topic the messages that were too many for the cycle.
         """
         heard = Heard()
+        for topic in dropped or ():
+            text = f"{topic} had more messages in one cycle than are taken: old ones are lost"
+            self._tell(text, heard)
         localised = False
         for message in messages:
             try:

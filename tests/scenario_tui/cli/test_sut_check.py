@@ -44,7 +44,7 @@ def seen_by(*, active=True):
         Readiness({"/amcl": "active" if active else "inactive"}, True, twist, {}),
         {"/bt_navigator": {"default_server_timeout": 20}},
         seconds=12.3,
-        failure="" if active else "not ready; its last lines:\n  its last \x1b[31mline",
+        failure=None if active else SutFailure("not ready", printed=["its last \x1b[31mline"]),
     )
 
 
@@ -105,7 +105,9 @@ def test_what_is_missing_is_an_exit_code_and_the_last_lines_are_told(scenario, s
 
 
 def test_a_stack_that_cannot_be_started_says_why(scenario, start, sut):
-    start.answer = SutFailure("the launch command ended with exit code 127\n  ros2: not found")
+    start.answer = SutFailure(
+        "the launch command ended with exit code 127", printed=["ros2: not found"]
+    )
     said = scenario("sut", "check", str(sut))
     assert (said.code, said.out) == (3, "")
     assert "my-nav2 cannot be started: the launch command ended with exit code 127" in said.err
@@ -113,7 +115,8 @@ def test_a_stack_that_cannot_be_started_says_why(scenario, start, sut):
     said = scenario("sut", "check", str(sut), "--json")
     assert said.code == 3
     body = declared(said.out)
-    assert body["failure"].startswith("the launch command ended")
+    assert body["failure"] == "the launch command ended with exit code 127"
+    assert body["printed"] == ["ros2: not found"]
     assert body["lines"] == []
 
 

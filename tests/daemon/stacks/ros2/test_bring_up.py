@@ -1,5 +1,7 @@
 """From the command to a stack that is ready: its clock, its pose, stacks that are used again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,13 +12,16 @@ from daemon.stacks.ros2 import bring_up, sensors
 from daemon.stacks.ros2.bring_up import BringUp
 from daemon.stacks.ros2.link import (
     CycleAnswer,
+    GoalUpdate,
     Graph,
     GraphEndpoint,
+    LinkLost,
     Readiness,
     ReceivedMessage,
 )
 from daemon.stacks.ros2.settings import read_settings
 from daemon.stacks.ros2.stack import Ros2Stack
+from daemon.stacks.ros2.telemetry import LOG
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros2.pretended_link import PretendedLink
@@ -34,12 +39,13 @@ SETTINGS = {
 class Stack(PretendedLink):
     """A stack as its link shows it: ready at once, unless told otherwise.
 
-    ``believes``: where it says to be once it was told its pose; ``obeys``: whether its nodes change
-    their state when asked.
+    ``believes``: where it says to be once it was told its pose, with ``once`` only in the answer
+    to that; ``obeys``: whether its nodes change their state when asked.
     """
 
-    def __init__(self, believes=START, *, obeys=True):
+    def __init__(self, believes=START, *, obeys=True, once=False):
         super().__init__()
+        self.once = once
         self.states = dict.fromkeys(NODES, "active")
         self.believes, self.obeys = believes, obeys
         self.told = []
@@ -52,8 +58,9 @@ class Stack(PretendedLink):
 
     def cycle(self, cycle):
         super().cycle(cycle)
-        self.told += [data for topic, data in cycle.messages if topic == "/initialpose"]
-        if not self.told or self.believes is None:
+        told = [data for topic, data in cycle.messages if topic == "/initialpose"]
+        self.told += told
+        if not self.told or self.believes is None or (self.once and not told):
             return self.answer
         pose = self.believes
         qz, qw = ros.yaw_quaternion(pose.yaw)
@@ -176,6 +183,78 @@ def test_the_start_is_told_to_who_listens(machine, briefing):
     assert len(stack.told) == 1
     told = sensors.read_message(stack.told[0], sensors.INITIAL_POSE)
     assert (told.pose.pose.position.x, told.header.frame_id) == (briefing.start.x, "map")
+
+
+def test_an_answer_that_comes_with_the_initial_pose_is_heard(machine, briefing):
+    machine.will_have(Stack(once=True))
+    attempt, waiting = coming_up(briefing)
+    list(waiting)
+    assert attempt.ready_session().telemetry.pose() == START
+    assert not any("no transform" in event.text for event in attempt.events)
+
+
+def log_line(text):
+    message = ros.make(
+        LOG, stamp=ros.time(0), level=40, name="planner", msg=text, file="", function="", line=0
+    )
+    return ReceivedMessage("/rosout", LOG, ros.serialize(message, LOG))
+
+
+def driving(machine, briefing):
+    stack, process = machine.will_have(Stack())
+    system = Ros2Stack(read_settings(SETTINGS))
+    system.start(briefing)
+    list(system.bring_up(first_of(briefing)))
+    stack.believes = None
+    stack.answer = CycleAnswer(
+        None, 0, heard=True, server=True, messages=(log_line("out of memory"),)
+    )
+    return system, stack, process
+
+
+@pytest.mark.parametrize("how", ["process", "goal", "link"])
+def test_what_a_stack_says_last_comes_with_its_failure(machine, briefing, how):
+    system, stack, process = driving(machine, briefing)
+    if how == "process":
+        process.ended = lambda: "the launch command ended with exit code 9"
+    if how == "goal":
+        stack.answer = replace(stack.answer, goals=(GoalUpdate(0, "rejected"),))
+    if how == "link":
+        stack.cycle = lost
+    with pytest.raises(SutFailure) as failed:
+        system.update(Observation(0.0, (Odometry(0.0, Pose2(), Twist2()),), ()))
+    said = [event.text for event in failed.value.events]
+    assert "ready after" in said[0]
+    assert said[1:] == ([] if how == "link" else ["out of memory"])
+    assert failed.value.printed == ("a line",)
+
+
+def lost(cycle):
+    raise LinkLost("the relay is silent")
+
+
+def test_what_was_said_while_a_stack_came_up_comes_with_its_failure(machine, briefing):
+    stack, _ = machine.will_have(Stack())
+    stack.states["/amcl"] = "inactive"
+    stack.believes = None
+    stack.answer = replace(stack.answer, messages=(log_line("no map"),))
+    system = Ros2Stack(read_settings(SETTINGS | {"start-up": "0.2 s"}))
+    system.start(briefing)
+    with pytest.raises(SutFailure, match=r"within 0\.2 s") as failed:
+        list(system.bring_up(first_of(briefing)))
+    assert {event.text for event in failed.value.events} == {"no map"}
+
+
+def test_a_socket_that_cannot_be_made_is_said_and_leaves_nothing(machine, briefing, monkeypatch):
+    _, process = machine.will_have(Stack())
+
+    def refuse(*_):
+        raise LinkLost("nothing can listen there: no space left on device")
+
+    monkeypatch.setattr(bring_up.RelayLink, "listen", refuse)
+    with pytest.raises(SutFailure, match="no space left"):
+        list(coming_up(briefing)[1])
+    assert process.kept is False
 
 
 def test_a_stack_that_does_not_come_up_says_what_it_lacks(machine, briefing):

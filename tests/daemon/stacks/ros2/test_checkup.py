@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.checkup import examine
 from daemon.stacks.ros2.inspection import Inspection
 from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
@@ -212,13 +213,13 @@ def test_nodes_that_are_not_active_or_not_there_are_told_apart():
         SOUND,
         readiness=replace(SOUND.readiness, nodes=states),
         graph=replace(SOUND.graph, nodes=(*SOUND.graph.nodes, "/rviz")),
-        failure="the stack was not ready within 60 s; the stack's last lines:\n  last line",
+        failure=SutFailure("no answer; the stack was not ready within 60 s", printed=["last line"]),
     )
     lines = {
         line.subject: line
         for line in wrong(seen, ready=["amcl", "controler_server", "controller_server", "rviz"])
     }
-    assert lines["start-up"].text.endswith("the stack was not ready within 60 s")
+    assert lines["start-up"].text.endswith(": no answer; the stack was not ready within 60 s")
     assert lines["/amcl"].text == "inactive: it must be active"
     assert lines["/controler_server"].text == "there is no such node"
     assert lines["/controler_server"].hint == 'did you mean "/controller_server"?'

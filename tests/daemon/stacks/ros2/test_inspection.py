@@ -141,7 +141,7 @@ def inspected(on_progress=lambda _: None, **keys):
 def test_a_stack_that_is_up_is_asked_for_everything_and_ended(stack, process):
     waited = []
     seen = inspected(waited.append, reuse=True)
-    assert (seen.identity, seen.failure) == (stack.identity, "")
+    assert (seen.identity, seen.failure) == (stack.identity, None)
     assert seen.readiness.nodes == {"/amcl": "active"}
     assert seen.graph == stack.graph()
     assert seen.parameters == {"/amcl": {"use_sim_time": True}}
@@ -169,9 +169,9 @@ def test_only_what_comes_while_nothing_is_published_is_of_others(stack, process)
 def test_a_stack_that_does_not_get_ready_is_looked_at_all_the_same(stack, process):
     stack.active_after = 10**9
     seen = inspected(**{"start-up": "0.3 s"})
-    first, *last = seen.failure.splitlines()
-    assert first.startswith("the stack was not ready within 0.3 s of wall clock (start-up)")
-    assert last == ["  its last line"]
+    said = seen.failure.reason
+    assert said.startswith("the stack was not ready within 0.3 s of wall clock (start-up)")
+    assert seen.failure.printed == ("its last line",)
     assert seen.graph.nodes == ("/amcl",)
     assert process.released == [False]
 

@@ -45,6 +45,16 @@ def path(frame):
     return message(TOPICS.plan, PATH, header=header, poses=poses)
 
 
+def test_messages_that_were_too_many_are_told_once_by_their_topic():
+    reader = telemetry()
+    (told,) = reader.read((), 1.0, ODOMETRY, {"/rosout": 300}).events
+    assert (told.level, told.text) == (
+        "warn", "/rosout had more messages in one cycle than are taken: old ones are lost"
+    )  # fmt: skip
+    (again,) = reader.read((), 2.0, ODOMETRY, {"/rosout": 1, "/tf": 2}).events
+    assert again.text.startswith("/tf ")
+
+
 def test_the_estimate_is_the_stacks_correction_with_the_newest_odometry():
     heard = telemetry().read((transform("map", "odom", 2.0, 3.0, math.pi / 2),), 1.0, ODOMETRY)
     assert heard.estimate is not None
