@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from pathlib import Path
 from typing import Final
@@ -21,12 +20,8 @@ def verify_scene(path: Path) -> bool:
     when it is there and cannot be read.
     """
     try:
-        data = path.read_bytes()
-        # One that an earlier version wrote has other bytes than this one makes of the same scene.
-        return hashlib.sha256(data).hexdigest() == path.stem or (
-            codec.from_json(Scene, data).digest == path.stem
-        )
-    except (FileNotFoundError, ValueError):
+        return file_sha256(path) == path.stem
+    except FileNotFoundError:
         return False
 
 

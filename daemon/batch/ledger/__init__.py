@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from daemon.batch.ledger._connection import (
+        SCHEMA_REMEDY,
         SCHEMA_VERSION,
         LedgerIntegrity,
         check_integrity,
         connect,
+        schema_problem,
     )
     from daemon.batch.ledger._forecast import Forecast, PlannedRun
     from daemon.batch.ledger._reader import LedgerReader, count_states
@@ -34,10 +36,10 @@ if TYPE_CHECKING:
         verify_contents,
     )
     from daemon.batch.ledger._waiting import retry_delay
-    from daemon.batch.ledger._wal import WalState, damaged_copies, read_wal, set_damaged_aside
     from daemon.batch.ledger._writer import LedgerWriter
 
 __all__ = [
+    "SCHEMA_REMEDY",
     "SCHEMA_VERSION",
     "ContentReport",
     "Forecast",
@@ -50,16 +52,13 @@ __all__ = [
     "StrayFile",
     "SweepResult",
     "VerificationProgress",
-    "WalState",
     "check_integrity",
     "connect",
     "count_states",
-    "damaged_copies",
     "find_strays",
-    "read_wal",
     "remove_strays",
     "retry_delay",
-    "set_damaged_aside",
+    "schema_problem",
     "stage_submission",
     "stored_bytes",
     "sweep_traces",
@@ -67,6 +66,7 @@ __all__ = [
 ]
 
 _MODULES: Final = {
+    "SCHEMA_REMEDY": "_connection",
     "SCHEMA_VERSION": "_connection",
     "ContentReport": "_verification",
     "Forecast": "_forecast",
@@ -77,16 +77,13 @@ _MODULES: Final = {
     "Steps": "_steps",
     "StrayFile": "_strays",
     "VerificationProgress": "_verification",
-    "WalState": "_wal",
     "stage_submission": "_staging",
     "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",
-    "damaged_copies": "_wal",
     "find_strays": "_strays",
-    "read_wal": "_wal",
     "remove_strays": "_strays",
-    "set_damaged_aside": "_wal",
+    "schema_problem": "_connection",
     "verify_contents": "_verification",
     "retry_delay": "_waiting",
 }

@@ -1,4 +1,4 @@
-"""The ledger as a file: opened to write or to read, upgraded, and checked as a whole."""
+"""The ledger as a file: opened to write or to read, and checked as a whole."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from typing import Final
 
 from daemon.batch.errors import DaemonError, PlaceUnusable, Unavailable
 
-SCHEMA_VERSION: Final = 9
+SCHEMA_VERSION: Final = 10
 _IN_MEMORY: Final = Path(":memory:")
 """What SQLite calls a database that is gone with its connection: no file has this name."""
 UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
 """What a question to a damaged ledger may raise: also that its message is no text."""
 _READER_PATIENCE: Final = 5.0
-_UPGRADABLE: Final = (1, 2, 3, 4, 5, 6, 7, 8)
 _CACHE_KIB: Final = 64 * 2**10
 # What is being entered or removed is not there for whoever asks: these stand before the tables of
 # the same names on connections that read, so no question can forget it.
@@ -29,15 +28,14 @@ CREATE TEMP VIEW run AS SELECT * FROM main.run
 CREATE TEMP VIEW tally AS SELECT * FROM main.tally
     WHERE campaign NOT IN (SELECT id FROM main.campaign WHERE visible = 0);
 """
-_FIRST_WITH_VISIBLE: Final = 7
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Open the ledger for writing, creating it, or bringing an older one up to date, if need be.
+    """Open the ledger for writing, creating it if need be.
 
     What was acknowledged survives kill -9 and a power cut. Raises :class:`Unavailable` when the
-    disk is full or somebody else holds the file, and :class:`DaemonError` when it is damaged or was
-    made by a later version.
+    disk is full or somebody else holds the file, and :class:`DaemonError` when it is damaged or has
+    another schema.
     """
     try:
         # SQLite gives the WAL and its index the mode of the file, and the file what the umask says.
@@ -102,23 +100,28 @@ def connect_reader(path: Path, *, timeout: float | None = None) -> sqlite3.Conne
     """Open an existing ledger for questions only, whether a daemon keeps it or not.
 
     Waits ``timeout`` seconds at most for a lock, five unless told otherwise. Hidden campaigns and
-    their runs are not seen. Raises ``sqlite3.Error`` where there is none.
+    their runs are not seen. Raises ``sqlite3.Error`` if there is no ledger, and
+    :class:`DaemonError` if it has another schema.
     """
+    connection = _open_to_read(path, timeout)
+    try:
+        check_current(connection, path)
+        connection.executescript(_VISIBLE)
+    except (sqlite3.Error, DaemonError):
+        connection.close()
+        raise
+    return connection
+
+
+def _open_to_read(path: Path, timeout: float | None) -> sqlite3.Connection:
     # mode=ro, not PRAGMA query_only: a connection of that kind makes an empty file where there
     # is no ledger, and the last one to close writes the WAL of a killed daemon into the file.
     # Looking must change nothing but the index of the WAL (the -shm file), which readers share.
     address = f"{path.absolute().as_uri()}?mode=ro"
     patience = _READER_PATIENCE if timeout is None else timeout
-    connection = sqlite3.connect(
+    return sqlite3.connect(
         address, uri=True, timeout=patience, isolation_level=None, check_same_thread=False
     )
-    try:
-        if schema_version(connection) >= _FIRST_WITH_VISIBLE:
-            connection.executescript(_VISIBLE)
-    except sqlite3.Error:
-        connection.close()
-        raise
-    return connection
 
 
 def schema_version(connection: sqlite3.Connection) -> int:
@@ -133,38 +136,35 @@ def check_present(path: Path) -> None:
 
 
 def check_current(connection: sqlite3.Connection, path: Path) -> None:
-    """Refuse a ledger of another version than this one, as :class:`DaemonError`."""
+    """Refuse a ledger of another schema than ours, as :class:`DaemonError`."""
     version = schema_version(connection)
+    if version == 0:
+        raise DaemonError(f"{path} is empty: the daemon makes the ledger when it starts")
     if version != SCHEMA_VERSION:
-        raise DaemonError(
-            f"{path} has schema {version}, this version knows {SCHEMA_VERSION}: "
-            "start the daemon once, it brings older ones up to date"
-        )
+        raise DaemonError(f"{path} {schema_problem(version)}: {SCHEMA_REMEDY}")
+
+
+SCHEMA_REMEDY: Final = "use the version that made it, or name another state directory with --state"
+
+
+def schema_problem(version: int) -> str:
+    """Say that a ledger has a ``version`` of the schema that we do not read."""
+    return f"has schema {version}, this version reads and writes schema {SCHEMA_VERSION}"
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
-    """Make the tables of a new file, or bring those of an older one up to date."""
-    version = schema_version(connection)
-    if version == SCHEMA_VERSION:
+    """Make the tables of a new file; refuse one with other tables."""
+    if schema_version(connection) != 0:
+        check_current(connection, path)
         return
-    if version == 0:
-        scripts = ["schema.sql"]
-    elif version in _UPGRADABLE:
-        scripts = [f"upgrade_{later}.sql" for later in range(version + 1, SCHEMA_VERSION + 1)]
-    else:
-        raise DaemonError(
-            f"{path} has schema {version}, this version writes {SCHEMA_VERSION}: "
-            "use the version that made it, or another state directory"
-        )
     from importlib import resources  # completion reads at every TAB and makes no tables
 
-    here = resources.files(__package__)
-    texts = (here.joinpath(name).read_text("utf-8") for name in scripts)
+    tables = resources.files(__package__).joinpath("schema.sql").read_text("utf-8")
     try:
-        # All steps and the new version number in one transaction: a daemon that is killed in the
-        # middle leaves a ledger of the old version, not one of none.
+        # The tables and the version number in one transaction: a daemon that is killed in the
+        # middle leaves an empty file.
         connection.executescript(
-            "BEGIN;\n" + "\n".join(texts) + f"\nPRAGMA user_version = {SCHEMA_VERSION};\nCOMMIT;"
+            f"BEGIN;\n{tables}\nPRAGMA user_version = {SCHEMA_VERSION};\nCOMMIT;"
         )
     except sqlite3.Error:
         if connection.in_transaction:
@@ -173,52 +173,18 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
 
 
 _MOST_SHOWN: Final = 3
-_RULES: Final = {
-    "runs are counted as done and have no result": (
-        "SELECT count(*) FROM run LEFT JOIN result ON result.run = run.id"
-        " WHERE run.result <> '' AND result.run IS NULL"
-    ),
-    "results differ from what their run says": (
-        "SELECT count(*) FROM result JOIN run ON run.id = result.run"
-        " WHERE run.result <> result.digest"
-    ),
-    "runs have no specification": (
-        "SELECT count(*) FROM run LEFT JOIN spec ON spec.run = run.id WHERE spec.run IS NULL"
-    ),
-    "runs are queued in campaigns that are closed": (
-        "SELECT count(*) FROM run JOIN campaign ON campaign.id = run.campaign"
-        " WHERE state IN ('queued', 'running') AND campaign.finished_at IS NOT NULL"
-    ),
-    "runs are proposed and not there": (
-        # Of campaigns that are being removed the proposals go after the runs.
-        "SELECT count(*) FROM proposal JOIN campaign ON campaign.id = proposal.campaign"
-        " LEFT JOIN run ON run.campaign = campaign.id AND run.position = proposal.position"
-        " WHERE run.id IS NULL"
-    ),
-    "searches run in campaigns that are closed": (
-        "SELECT count(*) FROM search JOIN campaign ON campaign.id = search.campaign"
-        " WHERE search.state = 'running' AND campaign.finished_at IS NOT NULL"
-    ),
-    # The tally is kept by triggers; a row of it may count no run, so it stands on the right side.
-    "counts differ from the runs": (
-        "SELECT count(*) FROM (SELECT campaign, state, outcome, count(*) AS runs FROM run"
-        " GROUP BY campaign, state, outcome) AS found LEFT JOIN tally USING"
-        " (campaign, state, outcome) WHERE tally.runs IS NOT found.runs"
-    ),
-}
 
 
 @dataclass(frozen=True, slots=True)
 class LedgerIntegrity:
-    """A ledger under examination: ``damage`` of the file, ``violations`` of the ledger's rules.
+    """A ledger under examination: its schema ``version`` and the ``damage`` of the file.
 
-    The rules and all numbers are of ledgers of this version only. ``alarms`` are executions that
-    came out differently, ``newest_event`` is in seconds since the epoch.
+    The numbers are those of a ledger of our schema. ``alarms`` count executions that came out
+    differently, ``newest_event`` is in seconds since the epoch.
     """
 
     version: int
     damage: tuple[str, ...] = ()
-    violations: tuple[str, ...] = ()
     runs: int = 0
     results: int = 0
     alarms: int = 0
@@ -233,7 +199,7 @@ def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
     read at all.
     """
     try:
-        with closing(connect_reader(path)) as db:
+        with closing(_open_to_read(path, None)) as db:
             db.execute("BEGIN")  # one snapshot: numbers that must agree are counted one by one
             return _examine(db, quick)
     except UNREADABLE as error:
@@ -244,19 +210,17 @@ def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
 
 def _examine(db: sqlite3.Connection, quick: bool) -> LedgerIntegrity:
     version = schema_version(db)
-    if version > SCHEMA_VERSION:
+    if version != SCHEMA_VERSION:
         return LedgerIntegrity(version)
     check = db.execute(f"PRAGMA {'quick' if quick else 'integrity'}_check({_MOST_SHOWN})")
     damage = [" ".join(str(row[0]).split()) for row in check if row[0] != "ok"]
     dangling = db.execute("PRAGMA foreign_key_check").fetchall()
     damage += [f"{row[0]} refers to nothing" for row in dangling[:_MOST_SHOWN]]
-    if damage or version < SCHEMA_VERSION:
+    if damage:
         return LedgerIntegrity(version, tuple(damage))
-    counts = {words: _count(db, rule) for words, rule in _RULES.items()}
     newest = db.execute("SELECT max(at) FROM event").fetchone()[0]
     return LedgerIntegrity(
         version,
-        violations=tuple(f"{count} {words}" for words, count in counts.items() if count),
         runs=_count(db, "SELECT count(*) FROM run"),
         results=_count(db, "SELECT count(*) FROM result"),
         alarms=_count(db, "SELECT count(*) FROM event WHERE kind = 'alarm'"),

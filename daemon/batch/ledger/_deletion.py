@@ -18,7 +18,6 @@ from daemon.batch.paths import StatePaths
 _HIDDEN: Final = "SELECT id FROM campaign WHERE visible = 0 ORDER BY serial"
 _OF_RUNS: Final = ("lease", "result", "spec")
 """Tables with rows about a run, in its column ``run``."""
-_INCREMENTAL: Final = 2
 _PAGES: Final = 200
 """Pages given back in one step."""
 
@@ -149,17 +148,15 @@ def _remove_unused_parts(db: sqlite3.Connection) -> Steps[None]:
 
 
 def _mark(db: sqlite3.Connection, bodies: Sequence[bytes]) -> None:
-    # ["<cell>","<script>",repeat,seed]; what schema 4 wrote out names no parts.
-    packed = [bytes(body) for body in bodies if bytes(body[:1]) == b"["]
+    # A body is a list of the names of its cell and its script, the repeat and the seed.
+    packed = [bytes(body) for body in bodies]
     names = {body[2:34] for body in packed} | {body[37:69] for body in packed}
     rows = [(name.decode(),) for name in names]
     db.executemany("INSERT OR IGNORE INTO used_part VALUES (?)", rows)
 
 
 def _give_back_pages(db: sqlite3.Connection) -> Steps[None]:
-    """Shorten the file by what is free in it; one made before schema 7 only uses that again."""
-    if db.execute("PRAGMA auto_vacuum").fetchone()[0] != _INCREMENTAL:
-        return
+    """Shorten the file by the pages that are free in it."""
     while db.execute("PRAGMA freelist_count").fetchone()[0]:
         db.execute(f"PRAGMA incremental_vacuum({_PAGES})").fetchall()
         yield

@@ -7,11 +7,8 @@ from typing import Final
 
 from daemon.batch.errors import Refused
 
-# Up to the token ``unnamed`` they were granted by schema 6 or before, which kept no names and only
-# the latest lease of each run; by schema 3 or before, runs did not even have that.
 _FIND: Final = (
-    "SELECT granted, lease.token, holder, ?2 <= coalesce("
-    " (SELECT value FROM meta WHERE key = 'unnamed'), 0) FROM run"
+    "SELECT lease.token, holder FROM run"
     " LEFT JOIN lease ON lease.run = run.id AND lease.token = ?2 WHERE id = ?1"
 )
 
@@ -58,11 +55,7 @@ def _problem(db: sqlite3.Connection, run: str, token: int, holder: str) -> str:
     row = db.execute(_FIND, (run, token)).fetchone()
     if row is None:
         return f"there is no run {run}"
-    latest, found, name, unnamed = row
-    if unnamed:
-        known = found is not None or 0 < token <= (latest or token)
-    else:
-        known = found is not None
-        if known and name != holder:
-            return f"the lease {token} of {run} was granted under another key"
-    return "" if known else f"run {run} was never leased under token {token}"
+    granted, name = row
+    if granted is None:
+        return f"run {run} was never leased under token {token}"
+    return "" if name == holder else f"the lease {token} of {run} was granted under another key"

@@ -12,19 +12,12 @@ from daemon.model.attachments import attached_digests
 _CELL: Final = (3, 32)
 """Where in the body of a specification the name of its cell stands, and its length."""
 _BODIES: Final = f"""
-    SELECT DISTINCT substr(CAST(body AS TEXT), {_CELL[0]}, {_CELL[1]}) FROM spec{{joined}}
-    WHERE substr(CAST(body AS TEXT), 1, 1) = '['{{waiting}}
+    SELECT DISTINCT substr(CAST(body AS TEXT), {_CELL[0]}, {_CELL[1]}) FROM spec
 """
-_WRITTEN_OUT: Final = "SELECT body FROM spec{joined} WHERE substr(CAST(body AS TEXT), 1, 1) <> '['"
 _RESERVES: Final = f"""
     SELECT DISTINCT substr(CAST(body AS TEXT), {_CELL[0]}, {_CELL[1]}) FROM reserve
-    WHERE substr(CAST(body AS TEXT), 1, 1) = '['
 """
-_RESERVES_WRITTEN_OUT: Final = (
-    "SELECT body FROM reserve WHERE substr(CAST(body AS TEXT), 1, 1) <> '['"
-)
-_JOIN: Final = " JOIN run ON run.id = spec.run"
-_WAITING: Final = " AND run.state IN ('queued', 'running')"
+_WAITING: Final = " JOIN run ON run.id = spec.run WHERE run.state IN ('queued', 'running')"
 
 
 def referenced_inputs(db: sqlite3.Connection) -> tuple[frozenset[str], frozenset[str]]:
@@ -33,20 +26,10 @@ def referenced_inputs(db: sqlite3.Connection) -> tuple[frozenset[str], frozenset
     Runs that may still be made of a reserve count among all. Raises ``sqlite3.Error``, and
     ``ValueError``, ``TypeError`` or ``KeyError`` for a ledger that is damaged there.
     """
-    every = _inputs(db, (_BODIES.format(joined="", waiting=""), _RESERVES))
-    every |= _inputs_of(body for query in _written_out() for (body,) in db.execute(query))
-    waiting = _inputs(db, (_BODIES.format(joined=_JOIN, waiting=_WAITING),))
-    written_out = db.execute(_WRITTEN_OUT.format(joined=_JOIN) + _WAITING)
-    waiting |= _inputs_of(body for (body,) in written_out)
-    return frozenset(every), frozenset(waiting)
+    return _inputs(db, (_BODIES, _RESERVES)), _inputs(db, (_BODIES + _WAITING,))
 
 
-def _written_out() -> tuple[str, str]:
-    # By schema 4 or before.
-    return _WRITTEN_OUT.format(joined=""), _RESERVES_WRITTEN_OUT
-
-
-def _inputs(db: sqlite3.Connection, queries: tuple[str, ...]) -> set[str]:
+def _inputs(db: sqlite3.Connection, queries: tuple[str, ...]) -> frozenset[str]:
     cells = {name for query in queries for (name,) in db.execute(query)}
     return _inputs_of(_part(db, name) for name in cells)
 
@@ -60,7 +43,7 @@ def _part(db: sqlite3.Connection, name: str) -> bytes:
     return body
 
 
-def _inputs_of(bodies: Iterator[bytes]) -> set[str]:
+def _inputs_of(bodies: Iterator[bytes]) -> frozenset[str]:
     found: set[str] = set()
     for body in bodies:
         # As it is written, not as a specification: a field that a later version does not take must
@@ -69,4 +52,4 @@ def _inputs_of(bodies: Iterator[bytes]) -> set[str]:
         found.add(spec["scene"])
         found.update(attached_digests(spec["sut"]["parameters"]).values())
         found.add(spec.get("map", {}).get("file", ""))
-    return found - {""}
+    return frozenset(found - {""})

@@ -97,7 +97,7 @@ class LedgerReader:
         """Open the ledger of a state directory as it is, whether a daemon keeps it or not.
 
         Raises :class:`DaemonError`, also for a question in the block, when it cannot be read or
-        is of a version that has not what is asked for.
+        has another schema.
         """
         try:
             with closing(connect_reader(paths.ledger)) as connection:
@@ -225,7 +225,7 @@ class LedgerReader:
         return read_declared(self._db, campaign)
 
     def origin(self, campaign: str) -> CampaignOrigin:
-        """Where a campaign was written; nothing is known of those of ledgers before schema 9."""
+        """Return the file and the commit that a campaign was written in."""
         return read_origin(self._db, campaign)
 
     def records(self, query: RecordQuery) -> tuple[RunRecord, ...]:

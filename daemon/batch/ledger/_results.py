@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger._connection import schema_version
 from daemon.batch.ledger._staging import count_queued
 from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.paths import StatePaths
@@ -20,7 +19,7 @@ from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_digest, trace_name
 from daemon.model.messages import Completion
 from daemon.model.packed_submission import Script
-from daemon.model.spec import LARGEST_RESULT, RunResult, RunSpec, bound_result
+from daemon.model.spec import LARGEST_RESULT, RunResult, RunSpec
 from daemon.model.status import CampaignOrigin
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
@@ -28,7 +27,6 @@ from grammars.text import codec
 T = TypeVar("T")
 
 _MOST_CACHED: Final = 1024
-_FIRST_WITH_ORIGIN: Final = 9
 
 _COLUMNS: Final = (
     "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
@@ -46,8 +44,6 @@ class SpecReader:
 
     def read(self, body: bytes) -> RunSpec:
         """Return the specification that ``body`` stands for."""
-        if not body.startswith(b"["):  # written out, by schema 4 or before
-            return codec.from_json(RunSpec, body)
         cell, script, repeat, seed = json.loads(body)
         same = self._part(cell, self._cells, lambda text: codec.from_json(RunSpec, text))
         drawn = self._part(script, self._scripts, _read_script)
@@ -93,13 +89,8 @@ def missing_trace_text(source: str) -> str:
 
 
 def read_result(body: bytes) -> RunResult:
-    """Return a result as it was stored, without what makes it too large where it is.
-
-    Earlier versions stored results of megabytes. Raises ``ValueError`` for one that cannot be
-    understood any more.
-    """
-    result = codec.from_json(RunResult, body)
-    return bound_result(result) if len(body) > LARGEST_RESULT else result
+    """Return a result as it was stored; raises ``ValueError`` for one that is damaged."""
+    return codec.from_json(RunResult, body)
 
 
 def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
@@ -113,9 +104,6 @@ def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
 def read_origin(db: sqlite3.Connection, campaign: str) -> CampaignOrigin:
     """Return where a campaign was written; raises :class:`Refused` as :func:`read_declared`."""
     read_declared(db, campaign)
-    # One that no daemon of this version has opened yet can be read all the same.
-    if schema_version(db) < _FIRST_WITH_ORIGIN:
-        return CampaignOrigin()
     row = db.execute("SELECT origin FROM campaign WHERE id = ?", (campaign,)).fetchone()
     return codec.from_json(CampaignOrigin, row[0]) if row and row[0] else CampaignOrigin()
 
@@ -144,7 +132,7 @@ def read_records(
         if room <= 0:
             break
         found.append(_run_record(db, tuple(row), paths))
-        room -= min(len(row[-1] or b""), LARGEST_RESULT)
+        room -= len(row[-1] or b"")
     return tuple(found)
 
 

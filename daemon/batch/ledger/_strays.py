@@ -19,7 +19,7 @@ from typing import Final, Literal, TypeAlias
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import DAMAGED
-from daemon.batch.ledger._connection import check_current, check_present, connect_reader
+from daemon.batch.ledger._connection import check_present, connect_reader
 from daemon.batch.ledger._inputs import referenced_inputs
 from daemon.batch.locks import is_locked
 from daemon.batch.paths import StatePaths
@@ -85,7 +85,6 @@ def _read_ledger(paths: StatePaths) -> _Needed:
     check_present(paths.ledger)
     try:
         with closing(connect_reader(paths.ledger)) as db:
-            check_current(db, paths.ledger)
             needed, _ = referenced_inputs(db)
             unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
             searches = db.execute("SELECT campaign FROM search").fetchall()

@@ -1,13 +1,7 @@
-"""What the ledger and the folders beside it say, held against digests: nothing is believed.
-
-A digest is taken of the very bytes that were recorded, not of what this version makes of them:
-fields that came later have not changed what was recorded before.
-"""
+"""Verification of the ledger and the folders beside it: each content is held against its digest."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import sqlite3
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
@@ -35,9 +29,6 @@ _PAGE: Final = 500
 _QUICK: Final = 1000
 """Results, and specifications, of a quick look: the newest."""
 _NAMED: Final = 3
-_JUDGED: Final = ("spec", "outcome", "verdicts", "trace")
-"""Fields of a result that its digest is about, in its order."""
-_DECODER: Final = json.JSONDecoder()
 
 _RESULTS: Final = (
     "SELECT run.serial, run.id, run.digest, run.trace_name, run.trace_at, run.outcome, run.oracle,"
@@ -160,7 +151,7 @@ def _verify_results(
         except ValueError:
             found.add("results cannot be read", run)
             continue
-        if digest not in (_result_digest(body), result.digest):
+        if result.digest != digest:
             found.add("results differ from their digest", run)
         if result.spec != spec:
             found.add("results are of another specification than their run", run)
@@ -176,27 +167,6 @@ def _columns(result: RunResult) -> tuple[object, ...]:
     if verdict is None:
         return (str(result.outcome), "", None, "", simulated)
     return (str(result.outcome), verdict.oracle, verdict.margin, verdict.unit, simulated)
-
-
-def _result_digest(body: bytes) -> str:
-    parts = _split_object(body)
-    text = b",".join(b'"%s":%s' % (name.encode(), parts.get(name, b"")) for name in _JUDGED)
-    return hashlib.sha256(b"{%s}" % text).hexdigest()
-
-
-def _split_object(text: bytes) -> dict[str, bytes]:
-    """Return the values of a JSON object as they are written; raises ``ValueError``.
-
-    It is written as :func:`grammars.text.codec.to_json` does, without a blank.
-    """
-    written, at = text.decode("utf-8"), 1
-    found: dict[str, bytes] = {}
-    while at < len(written) and written[at] == '"':
-        name, at = _DECODER.raw_decode(written, at)
-        _, end = _DECODER.raw_decode(written, at + 1)
-        found[name] = written[at + 1 : end].encode()
-        at = end + 1
-    return found
 
 
 def _verify_trace(
@@ -222,66 +192,15 @@ def _verify_specs(
     bounds: tuple[int, int],
     progress: VerificationProgress,
 ) -> int:
-    texts, specs, count = _SpecTexts(db), SpecReader(db), 0
+    specs, count = SpecReader(db), 0
     for run, digest, body in _pages(db, _SPECS, bounds, "specifications", progress):
         count += 1
         try:
-            if texts.digest(body) != digest and specs.read(body).digest != digest:
+            if specs.read(body).digest != digest:
                 found.add("specifications differ from their digest", run)
         except (ValueError, TypeError, KeyError):
             found.add("specifications cannot be read", run)
-    for name in texts.wrong:
-        found.add("parts of specifications differ from their digest", name)
     return count
-
-
-class _SpecTexts:
-    """Puts the texts of specifications together from their parts, as they were digested."""
-
-    def __init__(self, db: sqlite3.Connection) -> None:
-        self._db = db
-        self._cells: dict[str, tuple[bytes, ...]] = {}
-        self._scripts: dict[str, bytes] = {}
-        self.wrong: list[str] = []
-
-    def digest(self, body: bytes) -> str:
-        """Digest of what ``body`` stands for; raises ``ValueError`` or ``TypeError``."""
-        if not body.startswith(b"["):
-            return hashlib.sha256(body).hexdigest()
-        cell, script, repeat, seed = json.loads(body)
-        if cell not in self._cells:
-            self._cells[cell] = _split_cell(self._part(cell))
-        if script not in self._scripts:
-            self._scripts[script] = self._part(script)
-        before, behaviours, middle, after = self._cells[cell]
-        numbers = (b"%d" % repeat, self._scripts[script], b"%d" % seed)
-        whole = before + numbers[0] + behaviours + numbers[1] + middle + numbers[2] + after
-        return hashlib.sha256(whole).hexdigest()
-
-    def _part(self, name: str) -> bytes:
-        row = self._db.execute("SELECT body FROM part WHERE name = ?", (name,)).fetchone()
-        if row is None:
-            raise ValueError(f"there is no part {name}")
-        text = bytes(row[0])
-        if not hashlib.sha256(text).hexdigest().startswith(name):
-            self.wrong.append(name)
-        return text
-
-
-def _split_cell(text: bytes) -> tuple[bytes, ...]:
-    """Cut a cell where repeat, behaviours and seed of a run belong."""
-    parts = _split_object(text)
-    pieces = [b"{"]
-    for i, (name, value) in enumerate(parts.items()):
-        pieces[-1] += (b"," if i else b"") + b'"%s":' % name.encode()
-        if name in ("repeat", "behaviours", "seed"):
-            pieces.append(b"")
-        else:
-            pieces[-1] += value
-    pieces[-1] += b"}"
-    if len(pieces) != 4:
-        raise ValueError("a cell lacks repeat, behaviours or seed")
-    return tuple(pieces)
 
 
 def _verify_files(

@@ -39,7 +39,7 @@ class LedgerWriter(SearchUpdates):
     def open(
         cls, paths: StatePaths, *, attempts: int = 3, lease: float = 30.0
     ) -> Iterator[LedgerWriter]:
-        """Open a ledger, creating or upgrading it if need be.
+        """Open a ledger, creating it if need be.
 
         Raises :class:`DaemonError`, also for what is done in the block outside of a transaction.
         """

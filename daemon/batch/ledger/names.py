@@ -12,14 +12,14 @@ import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from daemon.batch.ledger._connection import connect_reader
 
 MOST_NAMES: Final = 200
 """Names in one answer: nobody reads more."""
 
-# A ledger that is being upgraded is locked for long; no names are better than a shell that hangs.
+# Another program may hold the ledger for long; no names are better than a shell that hangs.
 _LOCK_TIMEOUT: Final = 0.1
 _AFTER_ANY_TEXT: Final = "\U0010ffff"
 """Behind every text that begins with what stands before it."""
@@ -78,12 +78,12 @@ def oracles(ledger: Path, run: str) -> tuple[LedgerName, ...]:
     query = "SELECT body FROM spec WHERE run = ? OR run = ? LIMIT 1"
     with closing(_open(ledger)) as db:
         row = db.execute(query, (run, f"{run}.0")).fetchone()
-        body: Any = json.loads(row[0]) if row else {"oracles": []}
-        if isinstance(body, list):
-            # [cell, script, repeat, seed]: the oracles are the cell's.
-            cell = db.execute("SELECT body FROM part WHERE name = ?", (body[0],)).fetchone()
-            body = json.loads(cell[0])
-    return tuple(LedgerName(oracle["name"], oracle["text"]) for oracle in body["oracles"])
+        if row is None:
+            return ()
+        # [cell, script, repeat, seed]: the oracles are the cell's.
+        name = json.loads(row[0])[0]
+        (cell,) = db.execute("SELECT body FROM part WHERE name = ?", (name,)).fetchone()
+    return tuple(LedgerName(one["name"], one["text"]) for one in json.loads(cell)["oracles"])
 
 
 def column_values(ledger: Path, campaign: str, columns: Sequence[str]) -> tuple[LedgerName, ...]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import DaemonError, KeysUnusable
-from daemon.batch.ledger import LedgerReader, StrayFile, find_strays, read_wal
+from daemon.batch.ledger import LedgerReader, StrayFile, find_strays
 from daemon.batch.locks import is_locked
 from daemon.batch.operation._findings import DoctorFinding, ok, problem, warning
 from daemon.batch.paths import StatePaths
@@ -78,8 +78,7 @@ def check_leftovers(paths: StatePaths, here: Path, now: float) -> Iterator[Docto
     The last are looked for at and below ``here``. Locks are tried for a moment, shared; nothing
     is changed.
     """
-    # A damaged WAL is left for the daemon: opening the ledger would drop what is behind the damage.
-    readable = paths.ledger.exists() and not read_wal(paths.ledger).damaged
+    readable = paths.ledger.exists()
     strays = _strays(paths, now) if readable else ()
     named = {stray.path for stray in strays}
     found = [

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.ledger import LedgerReader, read_wal
+from daemon.batch.ledger import LedgerReader
 from daemon.batch.operation._findings import DoctorFinding, ok, problem, warning
 from daemon.batch.paths import StatePaths
 from daemon.model.search_answer import SearchQuery, SearchRow
@@ -17,8 +17,7 @@ _LONGEST: Final = 300
 
 def check_searches(paths: StatePaths) -> Iterator[DoctorFinding]:
     """Look at the searches of the ledger; without any there is nothing to say."""
-    # A damaged WAL is left for the daemon: opening the ledger would drop what is behind the damage.
-    if not paths.ledger.exists() or read_wal(paths.ledger).damaged:
+    if not paths.ledger.exists():
         return
     try:
         with LedgerReader.open(paths) as ledger:

@@ -117,7 +117,6 @@ class Handlers(SearchHandlers):
     marker: Marker
     search_trouble: Callable[[], str]
     starting: Callable[[], str]
-    damage: str = ""
     draining: bool = False
 
     def __post_init__(self) -> None:
@@ -186,7 +185,7 @@ class Handlers(SearchHandlers):
         ]
         if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
             halting += idle[:1]
-        others = (self.damage, self.search_trouble(), *idle, *self._inputs.troubles())
+        others = (self.search_trouble(), *idle, *self._inputs.troubles())
         troubles = tuple(dict.fromkeys((*halting, *others)))
         named = tuple(words for words in troubles if words)
         return (halting[0] if halting else ""), named[:_MOST_TROUBLES]

@@ -16,15 +16,14 @@ from typing import Final
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.errors import DaemonError, Unavailable
+from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.batch.server._contact import ContactFile, hold_alone
 from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
-from daemon.batch.server._opening import OpenedState, WaitingDaemon, open_state
+from daemon.batch.server._opening import OpenedState, open_state
 from daemon.batch.server._processes import LocalWorker, SearchCoordinator
 from daemon.batch.server._quota import Quota
 from daemon.batch.server._request_limits import RequestLimits, holder_of
@@ -104,7 +103,7 @@ def serve(
         if tether:
             stop.watch_tether()
         try:
-            opened = _open(stack, paths, settings, log, listening, stop)
+            opened = open_state(stack, paths, settings, log)
         except DaemonError as error:
             log.write("failed", problem=repr(error))
             raise
@@ -133,22 +132,6 @@ def _checked(settings: DaemonSettings) -> DaemonSettings:
         return replace(settings, store=check_store_url(settings.store) if settings.store else "")
     except ValueError as error:
         raise DaemonError(f"traces cannot be kept there: {error}") from error
-
-
-def _open(
-    stack: ExitStack,
-    paths: StatePaths,
-    settings: DaemonSettings,
-    log: EventLog,
-    listening: ListenSettings,
-    stop: StopRequest,
-) -> OpenedState:
-    """Open the state directory, answering that it cannot be opened for as long as that is so."""
-    opening = partial(open_state, stack, paths, settings, log)
-    try:
-        return opening()
-    except Unavailable:
-        return WaitingDaemon(paths, stop, log).wait(listening, opening)
 
 
 class _Daemon:
@@ -191,7 +174,6 @@ class _Daemon:
             stop=stop,
             troubles=self._troubles,
             marker=opened.marker,
-            damage=opened.damage,
             search_trouble=self._search_trouble,
             starting=self._starting,
         )
@@ -263,10 +245,11 @@ class _Daemon:
             ledger.add_store(self._settings.store)
         reader = self._reader(stack, "ledger-reader")
         carrier = self._reader(stack, "carrier")
-        checkpoints = IdleCheckpoints(
-            ledger, lambda problem: self._log.write("checkpoint", problem=problem)
+        writer = WriterThread(
+            ledger,
+            lambda events: _publish(session, events),
+            lambda problem: self._log.write("checkpoint", problem=problem),
         )
-        writer = WriterThread(ledger, lambda events: _publish(session, events), checkpoints)
         preparer, overload = LedgerlessThread("preparer"), OverloadReply()
         # The writer before the preparer, which hands over to it: they finish the other way round.
         threads = (overload, reader, carrier, writer, preparer)

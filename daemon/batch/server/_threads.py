@@ -10,9 +10,8 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from daemon.batch.errors import Unavailable
+from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.server._checkpoints import IdleCheckpoints
 from daemon.batch.server._turn_queue import TurnQueue
 from daemon.model.messages import OWNER
 from daemon.model.status import ChangeEvent
@@ -22,6 +21,8 @@ _BATCH: Final = 64
 one for each job, 9 470 without any; and nobody waits for more than 64 others' jobs."""
 _SLICE: Final = 0.02
 """Seconds that steps of something long may share a commit: leases and renewals wait for it."""
+_PAUSE: Final = 0.4
+"""Seconds without a change after which the ledger's WAL is emptied."""
 _MOST: Final = 2048
 _MOST_BYTES: Final = 256 * 2**20
 """Requests that may wait for a thread, and their bytes, four of the largest submissions: what comes
@@ -96,19 +97,23 @@ class WriterThread(LedgerThread):
     Jobs that wait together share a commit (the fsync is what costs); each has a savepoint, so a
     refused one undoes only itself. A job whose value is a generator goes on in steps, a slice of
     them in each transaction, and between two slices what waits has its turn; one such job at a
-    time, in the order they came.
+    time, in the order they came. In a pause the WAL is emptied: SQLite drops what stands behind a
+    single wrong bit of it. ``report`` gets the problem when that fails.
     """
 
     def __init__(
         self,
         ledger: LedgerWriter,
         publish: Callable[[list[ChangeEvent]], None],
-        checkpoints: IdleCheckpoints,
+        report: Callable[[str], None],
     ) -> None:
         super().__init__("ledger-writer")
         self._ledger = ledger
         self._publish = publish
-        self._checkpoints = checkpoints
+        self._report = report
+        self._changes = -1
+        self._changed_at = 0.0
+        self._emptied = False
         self._long: deque[tuple[LedgerJob, Generator[None, None, object]]] = deque()
         self._renewals = 0
 
@@ -152,18 +157,18 @@ class WriterThread(LedgerThread):
                 self._work(batch)
             if self._long:
                 self._go_on()
-            self._checkpoints.note_changes()
+            self._empty_in_pause()
         for job, steps in self._long:
             steps.close()
             job.done(_LEAVING)
-        self._checkpoints.act()
+        self._empty()
 
     def _take(self, *, wait: bool) -> tuple[list[LedgerJob], bool]:
         """Return what waits, up to a batch, and whether more may come."""
         batch: list[LedgerJob] = []
         while len(batch) < _BATCH:
             try:
-                job = self._first() if wait and not batch else self._jobs.get(block=False)
+                job = self._jobs.get(block=wait and not batch)
             except queue.Empty:
                 break
             if job is None:
@@ -171,13 +176,20 @@ class WriterThread(LedgerThread):
             batch.append(job)
         return batch, True
 
-    def _first(self) -> LedgerJob | None:
-        """Wait for a job; while there is none the ledger's WAL is emptied."""
-        while True:
-            try:
-                return self._jobs.get(timeout=self._checkpoints.patience)
-            except queue.Empty:
-                self._checkpoints.act()
+    def _empty_in_pause(self) -> None:
+        """Empty the WAL if nothing changed for a while; the daemon's own ticks lead here."""
+        now, changes = time.monotonic(), self._ledger.changes
+        if changes != self._changes:
+            self._changes, self._changed_at, self._emptied = changes, now, False
+        elif not self._emptied and now - self._changed_at >= _PAUSE:
+            self._empty()
+
+    def _empty(self) -> None:
+        try:
+            self._emptied = self._ledger.checkpoint()
+        except DaemonError as error:
+            self._emptied = True  # the next change leads to the next try
+            self._report(str(error))
 
     def _work(self, batch: list[LedgerJob]) -> None:
         try:

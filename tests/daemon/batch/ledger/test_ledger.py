@@ -1,10 +1,12 @@
+import re
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 
 import pytest
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
+from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.batch.time_left import CellWork, ExecutedRuns, RunInProgress, RunProgress
 from daemon.model.messages import Completion, RunQuery
@@ -223,3 +225,18 @@ def test_a_search_has_the_runs_it_will_propose_in_its_workload(ledger):
     list(book.submit_search(make_search("s"), "digest", lambda _: None, NOW))
     (work,) = reader.workload(NOW, {})
     assert work.more == make_search("s").task.runs
+
+
+@pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1])
+def test_a_ledger_of_another_schema_is_refused(tmp_path, version):
+    places = StatePaths(tmp_path)
+    connect(places.ledger).close()
+    with closing(sqlite3.connect(places.ledger)) as db:
+        db.execute(f"PRAGMA user_version = {version}")
+    words = (
+        f"{places.ledger} has schema {version}, this version reads and writes schema"
+        f" {SCHEMA_VERSION}: use the version that made it, or name another state directory"
+    )
+    for opening in (LedgerWriter.open(places), LedgerReader.open(places)):
+        with pytest.raises(DaemonError, match=re.escape(words)), opening:
+            pass

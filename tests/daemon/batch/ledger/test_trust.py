@@ -5,12 +5,13 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, check_integrity, connect
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.ledger.transitions import Completed, ExecutionState, Leased, Voided, advance
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest, RunQuery
 from daemon.model.run_state import RunState
 from daemon.model.status import KeyDeliveries
+from tests.daemon.batch.ledger_rules import broken_rules
 from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = 1_000_000.0
@@ -42,7 +43,7 @@ class Ledger:
         return [row.state for row in self.reader.runs(RunQuery(campaign)).rows]
 
     def sound(self):
-        return check_integrity(self.path).violations == ()
+        return broken_rules(self.path) == []
 
 
 @pytest.fixture

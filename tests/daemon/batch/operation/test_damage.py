@@ -154,15 +154,12 @@ def test_a_damaged_ledger_never_ends_the_examination_nor_the_daemon_in_a_traceba
     [
         (lambda p: p.ledger.write_bytes(b""), "ledger"),
         (lambda p: (p.ledger.unlink(), p.ledger.mkdir()), "ledger"),
-        (lambda p: change(p, "DROP TABLE tally"), "ledger"),
         (lambda p: change(p, "PRAGMA user_version = 99"), "ledger"),
         (lambda p: p.contact_file.write_text('{"endpoint": "\x1b]0;", "pid": -1'), None),
         (lambda p: (p.spool / "dead" / "lock").mkdir(parents=True), "leftovers"),
         (lambda p: (p.spool / "dead").write_bytes(b""), None),
         (lambda p: (p.files.rmdir(), p.files.touch()), None),
         (lambda p: (shutil.rmtree(p.state), p.state.touch()), "state"),
-        (lambda p: (p.state / "ledger.db-wal").write_bytes(b"\xff" * 9000), "wal"),
-        (lambda p: (p.state / "ledger.db-wal.damaged-x").write_bytes(b""), "ledger"),
     ],
 )
 def test_whatever_lies_there_is_a_line_with_a_remedy(places, spoil, subject):

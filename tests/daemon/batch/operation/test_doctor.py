@@ -53,12 +53,9 @@ def _tear(path):
         file.write(b"\xa5" * 4096 * 3)
 
 
-def _drop(table):
-    def act(path):
-        with closing(sqlite3.connect(path)) as db, db:
-            db.execute(f"DELETE FROM {table}")
-
-    return act
+def _drop_campaigns(path):
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute("DELETE FROM campaign")
 
 
 @pytest.mark.parametrize(
@@ -66,9 +63,7 @@ def _drop(table):
     [
         (_tear, "ledger"),
         (lambda path: path.write_bytes(b"?" * 9000), "cannot be read: file is not a database"),
-        (_drop("spec"), "3 runs have no specification"),
-        (_drop("tally"), "1 counts differ from the runs"),
-        (_drop("campaign"), "refers to nothing"),
+        (_drop_campaigns, "refers to nothing"),
     ],
 )
 def test_a_damaged_ledger_is_a_problem(places, damage, words):

@@ -1,18 +1,14 @@
-"""Results used again, repeats in reserve, what campaigns declare, ledgers of older versions."""
+"""Results used again, repeats in reserve, what campaigns declare."""
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import pytest
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import (
-    SCHEMA_VERSION,
     LedgerReader,
     LedgerWriter,
     PlannedRun,
@@ -32,10 +28,8 @@ from daemon.model.assessments import (
 )
 from daemon.model.messages import (
     Completion,
-    LeaseRef,
     LedgerAnswer,
     RecordQuery,
-    ReleaseRequest,
     RetryRequest,
     RunQuery,
 )
@@ -326,82 +320,6 @@ def test_records_say_what_rows_do_not(ledger):
     assert last[0].timing is not None
     (waiting,) = ledger.records("d")
     assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
-
-
-@pytest.mark.parametrize("version", [1, 2, 3, 4, 5, 6, 7, 8])
-def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path, version):
-    path = tmp_path / "ledger.db"
-    more = (", declared", ", x''") if version > 1 else ("", "")
-    old = sqlite3.connect(path, isolation_level=None)
-    old.executescript((Path(__file__).parent / f"ledger_schema_{version}.sql").read_text())
-    old.executescript(
-        f"PRAGMA user_version = {version};"
-        f"INSERT INTO campaign (id, name, about, source, digest, total, submitted_at{more[0]})"
-        f" VALUES ('old', 'old', '', '', '', 1, 1.0{more[1]});"
-        "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-        " trace_name) VALUES ('old.0', 'old', 0, 'S1', 'pilot', 0, 10.0, 'd', 'old/t.mcap');"
-    )
-    old.close()
-    connect(path).close()
-    upgraded, made = connect(path), connect(tmp_path / "new.db")
-    assert upgraded.execute("PRAGMA user_version").fetchone()[0] == SCHEMA_VERSION
-    for table in ("campaign", "run", "reserve", "result", "lease", "search", "proposal"):
-        columns = [
-            [row[1:] for row in db.execute(f"PRAGMA table_info({table})")]
-            for db in (upgraded, made)
-        ]
-        assert sorted(r[0:4] for r in columns[0]) == sorted(r[0:4] for r in columns[1])
-    indexes = [
-        {row[0] for row in db.execute("SELECT name FROM sqlite_schema WHERE type = 'index'")}
-        for db in (upgraded, made)
-    ]
-    assert indexes[0] == indexes[1]
-    reader = LedgerReader(upgraded, StatePaths(tmp_path))
-    assert (reader.campaigns()[0].paused, reader.campaigns()[0].priority) == (False, 0)
-    assert reader.declared("old") == AssessmentRules()
-    assert reader.origin("old") == CampaignOrigin()
-    assert [row.id for row in reader.records(RecordQuery("old"))] == ["old.0"]
-    upgraded.close()
-    made.close()
-
-
-@pytest.mark.parametrize("holder", ["", "worker.spare"])
-def test_leases_of_an_earlier_version_go_on(tmp_path, holder):
-    """Under whatever name, since none was kept; those granted from then on under theirs only."""
-    now_path, old_path = tmp_path / "now.db", tmp_path / "ledger.db"
-    with closing(connect(now_path)) as now:
-        book = LedgerWriter(now)
-        book.submit(submission_of("c", *specs(4)), NOW)
-        book.lease("w", 2, NOW)
-        book.expire_leases(NOW + 3600.0)
-        known = book.lease("w", 3, NOW + 3700.0)
-    old = sqlite3.connect(old_path, isolation_level=None)
-    old.executescript((Path(__file__).parent / "ledger_schema_6.sql").read_text())
-    old.execute("PRAGMA user_version = 6")
-    old.execute(f"ATTACH '{now_path}' AS now")
-    for table in ("meta", "campaign", "run", "part", "spec"):
-        names = ", ".join(row[1] for row in old.execute(f"PRAGMA main.table_info({table})"))
-        old.execute(
-            f"INSERT OR REPLACE INTO main.{table} ({names}) SELECT {names} FROM now.{table}"
-        )
-    old.close()
-    with closing(connect(old_path)) as db:
-        book = LedgerWriter(db)
-        assert book.extend_leases(NOW) == 3
-        holds = tuple(LeaseRef(grant.run, grant.token) for grant in known)
-        assert book.renew("w", holds, NOW, holder=holder) == ()
-        # That of the first attempt, which this schema did not keep, is late and not too late.
-        late, other = known[0], known[2]
-        done = Completion("w", late.run, 1, 1, make_result(late.spec))
-        assert book.complete(done, NOW, holder=holder) is LedgerAnswer.RECORDED
-        release = ReleaseRequest("w", other.run, other.token, "why", blame=False)
-        assert book.release(release, NOW, holder=holder) is LedgerAnswer.DONE
-        (new, _) = book.lease("w", 2, NOW + 3600.0, holder="worker.other")
-        hold = LeaseRef(new.run, new.token)
-        assert book.renew("w", (hold,), NOW, holder=holder) == (hold,)
-        never = replace(done, token=new.token + 1)
-        with pytest.raises(Refused, match="never leased"):
-            book.complete(never, NOW, holder=holder)
 
 
 def external(spec):
