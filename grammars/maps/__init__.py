@@ -2,12 +2,11 @@
 
 - :func:`walls_text`, :func:`load_walls`: a walls layer, written and read;
 - :func:`vectorise`: a building from an occupancy map;
-- :func:`read_drawing`: a building from a DXF drawing.
+- :func:`draw_map`: the map that a DXF drawing makes.
 """
 
 from grammars.floorplan import WALLS_ENDING
-from grammars.maps._drawing import read_drawing
-from grammars.maps._drawing_settings import DrawingSettings
+from grammars.maps._drawing import DrawingSettings, DrawnMap, draw_map
 from grammars.maps._from_map import vectorise
 from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
 from grammars.maps._walls_file import WallsText, load_walls
@@ -20,6 +19,7 @@ __all__ = [
     "DrawingSettings",
     "DrawnBuilding",
     "DrawnEntryway",
+    "DrawnMap",
     "DrawnSpace",
     "DrawnWall",
     "EmptyMapError",
@@ -27,8 +27,8 @@ __all__ = [
     "ImportSettings",
     "ImportedMap",
     "WallsText",
+    "draw_map",
     "load_walls",
-    "read_drawing",
     "vectorise",
     "walls_text",
 ]

@@ -1,14 +1,13 @@
-"""A building as it was found on a map or a drawing: free areas, walls, entryways.
+"""A building as a map shows it: free areas, walls, entryways.
 
 Coordinates are metres in the frame of the map. Rings do not repeat their first corner.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from grammars.model.geometry import Point2, Ring
-from grammars.text.diagnostics import Diagnostic
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +52,10 @@ class DrawnEntryway:
 
 @dataclass(frozen=True, slots=True)
 class DrawnBuilding:
-    """A whole floor. ``source`` says in a line what it was made from.
-
-    ``warnings`` are what people should know about how it was made.
-    """
+    """A whole floor. ``source`` says in a line what it was made from."""
 
     name: str
     spaces: tuple[DrawnSpace, ...]
     walls: tuple[DrawnWall, ...]
     entryways: tuple[DrawnEntryway, ...] = ()
     source: str = ""
-    warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, NoReturn
 
@@ -13,7 +14,7 @@ from scenario_tui.cli.options import AsJson
 from scenario_tui.cli.output import Output, OutputPart, report_diagnostics, say
 
 if TYPE_CHECKING:
-    from grammars.maps import DrawnBuilding, ImportReport, ImportSettings
+    from grammars.maps import DrawnBuilding, ImportReport
 
 _OTHER_FILE: Final = "of a map, name the YAML file that map_server reads, not its image"
 
@@ -47,7 +48,7 @@ class ImportOutput(Output, schema="import"):
     walls: int
     corners: int
     doorways: list[FoundDoorway]
-    map: MapFigures | None = None
+    map: MapFigures
 
 
 def import_building(
@@ -68,33 +69,27 @@ def import_building(
     ] = None,
     tolerance: Annotated[
         float,
-        typer.Option(
-            min=0.4, max=5.0, help="For maps: how far walls may lie off their cells, in cells."
-        ),
+        typer.Option(min=0.4, max=5.0, help="How far walls may lie off their cells, in cells."),
     ] = 1.0,
     specks: Annotated[
-        int, typer.Option(min=1, help="For maps: fewer unknown cells than this are noise.")
+        int, typer.Option(min=1, help="Fewer unknown cells than this are noise.")
     ] = 4,
     least_room: Annotated[
-        float, typer.Option(min=0.0, help="For maps: smallest piece of floor that is kept, m².")
+        float, typer.Option(min=0.0, help="Smallest piece of floor that is kept, m².")
     ] = 1.0,
     doorways: Annotated[
         bool,
         typer.Option(
             "--doorways/--no-doorways",
-            help="For maps: gaps of 0.7 to 1.3 m between walls become doorways between rooms.",
+            help="Gaps of 0.7 to 1.3 m between walls become doorways between rooms.",
         ),
     ] = True,
     height: Annotated[
-        str, typer.Option(metavar="LENGTH", help="Height of the walls, which no map shows.")
+        str, typer.Option(metavar="LENGTH", help="Height of the walls, which neither shows.")
     ] = "2.5 m",
     layer: Annotated[
         list[str] | None,
         typer.Option(metavar="PATTERN", help="For drawings: layers that hold walls."),
-    ] = None,
-    doors: Annotated[
-        list[str] | None,
-        typer.Option(metavar="PATTERN", help="For drawings: blocks that are doors."),
     ] = None,
     unit: Annotated[
         str, typer.Option(help="For drawings: mm, cm, dm, m, in or ft. Default: as the file says.")
@@ -111,37 +106,45 @@ def import_building(
 
     Campaigns name it in place of a floor plan: floorplan: NAME.
     """
-    from dataclasses import replace
-
-    from grammars.maps import DrawingSettings, ImportSettings, read_drawing, walls_text
+    from grammars.maps import (
+        DrawingSettings,
+        EmptyMapError,
+        ImportSettings,
+        draw_map,
+        vectorise,
+        walls_text,
+    )
+    from grammars.model.map_files import read_saved_map
 
     target = _target(file, out)
     if target.exists() and not force:
         _refuse(
             str(target), "is there already", "take another name (-o), or write over it: --force"
         )
-    name, tall = _name_in(target), _length(height, "height")
-    figures: ImportReport | None = None
+    settings = ImportSettings(
+        _name_in(target), tolerance, specks, least_room, _length(height, "height"), doorways
+    )
+    yaw = 0.0
     if file.suffix.lower() in (".dxf", ".dwg"):
-        drawing = DrawingSettings(
-            name=name, unit=unit, height=tall, thickness=_length(thickness, "thickness")
-        )
-        if layer:
-            drawing = replace(drawing, layers=tuple(layer))
-        if doors:
-            drawing = replace(drawing, doors=tuple(doors))
-        building = read_drawing(file, drawing)
-        report_diagnostics(building.warnings)
+        drawing = DrawingSettings(unit=unit, thickness=_length(thickness, "thickness"))
+        drawn = draw_map(file, replace(drawing, layers=tuple(layer)) if layer else drawing)
+        report_diagnostics(drawn.warnings)
+        grid = drawn.grid
     elif file.suffix.lower() in (".yaml", ".yml"):
-        settings = ImportSettings(name, tolerance, specks, least_room, tall, doorways)
-        building, figures = _from_map(file, settings)
+        saved = read_saved_map(file)
+        report_diagnostics(saved.warnings)
+        grid, yaw = saved.grid, saved.yaw
     else:
         _refuse(str(file), "is neither the YAML file of a map nor a drawing", _OTHER_FILE)
     try:
-        target.write_text(walls_text(building), encoding="utf-8")
+        made = vectorise(grid, settings, yaw=yaw)
+    except EmptyMapError as error:
+        _refuse(str(file), str(error), "look at its free_thresh and negate")
+    try:
+        target.write_text(walls_text(made.building), encoding="utf-8")
     except OSError as error:
         _refuse(str(target), f"cannot be written: {error.strerror}", "")
-    found = _output(target, building, figures)
+    found = _output(target, made.building, made.report)
     if as_json:
         found.emit()
         return
@@ -179,37 +182,23 @@ def _refuse(file: str, message: str, hint: str) -> NoReturn:
     raise InputError.at(Where(file), message, hint)
 
 
-def _from_map(file: Path, settings: ImportSettings) -> tuple[DrawnBuilding, ImportReport]:
-    from grammars.maps import EmptyMapError, vectorise
-    from grammars.model.map_files import read_saved_map
-
-    saved = read_saved_map(file)
-    report_diagnostics(saved.warnings)
-    try:
-        made = vectorise(saved.grid, settings, yaw=saved.yaw)
-    except EmptyMapError as error:
-        _refuse(str(file), str(error), "look at its free_thresh and negate")
-    return made.building, made.report
-
-
-def _output(target: Path, building: DrawnBuilding, report: ImportReport | None) -> ImportOutput:
+def _output(target: Path, building: DrawnBuilding, report: ImportReport) -> ImportOutput:
     areas = [space.area for space in building.spaces] + [wall.area for wall in building.walls]
     rings = [ring for area in areas for ring in (area.outline, *area.holes)]
     xs = [x for ring in rings for x, _ in ring]
     ys = [y for ring in rings for _, y in ring]
-    figures = _figures(report) if report else None
     return ImportOutput(
         str(target),
         round(max(xs) - min(xs), 3),
         round(max(ys) - min(ys), 3),
         [space.name for space in building.spaces],
         len(building.walls),
-        report.corners if report else sum(map(len, rings)),
+        report.corners,
         [
             FoundDoorway(door.name, round(math.dist(door.start, door.end), 3), door.depth)
             for door in building.entryways
         ],
-        figures,
+        _figures(report),
     )
 
 
@@ -233,21 +222,20 @@ def _described(found: ImportOutput) -> str:
     ]
     doors = ", ".join(f"{door.name} {door.width:.2f} m" for door in found.doorways)
     lines.append(f"  doorways  {len(found.doorways)}{': ' if doors else ''}{doors}")
-    if found.map:
-        cells = found.map
-        lines.append(
-            f"  error     at most {cells.largest_error:.2f} cells of {cells.cell:g} m"
-            f" ({cells.largest_error * cells.cell:.3f} m)"
-        )
-        dropped = []
-        if cells.dropped_floor:
-            dropped.append(f"{cells.dropped_floor:.2f} m² of floor in small pockets")
-        if cells.dropped_wall_cells:
-            dropped.append(f"{cells.dropped_wall_cells} occupied cells outside")
-        if cells.filled_cells:
-            dropped.append(f"{cells.filled_cells} unknown cells as noise")
-        if dropped:
-            lines.append(f"  left out  {', '.join(dropped)}")
+    cells = found.map
+    lines.append(
+        f"  error     at most {cells.largest_error:.2f} cells of {cells.cell:g} m"
+        f" ({cells.largest_error * cells.cell:.3f} m)"
+    )
+    dropped = []
+    if cells.dropped_floor:
+        dropped.append(f"{cells.dropped_floor:.2f} m² of floor in small pockets")
+    if cells.dropped_wall_cells:
+        dropped.append(f"{cells.dropped_wall_cells} occupied cells outside")
+    if cells.filled_cells:
+        dropped.append(f"{cells.filled_cells} unknown cells as noise")
+    if dropped:
+        lines.append(f"  left out  {', '.join(dropped)}")
     return "\n".join(lines)
 
 
