@@ -14,6 +14,7 @@ from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen, Screen
 from textual.theme import Theme
 
+from daemon.model.run_state import RunState
 from grammars.text.words import count_noun
 from scenario_tui.client import ClientOpener
 from scenario_tui.dashboard.background import CommandLines
@@ -119,6 +120,9 @@ class Dashboard(BaseDashboard):
                 self._answered = True
                 self.set_timer(_READY, self._load_screens)
             self.daemon_state = state
+            for row in state.known_rows():
+                if row.state is not RunState.RUNNING:
+                    self.tracks.forget(row.id)
         now = self.clock()
         # Ages grow even when nothing is new.
         if state is not None or lives or now - self._said >= 1.0:

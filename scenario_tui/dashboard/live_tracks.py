@@ -116,6 +116,10 @@ class Tracks:
         while len(self._tracks) > _KEPT_RUNS:
             self._tracks.pop(next(iter(self._tracks)))
 
+    def forget(self, run: str) -> None:
+        """Forget a run that does not run any more: its next attempt begins a track of its own."""
+        self._tracks.pop(run, None)
+
     def silence(self, track: Track) -> float:
         """Return for how long nothing was heard of a run [s]."""
         return self._clock() - track.heard

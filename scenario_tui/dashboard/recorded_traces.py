@@ -13,10 +13,30 @@ from grammars.model.geometry import Pose2
 if TYPE_CHECKING:
     from daemon.model.status import RunDetail
     from daemon.model.verbs import DaemonClient
+    from daemon.model.verdicts import Verdict
     from grammars.model.geometry import Point2
 
 _TRAIL_POINTS: Final = 4000
 """Points of a way at most: more of them would fall into the same dots of the map."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingVersion:
+    """Identity of a recording as it is shown: the digest of its trace, and its verdicts.
+
+    The path of a trace identifies nothing: a run that is executed again writes the same file.
+    """
+
+    run: str
+    sha256: str
+    verdicts: tuple[Verdict, ...]
+
+
+def recording_version(detail: RunDetail) -> RecordingVersion | None:
+    """Return the version of the recording of a run, ``None`` while it has no result."""
+    if detail.result is None or detail.row.state in UNFINISHED_STATES:
+        return None
+    return RecordingVersion(detail.row.id, detail.result.trace.sha256, detail.result.verdicts)
 
 
 @dataclass(frozen=True, slots=True)

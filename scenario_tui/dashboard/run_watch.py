@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.model.run_state import UNFINISHED_STATES, RunState
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from daemon.model.verbs import Closeable, DaemonClient
     from grammars.model.scene import Scene
     from scenario_tui.client import ClientOpener
+
+_RecordingKey: TypeAlias = tuple[str, str, str]
+"""A run, and the place and the digest of its trace."""
 
 _SCENES_KEPT: Final = 8
 """Who goes through the runs of a campaign comes back to the same few scenes."""
@@ -47,7 +50,7 @@ class RunWatch:
         self._on_problem = on_problem
         self._on_fetched = on_fetched
         self._scenes: dict[str, Scene] = {}
-        self._recording: tuple[tuple[str, str], TraceSummary | UnavailableTrace] | None = None
+        self._recording: tuple[_RecordingKey, TraceSummary | UnavailableTrace] | None = None
         self._subscription: Closeable | None = None
         self._followed = ("", False)
         self._detailed = ""
@@ -118,8 +121,9 @@ class RunWatch:
         """Return what the trace of a run says that is over, or why it says nothing."""
         if detail is None or detail.row.state in UNFINISHED_STATES:
             return None
-        # With the trace: a run that is queued again gets another one.
-        key = (detail.row.id, detail.row.trace)
+        # With the digest: a run that is executed again leaves another trace at the same path.
+        digest = detail.result.trace.sha256 if detail.result is not None else ""
+        key = (detail.row.id, detail.row.trace, digest)
         if self._recording is None or self._recording[0] != key:
             if can_fetch_trace(detail, daemon):
                 size = 0.0 if detail.result is None else detail.result.trace.size / 1e6
@@ -132,7 +136,7 @@ class RunWatch:
                 self._recording = (key, read_trace_summary(detail))
         return self._recording[1]
 
-    def _fetch(self, key: tuple[str, str], detail: RunDetail) -> None:
+    def _fetch(self, key: _RecordingKey, detail: RunDetail) -> None:
         """Bring a trace here beside everything else that is asked."""
         seen: TraceSummary | UnavailableTrace
         try:

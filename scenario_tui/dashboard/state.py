@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Final, Literal
 if TYPE_CHECKING:
     from daemon.model.messages import RunQuery
     from daemon.model.search_answer import SearchRow
-    from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunPage, WorkerRow
+    from daemon.model.status import (
+        CampaignRow,
+        DaemonOverview,
+        RunDetail,
+        RunPage,
+        RunRow,
+        WorkerRow,
+    )
     from grammars.model.scene import Scene
     from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
     from scenario_tui.dashboard.search_runs import SearchRuns
@@ -76,6 +83,11 @@ class DashboardState:
     def campaign(self, campaign: str) -> CampaignRow | None:
         """Return the campaign with this id."""
         return next((row for row in self.campaigns if row.id == campaign), None)
+
+    def known_rows(self) -> tuple[RunRow, ...]:
+        """Return the rows of the page and of the run that were asked for last."""
+        page = self.page.rows if self.page is not None else ()
+        return page if self.detail is None else (*page, self.detail.row)
 
     def page_for(self, query: RunQuery) -> RunPage | None:
         """Return the page of runs asked for; the last one asked for may be another."""

@@ -14,9 +14,13 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import OptionList, Static
 
 from daemon.model.status import CampaignRow, RunDetail
-from daemon.model.verdicts import Verdict
 from scenario_tui.dashboard.live_timeline import LiveTransport, follows
-from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.recorded_traces import (
+    RecordingVersion,
+    TraceSummary,
+    UnavailableTrace,
+    recording_version,
+)
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
 from scenario_tui.dashboard.screens.run_log import log_text
@@ -79,7 +83,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
         super().__init__()
         self._run = run
         self._playback: Playback | None = None
-        self._opened: Path | None = None
+        self._version: RecordingVersion | None = None
+        self._opened: RecordingVersion | None = None
         self._damage = ""
         self._shown: object = None
         self._unfinished = UnfinishedRun()
@@ -158,22 +163,34 @@ class RunScreen(PlayingScreen, SteeringScreen):
         detail = self._detail()
         if detail is None:
             return
+        version = recording_version(detail)
+        if version != self._version:
+            self._change_version(version)
         self._unfinished.hear(detail, track_of(self.dashboard, detail))
         if not self._limits_asked and is_running(detail):
             self._limits_asked = True
             self._read_limits(detail)
         seen = state.recording_of(self._run)
-        if (
-            isinstance(seen, TraceSummary)
-            and detail.result is not None
-            and seen.path != self._opened
-        ):
-            self._opened = seen.path
-            self._open(seen.path, detail.result.verdicts)
+        if isinstance(seen, TraceSummary) and version is not None and version != self._opened:
+            self._opened = version
+            self._open(seen.path, version)
         self._words(detail)
         if self._playback is None:
             self._show_live(detail, state)
         self._say(detail)
+
+    def _change_version(self, version: RecordingVersion | None) -> None:
+        """Drop the recording of an earlier attempt or judgement.
+
+        A run that was only judged again keeps the moment that somebody chose.
+        """
+        before, self._version = self._version, version
+        self._opened, self._playback, self._damage = None, None, ""
+        if before is not None and (version is None or version.sha256 != before.sha256):
+            self._unfinished, self._limits_asked = UnfinishedRun(), False
+            self.transport = None
+            self._since = self.dashboard.clock()
+            self.refresh_bindings()
 
     @work(thread=True)
     def _read_limits(self, detail: RunDetail) -> None:
@@ -288,25 +305,28 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self.update_from_state()
 
     @work(thread=True, exclusive=True)
-    def _open(self, path: Path, verdicts: tuple[Verdict, ...]) -> None:
+    def _open(self, path: Path, version: RecordingVersion) -> None:
         """Read the whole trace outside the thread that draws, then show it."""
         # What reads traces takes a while to load, and the dashboard is to be there at once.
         from daemon.trace import TraceError
 
         try:
-            playback = self.dashboard.read_playback(path, verdicts)
+            playback = self.dashboard.read_playback(path, version.verdicts)
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
-            self.app.call_from_thread(self._broken, f"{why}: {path}")
+            self.app.call_from_thread(self._broken, version, f"{why}: {path}")
             return
-        self.app.call_from_thread(self._ready, playback)
+        self.app.call_from_thread(self._ready, version, playback)
 
-    def _broken(self, why: str) -> None:
-        self._damage = why
-        self.update_from_state()
+    def _broken(self, version: RecordingVersion, why: str) -> None:
+        if version == self._version:
+            self._damage = why
+            self.update_from_state()
 
-    def _ready(self, playback: Playback) -> None:
+    def _ready(self, version: RecordingVersion, playback: Playback) -> None:
         """Show the run at the moment that tells most."""
+        if version != self._version:
+            return  # it was executed or judged again while this was read
         self._playback = playback
         self.query_one(RunMap).explain("")
         self.remove_class("-untold", "-starting")
@@ -319,9 +339,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         before, watched = self.transport, self._unfinished.timeline is not None
         now = playback.end if watched else playback.start
         if before is not None and not follows(before):
-            now = before.time
+            now = playback.within(before.time)
         self.begin(ReplayTransport(playback.start, playback.end, now, playing=False))
-        if not watched:
+        if before is None and not watched:
             self._go_to_chosen()
         self.update_from_state()
 

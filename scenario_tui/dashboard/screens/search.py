@@ -12,9 +12,14 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import Static
 
-from daemon.model.status import CampaignRow, RunDetail
+from daemon.model.status import CampaignRow
 from grammars.text.words import count_noun
-from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.recorded_traces import (
+    RecordingVersion,
+    TraceSummary,
+    UnavailableTrace,
+    recording_version,
+)
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
@@ -38,6 +43,7 @@ from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, NOTHING, QUIE
 from scenario_tui.text.search_text import answer_lines, phase_text, search_word
 
 if TYPE_CHECKING:
+    from daemon.model.search import SearchTask
     from scenario_tui.dashboard.playback import Playback
 
 _COLUMNS: Final = (
@@ -86,10 +92,11 @@ class SearchScreen(SteeringScreen, MapActions):
         self._part = 0
         self._shown: SearchRuns | None = None
         self._notable: tuple[NotableRun, ...] = ()
-        self._opened: Path | None = None
-        self._playback: tuple[str, Playback] | None = None
+        self._stale = True
+        self._opened: RecordingVersion | None = None
+        self._playback: tuple[RecordingVersion, Playback] | None = None
         self._moment = 0.0
-        self._damage = ("", "")
+        self._damage = ""
         self._to_play = ""
 
     def body(self) -> ComposeResult:
@@ -117,15 +124,16 @@ class SearchScreen(SteeringScreen, MapActions):
 
     def on_resize(self) -> None:
         """Draw everything for the new size."""
-        self._shown = None
+        self._stale = True
         self.call_after_refresh(self.query_changed)
 
     def state_query(self) -> Query:
         """The search; the run in front where its map is seen, or is to be played."""
         seen = self.has_class("-wide") or self.VIEWS[self._part] == "map"
         front = self._front()
-        run = self._to_play or (front.run if front is not None and seen else "")
-        return Query(search=self._campaign, run=run)
+        if front is None or not (seen or front.run == self._to_play):
+            return Query(search=self._campaign)
+        return Query(search=self._campaign, run=front.run)
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign that the search is."""
@@ -160,8 +168,8 @@ class SearchScreen(SteeringScreen, MapActions):
         show_message_or(self.query_one("#empty"), self.query_one("#searched"), message)
         if search is None:
             return
-        if search is not self._shown:
-            self._shown = search
+        if search is not self._shown or self._stale:
+            self._shown, self._stale = search, False
             self._notable = notable_runs(search)
             self._say(search)
             table = self.query_one(KeyedTable)
@@ -226,62 +234,66 @@ class SearchScreen(SteeringScreen, MapActions):
     def _show_map(self, state: DashboardState, search: SearchRuns) -> None:
         """Show the run in front at its decisive moment, as soon as its trace is read."""
         front, above = self._front(), self.query_one(RunMap)
-        wanted = self.state_query().run
-        detail = state.detail_of(wanted) if wanted else None
+        detail = state.detail_of(front.run) if front is not None else None
         if front is None or detail is None:
             above.show(None)
             above.explain("" if front is not None else "No run has a result yet.")
             return
-        seen = state.recording_of(wanted)
-        if isinstance(seen, TraceSummary) and seen.path != self._opened:
-            self._opened = seen.path
-            self._open(seen.path, detail)
-        if isinstance(seen, UnavailableTrace) and self._to_play:
-            self._to_play = ""
-            self.dashboard.problem(seen.why)
-        if self._playback is not None and self._playback[0] == front.run:
+        version = recording_version(detail)
+        seen = state.recording_of(front.run)
+        if isinstance(seen, TraceSummary) and version is not None and version != self._opened:
+            self._opened, self._damage = version, ""
+            self._open(seen.path, version, search.row.task)
+        elif isinstance(seen, UnavailableTrace):
+            self._refuse_play(seen.why)
+        elif version is None:
+            self._refuse_play("a run can be played when it is over")
+        if self._playback is not None and self._playback[0] == version:
             above.explain("")
             above.show(self._playback[1].view(self._moment))
-        elif wanted == front.run:
+        else:
             view, why = top_view_of(state, detail, None)
-            damage = self._damage[1] if self._damage[0] == front.run else ""
+            damage = self._damage if self._opened == version else ""
             above.explain(damage or why)
             above.show(view)
 
     @work(thread=True, exclusive=True)
-    def _open(self, path: Path, detail: RunDetail) -> None:
+    def _open(self, path: Path, version: RecordingVersion, task: SearchTask) -> None:
         """Read a whole trace outside the thread that draws, then show it."""
         from daemon.trace import TraceError
 
-        verdicts = detail.result.verdicts if detail.result is not None else ()
         try:
-            playback = self.dashboard.read_playback(path, verdicts)
+            playback = self.dashboard.read_playback(path, version.verdicts)
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
-            self.app.call_from_thread(self._broken, detail.row.id, f"{why}: {path}")
+            self.app.call_from_thread(self._broken, version, f"{why}: {path}")
             return
-        self.app.call_from_thread(self._ready, detail.row.id, playback)
+        self.app.call_from_thread(self._ready, version, task, playback)
 
-    def _broken(self, run: str, why: str) -> None:
-        self._damage = (run, why)
-        if self._to_play == run:
-            self._to_play = ""
-            self.dashboard.problem(why)
+    def _broken(self, version: RecordingVersion, why: str) -> None:
+        if version != self._opened:
+            return  # another recording is in front by now
+        self._damage = why
+        self._refuse_play(why)
         self.update_from_state()
 
-    def _ready(self, run: str, playback: Playback) -> None:
+    def _ready(self, version: RecordingVersion, task: SearchTask, playback: Playback) -> None:
         """Show the run at its decisive moment; play it if that is what was asked for."""
-        if self._shown is None:
-            return
-        found = decisive_moment(self._shown.row.task, playback.verdicts)
-        self._playback, self._moment = (
-            (run, playback),
-            playback.within(playback.end if found is None else found),
-        )
+        if version != self._opened:
+            return  # another recording is in front by now
+        found = decisive_moment(task, playback.verdicts)
+        self._playback = (version, playback)
+        self._moment = playback.within(playback.end if found is None else found)
         self.update_from_state()
-        if self._to_play == run:
+        if self._to_play == version.run:
             self._to_play = ""
             self._play(playback)
+
+    def _refuse_play(self, why: str) -> None:
+        """Say why the run in front cannot be played, if that was asked for."""
+        if self._to_play:
+            self._to_play = ""
+            self.dashboard.problem(why)
 
     def _play(self, playback: Playback) -> None:
         from scenario_tui.dashboard.screens.replay import ReplayScreen
@@ -289,7 +301,8 @@ class SearchScreen(SteeringScreen, MapActions):
         self.app.push_screen(ReplayScreen(playback, playback.within(self._moment - _LEAD)))
 
     def on_data_table_row_highlighted(self) -> None:
-        """Show the run the cursor came to."""
+        """Show the run the cursor came to; an earlier one is not played any more."""
+        self._to_play = ""
         self._show_point()
         self.query_changed()
 
@@ -315,12 +328,19 @@ class SearchScreen(SteeringScreen, MapActions):
         front = self._looked_at()
         if front is None:
             return
-        if self._playback is not None and self._playback[0] == front.run:
+        if self._playback is not None and self._playback[0] == self._version_in_front():
             self._play(self._playback[1])
             return
+        if self._damage:
+            self._opened = None  # what could not be read may be readable by now
         self._to_play = front.run
         self.notify(f"reading {front.run}", markup=False, timeout=2)
         self.query_changed()
+
+    def _version_in_front(self) -> RecordingVersion | None:
+        front = self._front()
+        detail = self.dashboard.daemon_state.detail_of(front.run) if front is not None else None
+        return recording_version(detail) if detail is not None else None
 
     def action_rerun(self) -> None:
         """Copy the command that executes the run in front again."""

@@ -5,14 +5,17 @@ from dataclasses import replace
 import pytest
 from textual.widgets import Static
 
+from daemon.batch.stores import file_sha256
 from daemon.judging.oracles import judge
+from daemon.model.run_state import RunState
+from daemon.model.spec import TraceInfo
 from daemon.trace import read_trace
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
-from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live
+from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live, make_result
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
 
 RUN = f"{CAMPAIGN}.5"
@@ -40,6 +43,44 @@ class Recorded(FakeDaemon):
             return detail
         note = "parameters without effect: a, b"
         return replace(detail, result=replace(detail.result, verdicts=self._verdicts, note=note))
+
+
+class Repeated(FakeDaemon):
+    """Run 5 is executed and judged again: other recordings at the same path."""
+
+    def __init__(self, path):
+        super().__init__()
+        self._path = path
+        self.rows = tuple(
+            replace(row, trace=str(path)) if row.index == 5 else row for row in self.rows
+        )
+        self._first, self._result = self.rows, None
+
+    def execute(self, **changes):
+        record_run(self._path, **changes)
+        recorded = read_trace(self._path)
+        self._result = replace(
+            make_result(self._first[5]),
+            verdicts=judge(recorded, recorded.spec.oracles),
+            trace=TraceInfo(file_sha256(self._path), self._path.stat().st_size, 1),
+        )
+        self.rows = self._first
+
+    def judge_again(self):
+        verdicts = tuple(v for v in self._result.verdicts if v.oracle == "slow")
+        self._result = replace(self._result, verdicts=verdicts)
+
+    def become(self, state):
+        self.rows = tuple(
+            replace(row, state=state, outcome=None, trace="", attempt=2) if row.index == 5 else row
+            for row in self.rows
+        )
+
+    def run(self, run):
+        detail = super().run(run)
+        if detail.row.index != 5 or detail.result is None:
+            return detail
+        return replace(detail, result=self._result)
 
 
 def shown(pilot):
@@ -93,6 +134,94 @@ async def test_parts_follow_each_other_where_there_is_room_for_one(trace):
         for words in ("seed 2024", "contact", "robot touches door-1/leaf", "✗ no-contact decided",
                       "door-1.hinge opens"):  # fmt: skip
             assert words in shown(pilot)
+
+
+def robot_x(pilot):
+    """Where the map shows the robot [m], ``None`` where it will start."""
+    pose = pilot.app.screen.query_one(TopView)._view.robot_pose
+    return None if pose is None else pose.x
+
+
+async def test_a_run_that_was_executed_again_shows_its_new_recording(tmp_path):
+    fake = Repeated(tmp_path / "run.mcap")
+    fake.execute()
+    async with opened(fake, (200, 50)) as pilot:
+        await look_at(pilot)
+        await press(pilot, "end")
+        assert robot_x(pilot) == pytest.approx(6.0)
+        fake.execute(speed=0.1)
+        await settle(pilot)
+        await pilot.app.workers.wait_for_complete()
+        await settle(pilot)
+        await press(pilot, "end")
+        assert robot_x(pilot) == pytest.approx(2.0)
+
+
+async def test_the_panel_beside_the_runs_shows_the_new_recording(tmp_path):
+    fake = Repeated(tmp_path / "run.mcap")
+    fake.execute()
+    async with opened(fake, (200, 50)) as pilot:
+        await pilot.pause(0)
+        pilot.app.open_runs(CAMPAIGN)
+        await settle(pilot)
+        await press(pilot, *["j"] * 5)
+        assert robot_x(pilot) == pytest.approx(6.0)
+        fake.execute(speed=0.1)
+        await settle(pilot)
+        assert robot_x(pilot) == pytest.approx(2.0)
+
+
+async def test_a_run_that_was_judged_again_shows_the_moments_of_its_new_verdicts(tmp_path):
+    fake = Repeated(tmp_path / "run.mcap")
+    fake.execute()
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        moments = [moment.oracle for moment in pilot.app.screen.moments()]
+        assert moments == ["no-contact", "calm"]
+        await press(pilot, "home", "right")
+        fake.judge_again()
+        await settle(pilot)
+        await pilot.app.workers.wait_for_complete()
+        await settle(pilot)
+        assert pilot.app.screen.moments() == ()
+        assert now(pilot) == 1.0
+
+
+@pytest.mark.parametrize("state", [RunState.QUEUED, RunState.RUNNING])
+async def test_an_old_recording_leaves_the_screen_while_the_run_is_executed_again(tmp_path, state):
+    fake = Repeated(tmp_path / "run.mcap")
+    fake.execute()
+    async with opened(fake, (200, 50)) as pilot:
+        await look_at(pilot)
+        fake.become(state)
+        await settle(pilot)
+        assert "wp" not in shown(pilot).partition("\n")[0]
+        assert pilot.app.screen.transport is None
+        assert "speed.angular" not in shown(pilot)
+        assert robot_x(pilot) is None
+        fake.execute(speed=0.1)
+        await settle(pilot)
+        await pilot.app.workers.wait_for_complete()
+        await settle(pilot)
+        await press(pilot, "end")
+        assert robot_x(pilot) == pytest.approx(2.0)
+
+
+async def test_another_attempt_is_not_shown_where_the_last_one_was_heard(fake):
+    run = f"{CAMPAIGN}.7"
+    async with opened(fake, (200, 50)) as pilot:
+        await look_at(pilot, run)
+        fake.live = (make_live(7, 20.0), make_live(7, 60.0))
+        await settle(pilot)
+        assert robot_x(pilot) == pytest.approx(4.0)
+        running = fake.rows
+        fake.rows = tuple(
+            replace(row, state=RunState.QUEUED) if row.id == run else row for row in running
+        )
+        await settle(pilot)
+        fake.rows = running
+        await settle(pilot)
+        assert robot_x(pilot) is None
 
 
 async def test_the_log_ends_with_what_an_external_system_printed(tmp_path):

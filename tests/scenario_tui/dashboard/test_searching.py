@@ -10,9 +10,11 @@ from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale
 from daemon.model.status import ChangeEvent
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.trace import TraceError
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.known_searches import KnownSearches
+from scenario_tui.dashboard.playback_process import read_playback
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
@@ -27,6 +29,7 @@ from scenario_tui.dashboard.widgets.search_curve import (
     value_limits,
 )
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text, range_bar
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.capabilities import TerminalLimits
 from tests.daemon.batch.harness import eventually
 from tests.scenario_tui.dashboard.driven import choose_from_palette, notices, until
@@ -42,7 +45,7 @@ from tests.scenario_tui.dashboard.searching import (
     proposal_row,
 )
 from tests.scenario_tui.fake import CAMPAIGN
-from tests.scenario_tui.recorded import HIT
+from tests.scenario_tui.recorded import HIT, record_run
 
 BEST = 37
 """The run with the smallest margin."""
@@ -184,6 +187,85 @@ async def test_a_run_whose_map_is_not_seen_is_read_when_it_is_to_be_played(tmp_p
         assert not any(call[0] == "run" for call in fake.calls)
         await press(pilot, "p")
         await until(pilot, lambda: isinstance(pilot.app.screen, ReplayScreen))
+
+
+async def test_a_trace_that_could_not_be_read_once_is_tried_again_and_blocks_no_other(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(ReplayScreen, "tick", lambda screen: None)
+    fake = SearchingDaemon.finished()
+    broken = [True]
+
+    def read(path, verdicts):
+        if broken[0] and str(BEST) in path.name:
+            raise TraceError(path, "the process that reads it ended", "open the run again")
+        return read_playback(path, verdicts)
+
+    for run in (f"{SEARCH}.{BEST}", f"{SEARCH}.34"):
+        fake.record(tmp_path, run)
+    async with make_dashboard(fake, read_playback=read).run_test(size=(120, 40)) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        await until(pilot, lambda: "the process that reads it ended" in shown(pilot))
+        await press(pilot, "p")
+        await until(pilot, lambda: "the process that reads it ended" in notices(pilot))
+        await press(pilot, "n")
+        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
+        await press(pilot, "N")
+        await until(pilot, lambda: "the process that reads it ended" in shown(pilot))
+        broken[0] = False
+        await press(pilot, "p")
+        await until(pilot, lambda: isinstance(pilot.app.screen, ReplayScreen))
+
+
+async def test_a_recording_that_comes_while_the_screen_is_resized_is_taken(tmp_path):
+    fake = SearchingDaemon.finished()
+    fake.record(tmp_path, f"{SEARCH}.{BEST}")
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        held = []
+        monitored = SearchScreen._ready
+        SearchScreen._ready = lambda *given: held.append(given)
+        try:
+            await press(pilot, "enter")
+            await until(pilot, lambda: held)
+        finally:
+            SearchScreen._ready = monitored
+        screen = pilot.app.screen
+        screen.on_resize()
+        screen._ready(*held[0][1:])
+        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
+
+
+async def test_a_run_to_be_played_is_given_up_for_the_next_one_in_front(tmp_path):
+    fake = SearchingDaemon.finished()
+    fake.record(tmp_path, f"{SEARCH}.34")
+    fake.record(tmp_path, f"{SEARCH}.{BEST}")
+    fake.proposed = tuple(
+        replace(row, state=RunState.RUNNING) if row.run == f"{SEARCH}.{BEST}" else row
+        for row in fake.proposed
+    )
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "p", "n")
+        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
+        assert isinstance(pilot.app.screen, SearchScreen)
+
+
+async def test_a_search_shows_the_new_recording_of_a_run_executed_again(tmp_path):
+    fake = SearchingDaemon.finished()
+    run = f"{SEARCH}.{BEST}"
+    path = fake.record(tmp_path, run)
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
+        record_run(path, speed=0.1)
+        (_, result, _) = fake.results[0]
+        again = replace(result, trace=replace(result.trace, sha256="2" * 64))
+        fake.results = ((run, again, str(path)),)
+        map_view = pilot.app.screen.query_one(TopView)
+        await until(pilot, lambda: map_view._view.robot_pose.x == pytest.approx(1.6))
 
 
 async def test_why_a_run_cannot_be_played_is_said():
