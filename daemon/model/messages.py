@@ -80,13 +80,6 @@ class IdRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class KeyRequest:
-    """A request about a key, called as its certificate is."""
-
-    id: Annotated[str, Field(pattern=r"^(viewer|operator|worker)(\.[a-z0-9][a-z0-9-]{0,39})?$")]
-
-
-@dataclass(frozen=True, slots=True)
 class Count:
     """An answer that counts something."""
 

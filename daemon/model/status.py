@@ -87,39 +87,6 @@ class SubmissionReceipt:
 
 
 @dataclass(frozen=True, slots=True)
-class CampaignDeliveries:
-    """What one key has brought of a campaign: ``runs`` with its results, since when, until when.
-
-    ``cached`` of them took their results from other runs that it brought.
-    """
-
-    campaign: str
-    name: str
-    runs: int
-    cached: int
-    first_at: float
-    last_at: float
-
-
-@dataclass(frozen=True, slots=True)
-class KeyDeliveries:
-    """What a key has brought, in order of submission, and how many runs it holds just now.
-
-    ``voided_at`` is when somebody said that none of it counts, ``None`` while it does.
-    """
-
-    key: str
-    campaigns: tuple[CampaignDeliveries, ...]
-    held: int
-    voided_at: float | None = None
-
-    @property
-    def runs(self) -> int:
-        """Runs with a result of the key."""
-        return sum(one.runs for one in self.campaigns)
-
-
-@dataclass(frozen=True, slots=True)
 class CampaignRow:
     """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns.
 

@@ -31,7 +31,6 @@ from daemon.model.messages import (
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
-    KeyRequest,
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
@@ -59,7 +58,6 @@ from daemon.model.status import (
     DaemonOverview,
     DeletedCampaign,
     DiskUsage,
-    KeyDeliveries,
     LiveSnapshot,
     RunDetail,
     RunPage,
@@ -180,11 +178,6 @@ PRIORITISE: Final = Verb("prioritise", PriorityRequest, Empty,
     STEERING, WRITER)
 SHUTDOWN: Final = Verb("shutdown", Empty, Empty,
     "Ask the daemon to leave; what is running gets a while to finish.", STEERING)
-DELIVERIES: Final = Verb("deliveries", KeyRequest, KeyDeliveries,
-    "What a key has brought: of which campaigns, how many runs, since when.", STEERING, slow=True)
-VOID: Final = Verb("void", KeyRequest, Count,
-    "Let nothing count that a key has brought, and run it again; returns the number of runs.",
-    STEERING, WRITER, slow=True)
 SEARCH: Final = Verb("search", SearchSubmission, SubmissionReceipt,
     "Take a search with its files; one that was cancelled or has failed goes on.",
     STEERING, WRITER, LARGEST_SUBMISSION, slow=True, advice="leave out files it does not need")
@@ -283,8 +276,6 @@ class DaemonClient(ABC):
     prioritise = _question(PRIORITISE)
     delete = _question(DELETE)
     shutdown = _question(SHUTDOWN)
-    deliveries = _question(DELIVERIES)
-    void = _counting(VOID)
     bundle = _question(BUNDLE)
 
     def campaigns(self, *, unfinished: bool = False) -> tuple[CampaignRow, ...]:

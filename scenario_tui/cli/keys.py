@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from scenario_tui.cli.options import AsJson, Connect, Keys, State
-from scenario_tui.cli.output import Output, plain_table, say, stdout_console
+from scenario_tui.cli.options import AsJson, Keys
+from scenario_tui.cli.output import Output, say, stdout_console
 from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
 
 if TYPE_CHECKING:
     from daemon.batch.security import IssuedKey
-    from daemon.model.status import CampaignDeliveries
 
 keys_app = typer.Typer(
     name="keys",
@@ -110,74 +108,22 @@ def list_(keys: Keys = None, as_json: AsJson = False) -> None:
     KeysOutput(str(place), load_register(place).issued).show(as_json)
 
 
-class VoidOutput(Output, schema="void"):
-    """What a key has brought; none of it counts any more if it is ``voided``, ``runs`` go again."""
-
-    key: str
-    voided: bool
-    runs: int
-    held: int
-    campaigns: tuple[CampaignDeliveries, ...]
-
-    def print(self) -> None:
-        """Print a line for each campaign."""
-        _print_deliveries(self.campaigns)
-
-
 @keys_app.command(cls=PlainFlagsCommand)
-def revoke(
-    key: KeyName,
-    keys: Keys = None,
-    void: Annotated[
-        bool,
-        typer.Option("--void", help="Also void the results it brought, and run them again."),
-    ] = False,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Void without asking.")] = False,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+def revoke(key: KeyName, keys: Keys = None, as_json: AsJson = False) -> None:
     """Take a key's rights away, at once; a daemon that runs sees it within a second.
 
-    With --void the daemon is asked what the key has brought, and lets none of it count: results
-    and their traces go, those taken from them too, and their runs are queued again. --void --json
-    asks nobody: without --yes it only says what there is, and changes nothing.
+    What it has brought so far counts: to have it run again, retry or delete those campaigns.
     """
     from daemon.batch.security import keys_folder, load_register
     from daemon.batch.security.authority import revoke_key as withdraw
     from daemon.batch.security.authority import utc_now
 
     place = keys_folder(keys)
-    if not void:
-        withdraw(place, key, utc_now())
-        if as_json:
-            found_keys = tuple(one for one in load_register(place).issued if one.name == key)
-            KeysOutput(str(place), found_keys).emit()
-        say(f'"{key}" is revoked')
-        return
-    from daemon.batch.security import KEYS_VARIABLE
-    from grammars.text.words import count_noun
-    from scenario_tui.cli.target import DaemonTarget
-
-    if load_register(place).find(key) is None:
-        withdraw(place, key, utc_now())  # says which keys there are
-    if keys is not None:
-        os.environ[KEYS_VARIABLE] = str(keys)
-    with DaemonTarget(connect, state).open() as daemon:
-        found = daemon.deliveries(key)
-        if not (as_json or yes):
-            VoidOutput(key, False, found.runs, found.held, found.campaigns).print()
-            say(f'"{key}" brought {count_noun(found.runs, "result")} and holds {found.held} leases')
-            typer.confirm("Revoke it, void all of that and run it again?", abort=True, err=True)
-        if as_json and not yes:
-            VoidOutput(key, False, found.runs, found.held, found.campaigns).emit()
-            return
-        # First the key: what it brings meanwhile would not be voided.
-        withdraw(place, key, utc_now())
-        runs = daemon.void(key)
+    withdraw(place, key, utc_now())
     if as_json:
-        VoidOutput(key, True, runs, found.held, found.campaigns).emit()
-    say(f'"{key}" is revoked; {count_noun(runs, "run")} queued again')
+        revoked = tuple(one for one in load_register(place).issued if one.name == key)
+        KeysOutput(str(place), revoked).emit()
+    say(f'"{key}" is revoked')
 
 
 @keys_app.command(cls=PlainFlagsCommand)
@@ -198,19 +144,6 @@ def bundle(
 
     pack_key(keys_folder(keys), key, output)
     say(f'"{key}" is in {output}: whoever has it is "{key}" for the daemon')
-
-
-def _print_deliveries(campaigns: tuple[CampaignDeliveries, ...]) -> None:
-    from datetime import datetime
-
-    table = plain_table("CAMPAIGN", "NAME", "RUNS", "TAKEN AGAIN", "SINCE", "UNTIL")
-    for one in campaigns:
-        times = (
-            f"{datetime.fromtimestamp(at).astimezone():%Y-%m-%d %H:%M}"
-            for at in (one.first_at, one.last_at)
-        )
-        table.add_row(one.campaign, one.name, str(one.runs), str(one.cached), *times)
-    stdout_console().print(table)
 
 
 def _certificate_hosts(chosen: list[str] | None) -> tuple[str, ...]:

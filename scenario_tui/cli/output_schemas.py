@@ -83,7 +83,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     operate.MetricsOutput,
     operate.GcOutput,
     keys.KeysOutput,
-    keys.VoidOutput,
     sut.SutOutput,
     sut_check.InspectionOutput,
     import_building.ImportOutput,

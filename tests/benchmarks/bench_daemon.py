@@ -11,7 +11,6 @@ import threading
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import psutil
@@ -30,7 +29,6 @@ EMPTY = 3000
 QUEUED = 100_000
 LARGE = 1_000_000
 CAMPAIGNS = 20_000
-LEASED = 4000
 WORKERS = 400
 PROCESSES = 4
 RUNS = 20
@@ -196,23 +194,6 @@ def many_campaigns():
                 ("  the counts of all", reader.counts, 20),
             ):
                 yield replace(asked(name, question, times), reference=beside)
-
-
-def room_for_leases():
-    """What it takes to see how many leases a worker may get, beside those that others have."""
-    with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
-        paths = StatePaths(Path(folder))
-        paths.make_folders()
-        with LedgerWriter.open(paths) as ledger:
-            for running, workers in ((100, 1), (LEASED, LEASED // 100)):
-                with ledger.transaction():
-                    ledger.submit(make_submission(f"c{running}", running), 0.0)
-                    for i in range(workers):
-                        ledger.lease(f"w{i}", 100, 0.0, holder="a key" if i % 2 else "")
-                for words, holder in (("the owner", ""), ("a key", "a key")):
-                    question = partial(ledger.room_for_leases, "w2", holder, (50, 2000))
-                    took = asked(f"room for leases of {words}, {running} running", question)
-                    yield took
 
 
 def submit():
@@ -390,7 +371,7 @@ def efficiency():
 def measure():
     """Yield what each part has to say."""
     for part in (
-        empty_runs, idle, submit, large, many_campaigns, room_for_leases, busy_questions, scale,
+        empty_runs, idle, submit, large, many_campaigns, busy_questions, scale,
         efficiency,
     ):  # fmt: skip
         yield from part()

@@ -18,7 +18,6 @@ from tests.chaos.clock import clock
 from tests.chaos.cluster import cluster
 from tests.chaos.cut import cut_off
 from tests.chaos.disk import full_disk
-from tests.chaos.floods import flood, voided
 from tests.chaos.long_writes import long_writes
 from tests.chaos.network import network
 from tests.chaos.output import output
@@ -48,8 +47,6 @@ def _scenarios(runs, seed):
         "full": full_start,
         "bits": lambda folder: bits(folder, seed=seed),
         "output": output,
-        "flood": flood,
-        "void": voided,
     }
 
 

@@ -35,14 +35,12 @@ from daemon.model.spec import (
     TraceInfo,
 )
 from daemon.model.status import (
-    CampaignDeliveries,
     CampaignOrigin,
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
     DeletedCampaign,
     DiskUsage,
-    KeyDeliveries,
     LiveSnapshot,
     RunDetail,
     RunPage,
@@ -462,13 +460,6 @@ class FakeDaemon(DaemonClient):
     def _progress(self, progress):
         self._search_of(progress.campaign)
         return Empty()
-
-    def _deliveries(self, request):
-        brought = CampaignDeliveries(CAMPAIGN, "first", 3, 1, NOW - 60.0, NOW)
-        return KeyDeliveries(request.id, (brought,), 1)
-
-    def _void(self, _):
-        return Count(3)
 
     def _shutdown(self, _):
         return Empty()

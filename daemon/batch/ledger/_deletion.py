@@ -16,7 +16,7 @@ from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.paths import StatePaths
 
 _HIDDEN: Final = "SELECT id FROM campaign WHERE visible = 0 ORDER BY serial"
-_OF_RUNS: Final = ("lease", "result", "spec")
+_OF_RUNS: Final = ("result", "spec")
 """Tables with rows about a run, in its column ``run``."""
 _PAGES: Final = 200
 """Pages given back in one step."""

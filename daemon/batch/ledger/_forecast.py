@@ -18,8 +18,6 @@ _WITH_RESULT: Final = (
     " AND repeatable AND state = 'done' AND outcome <> 'error'"
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = old.digest"
     " AND alarm.doubted = 1)"
-    " AND NOT EXISTS (SELECT 1 FROM result JOIN void_key ON void_key.name = result.holder"
-    " WHERE result.run = old.id)"
 )
 _EXECUTED: Final = (
     "SELECT scenario, sut, count(*), total(wall), total(simulated), total(time_limit) FROM run"

@@ -9,17 +9,13 @@ from dataclasses import fields
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger._granted import (
-    leases_of_worker,
-    may_use_lease,
-    record_lease,
-    require_lease,
-)
 from daemon.batch.ledger._results import (
     SpecReader,
     check_result,
+    lease_problem,
     queue_reserve,
     read_trace_location,
+    require_lease,
     reuse_in_steps,
     store_result,
 )
@@ -187,9 +183,8 @@ _LOOK_AGAIN: Final = 60.0
 class LeaseUpdates(RunUpdates):
     """What workers may do with runs; a lease lasts ``lease`` seconds.
 
-    ``holder`` is everywhere the name of the key that whoever asks has, empty for the daemon's
-    owner. A lease is used under the name it was granted to; which worker of that name it is does
-    not matter, since the next worker of a machine takes over what a dead one has left.
+    Which worker comes with a lease does not matter: the next worker of a machine takes over what a
+    dead one has left.
     """
 
     def __init__(
@@ -210,7 +205,6 @@ class LeaseUpdates(RunUpdates):
         *,
         store: str = "",
         lacks: Sequence[str] = (),
-        holder: str = "",
         missing: Callable[[RunSpec], str] = lambda _: "",
     ) -> tuple[Lease, ...]:
         """Give up to ``count`` queued runs to ``worker``, whose traces belong into ``store``.
@@ -240,8 +234,8 @@ class LeaseUpdates(RunUpdates):
             token = self._next_token()
             change = self._apply(run, Leased(worker, token, now + self._lease), now)
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
+            self._db.execute("UPDATE run SET leased_at = ? WHERE id = ?", (now, run))
             attempt = change.run.attempt
-            record_lease(self._db, token, run, attempt, worker, holder, now)
             leases.append(
                 Lease(run, campaign, attempt, token, trace, spec, store, leads=bool(leads))
             )
@@ -254,9 +248,7 @@ class LeaseUpdates(RunUpdates):
         ).fetchone()
         return int(row[0])
 
-    def renew(
-        self, worker: str, holds: Iterable[LeaseRef], now: float, *, holder: str = ""
-    ) -> tuple[LeaseRef, ...]:
+    def renew(self, worker: str, holds: Iterable[LeaseRef], now: float) -> tuple[LeaseRef, ...]:
         """Extend the leases a worker holds and return those whose runs it is to stop.
 
         A lease that has lapsed is the worker's again while its run waits; if another one has the
@@ -264,15 +256,18 @@ class LeaseUpdates(RunUpdates):
         answer it never got: they are queued again without blame.
         """
         claimed = tuple(holds)
-        gone = tuple(h for h in claimed if not self._renew_lease(worker, h, now, holder))
+        gone = tuple(h for h in claimed if not self._renew_lease(worker, h, now))
         tokens = {hold.token for hold in claimed}
-        for run, token in leases_of_worker(self._db, worker, holder):
+        held = self._db.execute(
+            "SELECT id, token FROM run WHERE state = 'running' AND worker = ?", (worker,)
+        ).fetchall()
+        for run, token in held:
             if token not in tokens:
                 self._apply(run, Released(token, "", blame=False), now)
         return gone
 
-    def _renew_lease(self, worker: str, hold: LeaseRef, now: float, holder: str) -> bool:
-        if not may_use_lease(self._db, hold.run, hold.token, holder):
+    def _renew_lease(self, worker: str, hold: LeaseRef, now: float) -> bool:
+        if lease_problem(self._db, hold.run, hold.token):
             return False
         change = self._apply(hold.run, Renewed(worker, hold.token, now + self._lease), now)
         held = change.answer is LedgerAnswer.DONE
@@ -280,20 +275,20 @@ class LeaseUpdates(RunUpdates):
             self._contested.add(hold.run)
         return held
 
-    def check_completion(self, completion: Completion, *, holder: str = "") -> str:
+    def check_completion(self, completion: Completion) -> str:
         """Refuse what is no result of a run of ours; returns the run's campaign."""
-        require_lease(self._db, completion.run, completion.token, holder)
+        require_lease(self._db, completion.run, completion.token)
         return check_result(self._db, completion)
 
-    def complete(self, completion: Completion, now: float, *, holder: str = "") -> LedgerAnswer:
+    def complete(self, completion: Completion, now: float) -> LedgerAnswer:
         """Record a result, exactly one per run, whichever lease it comes under and however late."""
-        campaign = self.check_completion(completion, holder=holder)
+        campaign = self.check_completion(completion)
         digest = completion.result.digest
         event = Completed(completion.token, digest, completion.worker)
         before = self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
-            store_result(self._db, completion, digest, now, holder)
+            store_result(self._db, completion, digest, now)
         change = self._apply(completion.run, event, now, before)
         if before is not None and change.run.state is RunState.DONE:
             self._stop_others(completion, before, campaign, now)
@@ -353,9 +348,9 @@ class LeaseUpdates(RunUpdates):
         """Record that the trace of a run lies at a URL now, empty for the state directory."""
         self._db.execute("UPDATE run SET trace_at = ? WHERE id = ?", (location, run))
 
-    def release(self, release: ReleaseRequest, now: float, *, holder: str = "") -> LedgerAnswer:
+    def release(self, release: ReleaseRequest, now: float) -> LedgerAnswer:
         """Take a run back without a result."""
-        require_lease(self._db, release.run, release.token, holder)
+        require_lease(self._db, release.run, release.token)
         event = Released(release.token, release.reason[-_LONGEST_REASON:], release.blame)
         return self._apply(release.run, event, now).answer
 

@@ -13,8 +13,6 @@ from typing import Any, Final
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._forecast import Forecast, PlannedRun, read_forecast
-from daemon.batch.ledger._granted import require_lease
-from daemon.batch.ledger._keys import read_deliveries
 from daemon.batch.ledger._queries import campaign_filter, run_filter, run_order
 from daemon.batch.ledger._results import (
     SpecReader,
@@ -24,6 +22,7 @@ from daemon.batch.ledger._results import (
     read_origin,
     read_records,
     read_result,
+    require_lease,
 )
 from daemon.batch.ledger._searches import read_proposals, read_searches, read_task
 from daemon.batch.ledger._workload import read_workload
@@ -45,7 +44,6 @@ from daemon.model.spec import RunResult
 from daemon.model.status import (
     CampaignOrigin,
     CampaignRow,
-    KeyDeliveries,
     RunDetail,
     RunPage,
     RunRow,
@@ -318,16 +316,12 @@ class LedgerReader:
         info = codec.from_json(RunResult, row[3]).trace
         return TraceReference(run, location, info.sha256, info.size)
 
-    def deliveries(self, key: str) -> KeyDeliveries:
-        """What a key has brought."""
-        return read_deliveries(self._db, key)
-
-    def expected_upload(self, run: str, token: int, *, holder: str = "") -> ExpectedUpload:
+    def expected_upload(self, run: str, token: int) -> ExpectedUpload:
         """Return what the ledger has to say to an upload under a lease, also one that is over.
 
-        Refuses one that ``holder``, the name of the sender's key, never got of the run.
+        Refuses one that the run never had.
         """
-        require_lease(self._db, run, token, holder)
+        require_lease(self._db, run, token)
         state, outdated, trace = self._db.execute(
             "SELECT state, outdated, trace_name FROM run WHERE id = ?", (run,)
         ).fetchone()

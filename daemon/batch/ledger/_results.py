@@ -183,8 +183,6 @@ _FIND_RESULTS: Final = (
     " AND new.repeatable AND old.state = 'done' AND old.outcome <> 'error'"
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = new.digest"
     " AND alarm.doubted = 1)"
-    " AND NOT EXISTS (SELECT 1 FROM result JOIN void_key ON void_key.name = result.holder"
-    " WHERE result.run = old.id)"
     # A search learns of leading margins, which only runs of searches have.
     " AND (NOT EXISTS (SELECT 1 FROM search WHERE search.campaign = new.campaign)"
     " OR EXISTS (SELECT 1 FROM search WHERE search.campaign = old.campaign)) GROUP BY new.id"
@@ -197,10 +195,29 @@ _TAKE_RESULT: Final = (
     " CASE cached WHEN '' THEN id ELSE cached END FROM run WHERE serial = ?) WHERE id = ?"
 )
 _COPY_RESULT: Final = (
-    "INSERT INTO result (run, attempt, worker, digest, at, body, holder)"
-    " SELECT ?, attempt, worker, digest, at, body, holder FROM result"
+    "INSERT INTO result (run, attempt, worker, digest, at, body)"
+    " SELECT ?, attempt, worker, digest, at, body FROM result"
     " WHERE run = (SELECT id FROM run WHERE serial = ?)"
 )
+
+
+def lease_problem(db: sqlite3.Connection, run: str, token: int) -> str:
+    """Say why nothing may come under a lease: the run never had it; empty for one it had.
+
+    Whether the lease is over is another question: late results are welcome.
+    """
+    row = db.execute("SELECT granted FROM run WHERE id = ?", (run,)).fetchone()
+    if row is None:
+        return f"there is no run {run}"
+    # Tokens only grow, and ``granted`` is the latest one of the run.
+    return "" if 0 < token <= row[0] else f"run {run} was never leased under token {token}"
+
+
+def require_lease(db: sqlite3.Connection, run: str, token: int) -> None:
+    """Refuse what comes under a lease that the run never had."""
+    problem = lease_problem(db, run, token)
+    if problem:
+        raise Refused(problem)
 
 
 def check_result(db: sqlite3.Connection, completion: Completion) -> str:
@@ -242,15 +259,13 @@ def read_trace_location(db: sqlite3.Connection, run: str) -> tuple[str, str]:
     return str(row[0]), str(row[1])
 
 
-def store_result(
-    db: sqlite3.Connection, completion: Completion, digest: str, now: float, holder: str = ""
-) -> None:
-    """Write down what a run gave, for good, and under whose key it came."""
+def store_result(db: sqlite3.Connection, completion: Completion, digest: str, now: float) -> None:
+    """Write down what a run gave, for good."""
     result, verdict = completion.result, deciding_verdict(completion.result.verdicts)
     # Ignored when there is one: the primary key makes it the first and only, whoever calls.
     db.execute(
-        "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body, holder)"
-        " VALUES (?, ?, ?, ?, ?, ?, ?)",
+        "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body)"
+        " VALUES (?, ?, ?, ?, ?, ?)",
         (
             completion.run,
             completion.attempt,
@@ -258,7 +273,6 @@ def store_result(
             digest,
             now,
             codec.to_json(result),
-            holder,
         ),
     )
     db.execute(

@@ -14,7 +14,7 @@ from typing import Final
 from daemon.batch.errors import Refused
 from daemon.batch.ledger._attachment import Attachment
 from daemon.batch.ledger._deletion import remove_campaign
-from daemon.batch.ledger._keys import KeyUpdates
+from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import reuse_in_steps
 from daemon.batch.ledger._searches import insert_proposal, read_task, search_state
 from daemon.batch.ledger._staging import copy_runs, enter_parts
@@ -32,7 +32,7 @@ _LIVE: Final = ("cancelled", "failed")
 """Searches that go on when somebody asks for it."""
 
 
-class SearchUpdates(KeyUpdates):
+class SearchUpdates(LeaseUpdates):
     """What may be done with searches; ``paths`` are those of the state directory."""
 
     def __init__(

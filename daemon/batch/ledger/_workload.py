@@ -26,8 +26,7 @@ _CELLS: Final = (
     " AND cached = '' GROUP BY campaign, scenario, sut, state ORDER BY min(serial)"
 )
 _RUNNING: Final = (
-    "SELECT run.id, campaign, scenario, sut, time_limit, granted_at FROM run"
-    " JOIN lease ON lease.token = run.token WHERE state = 'running'"
+    "SELECT id, campaign, scenario, sut, time_limit, leased_at FROM run WHERE state = 'running'"
 )
 
 
@@ -57,8 +56,8 @@ def read_workload(
         elif state == "done":
             cell.executed = ExecutedRuns(runs, wall, sim, limit)
     running: dict[str, list[RunInProgress]] = defaultdict(list)
-    for run, campaign, scenario, sut, limit, granted_at in db.execute(_RUNNING):
-        elapsed = max(0.0, now - granted_at)
+    for run, campaign, scenario, sut, limit, leased_at in db.execute(_RUNNING):
+        elapsed = max(0.0, now - leased_at)
         told = progress.get(run, RunProgress(0.0, now))
         age = min(elapsed, max(0.0, now - told.at))
         running[campaign].append(RunInProgress(scenario, sut, limit, elapsed, told.simulated, age))

@@ -60,6 +60,7 @@ CREATE TABLE run (
     seed        TEXT NOT NULL DEFAULT '0',
     cached      TEXT NOT NULL DEFAULT '',
     granted     INTEGER NOT NULL DEFAULT 0,  -- token of its latest lease, also when that is over
+    leased_at   REAL NOT NULL DEFAULT 0,     -- when that was granted
     trace_at    TEXT NOT NULL DEFAULT '',    -- URL of its trace, empty for the state directory
     kind        TEXT NOT NULL DEFAULT '',    -- of its system under test
     repeatable  INTEGER NOT NULL DEFAULT 1,  -- 0: its system answers otherwise each time
@@ -120,29 +121,7 @@ CREATE TABLE result (
     worker  TEXT NOT NULL,
     digest  TEXT NOT NULL,
     at      REAL NOT NULL,
-    body    BLOB NOT NULL,
-    holder  TEXT NOT NULL DEFAULT ''  -- name of the key that brought it, empty for the daemon's owner
-) STRICT, WITHOUT ROWID;
-
-CREATE INDEX result_holder ON result (holder) WHERE holder <> '';
-
--- Every lease ever granted of a run that is here: under whose name a renewal or a result may come.
-CREATE TABLE lease (
-    token      INTEGER PRIMARY KEY,
-    run        TEXT NOT NULL REFERENCES run (id),
-    attempt    INTEGER NOT NULL,
-    worker     TEXT NOT NULL,
-    holder     TEXT NOT NULL,  -- name of the key, empty for the daemon's owner
-    granted_at REAL NOT NULL
-) STRICT;
-
-CREATE INDEX lease_run ON lease (run);
-CREATE INDEX lease_worker ON lease (worker);
-
--- Keys whose results do not count: what they delivered was voided.
-CREATE TABLE void_key (
-    name TEXT PRIMARY KEY,
-    at   REAL NOT NULL
+    body    BLOB NOT NULL
 ) STRICT, WITHOUT ROWID;
 
 CREATE TABLE event (

@@ -4,7 +4,6 @@
        ▲                       │
        └────release, lapse─────┘   after ``attempts`` strikes, or MOST_LAPSES in a row ──▶ lost
     queued, running ──cancel──▶ cancelled          lost, cancelled, done ──retry──▶ queued
-                                                   done ──void──▶ queued
     queued, running, lost ──complete, under whatever lease──▶ done
 
 A lease belongs to the work that is done under it, not to a connection. One that is not renewed in
@@ -122,16 +121,7 @@ class Retried:
     stopped: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Voided:
-    """The result does not count any more, for a ``reason``: the run wants another one."""
-
-    reason: str
-
-
-RunEvent: TypeAlias = (
-    Leased | Renewed | Completed | Released | Lapsed | Cancelled | Retried | Voided
-)
+RunEvent: TypeAlias = Leased | Renewed | Completed | Released | Lapsed | Cancelled | Retried
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,18 +159,6 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
             if run.state in (RunState.QUEUED, RunState.RUNNING):
                 return RunTransition(run, LedgerAnswer.STALE)
             return RunTransition(_retry(run, stopped), LedgerAnswer.DONE)
-        case Voided(reason):
-            return _void(run, reason)
-
-
-def _void(run: ExecutionState, reason: str) -> RunTransition:
-    """Forget the result: a repetition under way, or waiting, brings the one that counts."""
-    if not run.result:
-        return RunTransition(run, LedgerAnswer.STALE)
-    forgotten = replace(run, result="", strikes=0, reason=reason)
-    if run.state in (RunState.QUEUED, RunState.RUNNING):
-        return RunTransition(forgotten, LedgerAnswer.DONE)
-    return RunTransition(_at_rest(forgotten, RunState.QUEUED, reason), LedgerAnswer.DONE)
 
 
 def _holds(run: ExecutionState, token: int) -> bool:

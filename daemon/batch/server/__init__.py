@@ -1,6 +1,6 @@
 """The daemon itself: the ledger behind a Zenoh router, and a local worker."""
 
-from daemon.batch.server._request_limits import MOST_WAITING, RequestLimits
+from daemon.batch.server._revoked_keys import RevokedKeys
 from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
@@ -13,22 +13,19 @@ from daemon.batch.server._searches import stage_extension, stage_search
 from daemon.batch.server._serve import STOP_MARGIN, serve
 from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._threads import LedgerJob, WriterThread
-from daemon.batch.server._turn_queue import TurnQueue
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import WorkerRegistry
 
 __all__ = [
-    "MOST_WAITING",
     "STOP_MARGIN",
     "DaemonClock",
     "DaemonSettings",
     "EventLog",
     "FileUploads",
     "LedgerJob",
-    "RequestLimits",
+    "RevokedKeys",
     "StallMeter",
     "TraceUploads",
-    "TurnQueue",
     "WorkerRegistry",
     "WriterThread",
     "admit_submission",

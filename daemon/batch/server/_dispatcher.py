@@ -18,10 +18,10 @@ import zenoh
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.ledger import Steps
 from daemon.batch.security import strip_control_characters
-from daemon.batch.server._request_limits import RequestLimits, holder_of, split_key
+from daemon.batch.server._revoked_keys import RevokedKeys, split_key
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import BUSY, LedgerJob, LedgerThread
-from daemon.model.messages import OWNER, ErrorReply
+from daemon.model.messages import ErrorReply
 from daemon.model.verbs import RENEW, VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
@@ -34,27 +34,14 @@ _LONGEST_KEY: Final = 200
 class VerbHandler:
     """What is done about a verb: ``act`` gets what the verb's thread owns of the ledger.
 
-    Its second argument is the request, its third the name of the requester's key, empty for the
-    owner. What takes long in the writer is done in :class:`daemon.batch.ledger.Steps`, which
+    Its second argument is the request. What takes long in the writer is done in
+    :class:`daemon.batch.ledger.Steps`, which
     ``act`` returns. What takes long and needs no ledger a thread for that does first: then
     ``prepare`` makes of the request, as it came, what ``act`` gets.
     """
 
-    act: Callable[[Any, Any, str], object]
+    act: Callable[[Any, Any], object]
     prepare: Callable[[bytes], object] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class _Question:
-    """A question under way: under which name it came, and its bytes."""
-
-    query: zenoh.Query
-    name: str
-    size: int
-
-    @property
-    def holder(self) -> str:
-        return holder_of(self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,36 +58,30 @@ class RequestDispatcher:
     carrier: LedgerThread
     preparer: LedgerThread
     overload: LedgerThread
-    limits: RequestLimits
+    revoked: RevokedKeys
 
     def on_query(self, query: zenoh.Query) -> None:
         """Find the thread and enqueue: the callback of the queryable."""
         # Nothing is parsed or refused here: Zenoh calls from the thread that reads its sockets,
         # and whatever takes long in it delays everybody, heartbeats included.
         name, word = split_key(str(query.key_expr))
-        size = 0 if query.payload is None else len(query.payload)
-        no = self.limits.admit(name, size) if name else None
+        no = self.revoked.problem(name) if name else None
         if no is not None:
             self._turn_away(query, no)
             return
-        asked = _Question(query, name or OWNER, size)
         verb = VERBS.get(word) if name else None
         if verb is None:
-            self._queue(self.reader, asked, lambda _: _refuse_unknown(query))
+            self._queue(self.reader, query, lambda _: _refuse_unknown(query))
             return
         handler = self.handlers[verb]
         if handler.prepare is not None:
-            self._prepare(verb, handler, handler.prepare, asked)
+            self._prepare(verb, handler, handler.prepare, query)
         else:
             self._queue(
                 self._thread(verb),
-                asked,
+                query,
                 lambda ledger: _answer(
-                    verb,
-                    handler,
-                    ledger,
-                    read_request(verb, _payload(verb, query)),
-                    asked.holder,
+                    verb, handler, ledger, read_request(verb, _payload(verb, query))
                 ),
             )
 
@@ -121,41 +102,35 @@ class RequestDispatcher:
     def _queue(
         self,
         thread: LedgerThread,
-        asked: _Question,
+        query: zenoh.Query,
         act: Callable[[Any], object],
         done: Callable[[object], None] | None = None,
     ) -> None:
-        answer = done or (lambda value: self._reply(asked, value))
-        renews = str(asked.query.key_expr).endswith(_RENEWS)
-        if thread.offer(LedgerJob(act, answer, asked.size, renews, asked.name)):
-            return
-        busy = LedgerJob(lambda _: BUSY, answer, asked.size, name=asked.name)
-        if not self.overload.offer(busy):
-            self.limits.answered(asked.name, asked.size)
+        answer = done or (lambda value: self._reply(query, value))
+        renews = str(query.key_expr).endswith(_RENEWS)
+        if not thread.offer(LedgerJob(act, answer, renews)):
+            self.overload.offer(LedgerJob(lambda _: BUSY, answer))
 
     def _prepare(
         self,
         verb: AnyVerb,
         handler: VerbHandler,
         prepare: Callable[[bytes], object],
-        asked: _Question,
+        query: zenoh.Query,
     ) -> None:
         def go_on(value: object) -> None:
             if isinstance(value, Exception):
-                self._reply(asked, value)
+                self._reply(query, value)
             else:
                 self._queue(
-                    self._thread(verb),
-                    asked,
-                    partial(_answer, verb, handler, request=value, requester=asked.holder),
+                    self._thread(verb), query, partial(_answer, verb, handler, request=value)
                 )
 
-        self._queue(self.preparer, asked, lambda _: prepare(_payload(verb, asked.query)), go_on)
+        self._queue(self.preparer, query, lambda _: prepare(_payload(verb, query)), go_on)
 
-    def _reply(self, asked: _Question, value: object) -> None:
-        self.limits.answered(asked.name, asked.size)
+    def _reply(self, query: zenoh.Query, value: object) -> None:
         # The requester waits until the query is closed, whatever was replied.
-        with asked.query as query:
+        with query:
             try:
                 if isinstance(value, bytes):
                     query.reply(query.key_expr, value)
@@ -200,11 +175,9 @@ def read_request(verb: AnyVerb, payload: bytes) -> object:
     return request
 
 
-def _answer(
-    verb: AnyVerb, handler: VerbHandler, ledger: object, request: object, requester: str
-) -> object:
+def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> object:
     # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
-    value = handler.act(ledger, request, requester)
+    value = handler.act(ledger, request)
     if isinstance(value, Generator):
         return _answer_in_steps(verb, value)
     return codec.to_json(value, verb.answer)

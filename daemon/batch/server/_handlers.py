@@ -34,7 +34,6 @@ from daemon.model.messages import (
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
-    KeyRequest,
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
@@ -59,34 +58,23 @@ from daemon.model.status import (
     DaemonOverview,
     DeletedCampaign,
     DiskUsage,
-    KeyDeliveries,
     RunDetail,
     RunPage,
     SubmissionReceipt,
     WorkerRow,
 )
 from daemon.model.verbs import (
-    COMPLETE,
     DELETE,
     EXTEND,
-    LEASE,
-    RELEASE,
-    RENEW,
     SEARCH,
     SUBMIT,
-    UPLOAD,
     VERBS,
-    WELCOME,
-    AnyVerb,
 )
 from grammars.model.scene import Scene
 from grammars.text import codec
 
 _MOST_TROUBLES: Final = 32
 """Said at a time: with hundreds of workers on one full disk nobody reads them all."""
-
-_NAMED: Final = frozenset({WELCOME, LEASE, RENEW, COMPLETE, RELEASE, UPLOAD})
-"""What is done only for the key it was done for before: their methods get its name as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,19 +113,12 @@ class Handlers(SearchHandlers):
         self._inputs = InputStore(self.paths, self.log)
         self._time_left = TimeLeftClock(self.registry)
         self._started_at = self.clock.now()
-        self.by_verb = {verb: VerbHandler(self._method(verb)) for verb in VERBS.values()}
+        self.by_verb = {verb: VerbHandler(getattr(self, verb.name)) for verb in VERBS.values()}
         # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
-        self.by_verb[SUBMIT] = VerbHandler(self._method(SUBMIT), prepare=self._admit)
-        self.by_verb[SEARCH] = VerbHandler(self._method(SEARCH), prepare=self._admit_search)
-        self.by_verb[EXTEND] = VerbHandler(self._method(EXTEND), prepare=self._admit_extension)
-        self.by_verb[DELETE] = VerbHandler(self._method(DELETE), prepare=self._measure)
-
-    def _method(self, verb: AnyVerb) -> Callable[[Any, Any, str], object]:
-        """Return what is done about a verb; few of them depend on whose key asks."""
-        method: Callable[..., object] = getattr(self, verb.name)
-        if verb in _NAMED:
-            return method
-        return lambda ledger, request, _: method(ledger, request)
+        self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
+        self.by_verb[SEARCH] = VerbHandler(self.search, prepare=self._admit_search)
+        self.by_verb[EXTEND] = VerbHandler(self.extend, prepare=self._admit_extension)
+        self.by_verb[DELETE] = VerbHandler(self.delete, prepare=self._measure)
 
     # Questions, each answered from one snapshot of the ledger
 
@@ -219,8 +200,8 @@ class Handlers(SearchHandlers):
             raise Refused(f"there is no scene {request.id}: it was damaged")
         return scene
 
-    def welcome(self, _: LedgerReader, worker: WorkerInfo, requester: str) -> WelcomeReply:
-        self.registry.check_identity(worker, requester)
+    def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
+        self.registry.check_version(worker)
         settings = self.settings
         return WelcomeReply(
             str(self.paths.state),
@@ -241,9 +222,6 @@ class Handlers(SearchHandlers):
         self.stop()
         return Empty()
 
-    def deliveries(self, ledger: LedgerReader, request: KeyRequest) -> KeyDeliveries:
-        return ledger.deliveries(request.id)
-
     # Megabytes, carried in a thread of their own
 
     def fetch(self, ledger: LedgerReader, request: TraceDownloadRequest) -> DownloadChunk:
@@ -258,10 +236,8 @@ class Handlers(SearchHandlers):
             self.log.write("trace fetched", run=request.run, bytes=trace.size)
         return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
 
-    def upload(
-        self, ledger: LedgerReader, chunk: TraceUploadChunk, requester: str
-    ) -> UploadProgress:
-        return self._traces.add_chunk(ledger, chunk, holder=requester)
+    def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
+        return self._traces.add_chunk(ledger, chunk)
 
     def keep(self, ledger: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
         return self._files.add_chunk(ledger, chunk)
@@ -333,60 +309,42 @@ class Handlers(SearchHandlers):
         self.log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
-    def void(self, ledger: LedgerWriter, request: KeyRequest) -> Steps[Count]:
-        runs = 0
-        for names in ledger.void_key(request.id, self.clock.now()):
-            # Before the commit: afterwards the next result's trace may lie there already.
-            for name in filter(None, names):
-                self.paths.trace(name).unlink(missing_ok=True)
-            runs += len(names)
-            yield
-        self.log.write("voided", key=request.id, runs=runs)
-        return Count(runs)
-
-    def lease(self, ledger: LedgerWriter, request: LeaseRequest, requester: str) -> LeaseReply:
+    def lease(self, ledger: LedgerWriter, request: LeaseRequest) -> LeaseReply:
         now = self.clock.now()
-        ledger.check_trusted(requester)
-        self._register_worker(ledger, request.worker, requester, now)
+        self._register_worker(ledger, request.worker, now)
         if self.draining:
             return LeaseReply((), draining=True)
         if self.quota.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
         self._end_waits(ledger)
-        worker = request.worker.id
-        slots = self.registry.slots(worker), self.registry.slots_of_holder(requester)
         return LeaseReply(
             ledger.lease(
-                worker,
-                min(request.count, ledger.room_for_leases(worker, requester, slots)),
+                request.worker.id,
+                request.count,
                 now,
                 store=self.settings.store,
                 lacks=request.lacks,
                 missing=self._inputs.missing,
-                holder=requester,
             )
         )
 
-    def renew(self, ledger: LedgerWriter, request: RenewRequest, requester: str) -> RenewReply:
+    def renew(self, ledger: LedgerWriter, request: RenewRequest) -> RenewReply:
         now = self.clock.now()
-        self._register_worker(ledger, request.worker, requester, now)
+        self._register_worker(ledger, request.worker, now)
         told = zip(request.holds, request.simulated, strict=False)
         progress = {hold.run: RunProgress(seconds, now) for hold, seconds in told}
         self.registry.record_progress(request.worker.id, progress)
-        return RenewReply(ledger.renew(request.worker.id, request.holds, now, holder=requester))
+        return RenewReply(ledger.renew(request.worker.id, request.holds, now))
 
-    def complete(
-        self, ledger: LedgerWriter, completion: Completion, requester: str
-    ) -> LedgerAcknowledgement:
-        ledger.check_trusted(requester)
+    def complete(self, ledger: LedgerWriter, completion: Completion) -> LedgerAcknowledgement:
         # First the trace, then the result: a result in the ledger is a promise that its trace is
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
-        ledger.check_completion(completion, holder=requester)
+        ledger.check_completion(completion)
         self._traces.take_enclosed(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
-        answer = ledger.complete(completion, self.clock.now(), holder=requester)
+        answer = ledger.complete(completion, self.clock.now())
         self._traces.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED and not completion.location:
             self.quota.add_bytes(completion.result.trace.size)
@@ -394,22 +352,18 @@ class Handlers(SearchHandlers):
             self.log.write("nondeterminism", run=completion.run, worker=completion.worker)
         return LedgerAcknowledgement(answer)
 
-    def release(
-        self, ledger: LedgerWriter, request: ReleaseRequest, requester: str
-    ) -> LedgerAcknowledgement:
+    def release(self, ledger: LedgerWriter, request: ReleaseRequest) -> LedgerAcknowledgement:
         if request.damaged:
             self._inputs.examine(request.damaged)
-        answer = ledger.release(request, self.clock.now(), holder=requester)
+        answer = ledger.release(request, self.clock.now())
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)
 
-    def _register_worker(
-        self, ledger: LedgerWriter, worker: WorkerInfo, requester: str, now: float
-    ) -> None:
+    def _register_worker(self, ledger: LedgerWriter, worker: WorkerInfo, now: float) -> None:
         # With every request rather than once: after a restart the registry is empty, and workers
         # do not notice restarts.
-        self.registry.check_identity(worker, requester)
+        self.registry.check_version(worker)
         self.registry.check_room(worker.id)
-        if self.registry.record_contact(worker, now, requester):
+        if self.registry.record_contact(worker, now):
             ledger.record_event(now, "worker", worker.id, state="came")
             self.log.write("worker came", worker=worker.id, slots=worker.slots)

@@ -26,7 +26,7 @@ from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, open_state
 from daemon.batch.server._processes import LocalWorker, SearchCoordinator
 from daemon.batch.server._quota import Quota
-from daemon.batch.server._request_limits import RequestLimits, holder_of
+from daemon.batch.server._revoked_keys import RevokedKeys
 from daemon.batch.server._runtime import (
     DaemonClock,
     DaemonSettings,
@@ -153,7 +153,7 @@ class _Daemon:
         self._clock = DaemonClock()
         self._stalls = StallMeter(settings.tick)
         self._removing = False
-        self._request_limits = RequestLimits(log, listening.keys)
+        self._revoked = RevokedKeys(log, listening.keys)
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
         self._registry = WorkerRegistry(settings.lease)
@@ -218,7 +218,7 @@ class _Daemon:
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stop.asked:
             contact.write()
-            self._request_limits.look()
+            self._revoked.look()
             if local is not None:
                 local.supervise()
             given_up = coordinator.watch(self._searches)
@@ -264,7 +264,7 @@ class _Daemon:
             carrier,
             preparer,
             overload,
-            self._request_limits,
+            self._revoked,
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
@@ -281,11 +281,11 @@ class _Daemon:
         return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
-        name, worker = str(sample.key_expr).split("/")[-2:]
+        worker = str(sample.key_expr).rpartition("/")[2]
         if sample.kind == zenoh.SampleKind.PUT:
-            self._registry.connected(worker, holder_of(name))
+            self._registry.connected(worker)
         else:
-            self._registry.disconnected(worker, self._clock.now(), holder_of(name))
+            self._registry.disconnected(worker, self._clock.now())
 
     def _tick(self, writer: WriterThread, ledger: LedgerWriter) -> int:
         moved = self._clock.follow_wall_clock()

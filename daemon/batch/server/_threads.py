@@ -12,8 +12,6 @@ from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.server._turn_queue import TurnQueue
-from daemon.model.messages import OWNER
 from daemon.model.status import ChangeEvent
 
 _BATCH: Final = 64
@@ -24,9 +22,7 @@ _SLICE: Final = 0.02
 _PAUSE: Final = 0.4
 """Seconds without a change after which the ledger's WAL is emptied."""
 _MOST: Final = 2048
-_MOST_BYTES: Final = 256 * 2**20
-"""Requests that may wait for a thread, and their bytes, four of the largest submissions: what comes
-then is told to come again."""
+"""Requests that may wait for a thread: what comes then is told to come again."""
 BUSY: Final = Unavailable(
     f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
 )
@@ -37,15 +33,12 @@ _LEAVING: Final = Unavailable("the daemon is leaving: try again when it is back"
 class LedgerJob:
     """Something to do with the ledger; ``done`` gets its value, or the exception it raised.
 
-    ``size`` is what it holds in memory until it is done [bytes]. It ``renews`` leases, maybe.
-    ``name`` is whose turn it takes.
+    It ``renews`` leases, maybe.
     """
 
     act: Callable[[Any], object]
     done: Callable[[object], None]
-    size: int = 0
     renews: bool = False
-    name: str = OWNER
 
 
 class LedgerThread(threading.Thread):
@@ -57,37 +50,28 @@ class LedgerThread(threading.Thread):
 
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
-        self._jobs: TurnQueue[LedgerJob] = TurnQueue()
-        self._load = threading.Lock()
-        self._offered = 0
-        self._bytes = 0
+        self._jobs: queue.Queue[LedgerJob | None] = queue.Queue()
+        self._room = threading.Semaphore(_MOST)
 
     def put(self, job: LedgerJob) -> None:
         """Queue a job; returns at once."""
-        self._jobs.put(job, job.name)
+        self._jobs.put(job)
 
     def offer(self, job: LedgerJob) -> bool:
         """Queue a job unless too much waits already; returns at once, whether it is queued."""
-        with self._load:
-            full = self._offered >= _MOST or self._bytes + job.size > _MOST_BYTES
-            # One that is larger than all the room there is has its turn when nothing else waits.
-            if full and self._offered:
-                return False
-            self._offered += 1
-            self._bytes += job.size
+        if not self._room.acquire(blocking=False):
+            return False
 
         def done(value: object) -> None:
-            with self._load:
-                self._offered -= 1
-                self._bytes -= job.size
+            self._room.release()
             job.done(value)
 
-        self.put(LedgerJob(job.act, done, job.size, job.renews, job.name))
+        self.put(LedgerJob(job.act, done, job.renews))
         return True
 
     def finish(self) -> None:
         """Do what is queued, then end the thread."""
-        self._jobs.close()
+        self._jobs.put(None)
         self.join()
 
 
@@ -116,6 +100,7 @@ class WriterThread(LedgerThread):
         self._emptied = False
         self._long: deque[tuple[LedgerJob, Generator[None, None, object]]] = deque()
         self._renewals = 0
+        self._counting = threading.Lock()
 
     @property
     def renewals_wait(self) -> bool:
@@ -127,13 +112,13 @@ class WriterThread(LedgerThread):
         if not job.renews:
             super().put(job)
             return
-        with self._load:
+        with self._counting:
             self._renewals += 1
         waits = True
 
         def wait_no_more() -> None:
             nonlocal waits
-            with self._load:
+            with self._counting:
                 self._renewals -= waits
                 waits = False
 
@@ -146,7 +131,7 @@ class WriterThread(LedgerThread):
             wait_no_more()
             job.done(value)
 
-        super().put(LedgerJob(act, done, job.size, name=job.name))
+        super().put(LedgerJob(act, done))
 
     def run(self) -> None:
         """Work until told to finish; what is long and not done then is given up."""

@@ -125,19 +125,17 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         self._begun: dict[int, float] = {}
         self._sweep_at = 0.0
 
-    def add_chunk(
-        self, reader: LedgerReader, chunk: TraceUploadChunk, *, holder: str = ""
-    ) -> UploadProgress:
+    def add_chunk(self, reader: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
         """Add a chunk to its upload; the answer says where to go on.
 
         What is not needed any more counts as complete: the result that follows is then answered
-        accordingly. Refuses what comes under no lease granted to ``holder``; raises
+        accordingly. Refuses what comes under no lease of the run; raises
         :class:`Unavailable` while there is no room.
         """
         if not is_run_id(chunk.run) or not is_digest(chunk.sha256):
             raise Refused(f"{chunk.run!r} is not the id of a run")
         self._sweep()
-        expected = reader.expected_upload(chunk.run, chunk.token, holder=holder)
+        expected = reader.expected_upload(chunk.run, chunk.token)
         whole = self._whole(chunk.run, chunk.token, chunk.sha256)
         if not expected.wanted or whole.exists():
             return UploadProgress(chunk.size, complete=True)

@@ -14,8 +14,6 @@ from daemon.model.spec import install_hint, own_version, version_text
 from daemon.model.status import WorkerRow
 
 MOST_WORKERS: Final = 4096
-MOST_SLOTS: Final = 1024
-"""Slots a worker is believed to have, when it is asked how many runs it may hold."""
 _REMEMBERED: Final = 5.0
 """Seconds for which a worker that is away and has no leases stays on the list.
 
@@ -29,7 +27,6 @@ class _KnownWorker:
     connected_at: float
     last_seen_at: float
     away_since: float | None = None
-    holder: str = ""
     progress: dict[str, RunProgress] = field(default_factory=dict)
 
 
@@ -54,8 +51,8 @@ class WorkerRegistry:
             if worker not in self._entries and len(self._entries) >= MOST_WORKERS:
                 raise Refused(f"worker {worker} has to wait: there are {MOST_WORKERS} already")
 
-    def check_identity(self, worker: WorkerInfo, holder: str) -> None:
-        """Refuse a worker of another version, or one whose id is that of another key's worker."""
+    def check_version(self, worker: WorkerInfo) -> None:
+        """Refuse a worker of another version."""
         # Results must not depend on who computed them, and trace bytes do depend on the version.
         theirs = version_text(worker.version, worker.engine)
         if theirs != self.version:
@@ -63,31 +60,13 @@ class WorkerRegistry:
                 f"worker {worker.id} has {theirs}, this daemon {self.version}: "
                 f"{install_hint(self.version)}"
             )
-        with self._lock:
-            entry = self._entries.get(worker.id)
-            if entry is not None and entry.holder != holder:
-                raise Refused(
-                    f"worker {worker.id} belongs to another key: choose another name for it"
-                )
 
-    def slots(self, worker: str) -> int:
-        """Return how many slots a worker says it has, as far as that is believed."""
-        with self._lock:
-            entry = self._entries.get(worker)
-            return 0 if entry is None else min(entry.info.slots, MOST_SLOTS)
-
-    def slots_of_holder(self, holder: str) -> int:
-        """Return the slots of all workers of a key together, as far as they are believed."""
-        with self._lock:
-            mine = (e.info.slots for e in self._entries.values() if e.holder == holder)
-            return sum(min(slots, MOST_SLOTS) for slots in mine)
-
-    def record_contact(self, info: WorkerInfo, now: float, holder: str = "") -> bool:
-        """A request came from this worker of ``holder``; returns whether it is a new one."""
+    def record_contact(self, info: WorkerInfo, now: float) -> bool:
+        """A request came from this worker; returns whether it is a new one."""
         with self._lock:
             entry = self._entries.get(info.id)
             if entry is None:
-                self._entries[info.id] = _KnownWorker(info, now, now, holder=holder)
+                self._entries[info.id] = _KnownWorker(info, now, now)
                 return True
             entry.info, entry.last_seen_at, entry.away_since = info, now, None
             return False
@@ -104,18 +83,17 @@ class WorkerRegistry:
             told = [entry.progress for entry in self._entries.values()]
         return {run: far for one in told for run, far in one.items()}
 
-    def connected(self, worker: str, holder: str = "") -> None:
+    def connected(self, worker: str) -> None:
         """The worker's liveliness token appeared."""
         with self._lock:
-            if worker in self._entries and self._entries[worker].holder == holder:
+            if worker in self._entries:
                 self._entries[worker].away_since = None
 
-    def disconnected(self, worker: str, now: float, holder: str = "") -> None:
+    def disconnected(self, worker: str, now: float) -> None:
         """The worker's liveliness token vanished."""
         with self._lock:
             entry = self._entries.get(worker)
-            mine = entry is not None and entry.holder == holder
-            if entry is not None and mine and entry.away_since is None:
+            if entry is not None and entry.away_since is None:
                 entry.away_since = now
 
     def shift(self, seconds: float) -> None:

@@ -13,7 +13,6 @@ from daemon.model.packed_submission import (
     pack_submission,
     submission_digest,
 )
-from daemon.model.spec import RunSpec
 from daemon.model.status import CampaignOrigin
 from grammars.text import codec
 from tests.daemon.batch.samples import make_spec, submission_of
@@ -96,13 +95,4 @@ def test_the_ledger_gives_back_what_was_submitted(submission, tmp_path):
     assert reader.run(f"{name}.3").spec == submission.runs[3]
     parts = db.execute("SELECT count(*) FROM part").fetchone()[0]
     assert parts < len(submission.runs)
-    db.close()
-
-
-def test_runs_of_ledgers_that_wrote_them_out_are_read(tmp_path):
-    db = connect(tmp_path / "ledger.db")
-    spec = make_spec(7)
-    LedgerWriter(db).submit(submission_of("c", spec), 1.0)
-    db.execute("UPDATE spec SET body = ?", (codec.to_json(spec, RunSpec),))
-    assert LedgerWriter(db).lease("w", 1, 2.0)[0].spec == spec
     db.close()

@@ -10,7 +10,6 @@ import pytest
 
 from daemon.batch.security import CLIENT_ROLES
 from daemon.model.verbs import VERBS, Role
-from tests.scenario_tui.fake import CAMPAIGN
 
 DOC = Path(__file__).parents[3] / "docs" / "security.md"
 
@@ -86,29 +85,3 @@ def test_the_documentation_says_what_each_role_may_do():
         expected.append(f"| `{name}` {marks}| {told} |")
     table = DOC.read_text("utf-8").partition("| request |")[2].partition("\n\n")[0]
     assert table.splitlines()[2:] == expected
-
-
-def test_what_a_key_brought_is_shown_and_voided(scenario, folder, fake):
-    assert scenario("keys", "issue", "worker", "spare").code == 0
-    shown = json.loads(scenario("keys", "revoke", "worker.spare", "--void", "--json").out)
-    assert (shown["key"], shown["voided"], shown["runs"]) == ("worker.spare", False, 3)
-    assert [row["campaign"] for row in shown["campaigns"]] == [CAMPAIGN]
-    assert fake.calls == [("open",), ("deliveries", "worker.spare")]
-    # Nobody answers the question, so nothing is done.
-    said = scenario("keys", "revoke", "worker.spare", "--void")
-    assert said.code != 0
-    assert CAMPAIGN in said.out
-    assert '"worker.spare" brought 3 results and holds 1 leases' in said.err
-    assert "worker.spare  worker    revoked" not in scenario("keys", "list").out
-    assert ("void", "worker.spare") not in fake.calls
-    said = scenario("keys", "revoke", "worker.spare", "--void", "--yes")
-    assert (said.code, said.err) == (0, '"worker.spare" is revoked; 3 runs queued again\n')
-    assert fake.calls[-1] == ("void", "worker.spare")
-    assert "worker.spare  worker    revoked" in scenario("keys", "list").out
-    done = json.loads(scenario("keys", "revoke", "worker.spare", "--void", "--yes", "--json").out)
-    assert (done["voided"], done["runs"]) == (True, 3)
-
-
-def test_only_a_key_there_is_can_be_voided(scenario, folder, fake):
-    assert 'there is no key "nobody"' in scenario("keys", "revoke", "nobody", "--void", "-y").err
-    assert fake.calls == []

@@ -94,10 +94,10 @@ def test_who_comes_back_to_a_run_that_waits_has_failed_nothing(book, reader):
 
 
 def test_what_a_worker_does_not_claim_it_never_got(book):
-    (grant,) = book.lease("w", 1, NOW, holder="worker.a")
-    book.renew("w", (), NOW, holder="worker.b")  # a name of a worker is what anybody may say
+    (grant,) = book.lease("w", 1, NOW)
+    book.renew("v", (), NOW)
     assert book.busy_workers() == {"w"}
-    book.renew("w", (), NOW, holder="worker.a")
+    book.renew("w", (), NOW)
     assert book.busy_workers() == frozenset()
     (again,) = book.lease("v", 1, NOW)
     assert (again.attempt, again.token > grant.token) == (2, True)

@@ -346,7 +346,7 @@ def test_viewers_change_nothing_and_only_workers_touch_leases():
         "prioritise",
         "shutdown",
         "keep",
-    } | {"deliveries", "void"}
+    }
     working = {"welcome", "lease", "renew", "complete", "release", "upload", "file"}
     assert not set(allowed_verbs(Role.VIEWER)) & (steering | working)
     assert set(allowed_verbs(Role.VIEWER)) < set(allowed_verbs(Role.OPERATOR))

@@ -1,14 +1,12 @@
 """Names of keys, over TLS against a real daemon: who asks, who is believed, who is let in."""
 
 import socket
-import sqlite3
 import ssl
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 
 import pytest
-import zenoh
 
 from daemon.batch import bus
 from daemon.batch.client import Client
@@ -16,18 +14,14 @@ from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import Role, find_credentials, find_daemon_credentials
 from daemon.batch.security.authority import create_authority, issue_key, revoke_key
-from daemon.batch.server import MOST_WAITING
 from daemon.model import verbs
 from daemon.model.messages import (
     ASK,
     Completion,
-    Empty,
-    ErrorReply,
     LeaseRequest,
     LedgerAnswer,
     WorkerInfo,
 )
-from daemon.model.run_state import RunState
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at, eventually, free_endpoint
 from tests.daemon.batch.samples import make_result, make_submission
@@ -115,23 +109,8 @@ def test_a_key_asks_under_its_own_name_only(daemon, keys):
             spare.session.get(f"{ASK}/{name}/lease", replies.append, payload=body, timeout=60.0)
         (grant,) = spare.lease(1)
         assert replies == []
-        with closing(sqlite3.connect(StatePaths(daemon.state).ledger)) as ledger:
-            query = "SELECT holder FROM lease WHERE token = ?"
-            assert ledger.execute(query, (grant.token,)).fetchone() == ("worker.spare",)
-            assert spare.complete(grant) is LedgerAnswer.RECORDED
-            query = "SELECT holder FROM result WHERE run = ?"
-            assert ledger.execute(query, (grant.run,)).fetchone() == ("worker.spare",)
+        assert spare.complete(grant) is LedgerAnswer.RECORDED
         mine.cancel("named")
-
-
-def test_a_worker_of_another_key_keeps_its_name(daemon, keys):
-    with holder(daemon, keys, "worker.spare") as one, holder(daemon, keys, "worker") as other:
-        one.lease()
-        other.me = one.me
-        with pytest.raises(Refused, match="belongs to another key"):
-            other.lease()
-        with pytest.raises(Refused, match="belongs to another key"):
-            other.ask(verbs.WELCOME, other.me)
 
 
 def test_a_revoked_key_is_refused_by_a_daemon_that_runs(daemon, keys):
@@ -150,83 +129,6 @@ def refusal(client):
     except Refused as error:
         return str(error)
     return ""
-
-
-# --- voided keys
-
-
-def test_what_a_voided_key_brought_goes_and_comes_again(daemon, keys):
-    with (
-        owner(daemon) as mine,
-        as_key(daemon, keys, "operator") as operator,
-        holder(daemon, keys, "worker.bad") as bad,
-        holder(daemon, keys, "worker.good") as good,
-    ):
-        mine.submit(make_submission("forged", 3))
-        one, two, held = bad.lease()
-        assert {bad.complete(grant, 9.0) for grant in (one, two)} == {LedgerAnswer.RECORDED}
-        found = operator.deliveries("worker.bad")
-        assert [(c.campaign, c.runs) for c in found.campaigns] == [("forged", 2)]
-        assert found.held == 1
-        with pytest.raises(Refused, match="malformed"):
-            operator.void("owner")
-        assert operator.void("worker.bad") == 2
-        rows = mine.runs("forged").rows
-        assert {(row.state, row.outcome) for row in rows} == {(RunState.QUEUED, None)}
-        assert not StatePaths(daemon.state).trace(one.trace).exists()
-        for question in (bad.lease, lambda: bad.complete(held)):
-            with pytest.raises(Refused, match="was voided: use another key"):
-                question()
-        grants = good.lease()
-        assert {good.complete(grant) for grant in grants} == {LedgerAnswer.RECORDED}
-        assert StatePaths(daemon.state).trace(one.trace).read_bytes() == b"worker.good"
-        row = next(row for row in mine.campaigns() if row.id == "forged")
-        assert (row.done, row.passed, row.finished) == (3, 3, True)
-
-
-# --- floods
-
-
-def test_a_flood_under_one_key_keeps_nobody_else_waiting(daemon, keys):
-    calm = find_credentials(Role.VIEWER, keys / "viewer.calm")
-    loud = find_credentials(Role.OPERATOR, keys / "operator.loud")
-    ledger, problems = StatePaths(daemon.state).ledger, list[zenoh.Reply]()
-    sent = 0
-
-    def note(reply):
-        if reply.err is not None:
-            problems.append(reply)
-
-    with (
-        bus.open_client(daemon.endpoint, calm) as session,
-        bus.open_client(daemon.endpoint, loud) as flood,
-        closing(sqlite3.connect(ledger, isolation_level=None)) as lock,
-    ):
-        # Held up, so that they wait however fast they come.
-        lock.execute("BEGIN IMMEDIATE")
-
-        def send(count):
-            nonlocal sent
-            sent += count
-            for _ in range(count):
-                flood.get(f"{ASK}/operator.loud/cancel", note, payload=b'{"id":"no"}', timeout=60.0)
-
-        def turned_away():
-            # Some may have waited for the ledger in vain before enough have come.
-            found = [codec.from_json(ErrorReply, r.err.payload.to_bytes()) for r in tuple(problems)]
-            if not (too_many := [one for one in found if "too many" in one.problem]):
-                send(10)
-            return too_many
-
-        send(MOST_WAITING + 100)
-        words = eventually(turned_away)[0]
-        bus.ask(session, daemon.endpoint, verbs.OVERVIEW, Empty(), 60.0, calm)
-        assert words.passing
-        assert 'too many requests under the key "operator.loud"' in words.problem
-        lock.execute("ROLLBACK")
-        eventually(lambda: len(problems) == sent)
-    assert eventually(lambda: daemon.noted("too many requests"))
-    assert [line for line in daemon.noted("refused") if "too many" in line["problem"]] == []
 
 
 # --- the port

@@ -30,7 +30,6 @@ from daemon.model.messages import (
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
-    KeyRequest,
     LeaseRef,
     LeaseRequest,
     LedgerAnswer,
@@ -216,8 +215,6 @@ def valid(target):
         verbs.PAUSE: IdRequest("camp"),
         verbs.RESUME: IdRequest("camp"),
         verbs.PRIORITISE: PriorityRequest("camp", 3),
-        verbs.DELIVERIES: KeyRequest("worker.spare"),
-        verbs.VOID: KeyRequest("worker.spare"),
         verbs.SEARCH: make_search("sought"),
         verbs.SEARCHES: SearchQuery("sought"),
         verbs.PROPOSALS: ProposalQuery("sought"),
@@ -341,12 +338,16 @@ def test_what_is_stale_or_said_twice_changes_nothing(target):
     for location in (f"file://{UP}", "/etc/passwd", "http://127.0.0.1/x", "s3://other/x", UP):
         words = target.complaint(verbs.COMPLETE, dumped(leased | {"location": location}))
         assert "is not where the trace" in words
-    for token in (0, target.done.token, target.leased.token + 1):
+    for token in (0, target.leased.token + 1):
         release = ReleaseRequest(ME.id, target.leased.run, token, "mine", blame=True)
         words = target.complaint(verbs.RELEASE, codec.to_json(release))
         assert "never leased" in words
-    over = ReleaseRequest(ME.id, target.done.run, target.done.token, "mine", blame=True)
-    assert target.ask(verbs.RELEASE, over).answer is LedgerAnswer.STALE
+    for run, token in (
+        (target.done.run, target.done.token),
+        (target.leased.run, target.done.token),
+    ):
+        over = ReleaseRequest(ME.id, run, token, "mine", blame=True)
+        assert target.ask(verbs.RELEASE, over).answer is LedgerAnswer.STALE
 
 
 def test_ids_never_become_paths(target, tmp_path):

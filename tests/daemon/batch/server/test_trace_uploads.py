@@ -164,9 +164,9 @@ def test_whoever_was_ever_leased_the_run_may_send(site):
     assert site.trace.read_bytes() == TRACE
 
 
-def test_under_the_key_of_another_nothing_is_sent(site):
-    with pytest.raises(Refused, match="under another key"):
-        site.intake.add_chunk(site.reader, site.chunk(0, TRACE), holder="worker.spare")
+def test_under_a_lease_that_was_never_given_nothing_is_sent(site):
+    with pytest.raises(Refused, match="never leased"):
+        site.intake.add_chunk(site.reader, site.chunk(0, TRACE, token=site.grant.token + 1))
     assert site.incoming() == []
 
 
