@@ -18,8 +18,6 @@ from grammars.text.sources import note_read
 _ROS2_MARK: Final = "ros__parameters"
 _DEEPEST: Final = 5
 _SECTIONS: Final = ("amcl", "move_base")
-_UNREAD: Final = ("nothing reads", "no node here")
-"""How findings begin about names that nobody reads."""
 _COUNTERPARTS: Final = {
     "amcl": "amcl (here odom_alpha1 for alpha1, odom_model_type for robot_model_type, "
     "laser_max_beams, laser_z_hit, laser_sigma_hit for max_beams, z_hit, sigma_hit, "
@@ -73,7 +71,7 @@ def refuse_unread(
     settings: ParameterValues, findings: ParameterFindings, files: Iterable[str]
 ) -> None:
     """Raise :class:`InputError` for each of ``files`` of which nobody reads anything."""
-    unread = {f.path for f in findings.problems if f.message.startswith(_UNREAD)}
+    unread = {finding.path for finding in findings.problems if finding.unread}
     problems = []
     for file in files:
         own = {path: s for path, s in settings.items() if s.where.file == file}

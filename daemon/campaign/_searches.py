@@ -47,7 +47,7 @@ from grammars.model.robot import Robot
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import KeyPath, YamlDocument
-from grammars.text.inequalities import read_inequality
+from grammars.text.inequalities import InequalityError, read_inequality
 
 _LONGEST_NAMES: Final = 88
 """Characters of the names of a campaign and its search together: both are part of an id."""
@@ -338,9 +338,10 @@ class _SearchReader:
                         message = f'"{text}" never holds within these ranges'
                         self._error(where, message, "widen a range, or leave it out")
                     found.append(one)
+            except InequalityError as error:
+                self._error(where, error.message, error.hint)
             except ValueError as error:
-                message, _, hint = str(error).partition("; ")
-                self._error(where, message, hint)
+                self._error(where, str(error))
         return tuple(found)
 
 

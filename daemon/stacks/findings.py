@@ -12,11 +12,15 @@ ParameterLocation: TypeAlias = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class ParameterFinding:
-    """One thing to say about the value at ``path``, with what to do about it in ``hint``."""
+    """One thing to say about the value at ``path``, with what to do about it in ``hint``.
+
+    ``unread``: no part of the stack reads a value of that name.
+    """
 
     path: ParameterLocation
     message: str
     hint: str = ""
+    unread: bool = False
 
     def __str__(self) -> str:
         hint = f"; {self.hint}" if self.hint else ""

@@ -26,6 +26,14 @@ _TOLERANCE: Final = 1e-9
 _Summand: TypeAlias = tuple[str, float, Quantity]
 
 
+class InequalityError(ValueError):
+    """An inequality that cannot be read: ``message`` says why, ``hint`` what was meant."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        self.message, self.hint = message, hint
+        super().__init__(f"{message}; {hint}" if hint else message)
+
+
 @dataclass(frozen=True, slots=True)
 class Inequality:
     """A sum that is at most zero, or less than zero where it is ``strict``.
@@ -106,7 +114,7 @@ def _summands(text: str, side: str, sign: float, units: Mapping[str, str]) -> It
             yield "", direction, read_quantity(number[0])
             rest = rest[number.end() :]
         else:
-            raise ValueError(_not_a_summand(text, rest, units))
+            raise _not_a_summand(text, rest, units)
         rest, first = rest.lstrip(), False
 
 
@@ -116,12 +124,12 @@ def _starts_with(rest: str, name: str) -> bool:
     return rest.startswith(name) and not (after.isalnum() or after in ("_", ".", "/"))
 
 
-def _not_a_summand(text: str, rest: str, units: Mapping[str, str]) -> str:
+def _not_a_summand(text: str, rest: str, units: Mapping[str, str]) -> InequalityError:
     word = _NAME.match(rest)
     if word is None:
-        return f'"{text}": a name or a quantity is missing'
+        return InequalityError(f'"{text}": a name or a quantity is missing')
     hint = did_you_mean(word[0], units)
-    return f'"{text}": "{word[0]}" is not varied here{f"; {hint}" if hint else ""}'
+    return InequalityError(f'"{text}": "{word[0]}" is not varied here', hint)
 
 
 def _only_dimension(text: str, summands: list[_Summand]) -> str:

@@ -59,7 +59,7 @@ def verdict_text(
     if verdict.margin is not None:
         bar = margin_bar(_share(verdict))
         text.append("\n    ").append(f"{bar}  ", style=style)
-        nearest = "nearest " if so_far and first.startswith("at ") else ""
+        nearest = "nearest " if so_far and verdict.evidence.time is not None else ""
         text.append(f"{nearest}{first}", style=quiet_style(styles))
     else:
         rest = [first, *rest]

@@ -135,7 +135,7 @@ def _check_sections(parameters: Mapping[str, Any], report: FindingCollector) -> 
         elif name not in _SECTIONS:
             hint = did_you_mean(name, _SECTIONS)
             report.problems.append(
-                ParameterFinding((name,), f'no node here is called "{name}"', hint)
+                ParameterFinding((name,), f'no node here is called "{name}"', hint, unread=True)
             )
 
 
@@ -253,7 +253,8 @@ def _read_part(
         elif OTHER_NAMES.get(name) not in names:
             hint = did_you_mean(name, names)
             message = f'nothing reads a parameter "{name}"'
-            tree.report.problems.append(ParameterFinding((*path, name), message, hint))
+            finding = ParameterFinding((*path, name), message, hint, unread=True)
+            tree.report.problems.append(finding)
     return read_section(
         RotateRecoveryParameters,
         {name: given[written] for name, written in mine.items()},

@@ -19,7 +19,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
-from grammars.text.diagnostics import did_you_mean
+from grammars.text.diagnostics import closest, did_you_mean
 
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -141,11 +141,13 @@ def _unknown_name(
     """Say that nobody reads a name, with the nearest one of the same sort."""
     name = str(place[-1])
     if isinstance(value, Mapping):
-        hint = did_you_mean(name, namespaces)
         # A list of what else there is would say nothing of a namespace that belongs to others.
-        hint = hint if hint.startswith("did") else ""
-        return ParameterFinding(place, f'nothing reads a namespace "{name}"', hint)
-    return ParameterFinding(place, f'nothing reads a parameter "{name}"', did_you_mean(name, names))
+        near = closest(name, namespaces)
+        hint = f'did you mean "{near}"?' if near else ""
+        message = f'nothing reads a namespace "{name}"'
+    else:
+        hint, message = did_you_mean(name, names), f'nothing reads a parameter "{name}"'
+    return ParameterFinding(place, message, hint, unread=True)
 
 
 @cache

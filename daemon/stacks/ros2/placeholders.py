@@ -33,10 +33,13 @@ _PART: Final = re.compile(
 
 
 class PlaceholderError(ValueError):
-    """A text cannot be filled: ``message`` says why, ``hint`` what to write."""
+    """A text cannot be filled: ``message`` says why, ``hint`` what to write.
 
-    def __init__(self, message: str, hint: str) -> None:
-        self.message, self.hint = message, hint
+    ``name`` is the placeholder without a value, empty where braces are no placeholder.
+    """
+
+    def __init__(self, message: str, hint: str, name: str = "") -> None:
+        self.message, self.hint, self.name = message, hint, name
         super().__init__(f"{message}: {hint}")
 
 
@@ -107,4 +110,6 @@ def _parts(text: str) -> Iterator[tuple[str, str]]:
 
 
 def _unknown(name: str, known: Iterable[str]) -> PlaceholderError:
-    return PlaceholderError(f'no placeholder "{name}"', f"{did_you_mean(name, known)}; {DOUBLED}")
+    return PlaceholderError(
+        f'no placeholder "{name}"', f"{did_you_mean(name, known)}; {DOUBLED}", name
+    )

@@ -314,7 +314,7 @@ def _placeholder_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
     for path, text in texts_with_placeholders(settings):
         for problem in check_placeholders(text, known):
             hint = problem.hint
-            if f'"{MAP}"' in problem.message and settings.map == "published":
+            if problem.name == MAP and settings.map == "published":
                 hint = "the map is published, not written: leave it out, or write map: file"
             yield ParameterFinding(path, problem.message, hint)
 

@@ -286,6 +286,12 @@ def test_what_makes_no_sense_is_told_with_its_line(text, expected, write):
     assert ": warning:" not in first
 
 
+def test_what_is_written_never_becomes_the_hint(write):
+    text = '"doors_moving.closes 1 s; or later < 8 s"'
+    (told,) = said(write(HEAD + OVER + f"    such that: [{text}]\n"))
+    assert told.endswith(f'{text}: expected + or - before "1 s; or later"')
+
+
 def test_a_literal_is_searched_once_it_has_a_name(write):
     (told,) = said(write(HEAD + "    over: {doors_moving.kitchen_closes: 7 .. 8.9 s}\n"))
     assert told == (

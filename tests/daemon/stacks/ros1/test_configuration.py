@@ -46,6 +46,16 @@ def problems(read):
     return [str(problem) for problem in read.findings.problems]
 
 
+def test_names_that_nobody_reads_are_marked_whatever_is_said_of_them():
+    given = tree(amlc={"a": 1}, amcl={"odom_alpa1": 0.1}, move_base={"TebLocalPlannerROS": {}})
+    found = read_ros(given).findings.problems
+    assert {finding.path for finding in found if finding.unread} == {
+        ("amlc",),
+        ("amcl", "odom_alpa1"),
+        ("move_base", "TebLocalPlannerROS"),
+    }
+
+
 def test_a_sound_tree_has_nothing_to_say_about_it():
     read = read_ros(tree())
     assert problems(read) == []
