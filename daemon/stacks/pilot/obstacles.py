@@ -247,8 +247,10 @@ class UnmappedObstacles:
         """
         field = self._field
         self._now += 1
-        if self.cells.size < self.count + count:
-            self.cells = np.concatenate((self.cells, np.zeros_like(self.cells)))
+        missing = self.count + count - self.cells.size
+        if missing > 0:
+            more = np.zeros(max(missing, self.cells.size), dtype=np.int32)
+            self.cells = np.concatenate((self.cells, more))
         sensor = base @ laser.mount
         self._sensor[:] = sensor.x, sensor.y, sensor.yaw
         self._pose[:] = base.x, base.y, base.yaw

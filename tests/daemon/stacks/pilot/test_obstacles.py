@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from daemon.stacks.pilot import obstacles
 from daemon.stacks.pilot.map_field import map_field
 from daemon.stacks.pilot.obstacles import UnmappedObstacles
 from grammars.model.geometry import Pose2
@@ -49,6 +50,20 @@ def test_a_closed_door_is_marked_and_blocks_the_path():
     assert path[hit, 0] == pytest.approx(4.47 - 0.25, abs=0.06)
     clearance = watcher.layer.clearance(1.0)
     assert clearance[map_field(draw(ONE_DOORWAY, SIZE)).cell(4.475, 1.575)] == 0.0
+
+
+def test_one_scan_may_mark_any_number_of_cells(monkeypatch):
+    # As Python, where a write beyond an array is an error.
+    monkeypatch.setattr(obstacles, "mark_cells", obstacles.mark_cells.py_func)
+    field = map_field(draw((), (6.0, 6.0), resolution=0.01))
+    layer = UnmappedObstacles(field, explained=0.0, reach=10.0, memory=100)
+    x, y = np.meshgrid(np.arange(0.505, 1.5, 0.01), np.arange(0.505, 0.8, 0.01))
+    points = np.column_stack((x.ravel(), y.ravel()))
+    assert len(points) > 2 * len(layer.cells)
+    known = np.zeros(len(points), dtype=np.uint8)
+    lost = np.full(LASER.rays, np.nan, dtype=np.float32)
+    layer.update(LASER, lost, points, known, len(points), Pose2())
+    assert layer.count == len(points)
 
 
 def test_an_opened_door_is_cleared_by_looking_through():
