@@ -231,6 +231,8 @@ class Driver:
         if self._escape is None:
             self._start_escape_if_needed(now, pose, scanned)
         if self._escape is not None:
+            # Patience is for waiting: what passes in motion does not count.
+            self._watched = now
             return self._escape.command
         if self._arrival.turning and goal.yaw is not None and self._pursuit is not None:
             return self._pursuit.turn_to(pose, goal.yaw)
@@ -323,7 +325,7 @@ class Driver:
             self._make_room(now, pose, blockage)
 
     def _patience_ends(self, now: float, remaining: float) -> bool:
-        """Count the time spent blocked since the robot last came closer to the waypoint."""
+        """Count the time it waited, blocked, since it last came closer to the waypoint."""
         if remaining < self._closest - _GAINED:
             self._waited, self._closest = 0.0, remaining
         self._waited += now - self._watched

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
@@ -21,9 +21,6 @@ _Count: TypeAlias = Annotated[int, Field(ge=0, le=1000)]
 class PilotParameters:
     """What can be set on the pilot: plain numbers in SI units, radians."""
 
-    localisation: Literal["scan-matching", "noisy-ground-truth"] = "scan-matching"
-    """scan-matching fuses odometry with scan matching; noisy-ground-truth is the true pose plus
-    Gaussian noise, a baseline and no localisation at all."""
     start_sigma: _Positive = 0.05
     """[m] How far the start position it is told may be off, standard deviation."""
     start_yaw_sigma: _Positive = 0.03
@@ -38,10 +35,6 @@ class PilotParameters:
     reported covariance."""
     map_yaw_sigma: _NotNegative = 0.005
     """[rad] The same for headings."""
-    truth_sigma: _NotNegative = 0.02
-    """[m] Noise of noisy-ground-truth, standard deviation."""
-    truth_yaw_sigma: _NotNegative = 0.01
-    """[rad] Noise of noisy-ground-truth, standard deviation."""
     max_speed: _Positive = 0.5
     """[m/s] Also bounded by the drive."""
     max_turn: _Positive = 1.0
@@ -86,7 +79,7 @@ class PilotParameters:
     wait_before_replanning: _NotNegative = 3.0
     """[s] A blocked robot waits this long before it looks for another way."""
     patience: _Positive = 60.0
-    """[s] Without any way for this long the mission is given up."""
+    """[s] After waiting this long without any way the mission is given up."""
     recoveries: _Count = 6
     """How often it tries to free itself without getting further."""
 

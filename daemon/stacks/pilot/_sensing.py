@@ -9,7 +9,7 @@ import numpy as np
 from daemon.model.sut import Briefing, Estimate, LaserScan, Observation
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.guard import Surroundings
-from daemon.stacks.pilot.localisation import Localiser, NoisyTruth
+from daemon.stacks.pilot.localisation import Localiser
 from daemon.stacks.pilot.map_field import MapField
 from daemon.stacks.pilot.obstacles import UnmappedObstacles
 from daemon.stacks.pilot.scan_matching import project
@@ -75,14 +75,7 @@ class Sensing:
         self._points = np.zeros((sum(rays) + _REMEMBERED, 2))
         self._known = np.zeros(sum(rays) + _REMEMBERED, dtype=np.uint8)
         self._sifted = np.zeros((max(rays), 2))
-        self._localiser: Localiser | None = None
-        self._truth: NoisyTruth | None = None
-        if parameters.localisation == "noisy-ground-truth":
-            self._truth = NoisyTruth(parameters, briefing.seed)
-        else:
-            self._localiser = Localiser(
-                field, robot.lasers, robot.odometry, briefing.start, parameters
-            )
+        self._localiser = Localiser(field, robot.lasers, robot.odometry, briefing.start, parameters)
         self.obstacles = UnmappedObstacles(
             field,
             explained=parameters.explained_distance,
@@ -94,17 +87,12 @@ class Sensing:
 
     def take(self, observation: Observation) -> Estimate | None:
         """Take what is new; return a new estimate when there was a scan."""
-        if self._localiser is not None:
-            self._follow(self._localiser, observation)
-            self.pose = self._localiser.pose
-        elif self._truth is not None:
-            self._copy(self._truth, observation)
-        if not observation.scans:
-            return None
-        source = self._localiser or self._truth
-        return source.estimate(observation.time) if source is not None else None
+        self._follow(observation)
+        self.pose = self._localiser.pose
+        return self._localiser.estimate(observation.time) if observation.scans else None
 
-    def _follow(self, localiser: Localiser, observation: Observation) -> None:
+    def _follow(self, observation: Observation) -> None:
+        localiser = self._localiser
         samples = list(observation.odometry)
         for scan in observation.scans:
             while samples and samples[0].time <= scan.time:
@@ -119,15 +107,6 @@ class Sensing:
         for sample in samples:
             localiser.move(sample)
         localiser.move_until(observation.time)
-
-    def _copy(self, truth: NoisyTruth, observation: Observation) -> None:
-        if observation.ground_truth is None:
-            raise ValueError("localisation noisy-ground-truth needs the true pose in observations")
-        truth.take(observation.ground_truth)
-        self.pose = truth.pose
-        for scan in observation.scans:
-            self._returns[scan.laser].project(scan)
-            self._look(scan, truth.pose)
 
     def _look(self, scan: LaserScan, pose: Pose2) -> None:
         """Take the obstacles of a scan that was projected, and what is around the base."""

@@ -177,22 +177,3 @@ class Localiser:
         around = (_CAUTION * noise.rotation**2 + _LEAST_NOISE**2) * turn
         around += (_CAUTION * noise.drift**2 + _LEAST_NOISE**2) * distance
         predict_pose(self._mean, self._covariance, step.x, step.y, step.yaw, along, around)
-
-
-class NoisyTruth:
-    """The true pose with Gaussian noise: a baseline that shows what localisation costs."""
-
-    def __init__(self, parameters: PilotParameters, seed: np.random.SeedSequence) -> None:
-        position, heading = parameters.truth_sigma, parameters.truth_yaw_sigma
-        self._sigmas = np.array([position, position, heading])
-        self._random = np.random.default_rng(seed)
-        self.pose = Pose2()
-
-    def take(self, truth: Pose2) -> None:
-        """Draw a new estimate from the true pose."""
-        dx, dy, turn = (self._sigmas * self._random.standard_normal(3)).tolist()
-        self.pose = Pose2(truth.x + dx, truth.y + dy, truth.yaw + turn)
-
-    def estimate(self, time: float) -> Estimate:
-        """Return the latest estimate."""
-        return Estimate(time, self.pose, np.diag(self._sigmas**2))

@@ -108,7 +108,7 @@ waypoints:
   - {x: 1.0, y: 2.0, yaw: 90 deg}
   - {id: home, x: 10 cm, y: -2, yaw: 1.57}
 """
-SUT = "sut: mine\nkind: pilot\nparameters: {max_speed: 0.4, localisation: noisy-ground-truth}\n"
+SUT = "sut: mine\nkind: pilot\nparameters: {max_speed: 0.4, recoveries: 2}\n"
 ORACLES = "near: min(clearance)\nin-time: always(elapsed <= 2 min) when speed > 0.1 m/s\n"
 WALLS = """\
 walls: hut

@@ -27,7 +27,6 @@ def test_an_unknown_parameter_is_answered_with_the_nearest_one():
         ("max_speed", float("nan")),
         ("patience", "soon"),
         ("recoveries", 1.5),
-        ("localisation", "guessing"),
     ],
 )
 def test_a_bad_value_is_named_with_what_was_given(name, value):
@@ -43,11 +42,6 @@ def test_a_quantity_with_its_unit_is_answered_with_what_to_write():
 def test_all_problems_are_reported_at_once():
     with pytest.raises(ValueError, match=r"no parameter \"x\".*max_speed.*patience"):
         make_pilot({"x": 1, "max_speed": 0.0, "patience": -1.0})
-
-
-def test_only_the_named_baseline_asks_for_the_truth():
-    assert not make_pilot({}).needs_ground_truth
-    assert make_pilot({"localisation": "noisy-ground-truth"}).needs_ground_truth
 
 
 def test_the_idle_system_stands_still_and_takes_no_parameters():

@@ -6,6 +6,7 @@ import pytest
 
 from daemon.model.sut import Observation
 from daemon.stacks import make_pilot
+from daemon.stacks.pilot import _driver
 from grammars.model.geometry import Pose2, wrap_angle
 from grammars.model.robot import OdometryNoise
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
@@ -89,6 +90,16 @@ def test_it_gives_up_when_the_door_stays_shut():
     assert 15.0 < log.time < 40.0
 
 
+def test_backing_off_takes_nothing_from_its_patience(monkeypatch):
+    shut = {DOOR: lambda _: True}
+    moving = drive(ONE_DOORWAY, SIZE, START, [ACROSS], doors=shut, patience=25.0)
+    monkeypatch.setattr(_driver, "_RETREATS", 0)
+    standing = drive(ONE_DOORWAY, SIZE, START, [ACROSS], doors=shut, patience=25.0)
+    assert moving.said("to make room") is not None
+    assert standing.said("to make room") is None
+    assert moving.time > standing.time + 1.0
+
+
 def test_it_gives_up_at_once_when_the_map_shows_no_way():
     log = drive([*ONE_DOORWAY, DOOR], SIZE, START, [(2.0, 2.0), ACROSS])
     assert log.state == "aborted"
@@ -162,13 +173,11 @@ def test_every_laser_at_the_height_of_the_map_tells_where_it_is():
     assert worst_error(above) > worst_error(log)
 
 
-@pytest.mark.parametrize("localisation", ["scan-matching", "noisy-ground-truth"])
-def test_what_any_laser_sees_is_in_the_way(localisation):
+def test_what_any_laser_sees_is_in_the_way():
     robot = short_sighted(z=1.0)
     log = drive(
         TWO_DOORWAYS, SIZE, Pose2(1.2, 1.5), [ACROSS], doors={DOOR: lambda now: now > 1.0},
         robot=replace(robot, odometry=OdometryNoise(20.0, 0.0, 0.0, 0.0)),
-        localisation=localisation,
     )  # fmt: skip
     assert log.state == "succeeded"
     assert not log.collided

@@ -140,8 +140,7 @@ def drive(
                 ranges = cast(segments, true @ laser.mount, angles, laser.range_max)
                 ranges += laser.noise * random.standard_normal(len(ranges))
                 scans.append(LaserScan(now, ranges.astype(np.float32), laser.name))
-        truth = true if pilot.needs_ground_truth else None
-        seen = Observation(now, (Odometry(now, odom, twist),), tuple(scans), truth)
+        seen = Observation(now, (Odometry(now, odom, twist),), tuple(scans))
         decision = log.last = pilot.update(seen)
         assert decision.command is not None
         twist = decision.command
