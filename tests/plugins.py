@@ -7,7 +7,6 @@ MODULE = "stacks_of_others"
 
 SOURCE = """
 import ctypes
-import os
 import random
 import sys
 import time
@@ -104,17 +103,8 @@ def leaves(parameters):
     sys.exit(2)
 
 
-def leaves_at_once(parameters):
-    os._exit(5)
-
-
-def crashes(parameters):
-    ctypes.string_at(0)
-
-
 def prints(parameters):
     print("loading weights")
-    os.system("echo loaded")
     return Stack(parameters)
 
 
@@ -146,8 +136,6 @@ _KINDS = {
     "factory-hangs": "hangs",
     "factory-hangs-in-a-run": "hangs_in_a_run",
     "factory-leaves": "leaves",
-    "factory-leaves-at-once": "leaves_at_once",
-    "factory-crashes": "crashes",
     "factory-prints": "prints",
     "factory-has-no-words": "has_no_words",
     "factory-refuses": "refuses",

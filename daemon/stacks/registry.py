@@ -9,22 +9,27 @@ Files written below ``files`` in a SUT file reach it as the parameter ``files``:
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
-from functools import partial
+from contextlib import redirect_stdout
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
 
 from daemon.model.attachments import SutMissing, resolve_paths
-from daemon.model.sut import SystemUnderTest
-from daemon.stacks.findings import ParameterFindings
+from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
+from daemon.model.sut import TICK_RATE, SystemUnderTest
+from daemon.stacks.findings import ParameterError, ParameterFindings
 from daemon.stacks.pilot import make_idle, make_pilot
 from daemon.stacks.ros1 import make_ros
 from daemon.stacks.ros2.factory import make_ros2
+from grammars.text import codec
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.plugins import explain_plugin_error, plugin_origin
 
 Factory: TypeAlias = Callable[[Mapping[str, Any]], SystemUnderTest]
 ENTRY_POINT_GROUP: Final = "scenario.suts"
+CHECK_LIMIT: Final = 10.0
+"""Seconds of wall clock in which a check makes a system that plugs in."""
 _ROUNDING: Final = 1e-6
 """How far a period may be off a whole number of ticks: 0.07 s is 7.000000000000001 of them."""
 
@@ -71,8 +76,8 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindi
 
     Raises ``ValueError`` for what it does not take; its subclass
     :class:`daemon.stacks.findings.ParameterError`, which plug-ins may raise as well,
-    says where in the tree each problem stands. What plugs in is tried in a child process, so that
-    it may hang or crash: see :mod:`daemon.stacks.probe`.
+    says where in the tree each problem stands. A system that plugs in is made once, in this
+    process and within :data:`CHECK_LIMIT` seconds.
     """
     if kind == "ros":
         # Loads a compiler, which nobody needs who tests another stack.
@@ -85,11 +90,31 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindi
         return check_settings(parameters)
     if is_built_in(kind):
         make_sut(kind, parameters)
-        return ParameterFindings()
-    from daemon.stacks.probe import check_plugged
+    else:
+        _check_plugged(kind, parameters)
+    return ParameterFindings()
 
-    entry = _find_entry(kind)
-    return check_plugged(partial(make_sut, kind), _name(entry), parameters)
+
+def _check_plugged(kind: str, parameters: Mapping[str, Any]) -> None:
+    """Make a system that plugs in, for what it refuses; raises as :func:`check_parameters` does.
+
+    What it prints goes to standard error, where it spoils no answer of a command.
+    """
+    name = _name(_find_entry(kind))
+    try:
+        with (
+            redirect_stdout(sys.stderr),
+            wall_clock_limit(CHECK_LIMIT),
+            interruptible("its factory"),
+        ):
+            make_sut(kind, parameters)
+    except OutOfTime as error:
+        hint = "what takes longer belongs into start()"
+        raise ValueError(f"{name} was not made: {error}; {hint}") from error
+    except (ParameterError, SutMissing):
+        raise
+    except ValueError as error:
+        raise ValueError(codec.reading_error(error) or "ValueError without a word") from error
 
 
 def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
@@ -136,7 +161,7 @@ def _unlike_protocol(made: object) -> str:
     period = getattr(made, "period", None)
     if isinstance(period, bool) or not isinstance(period, int | float):
         return "has no period in seconds"
-    ticks = 100.0 * period
+    ticks = TICK_RATE * period
     if not math.isfinite(ticks) or ticks < 1.0 - _ROUNDING or abs(ticks - round(ticks)) > _ROUNDING:
-        return f"has a period of {period!r} s, not a multiple of 0.01 s"
+        return f"has a period of {period!r} s, not a multiple of {1.0 / TICK_RATE:g} s"
     return ""

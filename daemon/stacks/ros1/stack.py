@@ -37,11 +37,18 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection
-from typing import Final
 
 import numpy as np
 
-from daemon.model.sut import Briefing, Cloud, Decision, Estimate, LaserScan, Observation
+from daemon.model.sut import (
+    TICK_RATE,
+    Briefing,
+    Cloud,
+    Decision,
+    Estimate,
+    LaserScan,
+    Observation,
+)
 from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.costmap import Costmap
@@ -288,10 +295,6 @@ def _describe_findings(parameters: RosParameters) -> list[str]:
     return said
 
 
-_TICKS: Final = 100
-"""Steps the simulator takes per second."""
-
-
 class RosStack:
     """The ROS navigation stack; fulfils ``daemon.model.sut.SystemUnderTest``."""
 
@@ -326,14 +329,14 @@ class RosStack:
 
 
 def common_step(*frequencies: float) -> float:
-    """Return the longest step [s], a multiple of 10 ms, that fits all ``frequencies`` [Hz].
+    """Return the longest step [s], a whole number of ticks, that fits all ``frequencies`` [Hz].
 
-    10 ms when there is none.
+    One tick if there is none.
     """
-    ticks = [_TICKS / frequency for frequency in frequencies]
+    ticks = [TICK_RATE / frequency for frequency in frequencies]
     if any(abs(tick - round(tick)) > 1e-6 for tick in ticks):
-        return 1.0 / _TICKS
-    return math.gcd(*(round(tick) for tick in ticks)) / _TICKS
+        return 1.0 / TICK_RATE
+    return math.gcd(*(round(tick) for tick in ticks)) / TICK_RATE
 
 
 def warm_up() -> None:

@@ -14,12 +14,13 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 
+from daemon.model.sut import TICK_RATE
 from grammars.model.robot import LASER_NAME
 from grammars.text.documents import Duration, Ratio, StrictModel
 
 HIGHEST_DOMAIN: Final = 101
 """Domain ids up to this one fit the ephemeral port range of every system (ROS 2 documentation)."""
-TICK: Final = 0.01
+TICK: Final = 1.0 / TICK_RATE
 """A period is a multiple of this [s]."""
 _ROUNDING: Final = 1e-6
 OWN_PREFIX: Final = "SCENARIO_"
@@ -114,7 +115,7 @@ def _domain(value: Any) -> Any:
 def _period(value: float) -> float:
     ticks = value / TICK
     if abs(ticks - round(ticks)) > _ROUNDING or not math.isfinite(ticks):
-        raise ValueError(f"{value:g} s is not a multiple of 0.01 s, the step of the simulation")
+        raise ValueError(f"{value:g} s is not a multiple of {TICK:g} s, the step of the simulation")
     return value
 
 

@@ -1,12 +1,15 @@
 """Systems under test that plug in: loaded by entry point, held to the protocol."""
 
+import os
 import sys
 from importlib.metadata import EntryPoint
 
 import pytest
 
 from daemon.stacks import registry
-from daemon.stacks.registry import make_sut
+from daemon.stacks.findings import ParameterFindings
+from daemon.stacks.registry import check_parameters, make_sut
+from tests.plugins import MODULE, install_plugins, place_of
 
 STACK = """
 class Stack:
@@ -85,3 +88,47 @@ def test_a_stack_that_cannot_be_had_is_explained(plugged, kind, words):
 def test_a_period_is_a_positive_multiple_of_a_tick(plugged, period):
     with pytest.raises(ValueError, match="period"):
         make_sut("stack", {"period": period})
+
+
+def test_the_step_of_the_simulation_is_said_once(plugged, monkeypatch):
+    monkeypatch.setattr(registry, "TICK_RATE", 50)
+    with pytest.raises(ValueError, match=r"0\.01 s, not a multiple of 0\.02 s"):
+        make_sut("stack", {"period": 0.01})
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    install_plugins(tmp_path, monkeypatch)
+    yield
+    sys.modules.pop(MODULE, None)
+
+
+def test_a_check_makes_a_stack_without_another_process(installed, monkeypatch):
+    # A child forked beside threads may wait for ever for a lock that one of them held.
+    monkeypatch.setattr(os, "fork", lambda: pytest.fail("forked"))
+    assert check_parameters("plain", {}) == ParameterFindings()
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("factory-leaves", "cannot be made: SystemExit: 2"),
+        ("factory-refuses", '^"speed" must be positive$'),
+        ("factory-reads-with-a-library", "^speed must be a valid number"),
+        ("factory-has-no-words", "ValueError without a word"),
+    ],
+)
+def test_a_check_says_what_a_factory_refuses(installed, kind, words):
+    with pytest.raises(ValueError, match=words):
+        check_parameters(kind, {})
+
+
+@pytest.mark.parametrize("kind", ["factory-hangs", "import-hangs"])
+def test_a_check_says_where_a_factory_hangs(installed, monkeypatch, kind):
+    monkeypatch.setattr(registry, "CHECK_LIMIT", 1.0)
+    words = r"was not made: stopped after 1 s .* its factory \(.*\.py:\d+\); what takes longer"
+    with pytest.raises(ValueError, match=words) as caught:
+        check_parameters(kind, {})
+    if kind == "factory-hangs":
+        line = int(place_of("its factory hangs").rpartition(":")[2])
+        assert any(f"{MODULE}.py:{number})" in str(caught.value) for number in (line - 1, line))
