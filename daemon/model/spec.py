@@ -30,7 +30,7 @@ from grammars.text import codec
 
 RunEnding: TypeAlias = Literal["finished", "limit", "crashed"]
 
-ENGINE_VERSION: Final = "3"
+ENGINE_VERSION: Final = "4"
 """Raised whenever a change alters traces of unchanged specifications."""
 
 

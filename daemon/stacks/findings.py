@@ -60,12 +60,6 @@ class FindingCollector:
     problems: list[ParameterFinding] = field(default_factory=list)
     without_effect: list[ParameterFinding] = field(default_factory=list)
 
-    def add(self, other: FindingCollector) -> None:
-        """Take over what another one has collected."""
-        self.fatal += other.fatal
-        self.problems += other.problems
-        self.without_effect += other.without_effect
-
     def findings(self) -> ParameterFindings:
         """Return what was found; raises :class:`ParameterError` for what is fatal."""
         findings = ParameterFindings(

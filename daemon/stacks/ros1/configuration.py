@@ -91,18 +91,14 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
         tree, move_base.base_local_planner, move_base.controller_frequency
     )
     given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
-    # Read before the costmaps, which need its frames. Findings stand in traces: what is said of it
-    # has always come after the costmaps there.
-    later = FindingCollector()
     localisation = read_section(
         AmclParameters,
         tree.at("amcl"),
         ("amcl",),
-        later,
+        report,
         without_effect=amcl.without_effect(tree.at("amcl")),
     )
     costmaps, topics = read_costmaps(tree, given, localisation)
-    report.add(later)
     resets = {name: _read_reset(tree, name) for name in _resets(move_base)}
     for name, reset in resets.items():
         _check_layer_names(tree, name, reset, costmaps)

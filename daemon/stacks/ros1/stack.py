@@ -104,7 +104,7 @@ class Navigation:
         near = parameters.local_costmap
         self._costmaps = CostmapRecorder(near.publish_frequency, near.frame)
         self._estimates = EstimateRecorder(_start_covariance(parameters.amcl))
-        self._events = _describe_findings(parameters)
+        self._events: list[str] = []
         self._idle: Decision | None = None
         """The answer when there is nothing new."""
 
@@ -283,16 +283,6 @@ def _start_covariance(parameters: AmclParameters) -> Floats:
     return np.diag(
         (parameters.initial_cov_xx, parameters.initial_cov_yy, parameters.initial_cov_aa)
     )
-
-
-def _describe_findings(parameters: RosParameters) -> list[str]:
-    """Return what is to be said once about the parameters."""
-    findings = parameters.findings
-    said = [f"doubtful parameter: {problem}" for problem in findings.problems]
-    idle = ["/".join(map(str, finding.path)) for finding in findings.without_effect]
-    if idle:
-        said.append(f"parameters without effect: {', '.join(idle)}")
-    return said
 
 
 class RosStack:

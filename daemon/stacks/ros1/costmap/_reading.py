@@ -48,12 +48,9 @@ def read_costmap(
     costmap = ParameterNamespace.of(given, path)
     planned, moved = plan_layers(costmap, report)
     own = ParameterNamespace(path, {n: w for n, w in costmap.entries.items() if n not in moved})
-    # Findings stand in traces: what is said of sources has always come first there.
-    later = FindingCollector()
-    section = _read_own(own, planned, later)
+    section = _read_own(own, planned, report)
     reader = LayerReader(section, (own, context.above), context, report)
     layers = tuple(layer for one in planned if (layer := reader.read(one)) is not None)
-    report.add(later)
     _check_old_parameters(own, planned, report)
     body = _read_body(own, context.above, report)
     sized = not section.rolling_window and any(one.type == STATIC for one in planned)
