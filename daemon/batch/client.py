@@ -22,7 +22,6 @@ from daemon.model.live_judgement import LiveJudgement, unpack_judgement
 from daemon.model.messages import (
     EVENTS,
     JUDGED,
-    LARGEST_CHUNK,
     LIVE,
     FileUploadChunk,
     UploadProgress,
@@ -219,7 +218,7 @@ class Client(DaemonClient):
             return self.ask(KEEP, FileUploadChunk(digest, size, offset, text, sha256))
 
         while not upload.complete:
-            upload.send_next(ask, LARGEST_CHUNK)
+            upload.send_next(ask)
             if upload.faults > _FAULTS:
                 raise Refused(f"the file {path} does not arrive: {upload.problem}")
 

@@ -39,21 +39,19 @@ LARGEST_EXTENSION: Final = 16 * 2**20
 LARGEST_PAGE: Final = 1000
 LARGEST_PAGE_BYTES: Final = 4 * 2**20
 """Of what runs have that may be long, results and reasons: a page of them ends there."""
-LARGEST_CHUNK: Final = 2**20
-"""Bytes of a trace in one request; they travel as base64, a third more."""
+CHUNK: Final = 256 * 2**10
+"""Bytes of a part of a file; parts travel as base64, a third more."""
 LARGEST_TRACE: Final = 4 * 2**30
 HIGHEST_PRIORITY: Final = 1000
 MOST_SIMULATED: Final = 1e9
 """Seconds that a run may be said to have simulated."""
 LONGEST_TROUBLE: Final = 2000
 """Characters."""
-LARGEST_ENCLOSED_TRACE: Final = 256 * 2**10
-"""Bytes of a trace that may come along with its result, in one request."""
 
 # Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
 NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
 SimulatedSeconds = Annotated[float, Field(ge=0.0, le=MOST_SIMULATED)]
-Base64Text = Annotated[str, Field(max_length=LARGEST_CHUNK * 4 // 3 + 4)]
+Base64Text = Annotated[str, Field(max_length=CHUNK * 4 // 3 + 4)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,8 +259,7 @@ class RenewReply:
 class Completion:
     """A finished run; its trace lies where the lease said, or was ``uploaded`` before.
 
-    ``location`` is the URL of the trace, empty when it lies in the daemon's state directory. A
-    small trace may come along as ``trace``, in base64: one question instead of three.
+    ``location`` is the URL of the trace, empty when it lies in the daemon's state directory.
     """
 
     worker: WorkerId
@@ -272,7 +269,6 @@ class Completion:
     result: RunResult
     location: Annotated[str, Field(max_length=2000)] = ""
     uploaded: bool = False
-    trace: Annotated[str, Field(max_length=LARGEST_ENCLOSED_TRACE * 4 // 3 + 4)] = ""
 
 
 class LedgerAnswer(StrEnum):
@@ -349,11 +345,10 @@ class UploadProgress:
 
 @dataclass(frozen=True, slots=True)
 class TraceDownloadRequest:
-    """Ask for up to ``count`` bytes of the trace of a run, from ``offset`` on."""
+    """Ask for a part of the trace of a run, from ``offset`` on."""
 
     run: IdText
     offset: NonNegativeInt
-    count: Annotated[int, Field(ge=1, le=LARGEST_CHUNK)] = LARGEST_CHUNK
 
 
 @dataclass(frozen=True, slots=True)
@@ -383,8 +378,7 @@ class FileUploadChunk:
 
 @dataclass(frozen=True, slots=True)
 class FileDownloadRequest:
-    """Ask for up to ``count`` bytes of a file of a system under test, from ``offset`` on."""
+    """Ask for a part of a file of a system under test, from ``offset`` on."""
 
     sha256: Sha256Text
     offset: NonNegativeInt
-    count: Annotated[int, Field(ge=1, le=LARGEST_CHUNK)] = LARGEST_CHUNK

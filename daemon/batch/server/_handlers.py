@@ -229,7 +229,7 @@ class Handlers(SearchHandlers):
         if is_url(trace.location):
             raise Refused(f"the trace of {request.run} lies at {trace.location}: get it there")
         try:
-            data = read_part(Path(trace.location), request.offset, request.count)
+            data = read_part(Path(trace.location), request.offset)
         except OSError as error:
             raise Refused(f"the trace of {request.run} cannot be read: {error.strerror}") from error
         if data and request.offset + len(data) == trace.size:
@@ -341,7 +341,6 @@ class Handlers(SearchHandlers):
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
         ledger.check_completion(completion)
-        self._traces.take_enclosed(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
         answer = ledger.complete(completion, self.clock.now())

@@ -39,7 +39,7 @@ from daemon.model.messages import (
     TraceUploadChunk,
     UploadProgress,
 )
-from grammars.text.files import move_durably, write_atomically
+from grammars.text.files import move_durably
 
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time, finished ones whose result has not come included."""
@@ -173,31 +173,6 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
             "trace received", run=chunk.run, worker=chunk.worker, bytes=chunk.size, seconds=took
         )
 
-    def take_enclosed(self, completion: Completion) -> None:
-        """Put the trace that came along with a result where an upload of it would be.
-
-        What came damaged is not there afterwards. Raises :class:`Unavailable` while there is no
-        room.
-        """
-        if not (completion.trace and completion.uploaded):
-            return
-        info = completion.result.trace
-        try:
-            data = decode_chunk(completion.trace, info.sha256)
-        except ValueError:
-            self._log.write("trace damaged", run=completion.run, worker=completion.worker)
-            return
-        if len(data) != info.size:
-            return
-        if shortage := self.paths.disk_shortage():
-            raise Unavailable(shortage)
-        try:
-            # Synchronised when it gets its name.
-            write_atomically(self._completed(completion), data, durable=False)
-        except OSError as error:
-            words = f"the trace of {completion.run} cannot be written: {error}"
-            raise Unavailable(words) from error
-
     def is_missing(self, ledger: LedgerWriter, completion: Completion) -> bool:
         """Whether a result would be recorded whose trace is not here (and in no store)."""
         if completion.location or not ledger.awaits_result(completion.run, completion.token):
@@ -295,7 +270,7 @@ class FileUploads(_Uploads[FileUploadChunk]):
         """Return a part of a file; refuses for one that is not here."""
         path = self.paths.files / request.sha256
         try:
-            data = read_part(path, request.offset, request.count)
+            data = read_part(path, request.offset)
             size = path.stat().st_size
         except OSError as error:
             raise Refused(f"there is no file {request.sha256}") from error

@@ -17,7 +17,7 @@ import platformdirs
 
 from daemon.batch.errors import TraceUnavailable
 from daemon.batch.stores._store import get_from_store, is_url
-from daemon.model.messages import DownloadChunk, UploadProgress
+from daemon.model.messages import CHUNK, DownloadChunk, UploadProgress
 from daemon.model.status import RunDetail
 from grammars.text.files import move_durably, sync_directory
 
@@ -58,13 +58,13 @@ class FileUpload:
     faults: int = 0
     problem: str = ""
 
-    def send_next(self, ask: Callable[[int, str, str], UploadProgress], count: int) -> int:
-        """Send the next part of up to ``count`` bytes, or ask where to go on; returns its size.
+    def send_next(self, ask: Callable[[int, str, str], UploadProgress]) -> int:
+        """Send the next part, or ask where to go on; returns its size.
 
         ``ask`` gets offset, text and digest of a part and returns the daemon's answer. Raises
         ``OSError`` and whatever ``ask`` raises.
         """
-        data = b"" if self.offset is None else read_part(self.path, self.offset, count)
+        data = b"" if self.offset is None else read_part(self.path, self.offset)
         received = ask(self.offset or 0, *encode_chunk(data))
         self.offset, self.complete = received.offset, received.complete
         self.problem = received.problem
@@ -111,11 +111,11 @@ def _request_chunk(
     raise ValueError(f"arrives damaged, {_TRIES} times in a row")
 
 
-def read_part(path: Path, offset: int, count: int) -> bytes:
-    """Return up to ``count`` bytes of a file from ``offset`` on; raises ``OSError``."""
+def read_part(path: Path, offset: int) -> bytes:
+    """Return the part of a file that begins at ``offset``; raises ``OSError``."""
     with path.open("rb") as file:
         file.seek(offset)
-        return file.read(count)
+        return file.read(CHUNK)
 
 
 def append_part(path: Path, offset: int, data: bytes) -> None:

@@ -1,7 +1,7 @@
 """Workers: lease runs from a daemon and execute each in a process of its own."""
 
 from daemon.batch.worker._attempts import AdoptedWork, Attempt, Spool
-from daemon.batch.worker._background import BackgroundAsks, LeasePace
+from daemon.batch.worker._background import BackgroundAsks
 from daemon.batch.worker._connection import (
     InputCache,
     InputDamaged,
@@ -18,7 +18,6 @@ __all__ = [
     "BackgroundAsks",
     "InputCache",
     "InputDamaged",
-    "LeasePace",
     "ResultUploader",
     "Spool",
     "WorkerPaths",

@@ -87,10 +87,6 @@ class Attempt:
         # An earlier version left larger ones in the spool.
         return bound_result(codec.from_json(RunResult, data))
 
-    def result_size(self) -> int:
-        """Bytes of the result as it is stored; raises ``OSError``."""
-        return (self.folder / RESULT).stat().st_size
-
     def output(self) -> str:
         """The end of what the run printed, empty when it printed nothing."""
         # Nothing of one that ended before it had begun.

@@ -1,4 +1,4 @@
-"""What a worker asks of its daemon while its loop goes on, and how far ahead it leases.
+"""Questions of a worker to its daemon while its loop goes on.
 
 Over a long way an answer takes as long as a short run: a worker that waits for each answer before
 it asks the next question spends its time waiting. Threads ask; the loop is woken by each answer.
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import concurrent.futures
 import threading
-import time
-from collections import deque
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final
@@ -18,10 +16,6 @@ from daemon.batch.worker._signals import WakeupSocket
 
 _THREADS: Final = 16
 """Questions under way at a time; threads are started as they are needed."""
-_ROUND_TRIPS: Final = 8
-_AHEAD: Final = 2.0
-"""Round trips that runs are leased ahead for: one until a missing run is noticed and asked for, one
-since another question for work may be under way then."""
 
 
 class BackgroundAsks:
@@ -68,37 +62,3 @@ class BackgroundAsks:
         self._pool.shutdown(wait=False, cancel_futures=True)
         with self._closing:
             self._wakeup.close()
-
-
-class LeasePace:
-    """How many runs to lease beyond the free slots, so that none stands empty for an answer.
-
-    None on a short way or with long runs: a run that is leased and waits is one that no other
-    worker can execute.
-    """
-
-    def __init__(self) -> None:
-        self._round_trips: deque[float] = deque(maxlen=_ROUND_TRIPS)
-        self._duration = 0.0
-
-    def timed(self, ask: Callable[[], object]) -> object:
-        """Ask, and remember how long the answer took."""
-        begun = time.monotonic()
-        answer = ask()
-        self._round_trips.append(time.monotonic() - begun)
-        return answer
-
-    def ran(self, seconds: float) -> None:
-        """A run took so long."""
-        self._duration = (self._duration + seconds) / 2 if self._duration else seconds
-
-    def ahead(self, slots: int) -> int:
-        """Runs to hold beyond ``slots`` that run: those that end within two round trips.
-
-        At most as many as there are slots.
-        """
-        if not self._round_trips or self._duration <= 0.0:
-            return 0
-        # The shortest: one question that waited for a busy daemon does not make the way long.
-        ending = slots * _AHEAD * min(self._round_trips) / self._duration
-        return min(slots, int(ending))

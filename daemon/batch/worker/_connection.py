@@ -31,7 +31,7 @@ from daemon.batch.worker._attempts import Attempt
 from daemon.model.attachments import LARGEST_FILE
 from daemon.model.ids import is_id
 from daemon.model.messages import FileDownloadRequest, IdRequest, WelcomeReply, WorkerInfo
-from daemon.model.verbs import FILE, SCENE, WELCOME, Verb
+from daemon.model.verbs import COMPLETE, FILE, SCENE, UPLOAD, WELCOME, Verb
 from grammars.text import codec
 from grammars.text.files import move_durably, write_atomically
 
@@ -39,6 +39,11 @@ A = TypeVar("A")
 
 _TIMEOUT: Final = 5.0
 """Seconds for an answer; a link that is silent so long is as good as cut, and asked again."""
+_TIMEOUT_OF_PART: Final = 12.0
+"""Seconds for an answer to a part of a trace, or to a result: both may be large for a slow link.
+
+A renewal waits for these answers, and must not come later than its lease ends.
+"""
 _HOST_PART: Final = 40
 """Letters of the machine's name in a worker's, whose length is limited."""
 
@@ -122,7 +127,8 @@ class DaemonConnection:
 
     def ask(self, verb: Verb[..., A], request: object) -> A:
         """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
-        return bus.ask(self.session, self.endpoint, verb, request, _TIMEOUT, self.holder)
+        timeout = _TIMEOUT_OF_PART if verb in (UPLOAD, COMPLETE) else _TIMEOUT
+        return bus.ask(self.session, self.endpoint, verb, request, timeout, self.holder)
 
     def ask_welcome(self, me: WorkerInfo) -> WelcomeReply:
         """Ask for work to do; raises :class:`WorkerBroken` when the daemon does not want it."""

@@ -28,7 +28,7 @@ from typing import Any, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Backend, Execution, Spool
-from daemon.batch.worker._background import BackgroundAsks, LeasePace
+from daemon.batch.worker._background import BackgroundAsks
 from daemon.batch.worker._connection import (
     DaemonConnection,
     InputCache,
@@ -97,8 +97,8 @@ class WorkerLoop:
             daemon, self._uploader, self._asks, undelivered, info(0).id, log
         )
         self._inputs = InputCache(daemon, paths, self._renew_between)
-        # Leased, not started yet: scenes and files for those before are fetched, or, over a long
-        # way, leased ahead so that no slot waits for an answer. Renewed like those that run.
+        # Leased, not started yet: scenes and files for those before are fetched, or kernels are
+        # compiled. Renewed like those that run.
         self._leased: deque[Lease] = deque()
         self._spool = spool
         self._backend = backend
@@ -110,8 +110,6 @@ class WorkerLoop:
         self._renew_at = 0.0
         self._lease_at = 0.0
         self._silent_until = 0.0
-        self._pace = LeasePace()
-        self._begun: dict[int, float] = {}
         self._shortage = ""
         self._leave_by = 0.0
         self._moved = 0
@@ -182,9 +180,7 @@ class WorkerLoop:
         self._live.publish(execution)
         self._live.forget(execution.attempt.lease.run)
         end = execution.end or AttemptEnd()
-        begun = self._begun.pop(execution.attempt.lease.token, time.monotonic())
         if execution.attempt.finished:
-            self._pace.ran(time.monotonic() - begun)
             self._trouble.clear()
             self._deliveries.finished.append(execution.attempt)
         elif end.sut_missing:
@@ -272,7 +268,7 @@ class WorkerLoop:
         own = (self._shortage, self._trouble.words, self._deliveries.trouble.words)
         words = (*own, self._backend.trouble)
         trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
-        # What is leased and waits for machine code has a slot as well, what is ahead of that none.
+        # A run that is leased and waits for machine code has a slot as well.
         held = len(self._executions) + len(self._leased)
         info = self._info(min(held, max(self._backend.slots, len(self._executions))))
         return replace(info, trouble=trouble, preparing=self._preparing)
@@ -308,7 +304,7 @@ class WorkerLoop:
     def _lease(self) -> None:
         slots = self._backend.slots
         held = len(self._executions) + len(self._leased)
-        wanted = min(slots + self._pace.ahead(slots) - held, _MOST_LEASED)
+        wanted = min(slots - held, _MOST_LEASED)
         if slots <= 0 or wanted <= 0 or self._signals.drain or _LEASING in self._asks:
             return
         pauses = (self._trouble.until, self._deliveries.trouble.until)
@@ -323,7 +319,7 @@ class WorkerLoop:
                 return
             wanted = 1
         request = LeaseRequest(self._busy(), wanted, tuple(self._missing_suts))
-        ask = partial(self._pace.timed, partial(self._daemon.ask, LEASE, request))
+        ask = partial(self._daemon.ask, LEASE, request)
         # Until a hint, or for a while, unless it brings as many as were wanted.
         self._lease_at = time.monotonic() + _POLL
         self._asks.start(_LEASING, partial(_with_count, ask, wanted))
@@ -373,7 +369,6 @@ class WorkerLoop:
             scene = self._inputs.scene(lease.spec.scene)
             self._inputs.provide_files(attempt)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
-            self._begun[lease.token] = time.monotonic()
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
             if attempt is not None:

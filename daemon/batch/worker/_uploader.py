@@ -24,8 +24,6 @@ from daemon.batch.run_process import TRACE
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.messages import (
-    LARGEST_CHUNK,
-    LARGEST_ENCLOSED_TRACE,
     Completion,
     LedgerAnswer,
     TraceUploadChunk,
@@ -37,15 +35,6 @@ from grammars.text.files import replacing
 
 LONGEST_TURN: Final = 0.5
 """Seconds of sending before the worker looks after its runs and leases again."""
-# Parts double while each is answered within _QUICK_ANSWER beyond what the way itself takes, so that
-# a fast link is not spent on questions, and halve when one is lost, so that a slow link gets
-# something through between two breaks: the smallest, 22 kB as text, passes within the 5 s of a
-# question at 40 kbit/s.
-_QUICK_ANSWER: Final = 0.1
-_SMALLEST_CHUNK: Final = 16 * 2**10
-_FIRST_CHUNK: Final = 64 * 2**10
-_LARGEST_RESULT: Final = 2**20
-"""Bytes of a result that a trace may travel with, in one request."""
 _FAULTS: Final = 5
 """Parts refused in a row before a trace is put aside: others may still arrive."""
 
@@ -138,11 +127,8 @@ class ResultUploader:
         self._paths = paths
         self._log = log
         self._turn = turn
-        self._chunk = _FIRST_CHUNK
         # By the tokens of leases: a run that is leased again is another delivery.
         self._sending: dict[int, _BusUpload] = {}
-        # Of the way itself: what is not much slower is quick.
-        self._fastest = float("inf")
         self._counting = threading.Lock()
         self._putting: dict[int, _StoreUpload] = {}
         self.moved = 0
@@ -168,11 +154,10 @@ class ResultUploader:
         location: str = "",
         *,
         uploaded: bool = False,
-        trace: str = "",
     ) -> LedgerAnswer:
         lease = attempt.lease
         ours = (self._worker, lease.run, lease.attempt, lease.token)
-        completion = Completion(*ours, result, location, uploaded, trace)
+        completion = Completion(*ours, result, location, uploaded)
         return self._daemon.ask(COMPLETE, completion).answer
 
     def _moved(self, count: int) -> None:
@@ -215,9 +200,6 @@ class ResultUploader:
 
     def _by_bus(self, attempt: Attempt, result: RunResult) -> bool:
         token = attempt.lease.token
-        small = token not in self._sending and self._may_enclose(attempt, result)
-        if small and self._enclosed(attempt, result):
-            return True
         if token not in self._sending:
             self._sending[token] = _BusUpload(_checked_trace(attempt, result))
         sending, until = self._sending[token], time.monotonic() + self._turn
@@ -228,7 +210,6 @@ class ResultUploader:
                     return False
         except Unreachable:
             sending.offset = None  # whoever answers next says how far it is
-            self._chunk = max(self._chunk // 2, _SMALLEST_CHUNK)
             raise
         # Missing: the parts are gone from the daemon's folder since it acknowledged the last one.
         if self._complete(attempt, result, uploaded=True) is LedgerAnswer.MISSING:
@@ -236,28 +217,6 @@ class ResultUploader:
             return False
         self._tell(attempt, result, sending.begun, "sent")
         del self._sending[token]
-        return True
-
-    def _may_enclose(self, attempt: Attempt, result: RunResult) -> bool:
-        """Whether the trace is small enough to travel with the result, on this way as it is."""
-        largest = min(LARGEST_ENCLOSED_TRACE, self._chunk)
-        return result.trace.size <= largest and attempt.result_size() <= _LARGEST_RESULT
-
-    def _enclosed(self, attempt: Attempt, result: RunResult) -> bool:
-        """Send trace and result in one request; returns whether both were taken."""
-        begun, trace = time.monotonic(), _checked_trace(attempt, result)
-        text, _ = stores.encode_chunk(trace.read_bytes())
-        try:
-            answer = self._complete(attempt, result, uploaded=True, trace=text)
-        except Unavailable as error:
-            raise OSError(str(error)) from error
-        except Unreachable:
-            self._chunk = max(self._chunk // 2, _SMALLEST_CHUNK)
-            raise
-        if answer is LedgerAnswer.MISSING:
-            return False  # it came damaged: part by part each is verified
-        self._moved(result.trace.size)
-        self._tell(attempt, result, begun, "sent")
         return True
 
     def _send(self, attempt: Attempt, result: RunResult, sending: _BusUpload) -> None:
@@ -269,16 +228,11 @@ class ResultUploader:
             chunk = TraceUploadChunk(*ours, offset, text, digest)
             return self._daemon.ask(UPLOAD, chunk)
 
-        asked = time.monotonic()
         try:
-            self._moved(sending.send_next(ask, self._chunk))
+            self._moved(sending.send_next(ask))
         except Unavailable as error:
             # No room there just now. Everything else goes on: leases are renewed, say.
             raise OSError(str(error)) from error
-        took = time.monotonic() - asked
-        self._fastest = min(self._fastest, took)
-        if took < self._fastest + _QUICK_ANSWER:
-            self._chunk = min(2 * self._chunk, LARGEST_CHUNK)
         if sending.faults >= _FAULTS:
             sending.faults, sending.offset = 0, None
             raise OSError(f"the trace of {lease.run} does not arrive: {sending.problem}")

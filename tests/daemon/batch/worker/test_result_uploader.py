@@ -12,10 +12,11 @@ import pytest
 from daemon.batch.errors import Refused, Unavailable, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
-from daemon.batch.stores import decode_chunk, trace_url
+from daemon.batch.stores import decode_chunk, encode_chunk, trace_url
 from daemon.batch.worker import Attempt, ResultUploader, WorkerPaths
 from daemon.model import verbs
 from daemon.model.messages import (
+    CHUNK,
     Lease,
     LedgerAcknowledgement,
     LedgerAnswer,
@@ -88,23 +89,21 @@ def delivered(uploader, attempt):
     return lambda: uploader.deliver(attempt)
 
 
-def test_parts_grow_on_a_quick_link(uploader, daemon, attempt):
+def test_a_trace_travels_in_parts_of_one_size(uploader, daemon, attempt):
     eventually(delivered(uploader, attempt))
     assert daemon.arrived == DATA
-    sent = [size for size in daemon.sizes if size]
-    assert max(sent[:-1]) > sent[0]
+    whole = len(DATA) // CHUNK
+    assert [size for size in daemon.sizes if size] == [len(encode_chunk(bytes(CHUNK))[0])] * whole
     assert uploader.moved == len(DATA)
     (completion,) = daemon.completions
     assert (completion.token, completion.uploaded, completion.location) == (7, True, "")
 
 
-def test_a_break_costs_a_question_and_smaller_parts(uploader, daemon, attempt):
+def test_a_break_costs_a_question(uploader, daemon, attempt):
     daemon.arrived = DATA[:100_000]  # of before
     daemon.faults = [Unreachable("gone")]
-    before = uploader._chunk
     with pytest.raises(Unreachable):
         uploader.deliver(attempt)
-    assert uploader._chunk == before // 2
     eventually(delivered(uploader, attempt))
     assert daemon.arrived == DATA
 
@@ -187,35 +186,3 @@ def test_a_store_that_cannot_be_written_keeps_it_in_the_spool(uploader, daemon, 
         eventually(delivered(uploader, attempt))
     assert attempt.finished
     assert not daemon.completions
-
-
-@pytest.fixture
-def small(tmp_path):
-    """A finished attempt whose trace is small."""
-    (tmp_path / "small").mkdir()
-    spec, data = make_spec(), DATA[:1000]
-    (tmp_path / "small" / TRACE).write_bytes(data)
-    info = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
-    (tmp_path / "small" / RESULT).write_bytes(codec.to_json(make_result(spec, trace=info)))
-    return Attempt(Lease("c.0", "c", 1, 7, "c/S1.pilot.0.mcap", spec), tmp_path / "small")
-
-
-def test_a_small_trace_travels_with_its_result(uploader, daemon, small):
-    assert uploader.deliver(small)
-    (completion,) = daemon.completions
-    sha256 = completion.result.trace.sha256
-    assert (completion.uploaded, daemon.sizes) == (True, [])
-    assert decode_chunk(completion.trace, sha256) == DATA[:1000]
-    assert uploader.moved == 1000
-
-
-def test_one_that_came_damaged_is_sent_part_by_part(uploader, daemon, small):
-    daemon.answers = [LedgerAnswer.MISSING]
-    eventually(delivered(uploader, small))
-    assert daemon.arrived == DATA[:1000]
-    assert [bool(one.trace) for one in daemon.completions] == [True, False]
-
-
-def test_one_that_is_too_large_for_a_slow_link_is_sent_part_by_part(uploader, daemon, attempt):
-    eventually(delivered(uploader, attempt))
-    assert [one.trace for one in daemon.completions] == [""]

@@ -1,32 +1,10 @@
-"""How far ahead a worker leases, and how long it leaves off after trouble."""
+"""Pauses of a worker after trouble, and its questions in the background."""
 
 import time
 
 import pytest
 
-from daemon.batch.worker import BackgroundAsks, LeasePace, WorkerTrouble
-
-
-@pytest.mark.parametrize(
-    ("way", "duration", "slots", "ahead"),
-    [(0.0, 0.5, 8, 0), (0.2, 0.5, 8, 6), (0.2, 60.0, 8, 0), (5.0, 0.5, 8, 8), (0.2, 0.0, 8, 0)],
-)
-def test_as_many_are_leased_ahead_as_end_during_two_round_trips(
-    monkeypatch, way, duration, slots, ahead
-):
-    pace = LeasePace()
-    assert pace.ahead(slots) == 0
-    now = 100.0
-    monkeypatch.setattr(time, "monotonic", lambda: now)
-
-    def ask():
-        nonlocal now
-        now += way
-        return "answer"
-
-    assert pace.timed(ask) == "answer"
-    pace.ran(duration)
-    assert pace.ahead(slots) == ahead
+from daemon.batch.worker import BackgroundAsks, WorkerTrouble
 
 
 def test_pauses_double_until_a_success(monkeypatch):
