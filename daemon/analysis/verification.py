@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,6 +17,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from daemon.analysis.forked_child import prepare_child
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.judging import oracles
@@ -29,13 +28,12 @@ from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec, package_versions
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import execute, warm_up
-from daemon.supervision.guardian import end_guarded, guard
+from daemon.supervision.guardian import end_guarded
 from daemon.trace import Trace, TraceDifference, TraceError, first_difference, read_trace
 from grammars.model.scene import Scene
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
-_NICENESS: Final = 10
 _TRACE: Final = "trace.mcap"
 _EXECUTION: Final = "execution.json"
 DURATION: Final = "duration"
@@ -296,17 +294,7 @@ def _execute_in_child(task: _Task, folder: Path) -> ExecutedRun:
 
 
 def _execute(task: _Task, folder: Path) -> None:
-    guard(niceness=_NICENESS)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
-    os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
-    # By descriptors too: what a system under test starts prints to those.
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for descriptor in (1, 2):
-        os.dup2(nowhere, descriptor)
-    sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
-    # Python's random is seeded anew in a child, numpy's is not: two executions would draw the same
-    # numbers from what nobody has seeded.
-    np.random.seed()
+    prepare_child()
     if task.files is not None:
         os.environ[FILES_VARIABLE] = str(task.files)
     trace = folder / _TRACE

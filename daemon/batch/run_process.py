@@ -196,6 +196,10 @@ def _prepare_process(task: RunTask) -> None:
     return_freed_memory()
     if (task.folder / FILES).exists():
         os.environ[FILES_VARIABLE] = str(task.folder / FILES)
+    # Python seeds its own generator anew in a child. numpy does not: all runs of a fork server draw
+    # the same numbers from a generator that nobody has seeded, and look deterministic.
+    if "numpy.random" in sys.modules:
+        sys.modules["numpy.random"].seed()
     faulthandler.enable()
     # Where it was, for compiled code that cannot be interrupted: just before its worker ends it.
     faulthandler.dump_traceback_later(task.wall + 0.9 * spare_time(task.wall))

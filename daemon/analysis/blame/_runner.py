@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
-import signal
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -17,12 +14,13 @@ from typing import Final, TypeAlias
 
 from daemon.analysis.blame._case import Candidate
 from daemon.analysis.blame._elements import TestOutcome
+from daemon.analysis.forked_child import prepare_child
 from daemon.model.execution import RunLimits
 from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.spec import RunResult
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.run import execute, warm_up
-from daemon.supervision.guardian import end_guarded, guard
+from daemon.supervision.guardian import end_guarded
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
@@ -30,7 +28,6 @@ SLOTS: Final = 2
 """Candidates that run at the same time; what is found depends on it, not on who is faster.
 
 So it is no number of cores: the same question has the same answer on every machine."""
-_NICENESS: Final = 10
 
 
 class BudgetSpentError(Exception):
@@ -180,10 +177,7 @@ def _await(processes: Sequence[ForkProcess], seconds: float) -> None:
 def _run_candidate(
     candidate: Candidate, folder: Path, execute_run: Callable[..., RunResult]
 ) -> None:
-    guard(niceness=_NICENESS)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
-    os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
-    sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+    prepare_child()
     folder.mkdir()
     result = execute_run(candidate.spec, candidate.scene, trace_path=folder / "trace.mcap")
     write_atomically(folder / "result.json", codec.to_json(result))

@@ -1,10 +1,12 @@
 """What a run tells its worker while it lasts: bounded, and never at the cost of the run."""
 
+import os
 import select
 import subprocess
 import sys
 from dataclasses import replace
 from multiprocessing import Pipe
+from pathlib import Path
 
 import pytest
 
@@ -102,6 +104,32 @@ def test_a_run_leaves_leading_margins_where_its_lease_asks_for_them(tmp_path):
         text=True,
     )
     assert (done.stdout.split("\n")[:2], done.stderr) == (["[]", "[0.5]"], "")
+
+
+DRAWING = """
+import os
+from numpy import random
+from tests.daemon.batch.fake_run import execute as execute_fake
+
+def execute(spec, scene, **rest):
+    with open(os.environ["DRAWN"], "a") as file:
+        file.write(f"{random.random()}\\n")
+    return execute_fake(spec, scene, **rest)
+"""
+
+
+def test_chance_that_nobody_has_seeded_differs_between_runs_of_a_worker(tmp_path):
+    drawn = tmp_path / "drawn.txt"
+    (tmp_path / "drawing.py").write_text(DRAWING)
+    paths = os.pathsep.join((str(tmp_path), str(Path.cwd())))
+    done = subprocess.run(
+        [sys.executable, "-c", ASKED, str(tmp_path), "drawing:execute"],
+        env={**os.environ, "PYTHONPATH": paths, "DRAWN": str(drawn)},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(set(drawn.read_text().splitlines())) == 2
 
 
 def test_a_judgement_that_is_too_long_to_be_one_is_not_read(tmp_path):

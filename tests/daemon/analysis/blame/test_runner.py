@@ -2,8 +2,10 @@
 
 import dataclasses
 import os
+import random
 import time
 
+import numpy as np
 import pytest
 
 from daemon.analysis.blame import BudgetSpentError, Candidate, CandidateRunner, execute_candidates
@@ -40,6 +42,29 @@ def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(candidate):
     assert [one.verdict.oracle for one in good] == ["reached", "no-contact"]
     assert {one.word for one in bad} == {"unresolved"}
     assert bad[0].verdict.evidence.note == "its process did not end well"
+
+
+def test_a_system_that_prints_by_descriptors_prints_into_no_answer(candidate, capfd):
+    def execute_aloud(spec, scene, **rest):
+        print("by Python")
+        os.system("echo by a child; echo by a child >&2")
+        os.write(1, b"by descriptor\n")
+        os.write(2, b"by descriptor\n")
+        return execute(spec, scene, **rest)
+
+    (endings,) = execute_candidates([candidate], execute_aloud)
+    assert [one.word for one in endings] == ["fail", "pass"]
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("draw", [random.random, np.random.random], ids=["random", "numpy"])
+def test_chance_that_nobody_has_seeded_differs_between_candidates(candidate, draw, tmp_path):
+    def execute_by_chance(spec, scene, **rest):
+        (tmp_path / f"{spec.seed}.txt").write_text(str(draw()))
+        return execute(spec, scene, **rest)
+
+    execute_candidates(numbered(candidate, 2), execute_by_chance)
+    assert len({(tmp_path / f"{seed}.txt").read_text() for seed in range(2)}) == 2
 
 
 def test_an_interrupt_leaves_no_process_behind(candidate, monkeypatch, tmp_path):
