@@ -19,7 +19,7 @@ from daemon.analysis.report._safety_buffer import (
     points_inside,
     returns_inside,
 )
-from daemon.judging.oracles import SignalSampler
+from daemon.judging.oracles import SignalSampler, quantile_index
 from grammars.model.behaviour import JointEvent, Trigger, joint_event
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Joint, SceneObject
@@ -333,13 +333,10 @@ def _localisation_measures(sampler: SignalSampler, error: Floats) -> dict[str, f
     if not weight.sum() > 0.0:
         return {}
     values, share = error[known], weight[known]
-    order = np.argsort(values, kind="stable")
-    passed = np.cumsum(share[order]) / share.sum()
-    found: dict[str, float] = {}
-    # Samples are not evenly apart: a quantile of time, not of samples.
-    for name, quantile in (("median", 0.5), ("p95", 0.95)):
-        index = min(int(np.searchsorted(passed, quantile)), len(order) - 1)
-        found[f"error {name}"] = float(values[order[index]])
+    found = {
+        f"error {name}": float(values[quantile_index(values, share, quantile)])
+        for name, quantile in (("median", 0.5), ("p95", 0.95))
+    }
     found |= {"error mean": float(np.average(values, weights=share))}
     found |= {"error max": float(values.max())}
     inside = _signal(sampler, "loc.inside_2sigma")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
     from daemon.judging.oracles._provisional import judge_so_far, least_margin
     from daemon.judging.oracles._sampler import SignalSampler
+    from daemon.judging.oracles._series import quantile_index
     from daemon.judging.oracles._validity import trace_problems
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "oracle_scale",
     "oracle_timeline",
     "overall_outcome",
+    "quantile_index",
     "trace_problems",
     "warm_up",
 ]
@@ -46,6 +48,7 @@ _MODULES: Final = {
     "least_margin": "_provisional",
     "oracle_scale": "_leading_kind",
     "oracle_timeline": "_oracle_timeline",
+    "quantile_index": "_series",
     "trace_problems": "_validity",
 }
 

@@ -35,7 +35,7 @@ from daemon.judging.oracles._predicate import (
     window_of,
 )
 from daemon.judging.oracles._sampler import SignalSampler
-from daemon.judging.oracles._series import TimeBase
+from daemon.judging.oracles._series import TimeBase, quantile_index
 from daemon.model.verdicts import Evidence, MarginInterval, join_notes, unknown_margin
 from grammars.model.geometry import Floats
 from grammars.model.mission import Waypoint
@@ -155,11 +155,7 @@ def statistic_of(
     if operator == "mean":
         return float(np.average(judged, weights=weight)), None
     if operator == "p95":
-        order = np.argsort(judged, kind="stable")
-        covered = np.cumsum(weight[order])
-        # The first value that covers 95 % of the time; the 1e-9 s undo the rounding of their sum.
-        rank = min(int(np.searchsorted(covered, 0.95 * covered[-1] - 1e-9)), len(order) - 1)
-        chosen = int(order[rank])
+        chosen = quantile_index(judged, weight, 0.95)
     elif operator == "final":
         chosen = len(indices) - 1
     else:

@@ -93,6 +93,18 @@ def time_base_of(trace: Trace) -> TimeBase:
     return TimeBase(time, weight, end, closed, remaining)
 
 
+def quantile_index(values: Floats, weight: Floats, share: float) -> int:
+    """Return the index of the first of ``values`` (n,) that covers ``share`` of their time.
+
+    ``weight`` (n,) [s] is how long each held: a quantile of time, since samples are not evenly
+    apart.
+    """
+    order = np.argsort(values, kind="stable")
+    covered = np.cumsum(weight[order])
+    rank = int(np.searchsorted(covered, share * covered[-1] - _ROUNDING))
+    return int(order[min(rank, len(order) - 1)])
+
+
 def hold_last(stamps: Floats, values: Floats, time: Floats) -> Floats:
     """Sample ``values`` (m,) taken at ``stamps`` (m,) at ``time`` (n,), holding the last one.
 
