@@ -94,12 +94,21 @@ def _console(*, stderr: bool) -> Console:
 
 
 @contextmanager
-def open_progress(*columns: str | ProgressColumn) -> Iterator[Progress]:
-    """Show progress where somebody looks, and nothing of it afterwards."""
+def open_progress(*columns: str | ProgressColumn, threads: bool = True) -> Iterator[Progress]:
+    """Show progress where somebody looks, and nothing of it afterwards.
+
+    Without ``threads`` it is drawn at each step only, not ten times a second.
+    """
     from rich.progress import Progress
 
     console = stderr_console()
-    progress = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    progress = Progress(
+        *columns,
+        console=console,
+        auto_refresh=threads,
+        transient=True,
+        disable=not console.is_terminal,
+    )
     # What is printed meanwhile passes through rich, which would take over its colours.
     with progress, printable_streams():
         yield progress
@@ -107,7 +116,8 @@ def open_progress(*columns: str | ProgressColumn) -> Iterator[Progress]:
 
 def track_progress(found: Iterable[T], total: int, description: str) -> Iterator[T]:
     """Pass ``found`` on and show how far it is, where somebody looks and it takes a while."""
-    with open_progress() as progress:
+    # Processes are forked meanwhile, and threads do not survive that.
+    with open_progress(threads=False) as progress:
         yield from progress.track(found, total=total, description=description)
 
 
