@@ -190,16 +190,17 @@ def verify_spec(
 ) -> Verification:
     """Execute a specification nobody has recorded, ``repeats`` times; the first is the recording.
 
-    Otherwise as :func:`verify`. A first execution that leaves no trace is the only one.
+    Otherwise as :func:`verify`. A first execution that leaves no trace is the only one. With one
+    of ``repeats`` there are no executions beside the recording.
     """
     warm_up(kernel_rooms(spec.sut.kind, spec.sut.parameters))
     task = _Task(spec, scene, wall, _files_folder(spec, places), execute_run)
     with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
         first = _execute_in_child(task, Path(name))
-        if not first.problem:
+        if repeats > 1 and not first.problem:
             found = verify(
                 Path(name) / _TRACE,
-                max(repeats - 1, 1),
+                repeats - 1,
                 places=places,
                 wall=wall,
                 execute_run=execute_run,

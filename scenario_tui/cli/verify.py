@@ -111,7 +111,7 @@ def verify(
             min=1,
             max=1000,
             help=f"Executions. Default: {_REPEATABLE}, and {_EXTERNAL} of a system that is not "
-            "repeatable.",
+            "repeatable. Of a campaign file the first takes the place of the recording.",
         ),
     ] = None,
     every: Annotated[
@@ -240,9 +240,11 @@ def _code(verified: Sequence[Verification]) -> ExitCode:
     # A finding stays one when other runs could not be executed.
     if differing:
         return ExitCode.UNEXPECTED
-    if all(found.all_executed for found in verified):
-        return ExitCode.EXPECTED
-    return ExitCode.INFRASTRUCTURE
+    if not all(found.all_executed for found in verified):
+        return ExitCode.INFRASTRUCTURE
+    if not all(found.executions for found in verified):
+        return ExitCode.INCONCLUSIVE
+    return ExitCode.EXPECTED
 
 
 def _print(found: Verification, *, details: bool = True) -> None:
@@ -301,8 +303,10 @@ def _is_nondeterministic(found: Verification) -> bool:
 
 def _headline(found: Verification, count: int) -> str:
     executed = count + (0 if found.trace else 1)
-    if all(execution.problem for execution in found.executions):
+    if found.recorded.problem or (count and all(one.problem for one in found.executions)):
         return f"{found.run}: could not be executed"
+    if not count:
+        return f"{found.run}: executed once, which compares nothing; say --repeats 2 or more"
     if not found.repeatable:
         return (
             f"{found.run}: {found.sut} is not repeatable; {count} more executions, "

@@ -160,6 +160,23 @@ def test_a_specification_nobody_has_recorded_is_held_against_its_first_execution
     assert other.first_difference.topic == "/cmd_vel"
 
 
+@pytest.mark.parametrize("repeats", [1, 2, 3])
+def test_a_specification_is_executed_as_often_as_asked_for(tmp_path, repeats):
+    log = tmp_path / "log.txt"
+
+    def execute_and_log(*arguments, **rest):
+        with log.open("a") as file:
+            file.write("executed\n")
+        return execute(*arguments, **rest)
+
+    run = spec(limit=1.0, sut=idle())
+    found = verify_spec(
+        run, WORLD, repeats, places=StatePaths(tmp_path), execute_run=execute_and_log
+    )
+    assert len(log.read_text().splitlines()) == repeats
+    assert (len(found.executions), found.same_bytes) == (repeats - 1, repeats - 1)
+
+
 def test_what_the_wall_clock_ends_is_no_execution(tmp_path, plugged):
     run = spec(limit=3.0, sut=plugin("hangs"))
     found = verify_spec(run, WORLD, 2, places=StatePaths(tmp_path), wall=1.0)

@@ -107,3 +107,12 @@ def test_campaign_files_and_folders_are_verified_whole(tmp_path, campaigns, caps
         ("seeded", 2),
         ("plain", 2),
     ]
+
+
+def test_one_execution_of_a_campaign_file_compares_nothing(tmp_path, campaigns, capsys, plugged):
+    file = campaign(tmp_path, campaigns, "seeded")
+    assert invoke(["verify", str(file), "-n", "1"]) == 4
+    said = "house/seeded/0: executed once, which compares nothing; say --repeats 2 or more\n"
+    assert capsys.readouterr().out == said
+    recording, _ = recorded(tmp_path, sut=idle())
+    assert invoke(["verify", str(recording), "-n", "1"]) == 0
