@@ -39,6 +39,8 @@ from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mea
 
 _DEEPEST: Final = 4
 """Campaign files are looked for so many folders below the current one: a whole home takes long."""
+_RESULTS: Final = "scenario-results"
+"""Commands leave copies of campaigns in a folder of this name, under the names of the originals."""
 _SKIPPED: Final = re.compile(r"\.|node_modules\Z|__pycache__\Z")
 
 
@@ -58,8 +60,9 @@ def find_run(words: Sequence[str], paths: StatePaths, campaign: Path | None = No
 
     ``CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]``, or a trace, or the id of a run in the ledger. For
     the latter two the layers are needed that a trace does not hold: those of ``campaign``, else
-    of the campaign file below the current folder that specifies the very run. Raises
-    ``ValueError`` for what names none, :class:`InputError` for files that cannot be used.
+    of the campaign file below the current folder that specifies the very run, of a copy among
+    results only if no other one does. Raises ``ValueError`` for what names none,
+    :class:`InputError` for files that cannot be used.
     """
     first, *rest = words
     if first.endswith((".yaml", ".yml")):
@@ -72,8 +75,11 @@ def find_run(words: Sequence[str], paths: StatePaths, campaign: Path | None = No
     spec = read_spec(traces[0])
     # A trace holds what was composed, not the layers it was composed of, which are what is blamed.
     file = campaign or _find_campaign_file(spec)
-    same = campaign is None or _has_run(campaign, spec)
-    note = "" if same else "its layers have changed since: this is about the run as they are now"
+    note = ""
+    if campaign is None and _is_copy(file):
+        note = f"its layers are read from the copy {file}"
+    elif campaign is not None and not _has_run(campaign, spec):
+        note = "its layers have changed since: this is about the run as they are now"
     return CampaignRun(file, spec.scenario, spec.sut.name, spec.repeat, note)
 
 
@@ -90,6 +96,7 @@ def _find_campaign_file(spec: RunSpec) -> Path:
     """Return the campaign file that specifies a run, among those of its campaign's name."""
     # By a line of its text before it is loaded: most YAML files of a project are no campaigns.
     named = [path for path in _yaml_files(Path()) if _is_campaign_named(path, spec.campaign)]
+    named.sort(key=_is_copy)
     for path in named:
         if _has_run(path, spec):
             return path
@@ -103,6 +110,10 @@ def _find_campaign_file(spec: RunSpec) -> Path:
         f"no campaign file {spec.campaign} below this folder, and a trace does not hold the "
         "layers: say --campaign FILE"
     )
+
+
+def _is_copy(path: Path) -> bool:
+    return _RESULTS in path.parts
 
 
 def _yaml_files(folder: Path) -> Iterator[Path]:

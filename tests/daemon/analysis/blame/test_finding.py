@@ -1,5 +1,6 @@
 """Which run is meant by what people write."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -59,3 +60,27 @@ def test_a_trace_is_of_the_campaign_file_that_specifies_it(folder, places, monke
     file.unlink()
     with pytest.raises(ValueError, match="no campaign file tiny"):
         find_run(["demo/run.mcap"], places)
+
+
+def test_a_copy_of_the_campaign_among_results_gives_way_to_the_original(
+    folder, places, tmp_path, monkeypatch
+):
+    original = write(folder, CAMPAIGN.replace("16 s", "1 s"))
+    planned = expand(load_campaign(original))
+    # As a search leaves it: after the alphabet the copy comes before the original in tests/.
+    results = tmp_path / "scenario-results" / "search"
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(tmp_path / name, results / name)
+    copy = results / "demo" / "tiny.yaml"
+    (tmp_path / "demo").rename(tmp_path / "tests")
+    trace = tmp_path / "run.mcap"
+    execute(planned.runs[0], planned.scenes[0], trace_path=trace)
+    monkeypatch.chdir(tmp_path)
+    meant = find_run(["run.mcap"], places)
+    assert (meant.campaign, meant.note) == (Path("tests/tiny.yaml"), "")
+
+    original = tmp_path / "tests" / "tiny.yaml"
+    original.write_text(original.read_text().replace("near: 1 m", "near: 99 cm"))
+    meant = find_run(["run.mcap"], places)
+    assert meant.campaign.resolve() == copy
+    assert meant.note == f"its layers are read from the copy {meant.campaign}"
