@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,18 +16,13 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from daemon.analysis.coverage import Coverage, FeatureCount, FloorArea, RoomArea
-    from daemon.search.exercised import ExercisedSpace
     from scenario_tui.cli.target import DaemonTarget
-
-LISTED: Final = 12
 
 
 class CoverageOutput(Output, schema="coverage"):
-    """What a campaign or its traces exercise, and which parts of their spaces searches."""
+    """What a campaign or its traces exercise."""
 
     coverage: Coverage
-    share_of_pairs: float
-    searches: tuple[ExercisedSpace, ...] = ()
 
     def print(self) -> None:
         """Print a table for each kind of thing that can be covered."""
@@ -39,19 +33,11 @@ class CoverageOutput(Output, schema="coverage"):
         console.print(f"{count_noun(found.runs, 'run')}, {basis}")
         console.print()
         console.print(_feature_table(found))
-        _print_pairs(found)
-        recorded = (
-            (found.doors, _door_table),
-            (found.floor, _floor_table),
-            (found.margins, _margin_table),
-        )
+        recorded = ((found.doors, _door_table), (found.floor, _floor_table))
         for rows, table in recorded:
             if rows:
                 console.print()
                 console.print(table(found))
-        for space in self.searches:
-            console.print()
-            console.print(_space_table(space))
         for one in found.unreadable:
             say(f"{one.trace}: error: {one.problem}")
 
@@ -62,7 +48,7 @@ def coverage(
         typer.Argument(
             metavar="CAMPAIGN.yaml|TRACES...",
             help="A campaign file, before it runs; or what it left: traces (.mcap), folders of "
-            "them, ids of campaigns, searches or runs.",
+            "them, ids of campaigns or runs.",
             autocompletion=completion.campaign_files_or_recorded,
         ),
     ],
@@ -75,39 +61,16 @@ def coverage(
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say which features a campaign exercises, in pairs too, and which it does not.
+    """Say which features a campaign exercises, and which it does not.
 
-    Of recorded runs also: doors met and triggered, floor seen and driven on, margins. Of searches
-    also: which parts of the ranges they have tried.
+    Of recorded runs also: doors met and triggered, floor seen and driven on.
     """
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
-    names, searches = _find_searches(subject, target)
-    found = _measure_coverage(names, near, processes, target)
-    CoverageOutput(found, found.pairs.share, searches).show(as_json)
+    found = _measure_coverage(subject, near, processes, target)
+    CoverageOutput(found).show(as_json)
     raise typer.Exit(ExitCode.INFRASTRUCTURE if found.unreadable else ExitCode.EXPECTED)
-
-
-def _find_searches(
-    subject: list[str], target: DaemonTarget
-) -> tuple[list[str], tuple[ExercisedSpace, ...]]:
-    """Return what is meant, searches by their ids, and what those have tried."""
-    from daemon.batch.errors import Refused
-    from daemon.search.exercised import exercised_space
-    from scenario_tui.cli.search_report import choose_search
-
-    names, spaces = [], []
-    for name in subject:
-        found = None
-        # Files, folders and runs have a dot or a slash; whoever reads traces says what is wrong.
-        if "." not in name and "/" not in name:
-            with suppress(Refused):
-                found = choose_search(name, target, drawn=False)
-        names.append(name if found is None else found.row.campaign)
-        if found is not None:
-            spaces.append(exercised_space(found.row, found.proposals))
-    return names, tuple(spaces)
 
 
 def _measure_coverage(
@@ -128,7 +91,7 @@ def _measure_coverage(
         refuse_missing_campaign(Path(files[0]))
         campaign = load_campaign(files[0])
         if words := searches_text(Path(files[0]), tuple(one.name for one in campaign.searches)):
-            say(f"{words}; name it here once it has run")
+            say(f"{words}; name its id here once it has run")
         planned = expand(campaign)
         return planned_coverage(planned.runs, planned.scenes)
     paths = all_traces(subject, target, "TRACES")
@@ -150,35 +113,6 @@ def _feature_with_runs(feature: FeatureCount, found: Coverage) -> str:
     if found.recorded and runs < feature.planned:
         return f"{feature.name} {runs} (of {feature.planned} planned)"
     return f"{feature.name} {runs}"
-
-
-def _print_pairs(found: Coverage) -> None:
-    pairs, console = found.pairs, stdout_console()
-    console.print()
-    console.print(
-        f"pairs of features: {len(pairs.exercised)} of {pairs.possible} exercised "
-        f"({pairs.share:.0%}), {pairs.excluded} cannot be",
-        soft_wrap=True,
-    )
-    news = found.never_together
-    for first, second in news[:LISTED]:
-        console.print(f"  never together: {first} and {second}", soft_wrap=True)
-    if len(news) > LISTED:
-        console.print(f"  and {len(news) - LISTED} more such pairs (--json lists all)")
-
-
-def _space_table(space: ExercisedSpace) -> Table:
-    """One row per parameter: its range, and how many of its parts have a point, and a failure."""
-    from daemon.analysis.coverage import count_bars
-
-    title = f"{space.name} of {space.scenario}: {space.points} points, {space.failed} fail"
-    table = plain_table(title, "range", "tried", "points", "fail")
-    for one in space.parameters:
-        tried = f"{one.met} of {len(one.counts)}"
-        table.add_row(
-            one.parameter, one.range, tried, count_bars(one.counts), count_bars(one.failed)
-        )
-    return table
 
 
 def _door_table(found: Coverage) -> Table:
@@ -212,17 +146,3 @@ def _area_cells(area: FloorArea | RoomArea) -> tuple[str, str, str]:
 
 def _share(part: float, whole: float) -> str:
     return f"{part:.1f} m²  {part / whole:4.0%}" if whole else "–"
-
-
-def _margin_table(found: Coverage) -> Table:
-    from daemon.analysis.coverage import histogram_bars
-    from scenario_tui.text.formatting import margin
-
-    titles = ("oracle", "pass", "fail", "undecided", "least margin", "greatest", "margins")
-    table = plain_table(*titles, figures=True)
-    table.columns[-1].justify = "left"
-    for one in found.margins:
-        figures = map(str, (one.passed, one.failed, one.undecided))
-        ends = (margin(one.least, one.unit), margin(one.greatest, one.unit))
-        table.add_row(one.oracle, *figures, *ends, histogram_bars(one))
-    return table

@@ -45,13 +45,10 @@ def find_search_id(
     return found.id if found.search else ""
 
 
-def choose_search(
-    wanted: str, target: DaemonTarget, *, drawn: bool = True
-) -> SearchMaterial | None:
+def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
     """Return the search that is meant; ``None`` when it is a campaign or a folder of traces.
 
-    Unless it is to be ``drawn`` it comes without baseline and traces. Raises :class:`Refused` when
-    there is nothing of that name.
+    Raises :class:`Refused` when there is nothing of that name.
     """
     from daemon.analysis.report import open_ledger
 
@@ -62,12 +59,12 @@ def choose_search(
             campaign = find_search_id(daemon, wanted, daemon.searches)
             if not campaign:
                 return None
-            return daemon_material(daemon, *ask_search(daemon, campaign), drawn=drawn)
+            return daemon_material(daemon, *ask_search(daemon, campaign))
     if not target.paths.ledger.is_file():
         return None
     with open_ledger(target.paths) as reader:
         campaign = find_search_id(reader, wanted, lambda: reader.searches(SearchQuery()))
-        return _ledger_material(reader, campaign, drawn=drawn) if campaign else None
+        return _ledger_material(reader, campaign) if campaign else None
 
 
 def ask_search(
@@ -81,13 +78,11 @@ def ask_search(
 
 
 def daemon_material(
-    daemon: DaemonClient, row: SearchRow, proposals: tuple[ProposalRow, ...], *, drawn: bool = True
+    daemon: DaemonClient, row: SearchRow, proposals: tuple[ProposalRow, ...]
 ) -> SearchMaterial:
     """Return a search that a daemon has told of; the traces that are drawn are brought here."""
     from daemon.batch.stores import local_copy, trace_reference
 
-    if not drawn:
-        return SearchMaterial(row, proposals, (), {})
     base = baseline_search(row, daemon.searches())
     return SearchMaterial(
         row,
@@ -97,13 +92,11 @@ def daemon_material(
     )
 
 
-def _ledger_material(reader: LedgerReader, campaign: str, *, drawn: bool) -> SearchMaterial:
+def _ledger_material(reader: LedgerReader, campaign: str) -> SearchMaterial:
     from daemon.batch.stores import local_copy
 
     (row,) = reader.searches(SearchQuery(campaign))
     proposals = tuple(_ledger_proposals(reader, campaign))
-    if not drawn:
-        return SearchMaterial(row, proposals, (), {})
     base = baseline_search(row, reader.searches(SearchQuery()))
     return SearchMaterial(
         row,

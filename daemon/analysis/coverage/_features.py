@@ -4,7 +4,7 @@ Four mandatory features as in the paper: testing objective, system under test, m
 The figure is not exhaustive by its own account; what stands below its second level is taken from
 the prose of sections 2.2, 3.1, 3.3 and table 1, and kept to what a run can be asked about. Where
 the paper gives no number (how many waypoints are many) the rule does, in its ``about``. Counted
-are the features, and the pairs of features, that a set of runs exercises.
+are the features that a set of runs exercises.
 """
 
 from __future__ import annotations
@@ -12,11 +12,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Final, Literal, TypeAlias
 
 from daemon.analysis.coverage import _rules as rules
-from daemon.analysis.coverage._results import FeatureCount, PairCount, Pairs
+from daemon.analysis.coverage._results import FeatureCount
 from daemon.analysis.coverage._rules import RunFacts
 from grammars.model.behaviour import Hold, JointEvent, KeyFrames, Reaction, Trigger, Walk
 from grammars.model.movers import is_mover
@@ -52,20 +51,10 @@ class ScenarioFeature:
 
 
 @dataclass(frozen=True, slots=True)
-class Exclusion:
-    """Two features that no scenario can have both, and why."""
-
-    first: str
-    second: str
-    why: str
-
-
-@dataclass(frozen=True, slots=True)
 class FeatureModel:
-    """Features, parents before children, and what excludes what beyond alternatives."""
+    """Features, parents before children."""
 
     features: tuple[ScenarioFeature, ...]
-    exclusions: tuple[Exclusion, ...] = ()
 
 
 _OBJECTIVE: Final = (
@@ -252,20 +241,7 @@ _SCENERY: Final = (
         "scenery/dynamics/walking", "movers walk", lambda run: run.has_behaviour(Walk), rules.walked
     ),
 )
-# What the tree cannot say: alternatives exclude each other already. Pairs that no run can have are
-# not held against a campaign.
-_STILL: Final = "where something moves, the scenery is not static"
-MODEL: Final = FeatureModel(
-    (*_OBJECTIVE, *_SUT, *_MISSION, *_SCENERY),
-    (
-        *(
-            Exclusion("scenery/dynamics/static", f"scenery/dynamics/{kind}", _STILL)
-            for kind in ("timed", "triggered", "reacting", "walking")
-        ),
-        Exclusion("scenery/dynamics/static", "objective/robustness", "robustness needs change"),
-        Exclusion("mission/waypoints/one", "mission/circuit", "one waypoint makes no circuit"),
-    ),
-)
+MODEL: Final = FeatureModel((*_OBJECTIVE, *_SUT, *_MISSION, *_SCENERY))
 """The model campaigns are held against."""
 
 
@@ -323,29 +299,3 @@ def feature_counts(
         FeatureCount(path, about, planned[path], done[path])
         for path, about in feature_leaves(model, runs).items()
     )
-
-
-def pair_counts(model: FeatureModel, runs: Sequence[RecognisedFeatures]) -> Pairs:
-    """Count runs per pair of leaves; a pair is exercised by a run that exercises both."""
-    excluded = {frozenset((e.first, e.second)) for e in model.exclusions}
-    choices = {f.path for f in model.features if f.group == "alternative"}
-    counted = Counter(
-        pair for run in runs for pair in combinations(sorted(run.exercised), 2)
-    )  # sorted, so that a pair is counted under one key
-    exercised, missing, impossible = [], [], 0
-    for first, second in combinations(feature_leaves(model, runs), 2):
-        either = _parent(first) == _parent(second) and _parent(first) in choices
-        if either or frozenset((first, second)) in excluded:
-            impossible += 1
-            continue
-        low, high = sorted((first, second))
-        if counted[low, high]:
-            exercised.append(PairCount(first, second, counted[low, high]))
-        else:
-            missing.append((first, second))
-    possible = len(exercised) + len(missing)
-    return Pairs(possible, impossible, tuple(exercised), tuple(missing))
-
-
-def _parent(path: str) -> str:
-    return path.rpartition("/")[0]

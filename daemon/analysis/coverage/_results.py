@@ -34,30 +34,6 @@ class FeatureGroup:
 
 
 @dataclass(frozen=True, slots=True)
-class PairCount:
-    """Two features and the number of runs that exercised both."""
-
-    first: str
-    second: str
-    runs: int
-
-
-@dataclass(frozen=True, slots=True)
-class Pairs:
-    """Pairwise coverage: ``possible`` pairs are those the model does not exclude."""
-
-    possible: int
-    excluded: int
-    exercised: tuple[PairCount, ...]
-    missing: tuple[tuple[str, str], ...]
-
-    @property
-    def share(self) -> float:
-        """Share of the possible pairs that was exercised; 1 where there are none."""
-        return len(self.exercised) / self.possible if self.possible else 1.0
-
-
-@dataclass(frozen=True, slots=True)
 class DoorCount:
     """An articulated object over the recorded runs of a scene.
 
@@ -101,26 +77,6 @@ class FloorArea:
 
 
 @dataclass(frozen=True, slots=True)
-class MarginHistogram:
-    """Margins of one oracle: ``counts[i]`` lie in [``edges[i]``, ``edges[i + 1]``), in ``unit``.
-
-    Zero, where pass and fail part, is an edge. ``unbounded`` passes or fails have no margin in
-    figures; ``undecided`` runs were inconclusive or in error.
-    """
-
-    oracle: str
-    unit: str
-    edges: tuple[float, ...]
-    counts: tuple[int, ...]
-    passed: int
-    failed: int
-    undecided: int
-    unbounded: int
-    least: float | None
-    greatest: float | None
-
-
-@dataclass(frozen=True, slots=True)
 class Unreadable:
     """A trace that could not be taken into account, and why."""
 
@@ -132,17 +88,15 @@ class Unreadable:
 class Coverage:
     """What ``runs`` runs exercise, ``recorded`` of which were told by their traces.
 
-    Doors, floor and margins are of recorded runs; ``near`` [m] is how near a door is met.
+    Doors and floor are of recorded runs; ``near`` [m] is how near a door is met.
     """
 
     runs: int
     recorded: int
     near: float
     features: tuple[FeatureCount, ...]
-    pairs: Pairs
     doors: tuple[DoorCount, ...] = ()
     floor: tuple[FloorArea, ...] = ()
-    margins: tuple[MarginHistogram, ...] = ()
     unreadable: tuple[Unreadable, ...] = ()
 
     def exercised(self, feature: FeatureCount) -> int:
@@ -163,12 +117,3 @@ class Coverage:
             )
             for path, members in groups.items()
         )
-
-    @property
-    def never_together(self) -> tuple[tuple[str, str], ...]:
-        """Missing pairs of features that were both exercised, each in other runs.
-
-        Where a feature was not, all its pairs are missing, which tells nothing new.
-        """
-        there = {f.feature for f in self.features if self.exercised(f)}
-        return tuple(pair for pair in self.pairs.missing if there >= set(pair))

@@ -95,6 +95,6 @@ def _read_run(
         )
     if sampler is None:
         return ReportRun(record, RunTracks(record.id, problem="; ".join(invalid)))
-    covered = run_coverage(trace, record.verdicts)
+    covered = run_coverage(trace)
     tracks = extract_tracks(record.id, trace, sampler, buffer, watches, points)
     return ReportRun(record, tracks, covered, tuple(trace.versions.items()))

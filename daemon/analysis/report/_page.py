@@ -12,7 +12,6 @@ from typing import Final, Literal
 
 from markupsafe import Markup
 
-from daemon.analysis.coverage import histogram_bars
 from daemon.analysis.report._building import draw_building
 from daemon.analysis.report._data import ReportData, ReportRun
 from daemon.analysis.report._figures import (
@@ -129,7 +128,6 @@ def write_page(
         "cut": cut_percentage,
         "glyph": lambda word: GLYPHS.get(str(word), "?"),
         "said": verdict_details,
-        "bars": histogram_bars,
         # Verdict texts align columns of a terminal by two blanks.
         "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
         "place": lambda file: _place(file, data.input),
