@@ -127,7 +127,7 @@ def ros_definitions() -> dict[str, Schema]:
     """
     from daemon.stacks.ros1 import amcl, costmap, move_base
     from daemon.stacks.ros1.planners import GLOBAL, LOCAL, namespace_of
-    from daemon.stacks.ros1.quirks import Quirks
+    from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, PROFILES, Quirks
     from daemon.stacks.ros1.topics import TopicParameters
 
     found: dict[str, Schema] = {}
@@ -146,7 +146,8 @@ def ros_definitions() -> dict[str, Schema]:
     _add_section(found, "quirks", Quirks, None)
     found["quirks"]["properties"]["like"] = {
         "description": "The profile the switches change.",
-        "enum": ["original", "fixed"],
+        "enum": list(PROFILES),
+        "default": DEFAULT_PROFILE,
     }
     _complete_costmap(found)
     names = {"base_global_planner": GLOBAL, "base_local_planner": LOCAL}
@@ -243,12 +244,18 @@ def _reference(name: str) -> Schema:
 
 
 def _ros_tree() -> Schema:
+    from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, PROFILES
+
     quirks = {
-        "description": "Oddities of the original that are kept: original, fixed, or switches.",
+        "description": (
+            "Oddities of the original that are kept: fast (all but the order in which inflation "
+            "passes costs on), original (all), fixed (none), or switches."
+        ),
         "anyOf": [
-            {"enum": ["original", "fixed"]},
+            {"enum": list(PROFILES)},
             _reference("quirks"),
         ],
+        "default": DEFAULT_PROFILE,
     }
     return {
         "description": "Parameters of the ROS navigation stack by namespace.",

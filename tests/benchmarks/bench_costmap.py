@@ -26,7 +26,7 @@ from daemon.stacks.ros1.costmap import (
     VoxelColumn,
 )
 from daemon.stacks.ros1.costmap.master_grid import inflate_window, merge_window
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from templates.occupancy import occupancy_grid
 from tests.benchmarks.measurement import Measurement, Reference
@@ -112,9 +112,7 @@ def compare_layers(steps, world):
         for kind, seen in kinds.items():
             layers = tuple(seen if layer is SEEN else layer for layer in parameters.layers)
             own = replace(parameters, layers=layers)
-            costmaps[kind] = Costmap(
-                own, own.padded_footprint(), ORIGINAL, world, TOPICS.__getitem__
-            )
+            costmaps[kind] = Costmap(own, own.padded_footprint(), FAST, world, TOPICS.__getitem__)
         # Side by side: each step by each of them, so that all see the same machine.
         for base, *seen_from in steps[::10]:
             scan = seen_from[0] if parameters is GLOBAL else seen_from[1]
@@ -141,10 +139,10 @@ def measure():
     built = []
     for _ in range(2):
         begin = time.process_time()
-        costmap = Costmap(GLOBAL, GLOBAL.padded_footprint(), ORIGINAL, world_map)
+        costmap = Costmap(GLOBAL, GLOBAL.padded_footprint(), FAST, world_map)
         built.append(1e3 * (time.process_time() - begin))
     yield Measurement("global, built", built[0], "ms", Reference("built again", built[1]))
-    local = Costmap(LOCAL, LOCAL.padded_footprint(), ORIGINAL)
+    local = Costmap(LOCAL, LOCAL.padded_footprint(), FAST)
     times = []
     plain = []
     ordered = []

@@ -16,7 +16,7 @@ from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import Dwa, longest_trajectory
 from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid, choose_trajectory
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, LARGE, OMNI, SMALL, Problem, settings, singles
@@ -71,7 +71,7 @@ def _fast(p):
 
 
 def _whole(p, parameters):
-    dwa = Dwa(parameters, ORIGINAL, p.outline, 0.1)
+    dwa = Dwa(parameters, FAST, p.outline, 0.1)
     dwa.set_plan(np.column_stack([p.plan, np.zeros(len(p.plan))]))
     pose, twist = Pose2(*p.state[:3].tolist()), Twist2(*p.state[3:].tolist())
     origin = Pose2()

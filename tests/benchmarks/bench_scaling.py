@@ -19,7 +19,7 @@ from daemon.run import execute, warm_up
 from daemon.simulator import World
 from daemon.stacks.ros1.amcl import Amcl
 from daemon.stacks.ros1.costmap import Costmap
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.behaviour import KeyFrame, KeyFrames, Servo, Walk
 from grammars.model.geometry import Pose2
 from grammars.model.movers import with_planar_chain
@@ -136,7 +136,7 @@ def _updates(scene, robot, grid):
     start = Pose2(*bench_costmap.BEGIN, 0.0)
     steps = bench_costmap.drive(world_at(scene, robot, start), robot)[:300]
     parameters = bench_costmap.GLOBAL
-    costmap = Costmap(parameters, parameters.padded_footprint(), ORIGINAL, grid)
+    costmap = Costmap(parameters, parameters.padded_footprint(), FAST, grid)
 
     def work():
         for base, scan, _ in steps:
@@ -159,7 +159,7 @@ def particles():
         parameters = replace(PUBLISHED, min_particles=count, max_particles=count)
 
         def work():
-            amcl = Amcl(parameters, ORIGINAL, grid, (LASER,), poses[0], np.random.SeedSequence(1))
+            amcl = Amcl(parameters, FAST, grid, (LASER,), poses[0], np.random.SeedSequence(1))
             for k, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
                 amcl.scan(0.1 * k, scan, pose)
 

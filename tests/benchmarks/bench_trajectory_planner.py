@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, warm_up
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._settings import settings_of
@@ -38,9 +38,9 @@ def _cycle(robot, k):
     along = np.arange(0.0, 1.2, 0.05)
     plan = np.column_stack([along, 0.3 * np.sin(along), np.zeros(len(along))])
     p, period = robot.parameters, 1.0 / robot.frequency
-    fast = TrajectoryPlanner(p, ORIGINAL, robot.outline, period)
+    fast = TrajectoryPlanner(p, FAST, robot.outline, period)
     fast.set_plan(plan)
-    s = settings_of(p, ORIGINAL, robot.resolution, period)
+    s = settings_of(p, FAST, robot.resolution, period)
     plain = PlainPlanner(s, strafe_speeds(p), robot.outline)
     row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
     state = np.array(row, dtype=np.float32).astype(np.float64)

@@ -40,7 +40,7 @@ from daemon.stacks.ros1.planners import (
     read_local_planner,
     say_unread,
 )
-from daemon.stacks.ros1.quirks import Quirks, read_quirks
+from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, Quirks, read_quirks
 from daemon.stacks.ros1.topics import ONE_LASER, TopicParameters, Topics, Wiring
 from grammars.text.diagnostics import did_you_mean
 
@@ -85,7 +85,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     report = FindingCollector()
     _check_sections(parameters, report)
     tree = ParameterTree(parameters, report)
-    quirks = read_quirks(parameters.get("quirks", "original"), ("quirks",), report)
+    quirks = read_quirks(parameters.get("quirks", DEFAULT_PROFILE), ("quirks",), report)
     move_base = _read_move_base(tree)
     local_planner = read_local_planner(
         tree, move_base.base_local_planner, move_base.controller_frequency

@@ -1,8 +1,8 @@
 """Every oddity of the original stack that is kept for fidelity: a switch each, in one place.
 
-The default of each switch is what the ROS 1 Noetic packages do, but for ``inflation_queue_order``,
-which is off because of what it takes. ``FIXED`` turns all of them off, so that people see what an
-oddity costs them.
+``ORIGINAL`` is what the ROS 1 Noetic packages do. ``FAST``, the default, leaves out one oddity
+because of what it takes, ``inflation_queue_order``. ``FIXED`` turns all of them off, so that people
+see what an oddity costs them.
 
 A file asks for a profile by name, or for one with switches turned.
 """
@@ -100,24 +100,26 @@ class Quirks:
     (move_base ``planThread``)."""
 
 
-ORIGINAL: Final = Quirks()
+FAST: Final = Quirks()
+ORIGINAL: Final = replace(FAST, inflation_queue_order=True)
 FIXED: Final = Quirks(**{field.name: False for field in fields(Quirks)})
-PROFILES: Final = {"original": ORIGINAL, "fixed": FIXED}
+PROFILES: Final = {"fast": FAST, "original": ORIGINAL, "fixed": FIXED}
+DEFAULT_PROFILE: Final = "fast"
 
 
 _SWITCHES: Final = tuple(field.name for field in fields(Quirks))
 
 
 def read_quirks(given: object, path: ParameterLocation, report: FindingCollector) -> Quirks:
-    """Return the quirks ``given``: ``original``, ``fixed``, or ``{like: PROFILE, NAME: bool}``."""
+    """Return the quirks ``given``: the name of a profile, or ``{like: PROFILE, NAME: bool}``."""
     if isinstance(given, str):
         return _profile(given, path, report)
     if not isinstance(given, Mapping):
         report.fatal.append(
-            ParameterFinding(path, "must be original, fixed, or switches with true or false")
+            ParameterFinding(path, "must be fast, original, fixed, or switches with true or false")
         )
-        return ORIGINAL
-    quirks = _profile(given.get("like", "original"), (*path, "like"), report)
+        return FAST
+    quirks = _profile(given.get("like", DEFAULT_PROFILE), (*path, "like"), report)
     return replace(quirks, **_switched(given, path, report))
 
 
@@ -126,7 +128,7 @@ def _profile(name: object, path: ParameterLocation, report: FindingCollector) ->
         return PROFILES[name]
     hint = did_you_mean(str(name), PROFILES)
     report.fatal.append(ParameterFinding(path, f'there are no quirks "{name}"', hint))
-    return ORIGINAL
+    return FAST
 
 
 def _switched(

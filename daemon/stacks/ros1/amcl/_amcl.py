@@ -13,7 +13,7 @@ from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from daemon.stacks.ros1.amcl.laser_model import LaserModel
 from daemon.stacks.ros1.amcl.motion_model import motion_between
 from daemon.stacks.ros1.amcl.particle_filter import ParticleFilter
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FAST, FIXED, Quirks
 from grammars.model.geometry import Floats, Pose2, wrap_angle
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from grammars.model.robot import Laser
@@ -142,7 +142,7 @@ def warm_up() -> None:
     few = AmclParameters(min_particles=4, max_particles=8, resample_interval=1)
     omni = replace(few, odom_model_type="omni-corrected")
     beam = replace(few, laser_model_type="beam")
-    for parameters, quirks in ((few, ORIGINAL), (omni, ORIGINAL), (beam, ORIGINAL), (few, FIXED)):
+    for parameters, quirks in ((few, FAST), (omni, FAST), (beam, FAST), (few, FIXED)):
         seed = np.random.SeedSequence(0)
         amcl = Amcl(parameters, quirks, grid, (laser,), Pose2(1.0, 1.0), seed)
         for k, r in enumerate((0.8, math.inf)):

@@ -40,7 +40,7 @@ from daemon.stacks.ros1.costmap.master_grid import (
     merge_window,
     update_changed_cells,
 )
-from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OccupancyGrid
 
@@ -389,7 +389,7 @@ def warm_up() -> None:
     angles = np.array([-0.1, 0.0, 0.1])
     scan = SensedScan(Pose2(1.0, 1.0), np.ones(3, dtype=np.float32), angles, 0.05, 5.6)
     for parameters in (still, moving):
-        costmap = Costmap(parameters, parameters.padded_footprint(), ORIGINAL, world)
+        costmap = Costmap(parameters, parameters.padded_footprint(), FAST, world)
         for scans in ((), (scan,)):
             costmap.update(Pose2(1.0, 1.0), scans)
         costmap.clear_square(Pose2(1.0, 1.0), 0.2)

@@ -39,7 +39,7 @@ from daemon.stacks.ros1.dwa.cycle import (
     choose_trajectory,
     sample_cost,
 )
-from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
 _VX, _VY, _WZ = 0, 2, 4
@@ -331,7 +331,7 @@ class Dwa:
 def warm_up() -> None:
     """Take one step along a short plan, then turn at its end."""
     outline = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
-    dwa = Dwa(DwaParameters(), ORIGINAL, outline, 0.1)
+    dwa = Dwa(DwaParameters(), FAST, outline, 0.1)
     local = CostGrid(0.05, -1.5, -1.5, np.zeros((60, 60), dtype=np.uint8))
     dwa.set_plan(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 1.5]]))
     dwa.command(Pose2(), Twist2(), Pose2(), local)

@@ -33,7 +33,7 @@ from daemon.stacks.ros1.global_planner.orientation import orient
 from daemon.stacks.ros1.navfn.guided import MARGINS, WORTHWHILE, GuidedField
 from daemon.stacks.ros1.navfn.propagation import BUFFER, UNREACHED, path_to_poses, reset_potentials
 from daemon.stacks.ros1.navfn.restricted import spread_towards
-from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Floats, Pose2
 
 _Point: TypeAlias = tuple[float, float]
@@ -328,9 +328,9 @@ def warm_up() -> None:
             use_dijkstra=dijkstra, use_grid_path=grid_path, old_navfn_behavior=old
         )
         grid = CostGrid(0.05, 0.0, 0.0, cells.copy())
-        GlobalPlanner(parameters, ORIGINAL).plan(grid, Pose2(0.28, 0.28), Pose2(1.28, 0.78))
+        GlobalPlanner(parameters, FAST).plan(grid, Pose2(0.28, 0.28), Pose2(1.28, 0.78))
     grid = CostGrid(0.05, 0.0, 0.0, cells.copy())
-    field = _Field(grid, GlobalPlannerParameters(), ORIGINAL, worthwhile=1)
+    field = _Field(grid, GlobalPlannerParameters(), FAST, worthwhile=1)
     for step in range(4):
         grid.cells[15, 15] = 254 - step
         grid.touch((15, 15, 16, 16))

@@ -30,7 +30,7 @@ from daemon.stacks.ros1.navfn.propagation import (
     translation_table,
 )
 from daemon.stacks.ros1.navfn.restricted import spread_towards
-from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Floats, Pose2
 
 
@@ -228,4 +228,4 @@ def warm_up() -> None:
         grid.cells[15, 15] = 254 - step
         grid.touch((15, 15, 16, 16))
         field.path(1600 + step, 1610)
-    Navfn(NavfnParameters(), ORIGINAL).plan(grid, Pose2(0.2, 0.2), Pose2(1.2, 0.7))
+    Navfn(NavfnParameters(), FAST).plan(grid, Pose2(0.2, 0.2), Pose2(1.2, 0.7))

@@ -11,7 +11,7 @@ from daemon.stacks.ros1.configuration import RosParameters, read_ros
 from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from daemon.stacks.ros1.topics import ONE_LASER, Wiring
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 
@@ -61,7 +61,7 @@ def test_a_sound_tree_has_nothing_to_say_about_it():
     assert problems(read) == []
     assert read.findings.without_effect == ()
     assert read.wiring == Wiring(amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=ONE_LASER)
-    assert read.quirks == ORIGINAL
+    assert read.quirks == FAST
 
 
 def test_what_is_not_given_has_the_defaults_of_ros():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from daemon.stacks.ros1.amcl import Amcl
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, wrap_angle
 from tests.daemon.stacks.ros1.amcl import plain
 from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, a_room, map_of, see
@@ -18,7 +18,7 @@ NOTHING = np.full(LASER.rays, np.inf, dtype=np.float32)
 
 
 def an_amcl(p=PUBLISHED, walls=WALLS, start=START, seed=0):
-    return Amcl(p, ORIGINAL, map_of(walls), (LASER,), start, np.random.SeedSequence(seed))
+    return Amcl(p, FAST, map_of(walls), (LASER,), start, np.random.SeedSequence(seed))
 
 
 def drive(amcl, poses, walls=WALLS, odom=SAME, seed=0):
@@ -286,7 +286,7 @@ NO_RETURN = np.full(REAR.rays, np.inf, dtype=np.float32)
 
 def two_lasers(p=PUBLISHED, seed=0):
     seeds = np.random.SeedSequence(seed)
-    return Amcl(p, ORIGINAL, map_of(WALLS), (FRONT, REAR), START, seeds)
+    return Amcl(p, FAST, map_of(WALLS), (FRONT, REAR), START, seeds)
 
 
 def test_each_laser_weighs_once_for_each_motion():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from daemon.stacks.ros1.amcl.laser_model import LaserModel, beam_indices, map_range
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from grammars.model.robot import Laser
@@ -24,7 +24,7 @@ def weigh(
     converged=False, laser=LASER, original=True):  # fmt: skip
     """Weights of poses (n, 3) that all weighed 1 before."""
     p = replace(p, max_particles=max(len(poses), p.min_particles))
-    sensor = LaserModel(p, ORIGINAL if original else FIXED, grid, laser)
+    sensor = LaserModel(p, FAST if original else FIXED, grid, laser)
     weights = np.ones(len(poses))
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     columns = np.ascontiguousarray(poses.T)

@@ -7,7 +7,7 @@ from numba.core.dispatcher import Dispatcher
 import daemon.stacks.ros1.amcl as room
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.amcl import Amcl, AmclParameters
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.amcl.world import LASER, a_room, map_of, see
 
@@ -33,7 +33,7 @@ def test_after_warming_up_no_run_compiles_anything():
                 min_particles=10, max_particles=30, odom_model_type=odometry,
                 laser_model_type=sensor, do_beamskip=True, selective_resampling=True,
             )  # fmt: skip
-            for quirks in (ORIGINAL, FIXED):
+            for quirks in (FAST, FIXED):
                 seed = np.random.SeedSequence(0)
                 amcl = Amcl(p, quirks, map_of(walls), (LASER,), Pose2(1.0, 1.0), seed)
                 for k in range(4):

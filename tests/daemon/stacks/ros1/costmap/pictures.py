@@ -12,7 +12,7 @@ from daemon.stacks.ros1.costmap import (
     ObstacleLayer,
     SensedScan,
 )
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 
 SIGNS = {255: "?", 0: ".", 254: "#"}
@@ -48,7 +48,7 @@ def build(
         width=float(columns), height=float(rows), origin_x=origin[0], origin_y=origin[1],
         track_unknown_space=unknown,
     )  # fmt: skip
-    return Costmap(parameters, np.array(under or SMALL, dtype=float), ORIGINAL)
+    return Costmap(parameters, np.array(under or SMALL, dtype=float), FAST)
 
 
 def rays(begin, *ends, yaw=0.0, nearest=0.05, farthest=60.0):

@@ -15,7 +15,7 @@ from daemon.stacks.ros1.costmap import (
     SensedScan,
     StaticLayer,
 )
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros1.costmap.plain import by_queue
@@ -51,7 +51,7 @@ def layered(parameters=STILL, *, static=None, obstacles=None, source=None, infla
     return replace(parameters, layers=tuple(changed(layer) for layer in parameters.layers))
 
 
-def build(parameters=STILL, grid=None, quirks=ORIGINAL):
+def build(parameters=STILL, grid=None, quirks=FAST):
     return Costmap(parameters, parameters.padded_footprint(), quirks, grid or world())
 
 
@@ -96,7 +96,7 @@ def test_unknown_cells_become_free():
 
 @pytest.mark.parametrize(
     ("parameters", "quirks"),
-    [(STILL, FIXED), (layered(obstacles={"track_unknown_space": True}), ORIGINAL)],
+    [(STILL, FIXED), (layered(obstacles={"track_unknown_space": True}), FAST)],
 )
 def test_unknown_cells_stay_unknown_until_a_ray_crosses_them(parameters, quirks):
     grid = world()
@@ -180,7 +180,7 @@ def test_without_a_source_the_map_is_all_there_is():
     grid.cells[:, 100] = 100
     deaf = build(layered(obstacles={"sources": ()}), grid)
     before = deaf.grid.cells.copy()
-    blind = Costmap(ROLLING, ROLLING.padded_footprint(), ORIGINAL)
+    blind = Costmap(ROLLING, ROLLING.padded_footprint(), FAST)
     for costmap in (deaf, blind):
         costmap.update(Pose2(1.0, 1.0), (looking(1.0),) if costmap is deaf else ())
     np.testing.assert_array_equal(deaf.grid.cells, before)
@@ -295,7 +295,7 @@ def test_impossible_costmaps_are_refused(parameters, message):
 
 def test_a_static_costmap_needs_a_map():
     with pytest.raises(ValueError, match="was given no map"):
-        Costmap(STILL, STILL.padded_footprint(), ORIGINAL)
+        Costmap(STILL, STILL.padded_footprint(), FAST)
 
 
 def test_a_scan_has_as_many_ranges_as_angles():

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.costmap import Costmap, InflationLayer, LayeredCostmap, StaticLayer
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros1.costmap.plain import by_queue, cost
 
-ORDERED = replace(ORIGINAL, inflation_queue_order=True)
+ORDERED = replace(FAST, inflation_queue_order=True)
 INFLATION = InflationLayer(inflation_radius=0.25, cost_scaling_factor=3.0)
 POINT = 0.02
 """Half the side of a robot so small that only its middle counts [m]."""
@@ -26,7 +26,7 @@ def costmap(cells, *, ordered, inflation=INFLATION):
     """A map below an inflation, for a robot without padding."""
     parameters = LayeredCostmap((StaticLayer(), inflation), footprint=SQUARE, footprint_padding=0.0)
     grid = OccupancyGrid(0.05, 0.0, 0.0, cells.astype(np.int8))
-    quirks = ORDERED if ordered else ORIGINAL
+    quirks = ORDERED if ordered else FAST
     return Costmap(parameters, parameters.padded_footprint(), quirks, grid)
 
 
@@ -44,7 +44,7 @@ def at(squared):
 
 
 def test_it_is_off_unless_asked_for():
-    assert not ORIGINAL.inflation_queue_order
+    assert not FAST.inflation_queue_order
     assert not FIXED.inflation_queue_order
 
 

@@ -16,7 +16,7 @@ from daemon.stacks.ros1.costmap import (
     VoxelColumn,
     hears_height,
 )
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.costmap.test_costmap import (
     A2S,
@@ -39,7 +39,7 @@ FLAT = InflationLayer(inflation_radius=0.0)
 def build(*layers, grid=None, **values):
     parameters = replace(LayeredCostmap(layers, footprint=A2S), **values)
     footprint = parameters.padded_footprint()
-    return Costmap(parameters, footprint, ORIGINAL, grid or world(), TOPICS.__getitem__)
+    return Costmap(parameters, footprint, FAST, grid or world(), TOPICS.__getitem__)
 
 
 def seen(laser, away, *, height=0.3, time=0.0, y=1.025):

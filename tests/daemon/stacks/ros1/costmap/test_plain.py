@@ -17,7 +17,7 @@ from daemon.stacks.ros1.costmap import (
     StaticLayer,
     VoxelColumn,
 )
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros1.costmap.plain import PlainCostmap
@@ -28,7 +28,7 @@ MOUNTS = {"front": Pose2(0.05, 0.0), "rear": Pose2(-0.05, 0.01, 3.0)}
 HEARS = {"/scan": ("front",), "/rear": ("rear",), "/both": ("front", "rear"), "/none": ()}
 RING = np.array([[-0.08, -0.06], [0.1, -0.06], [0.1, 0.06], [-0.08, 0.06]])
 
-QUIRKS = st.sampled_from([ORIGINAL, FIXED, replace(ORIGINAL, inflation_queue_order=True)])
+QUIRKS = st.sampled_from([FAST, FIXED, replace(FAST, inflation_queue_order=True)])
 
 
 def random_map(rng):
@@ -138,7 +138,7 @@ def random_costmap(rng, layers):
     )
 
 
-def compare(parameters, rng, steps, quirks=ORIGINAL):
+def compare(parameters, rng, steps, quirks=FAST):
     world = random_map(rng)
     costmap = Costmap(parameters, RING, quirks, world, HEARS.__getitem__)
     plain = PlainCostmap(parameters, RING, quirks, world, HEARS)

@@ -16,7 +16,7 @@ from daemon.stacks.ros1.dwa.cycle import (
     allocate_scoring_grid,
     choose_trajectory,
 )
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Floats
 from tests.daemon.stacks.ros1.dwa import plain
 
@@ -66,7 +66,7 @@ def singles(*values):
     return np.array(values, dtype=np.float32).astype(np.float64)
 
 
-def settings(parameters=A2S, quirks=ORIGINAL):
+def settings(parameters=A2S, quirks=FAST):
     return settings_of(parameters, quirks, 0.05, 0.05)
 
 
@@ -152,7 +152,7 @@ def blobs(rng, shape, number, unknown):
     return cost.astype(np.uint8)
 
 
-def random_problem(rng, parameters, quirks=ORIGINAL):
+def random_problem(rng, parameters, quirks=FAST):
     """Return a cycle somewhere on a winding plan among obstacles."""
     shape = (60, 60) if rng.random() < 0.7 else (40, 90)
     x, y, yaw = rng.uniform(-80, 80), rng.uniform(-80, 80), rng.uniform(-math.pi, math.pi)

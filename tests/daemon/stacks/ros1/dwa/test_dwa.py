@@ -8,7 +8,7 @@ import pytest
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import Dwa
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.dwa.helpers import (
     A2S,
@@ -21,7 +21,7 @@ from tests.daemon.stacks.ros1.dwa.helpers import (
 )
 
 
-def controller(parameters=A2S, quirks=ORIGINAL, *, latch=False):
+def controller(parameters=A2S, quirks=FAST, *, latch=False):
     return Dwa(parameters, quirks, SMALL, 0.05, latch_goal=latch)
 
 
@@ -83,7 +83,7 @@ def test_no_command_without_a_plan_nearby_or_with_every_sample_illegal():
     assert dwa.command(Pose2(), Twist2(), Pose2(), local).ok
 
 
-def at_goal(yaw_error, twist, quirks=ORIGINAL, cells=0):
+def at_goal(yaw_error, twist, quirks=FAST, cells=0):
     dwa = controller(A2S, quirks)
     dwa.set_plan(straight(1.0))
     local = empty(1.0)
@@ -237,7 +237,7 @@ def test_a_latched_goal_stays_reached_until_the_next_plan():
         assert not dwa.goal_reached(Pose2(0.8, 0.0, 0.0), Twist2(), Pose2())
 
 
-@pytest.mark.parametrize(("quirks", "free"), [(ORIGINAL, True), (FIXED, False)])
+@pytest.mark.parametrize(("quirks", "free"), [(FAST, True), (FIXED, False)])
 def test_new_plans_make_it_forget_that_it_turned_round(quirks, free):
     parameters = replace(A2S, min_vel_trans=0.0, min_vel_theta=0.0)
     dwa = controller(parameters, quirks)
@@ -339,7 +339,7 @@ def test_it_reaches_a_goal_in_an_empty_world(parameters):
 
 def test_what_is_kept_between_cycles_changes_no_command():
     rng = np.random.default_rng(5)
-    kept = Dwa(A2S, ORIGINAL, SMALL, 0.1)
+    kept = Dwa(A2S, FAST, SMALL, 0.1)
     local = CostGrid(0.05, -1.5, -1.5, blobs(rng, (60, 60), 4, 0.0))
     commands = set()
     for cycle in range(24):
@@ -350,7 +350,7 @@ def test_what_is_kept_between_cycles_changes_no_command():
         end = 1.0 if cycle < 16 else 1.2
         plan = np.column_stack([np.linspace(x, end, 40), np.full(40, 0.1), np.zeros(40)])
         pose, twist = Pose2(x, 0.0, 0.05 * cycle), Twist2(0.2, 0.0, rng.normal(0.0, 0.3))
-        fresh = Dwa(A2S, ORIGINAL, SMALL, 0.1)
+        fresh = Dwa(A2S, FAST, SMALL, 0.1)
         answers = []
         for dwa in (kept, fresh):
             dwa.set_plan(plan)

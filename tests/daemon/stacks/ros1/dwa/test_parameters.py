@@ -13,7 +13,7 @@ from daemon.stacks.ros1.dwa import (
     remarks,
     settings_of,
 )
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, settings
 
 
@@ -135,7 +135,7 @@ def test_kernels_get_every_parameter_under_its_own_name():
         forward_point_distance=0.3, scaling_speed=0.35, max_scaling_factor=0.25, vx_samples=4,
         vy_samples=0, vth_samples=9, controller_frequency=8.0,
     )  # fmt: skip
-    found = settings_of(given, ORIGINAL, 0.1, 0.05)._asdict()
+    found = settings_of(given, FAST, 0.1, 0.05)._asdict()
     theta = float(np.float32(3.3))
     assert found == {
         "max_trans": 0.61, "min_trans": 0.11, "max_x": 0.52, "min_x": -0.13, "max_y": 0.24,

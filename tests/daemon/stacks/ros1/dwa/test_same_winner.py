@@ -17,7 +17,7 @@ from daemon.stacks.ros1.base_local_planner.map_grid import (
     unrestricted_distances,
     write_box,
 )
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.daemon.stacks.ros1.dwa import plain
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, random_problem
 
@@ -66,7 +66,7 @@ def as_integers(distances, shape):
 @given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
 def test_fast_and_plain_choose_the_same_sample(seed, variant):
     rng = np.random.default_rng(seed)
-    quirks = ORIGINAL if rng.random() < 0.7 else FIXED
+    quirks = FAST if rng.random() < 0.7 else FIXED
     assert_same(random_problem(rng, VARIANTS[variant], quirks))
 
 

@@ -26,7 +26,7 @@ from daemon.stacks.ros1.global_planner.expansion import (
 )
 from daemon.stacks.ros1.global_planner.orientation import orient
 from daemon.stacks.ros1.navfn.restricted import spread_towards
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 
 
@@ -40,7 +40,7 @@ def centre(grid, column, row, yaw=0.0):
 
 
 def plan(grid, start, goal, **given):
-    return GlobalPlanner(GlobalPlannerParameters(**given), ORIGINAL).plan(grid, start, goal)
+    return GlobalPlanner(GlobalPlannerParameters(**given), FAST).plan(grid, start, goal)
 
 
 def length_of(poses):
@@ -95,7 +95,7 @@ def test_whether_the_start_is_met_depends_on_where_in_its_cell_the_robot_is(give
         for y in np.arange(0.5, 0.55, 0.005).tolist():
             parameters = GlobalPlannerParameters(**given_parameters)
             start = Pose2(x + 0.001, y + 0.001)
-            found = GlobalPlanner(parameters, ORIGINAL).plan(grid, start, goal)
+            found = GlobalPlanner(parameters, FAST).plan(grid, start, goal)
             missed += found is None
             assert GlobalPlanner(parameters, FIXED).plan(grid, start, goal) is not None
     assert missed > 0
@@ -136,7 +136,7 @@ def test_dijkstra_avoids_costs_that_a_star_takes_for_cheap():
     assert around is not None
     assert np.abs(around[:, 1] - start.y).max() > 0.1
     parameters = GlobalPlannerParameters(use_dijkstra=False, use_quadratic=False)
-    through = GlobalPlanner(parameters, ORIGINAL).plan(grid, start, goal)
+    through = GlobalPlanner(parameters, FAST).plan(grid, start, goal)
     assert through is not None
     assert np.abs(through[:, 1] - start.y).max() < 0.05
     sane = GlobalPlanner(parameters, FIXED).plan(grid, start, goal)
@@ -235,7 +235,7 @@ def test_as_navfn_the_goal_stands_twice_at_the_end():
     grid = a_grid()
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10, 1.0)
     parameters = GlobalPlannerParameters(old_navfn_behavior=True)
-    twice = GlobalPlanner(parameters, ORIGINAL).plan(grid, start, goal)
+    twice = GlobalPlanner(parameters, FAST).plan(grid, start, goal)
     once = GlobalPlanner(parameters, FIXED).plan(grid, start, goal)
     assert twice is not None
     assert once is not None
@@ -268,7 +268,7 @@ def test_what_did_not_change_is_not_planned_again(monkeypatch):
 
     monkeypatch.setattr(_planner, "propagate_wave", counted)
     grid = a_grid()
-    planner = GlobalPlanner(GlobalPlannerParameters(), ORIGINAL)
+    planner = GlobalPlanner(GlobalPlannerParameters(), FAST)
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
     first, second = planner.plan(grid, start, goal), planner.plan(grid, start, goal)
     assert first is not None

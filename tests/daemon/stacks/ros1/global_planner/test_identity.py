@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.global_planner import plain
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
@@ -32,7 +32,7 @@ parameters = st.builds(
 )
 
 
-@given(seeds, parameters, st.sampled_from([ORIGINAL, FIXED]))
+@given(seeds, parameters, st.sampled_from([FAST, FIXED]))
 def test_plans_are_those_of_the_plain_planner(seed, given_parameters, quirks):
     random = np.random.default_rng(seed)
     cells = random_cells(random, 4, 26)
@@ -104,7 +104,7 @@ points: the original finds no plan."""
 
 @pytest.mark.parametrize(("settings_of_it", "points", "expected"), GOLDEN)
 def test_plans_are_those_of_the_original(settings_of_it, points, expected):
-    found = GlobalPlanner(GlobalPlannerParameters(**settings_of_it), ORIGINAL).plan(
+    found = GlobalPlanner(GlobalPlannerParameters(**settings_of_it), FAST).plan(
         rooms(), START, GOAL
     )
     assert (0 if found is None else len(found)) == points

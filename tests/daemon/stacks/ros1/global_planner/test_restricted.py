@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters, _planner
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.navfn import building
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
@@ -33,7 +33,7 @@ def waves(planner):
 @given(
     st.integers(0, 2**32 - 1),
     st.booleans(),
-    st.sampled_from([ORIGINAL, FIXED]),
+    st.sampled_from([FAST, FIXED]),
     st.sampled_from([(3.0, 50), (0.55, 66), (1.0, 30)]),
 )
 def test_plans_stay_the_same_while_costs_and_start_change(seed, old, quirks, costs):
@@ -102,7 +102,7 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
 )
 def test_what_the_margins_are_not_made_for_is_planned_with_whole_waves(given_parameters):
     grid = CostGrid(0.05, 0.0, 0.0, np.zeros((130, 130), dtype=np.uint8))
-    planner = GlobalPlanner(given_parameters, ORIGINAL)
+    planner = GlobalPlanner(given_parameters, FAST)
     for step in range(4):
         assert planner.plan(grid, Pose2(1.53, 1.53 + 0.05 * step), Pose2(5.03, 5.03)) is not None
     assert waves(planner) == (0, 4)
@@ -112,7 +112,7 @@ def test_a_goal_walled_in_has_no_plan_until_the_wall_is_gone():
     grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
     twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
     parameters = GlobalPlannerParameters()
-    planner, whole = GlobalPlanner(parameters, ORIGINAL), GlobalPlanner(parameters, ORIGINAL)
+    planner, whole = GlobalPlanner(parameters, FAST), GlobalPlanner(parameters, FAST)
     goal, wall = Pose2(6.03, 3.78), (110, 65, 131, 86)
     for step, value in enumerate((0, 0, 0, 254, 254, 254, 0, 0, 0)):
         grid.cells[65:86, 110:131] = value

@@ -16,7 +16,7 @@ from daemon.stacks.ros1.move_base import (
     RecoveryStep,
     RobotPoses,
 )
-from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Pose2, Twist2
 
 STEP = 0.05
@@ -66,7 +66,7 @@ class Bench:
 
     plans: Callable[[float], bool] = lambda now: True
     works: Callable[[float], bool] = lambda now: True
-    quirks: Quirks = ORIGINAL
+    quirks: Quirks = FAST
     parameters: dict[str, Any] = field(default_factory=dict)
     recoveries: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     speed: float = 0.2

@@ -21,7 +21,7 @@ from daemon.stacks.ros1.move_base import (
     make_recoveries,
     turn_is_free,
 )
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2, Twist2
 
 RING = np.array([(-0.36, -0.24), (0.36, -0.24), (0.36, 0.24), (-0.36, 0.24)])
@@ -31,7 +31,7 @@ def empty():
     return CostGrid(0.05, -1.5, -1.5, np.zeros((60, 60), np.uint8))
 
 
-def make(quirks=ORIGINAL, grid=None, resets=None, **parameters):
+def make(quirks=FAST, grid=None, resets=None, **parameters):
     cleared = []
 
     def target(costmap):

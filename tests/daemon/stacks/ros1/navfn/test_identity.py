@@ -14,7 +14,7 @@ from daemon.stacks.ros1.navfn.propagation import (
     translate_costs,
     translation_table,
 )
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.navfn import building, plain
 
@@ -68,7 +68,7 @@ def test_plans_are_those_of_the_plain_planner(seed):
     cells = random_cells(random, 5, 36)
     grid = CostGrid(0.05, -1.0, 2.0, cells)
     rows, columns = cells.shape
-    planner = Navfn(NavfnParameters(), ORIGINAL)
+    planner = Navfn(NavfnParameters(), FAST)
     x, y = random.random((2, 2)) * [[columns], [rows]] * 0.05 + [[-1.0], [2.0]]
     goal = Pose2(float(x[1]), float(y[1]), 1.0)
     for _ in range(3):

@@ -23,7 +23,7 @@ from daemon.stacks.ros1.navfn.restricted import (
     relax_lowered_costs,
     spread_towards,
 )
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 
 F = np.float32
@@ -40,7 +40,7 @@ def centre(grid, column, row, yaw=0.0):
 
 def plan(grid, start, goal, *, tolerance=0.0, unknown=True):
     parameters = NavfnParameters(default_tolerance=tolerance, allow_unknown=unknown)
-    return Navfn(parameters, ORIGINAL).plan(grid, start, goal)
+    return Navfn(parameters, FAST).plan(grid, start, goal)
 
 
 def test_costs_rise_with_the_costmap_and_inscribed_cells_are_blocked():
@@ -78,7 +78,7 @@ def test_a_straight_path_runs_from_corner_to_corner_half_a_cell_at_a_time():
 def test_without_the_quirk_paths_run_through_cell_centres():
     grid = a_grid()
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
-    corner = Navfn(NavfnParameters(), ORIGINAL).plan(grid, start, goal)
+    corner = Navfn(NavfnParameters(), FAST).plan(grid, start, goal)
     middle = Navfn(NavfnParameters(), FIXED).plan(grid, start, goal)
     assert corner is not None
     assert middle is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from typing import Annotated, Literal
 
 import pytest
@@ -10,7 +11,7 @@ from pydantic.dataclasses import dataclass
 
 from daemon.stacks.findings import FindingCollector, ParameterError
 from daemon.stacks.ros1.parameters import read_section
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, read_quirks
+from daemon.stacks.ros1.quirks import FAST, FIXED, read_quirks
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +100,16 @@ def test_quirks_are_a_profile_or_one_with_switches_turned():
     mixed = read_quirks({"like": "fixed", "strafe_leaks": True}, ("quirks",), report)
     assert mixed.strafe_leaks
     assert not mixed.perimeter_only
-    assert read_quirks({}, ("quirks",), report) == ORIGINAL
+    assert read_quirks({}, ("quirks",), report) == FAST
+    assert read_quirks("fast", ("quirks",), report) == FAST
     assert report.fatal == []
+
+
+def test_the_profile_of_the_original_has_all_its_oddities():
+    report = FindingCollector()
+    original = read_quirks("original", ("quirks",), report)
+    assert all(asdict(original).values())
+    assert replace(original, inflation_queue_order=False) == FAST
 
 
 @pytest.mark.parametrize(
@@ -109,7 +118,7 @@ def test_quirks_are_a_profile_or_one_with_switches_turned():
         ("fixd", 'did you mean "fixed"?'),
         ({"strafe_leak": False}, 'did you mean "strafe_leaks"?'),
         ({"strafe_leaks": 0}, "must be true or false"),
-        (3, "must be original, fixed"),
+        (3, "must be fast, original, fixed"),
     ],
 )
 def test_wrong_quirks_are_errors(given, message):

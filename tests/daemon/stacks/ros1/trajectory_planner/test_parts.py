@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from daemon.stacks.findings import FindingCollector
 from daemon.stacks.ros1.base_local_planner.map_grid import contains_cell, empty_set
 from daemon.stacks.ros1.parameters import read_section
-from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.quirks import FAST
 from daemon.stacks.ros1.trajectory_planner import (
     WITHOUT_EFFECT,
     TrajectoryPlannerParameters,
@@ -47,7 +47,7 @@ HUSKY = ROBOTS["husky"].parameters
 
 
 def settings(parameters=DEFAULT):
-    return settings_of(parameters, ORIGINAL, 0.05, 0.1)
+    return settings_of(parameters, FAST, 0.05, 0.1)
 
 
 def state(*values):

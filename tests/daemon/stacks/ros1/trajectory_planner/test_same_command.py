@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._settings import settings_of
@@ -60,7 +60,7 @@ def near(plan, pose, reach):
 @given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
 def test_fast_and_plain_command_the_same(seed, variant):
     rng = np.random.default_rng(seed)
-    parameters, quirks = VARIANTS[variant], ORIGINAL if rng.random() < 0.7 else FIXED
+    parameters, quirks = VARIANTS[variant], FAST if rng.random() < 0.7 else FIXED
     outline = (SMALL, 2.0 * SMALL, LARGE, SMALL[:2])[int(rng.integers(4))]
     pose = Pose2(*rng.uniform(-80, 80, 2).tolist(), float(rng.uniform(-3, 3)))
     cells = 60 if rng.random() < 0.7 else 70
@@ -125,7 +125,7 @@ MEASURED = {
 def test_commands_are_those_of_the_original(name):
     robot = ROBOTS[name]
     period = 1.0 / robot.frequency
-    planner = TrajectoryPlanner(robot.parameters, ORIGINAL, robot.outline, period)
+    planner = TrajectoryPlanner(robot.parameters, FAST, robot.outline, period)
     planner.set_plan(straight(3.0, end=1.0))
     answers = [answer for _, answer in drive(planner, robot, Pose2(yaw=0.6), 10, *SLALOM)]
     assert all(answer.ok and answer.twist.vy == 0.0 for answer in answers)

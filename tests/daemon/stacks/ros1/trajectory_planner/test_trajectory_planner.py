@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import (
@@ -26,7 +26,7 @@ OMNI = replace(
 OUTLINE = rectangle(-0.3, 0.3, 0.2)
 
 
-def controller(parameters=HUSKY, quirks=ORIGINAL):
+def controller(parameters=HUSKY, quirks=FAST):
     return TrajectoryPlanner(parameters, quirks, OUTLINE, 0.2)
 
 
@@ -158,7 +158,7 @@ def test_what_stands_on_the_robot_is_free_on_the_way_to_the_path():
 
 
 def test_only_the_outline_of_the_footprint_is_looked_at():
-    for quirks, drives in ((ORIGINAL, True), (FIXED, False)):
+    for quirks, drives in ((FAST, True), (FIXED, False)):
         planner = controller(HUSKY, quirks)
         planner.set_plan(straight(1.5))
         local = around()
@@ -183,7 +183,7 @@ def at_goal(
     yaw_error,
     twist=Twist2(),  # noqa: B008
     parameters=HUSKY,
-    quirks=ORIGINAL,
+    quirks=FAST,
     *boxes,
 ):
     planner, pose = controller(parameters, quirks), Pose2(0.9, 0.0, -yaw_error)
@@ -234,7 +234,7 @@ def test_once_turning_it_goes_on_turning_though_it_moves():
 
 
 def test_a_turn_in_collision_is_refused():
-    _, answer = at_goal(2.0, Twist2(), HUSKY, ORIGINAL, (0.5, -1.0, 1.5, 1.0))
+    _, answer = at_goal(2.0, Twist2(), HUSKY, FAST, (0.5, -1.0, 1.5, 1.0))
     assert (answer.ok, answer.twist) == (False, Twist2())
 
 
@@ -273,7 +273,7 @@ def test_pruning_forgets_the_plan_behind_the_robot(prune):
 def test_published_robots_reach_their_goal_in_an_empty_world(name, yaw):
     robot = ROBOTS[name]
     planner = TrajectoryPlanner(
-        robot.parameters, ORIGINAL, robot.outline, 1.0 / robot.frequency, latch_goal=False
+        robot.parameters, FAST, robot.outline, 1.0 / robot.frequency, latch_goal=False
     )
     # Off the corner of a cell: there MiR turns on the spot for ever, here as in the original.
     goal = Pose2(2.02, 0.02, 1.0)

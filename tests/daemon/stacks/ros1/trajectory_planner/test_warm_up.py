@@ -7,7 +7,7 @@ from numba.core.dispatcher import Dispatcher
 
 import daemon.stacks.ros1.base_local_planner as shared
 import daemon.stacks.ros1.trajectory_planner as room
-from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from daemon.stacks.ros1.trajectory_planner import (
     TrajectoryPlanner,
     TrajectoryPlannerParameters,
@@ -44,7 +44,7 @@ def test_after_warming_up_no_run_compiles_anything():
         replace(plain, simple_attractor=True, y_vels="", meter_scoring=True),
     ):
         for outline in (circle(0.3), rectangle(-0.3, 0.3, 0.2), circle(0.3)[:1]):
-            for quirks in (ORIGINAL, FIXED):
+            for quirks in (FAST, FIXED):
                 planner = TrajectoryPlanner(parameters, quirks, outline, 0.1)
                 planner.set_plan(straight(1.5, end=2.0))
                 for x in (0.0, 0.3, 1.3, 1.5):
