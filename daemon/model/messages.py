@@ -172,8 +172,7 @@ class WelcomeReply:
     """What a worker must know before it starts: where to keep things, how often to renew.
 
     ``identity`` names the state directory for good, ``probe`` only since this daemon's start: the
-    worker that reads it in the daemon's directory shares its file system. ``store`` is the URL of
-    the place for traces, empty when they belong into the state directory.
+    worker that reads it in the daemon's directory shares its file system.
     """
 
     state: str
@@ -183,7 +182,6 @@ class WelcomeReply:
     renew: float
     identity: str = ""
     probe: str = ""
-    store: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,10 +195,9 @@ class LeaseRequest:
 
 @dataclass(frozen=True, slots=True)
 class Lease:
-    """One leased run: ``token`` fences it, ``trace`` names its trace in the ``store``.
+    """One leased run: ``token`` fences it, ``trace`` names its trace in the state directory.
 
-    ``store`` is a URL, empty for the daemon's state directory. With ``leads`` its result is to have
-    leading margins: a search learns of them.
+    With ``leads`` its result is to have leading margins: a search learns of them.
     """
 
     run: str
@@ -209,7 +206,6 @@ class Lease:
     token: int
     trace: str
     spec: RunSpec
-    store: str = ""
     leads: bool = False
 
 
@@ -257,17 +253,13 @@ class RenewReply:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """A finished run; its trace lies where the lease said, or was ``uploaded`` before.
-
-    ``location`` is the URL of the trace, empty when it lies in the daemon's state directory.
-    """
+    """A finished run; its trace lies where the lease said, or was ``uploaded`` before."""
 
     worker: WorkerId
     run: IdText
     attempt: NonNegativeInt
     token: NonNegativeInt
     result: RunResult
-    location: Annotated[str, Field(max_length=2000)] = ""
     uploaded: bool = False
 
 

@@ -83,8 +83,8 @@ def daemon(
         str,
         typer.Option(
             "--traces", metavar="URL", callback=_check_store,
-            help="Where workers put traces, file:///mnt/shared/traces or s3://bucket/folder; "
-            "they need credentials in their environment. Default: the state directory.",
+            help="Where traces of finished runs move to, file:///mnt/traces or s3://bucket/folder; "
+            "credentials belong into the environment. Default: they stay in the state directory.",
         ),
     ] = "",
     quota: Annotated[

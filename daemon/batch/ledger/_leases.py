@@ -203,11 +203,10 @@ class LeaseUpdates(RunUpdates):
         count: int,
         now: float,
         *,
-        store: str = "",
         lacks: Sequence[str] = (),
         missing: Callable[[RunSpec], str] = lambda _: "",
     ) -> tuple[Lease, ...]:
-        """Give up to ``count`` queued runs to ``worker``, whose traces belong into ``store``.
+        """Give up to ``count`` queued runs to ``worker``.
 
         Campaigns of the highest priority take turns, run by run; paused ones are passed over.
         Within a campaign the first submitted run goes first. Runs of systems under test whose
@@ -236,9 +235,7 @@ class LeaseUpdates(RunUpdates):
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
             self._db.execute("UPDATE run SET leased_at = ? WHERE id = ?", (now, run))
             attempt = change.run.attempt
-            leases.append(
-                Lease(run, campaign, attempt, token, trace, spec, store, leads=bool(leads))
-            )
+            leases.append(Lease(run, campaign, attempt, token, trace, spec, leads=bool(leads)))
         return tuple(leases)
 
     def _next_token(self) -> int:
@@ -336,17 +333,26 @@ class LeaseUpdates(RunUpdates):
         state = self._execution_state(run)
         return state is not None and advance(state, Completed(token, "new"), attempts=1).record
 
-    def add_store(self, url: str) -> None:
-        """Remember a store: completions may say that a trace lies there, also much later."""
-        self._db.execute("INSERT OR IGNORE INTO store VALUES (?)", (url,))
-
     def trace_location(self, run: str) -> tuple[str, str]:
         """Return the name of a run's trace and its URL, empty when it has none."""
         return read_trace_location(self._db, run)
 
-    def set_trace_location(self, run: str, location: str) -> None:
-        """Record that the trace of a run lies at a URL now, empty for the state directory."""
-        self._db.execute("UPDATE run SET trace_at = ? WHERE id = ?", (location, run))
+    def record_move(self, name: str, digest: str, url: str) -> bool:
+        """Record that the trace ``name`` of a result with that digest lies at ``url`` now.
+
+        Runs that took the result find it there too. Returns whether the result is still the run's.
+        """
+        row = self._db.execute(
+            "SELECT id FROM run WHERE trace_name = ? AND result = ?", (name, digest)
+        ).fetchone()
+        if row is None:
+            return False
+        self._db.execute("UPDATE run SET trace_at = ? WHERE id = ?", (url, row[0]))
+        self._db.execute(
+            "UPDATE run SET trace_at = ? WHERE cached = ? AND cached <> '' AND result = ?",
+            (url, row[0], digest),
+        )
+        return True
 
     def release(self, release: ReleaseRequest, now: float) -> LedgerAnswer:
         """Take a run back without a result."""

@@ -13,7 +13,6 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger._staging import count_queued
 from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import trace_url
 from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_digest, trace_name
@@ -236,19 +235,7 @@ def check_result(db: sqlite3.Connection, completion: Completion) -> str:
         raise Refused(
             f"the result of {completion.run} has {size} bytes: at most {LARGEST_RESULT} are kept"
         )
-    _check_location(db, completion)
     return str(known[1])
-
-
-def _check_location(db: sqlite3.Connection, completion: Completion) -> None:
-    """Refuse a trace that is said to lie where no store of ours would have it."""
-    if not completion.location:
-        return
-    name, _ = read_trace_location(db, completion.run)
-    stores = db.execute("SELECT url FROM store").fetchall()
-    sha256 = completion.result.trace.sha256
-    if all(trace_url(url, name, sha256) != completion.location for (url,) in stores):
-        raise Refused(f"{completion.location} is not where the trace of {completion.run} goes")
 
 
 def read_trace_location(db: sqlite3.Connection, run: str) -> tuple[str, str]:
@@ -277,7 +264,7 @@ def store_result(db: sqlite3.Connection, completion: Completion, digest: str, no
     )
     db.execute(
         "UPDATE run SET outcome = ?, oracle = ?, margin = ?, unit = ?, simulated = ?, wall = ?,"
-        " finished_at = ?, trace_at = ? WHERE id = ?",
+        " finished_at = ? WHERE id = ?",
         (
             result.outcome,
             verdict.oracle if verdict else "",
@@ -286,7 +273,6 @@ def store_result(db: sqlite3.Connection, completion: Completion, digest: str, no
             result.timing.simulated,
             result.timing.wall,
             now,
-            completion.location,
             completion.run,
         ),
     )

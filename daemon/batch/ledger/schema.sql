@@ -87,11 +87,6 @@ CREATE INDEX run_cached ON run (cached) WHERE cached <> '';
 CREATE INDEX run_doubted ON run (digest) WHERE doubted = 1;
 CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
 
--- Stores that traces were ever kept in, besides the state directory.
-CREATE TABLE store (
-    url TEXT PRIMARY KEY
-) STRICT, WITHOUT ROWID;
-
 -- Repeats for cells that are not decided by those before; they become runs when they are needed.
 CREATE TABLE reserve (
     campaign TEXT NOT NULL REFERENCES campaign (id),

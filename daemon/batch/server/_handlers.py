@@ -211,7 +211,6 @@ class Handlers(SearchHandlers):
             settings.renew,
             self.marker.identity,
             self.marker.probe,
-            settings.store,
         )
 
     def disk(self, _: LedgerReader, __: Empty) -> DiskUsage:
@@ -322,7 +321,6 @@ class Handlers(SearchHandlers):
                 request.worker.id,
                 request.count,
                 now,
-                store=self.settings.store,
                 lacks=request.lacks,
                 missing=self._inputs.missing,
             )
@@ -345,7 +343,7 @@ class Handlers(SearchHandlers):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
         answer = ledger.complete(completion, self.clock.now())
         self._traces.settle_result(ledger, completion, answer)
-        if answer is LedgerAnswer.RECORDED and not completion.location:
+        if answer is LedgerAnswer.RECORDED:
             self.quota.add_bytes(completion.result.trace.size)
         if answer is LedgerAnswer.DIFFERS:
             self.log.write("nondeterminism", run=completion.run, worker=completion.worker)

@@ -25,9 +25,8 @@ class DaemonSettings:
 
     A ``lease`` lasts this long, whatever becomes of the connection, and is renewed every third of
     it; a run is lost after ``attempts`` bad endings; a daemon told to stop lets its local worker
-    finish for ``patience``. Traces belong into the
-    ``store``, a URL; into the state directory when it is empty, and take at most ``quota`` bytes
-    there (0: as much as they like).
+    finish for ``patience``. Traces take at most ``quota`` bytes of the state directory (0: as much
+    as they like); those of finished runs move to the ``store``, a URL, if there is one.
     """
 
     # Two renewals in a row may get lost. It is also what a run waits whose worker's machine is

@@ -46,6 +46,7 @@ from daemon.batch.server._threads import (
     ReaderThread,
     WriterThread,
 )
+from daemon.batch.server._trace_mover import TraceMover
 from daemon.batch.server._workers import WorkerRegistry
 from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits, available_cores
@@ -209,7 +210,11 @@ class _Daemon:
         remove_remains(self._paths)
         remove_staged_searches(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
-        for keeper in (self._quota, Housekeeping(self._paths, self._log)):
+        keepers: list[Quota | Housekeeping | TraceMover] = [self._quota]
+        keepers.append(Housekeeping(self._paths, self._log))
+        if self._settings.store:
+            keepers.append(TraceMover(self._paths, self._log, self._settings.store, writer))
+        for keeper in keepers:
             keeper.start()
             stack.callback(keeper.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
@@ -241,8 +246,6 @@ class _Daemon:
         extended = ledger.extend_leases(self._clock.now())
         if extended:
             self._log.write("resumed", leases=extended)
-        if self._settings.store:
-            ledger.add_store(self._settings.store)
         reader = self._reader(stack, "ledger-reader")
         carrier = self._reader(stack, "carrier")
         writer = WriterThread(

@@ -174,8 +174,8 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         )
 
     def is_missing(self, ledger: LedgerWriter, completion: Completion) -> bool:
-        """Whether a result would be recorded whose trace is not here (and in no store)."""
-        if completion.location or not ledger.awaits_result(completion.run, completion.token):
+        """Whether a result would be recorded whose trace is not here."""
+        if not ledger.awaits_result(completion.run, completion.token):
             return False
         name, _ = ledger.trace_location(completion.run)
         there, info = self.paths.trace(name), completion.result.trace
@@ -196,8 +196,6 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         there = self.paths.trace(name)
         # A repetition of a run whose trace was removed brings it back.
         lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
-        if lost and completion.location:
-            ledger.set_trace_location(completion.run, completion.location)
         recorded = answer is LedgerAnswer.RECORDED
         if completion.uploaded:
             whole = self._completed(completion)

@@ -1,18 +1,7 @@
-"""Where traces lie and how they travel: stores by URL, verified parts, copies on this machine."""
+"""Places of traces and their travels: a store by URL, verified parts, copies on this machine."""
 
-from daemon.batch.stores._store import (
-    Marker,
-    StoreUnusable,
-    check_store_url,
-    get_from_store,
-    is_url,
-    probe_store,
-    put_in_store,
-    read_marker,
-    remove_from_store,
-    trace_url,
-    write_marker,
-)
+from daemon.batch.stores._marker import Marker, read_marker, write_marker
+from daemon.batch.stores._store import check_store_url, copy_between, is_url, trace_url
 from daemon.batch.stores._transfer import (
     ByteProgress,
     FileUpload,
@@ -38,28 +27,24 @@ __all__ = [
     "ByteProgress",
     "FileUpload",
     "Marker",
-    "StoreUnusable",
     "TraceReference",
     "TraceSource",
     "accept_part",
     "append_part",
     "check_store_url",
+    "copy_between",
     "copy_trace",
     "decode_chunk",
     "download",
     "encode_chunk",
     "file_sha256",
     "file_size",
-    "get_from_store",
     "is_url",
     "local_copy",
     "make_folder",
     "matches_digest",
-    "probe_store",
-    "put_in_store",
     "read_marker",
     "read_part",
-    "remove_from_store",
     "trace_reference",
     "trace_url",
     "trim_cache",

@@ -16,7 +16,7 @@ from typing import Final, Protocol, TypeAlias
 import platformdirs
 
 from daemon.batch.errors import TraceUnavailable
-from daemon.batch.stores._store import get_from_store, is_url
+from daemon.batch.stores._store import copy_between, is_url
 from daemon.model.messages import CHUNK, DownloadChunk, UploadProgress
 from daemon.model.status import RunDetail
 from grammars.text.files import move_durably, sync_directory
@@ -287,7 +287,7 @@ def _fill_part(
 ) -> None:
     """Make ``part`` all of the trace."""
     if is_url(trace.location):
-        get_from_store(trace.location, part)
+        copy_between(trace.location, str(part))
         progress(trace.size)
     elif source is None:
         raise TraceUnavailable(

@@ -20,10 +20,8 @@ from daemon.batch.inputs import verify_file, verify_scene
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import Credentials
 from daemon.batch.stores import (
-    StoreUnusable,
     download,
     file_sha256,
-    probe_store,
     read_marker,
     trim_cache,
 )
@@ -72,18 +70,11 @@ def choose_paths(state: Path | None, welcome: WelcomeReply) -> WorkerPaths:
     ``work/<identity of the daemon's directory>`` with spool and scenes: what one daemon has
     leased is never handed to another one.
 
-    Raises :class:`WorkerBroken` when there is no such folder to be had, or when the store that
-    traces belong into cannot be written from here.
+    Raises :class:`WorkerBroken` when there is no such folder to be had.
     """
     there = StatePaths.find(state or Path(welcome.state))
     shared = _is_shared(there, welcome)
     paths = there if shared else _own_paths(state, welcome)
-    # Now, not after the first run: what cannot be kept need not be computed.
-    if welcome.store:
-        try:
-            probe_store(welcome.store)
-        except StoreUnusable as error:
-            raise WorkerBroken(f"this worker cannot keep traces: {error}") from error
     return WorkerPaths(paths, shared)
 
 

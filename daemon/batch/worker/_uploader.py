@@ -1,8 +1,8 @@
 """Delivering results: the trace goes where it belongs, then the ledger is told.
 
-On the daemon's own file system the worker puts it there. To a store it goes directly. From any
-other machine it travels over the bus, part by part between the worker's other duties, and goes on
-where it was after whatever broke in between.
+On the daemon's own file system the worker puts it there. From any other machine it travels over the
+bus, part by part between the worker's other duties, and goes on where it was after whatever broke in
+between.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import shutil
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -44,24 +43,6 @@ class _BusUpload(stores.FileUpload):
     """A trace on its way over the bus."""
 
     begun: float = field(default_factory=time.monotonic)
-
-
-class _StoreUpload(threading.Thread):
-    """A trace on its way into a store."""
-
-    def __init__(self, source: Path, url: str) -> None:
-        super().__init__(name=f"puts {source.parent.name}", daemon=True)
-        self._source, self._url = source, url
-        self.begun = time.monotonic()
-        self.problem: OSError | None = None
-        self.start()
-
-    def run(self) -> None:
-        """Put it; whoever started this looks at ``problem`` afterwards."""
-        try:
-            stores.put_in_store(self._source, self._url)
-        except OSError as error:
-            self.problem = error
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +111,6 @@ class ResultUploader:
         # By the tokens of leases: a run that is leased again is another delivery.
         self._sending: dict[int, _BusUpload] = {}
         self._counting = threading.Lock()
-        self._putting: dict[int, _StoreUpload] = {}
         self.moved = 0
 
     def deliver(self, attempt: Attempt) -> bool:
@@ -140,8 +120,6 @@ class ResultUploader:
         ``OSError`` for what may be delivered later, and :class:`Unreachable`.
         """
         result = attempt.result()
-        if attempt.lease.store:
-            return self._by_store(attempt, result)
         if self._paths.shared:
             self._by_path(attempt, result)
             return True
@@ -151,13 +129,12 @@ class ResultUploader:
         self,
         attempt: Attempt,
         result: RunResult,
-        location: str = "",
         *,
         uploaded: bool = False,
     ) -> LedgerAnswer:
         lease = attempt.lease
         ours = (self._worker, lease.run, lease.attempt, lease.token)
-        completion = Completion(*ours, result, location, uploaded)
+        completion = Completion(*ours, result, uploaded)
         return self._daemon.ask(COMPLETE, completion).answer
 
     def _moved(self, count: int) -> None:
@@ -175,28 +152,6 @@ class ResultUploader:
             placement.replace()
         elif answer in (LedgerAnswer.DROPPED, LedgerAnswer.REDUNDANT):
             placement.withdraw()
-
-    def _by_store(self, attempt: Attempt, result: RunResult) -> bool:
-        lease, trace = attempt.lease, _checked_trace(attempt, result)
-        url = stores.trace_url(lease.store, lease.trace, result.trace.sha256)
-        putting = self._putting.get(lease.token)
-        if putting is None:
-            # In a thread of its own: it is put in one call, which may take minutes.
-            putting = self._putting[lease.token] = _StoreUpload(trace, url)
-        putting.join(self._turn)
-        if putting.is_alive():
-            return False
-        if putting.problem is not None:
-            del self._putting[lease.token]
-            raise putting.problem
-        answer = self._complete(attempt, result, url)
-        del self._putting[lease.token]
-        self._moved(result.trace.size)
-        self._tell(attempt, result, putting.begun, "kept in the store")
-        if answer in (LedgerAnswer.DROPPED, LedgerAnswer.DIFFERS, LedgerAnswer.REDUNDANT):
-            with suppress(stores.StoreUnusable):  # it harms nobody there: nothing refers to it
-                stores.remove_from_store(url)
-        return True
 
     def _by_bus(self, attempt: Attempt, result: RunResult) -> bool:
         token = attempt.lease.token

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import file_sha256, put_in_store, trace_url
+from daemon.batch.stores import copy_between, file_sha256, trace_url
 from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
@@ -28,23 +28,23 @@ def campaign_at(places, store=""):
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
     connection = connect(places.ledger)
     book = LedgerWriter(connection)
-    book.add_store(store)
     book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
-    for grant in book.lease("w", 2, 1.0, store=store):
+    for grant in book.lease("w", 2, 1.0):
         path = record(places.trace(grant.trace), grant.spec)
         trace = read_trace(path)
         verdicts = judge(trace, grant.spec.oracles)
         info = TraceInfo(file_sha256(path), path.stat().st_size, 1)
-        url = trace_url(store, grant.trace, info.sha256) if store else ""
-        if store:
-            put_in_store(path, url)
-            path.unlink()
         result = RunResult(
             grant.spec.digest, overall_outcome(trace, verdicts), verdicts, "finished", info,
             Timing(1.5, 1.0, 20.0, 1_760_000_000.25 if grant.run == "corr-1.0" else 0.0),
         )  # fmt: skip
-        done = Completion("w", grant.run, grant.attempt, grant.token, result, url)
+        done = Completion("w", grant.run, grant.attempt, grant.token, result)
         book.complete(done, 2.0)
+        if store:
+            url = trace_url(store, grant.trace, info.sha256)
+            copy_between(str(path), url)
+            book.record_move(grant.trace, result.digest, url)
+            path.unlink()
     connection.close()
 
 

@@ -16,7 +16,6 @@ from daemon.batch.ledger import (
 )
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import admit_submission
-from daemon.batch.stores import trace_url
 from daemon.batch.time_left import estimate_time_left
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
@@ -26,6 +25,7 @@ from daemon.model.assessments import (
     RepeatPolicy,
     ScenarioComparison,
 )
+from daemon.model.ids import trace_name
 from daemon.model.messages import (
     Completion,
     LedgerAnswer,
@@ -164,15 +164,18 @@ def test_only_runs_without_a_result_are_executed(ledger):
 
 
 def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger):
-    ledger.book.add_store("s3://bucket")
     ledger.submit("first", *specs(1))
-    (grant,) = ledger.book.lease("w", 1, NOW, store="s3://bucket")
-    result = make_result(grant.spec)
-    url = trace_url(grant.store, grant.trace, result.trace.sha256)
-    ledger.book.complete(Completion("w", grant.run, 1, grant.token, result, url), NOW)
+    ledger.work()
     ledger.submit("second", *specs(1))
-    assert [row.trace for row in ledger.rows("second")] == [url]
-    assert [record.trace for record in ledger.records("second")] == [url]
+    digest = ledger.reader.run("first.0").result.digest
+    url = "s3://bucket/first/S1.mcap"
+    name = trace_name("first", "S1", "pilot", 0)
+    assert not ledger.book.record_move(name, "0" * 64, url)
+    assert ledger.book.record_move(name, digest, url)
+    ledger.submit("third", *specs(1))
+    for campaign in ("first", "second", "third"):
+        assert [row.trace for row in ledger.rows(campaign)] == [url]
+        assert [record.trace for record in ledger.records(campaign)] == [url]
 
 
 def test_a_campaign_of_known_results_is_finished_at_once(ledger):

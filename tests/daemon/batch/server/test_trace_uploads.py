@@ -14,7 +14,7 @@ from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import EventLog, TraceUploads
-from daemon.batch.stores import encode_chunk, trace_url
+from daemon.batch.stores import encode_chunk
 from daemon.model.messages import (
     Completion,
     Lease,
@@ -266,17 +266,3 @@ def test_an_upload_nobody_goes_on_with_is_given_up(site):
     site.intake = TraceUploads(site.places, site.journal)
     assert site.take(0, b"") == UploadProgress(0, complete=False)
     assert site.incoming() == []
-
-
-def test_a_trace_elsewhere_must_be_where_a_store_of_ours_has_it(site):
-    sha256 = hashlib.sha256(TRACE).hexdigest()
-    url = trace_url("s3://bucket/traces", site.grant.trace, sha256)
-    done = site.completion(location=url, uploaded=False)
-    with pytest.raises(Refused, match="is not where"):
-        site.complete(done)
-    site.book.add_store("s3://bucket/traces")
-    with pytest.raises(Refused, match="is not where"):
-        site.complete(replace(done, location="s3://bucket/traces/../secret.mcap"))
-    assert site.complete(done) is LedgerAnswer.RECORDED
-    assert site.reader.run("c.0").row.trace == url
-    assert site.reader.trace_reference("c.0").sha256 == sha256

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -12,7 +11,7 @@ import pytest
 from daemon.batch.errors import Refused, Unavailable, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
-from daemon.batch.stores import decode_chunk, encode_chunk, trace_url
+from daemon.batch.stores import decode_chunk, encode_chunk
 from daemon.batch.worker import Attempt, ResultUploader, WorkerPaths
 from daemon.model import verbs
 from daemon.model.messages import (
@@ -96,7 +95,7 @@ def test_a_trace_travels_in_parts_of_one_size(uploader, daemon, attempt):
     assert [size for size in daemon.sizes if size] == [len(encode_chunk(bytes(CHUNK))[0])] * whole
     assert uploader.moved == len(DATA)
     (completion,) = daemon.completions
-    assert (completion.token, completion.uploaded, completion.location) == (7, True, "")
+    assert (completion.token, completion.uploaded) == (7, True)
 
 
 def test_a_break_costs_a_question(uploader, daemon, attempt):
@@ -156,33 +155,3 @@ def test_a_slow_link_leaves_time_for_everything_else(daemon, attempt, tmp_path):
         turns += 1
     assert turns > 3
     assert daemon.arrived == DATA
-
-
-@pytest.mark.parametrize(
-    ("answer", "stays"),
-    [
-        (LedgerAnswer.RECORDED, True),
-        (LedgerAnswer.DIFFERS, False),
-        (LedgerAnswer.REDUNDANT, False),
-    ],
-)
-def test_a_store_gets_it_directly(uploader, daemon, attempt, answer, stays):
-    store = (attempt.folder / "store").as_uri()
-    attempt = Attempt(replace(attempt.lease, store=store), attempt.folder)
-    daemon.answers = [answer]
-    eventually(delivered(uploader, attempt))
-    (completion,) = daemon.completions
-    sha256 = hashlib.sha256(DATA).hexdigest()
-    assert completion.location == trace_url(store, "c/S1.pilot.0.mcap", sha256)
-    assert Path(completion.location.removeprefix("file://")).is_file() == stays
-    assert not daemon.arrived
-
-
-def test_a_store_that_cannot_be_written_keeps_it_in_the_spool(uploader, daemon, attempt):
-    (attempt.folder / "store").write_text("no folder")
-    store = (attempt.folder / "store").as_uri()
-    attempt = Attempt(replace(attempt.lease, store=store), attempt.folder)
-    with pytest.raises(OSError, match="cannot be used from here"):
-        eventually(delivered(uploader, attempt))
-    assert attempt.finished
-    assert not daemon.completions
