@@ -16,7 +16,15 @@ from typing import Final, TypeVar
 
 import zenoh
 
-from daemon.batch.errors import DaemonError, PlaceUnusable, Refused, Unavailable, Unreachable
+from daemon.batch.errors import (
+    DaemonError,
+    Failed,
+    PlaceUnusable,
+    Refused,
+    Rejected,
+    Unavailable,
+    Unreachable,
+)
 from daemon.batch.paths import (
     INSECURE_VARIABLE,
     endpoint_text,
@@ -26,7 +34,7 @@ from daemon.batch.paths import (
     socket_path,
 )
 from daemon.batch.security import Credentials, DaemonCredentials, access_control, denial_text
-from daemon.model.messages import ASK, LARGEST_SUBMISSION, OWNER, ErrorReply
+from daemon.model.messages import ASK, LARGEST_SUBMISSION, OWNER, ErrorKind, ErrorReply
 from daemon.model.verbs import Verb
 from grammars.text import codec
 
@@ -153,6 +161,32 @@ def _last_words(error: zenoh.ZError) -> str:
     return str(error).split(" at /")[0].strip()
 
 
+def error_reply(words: str, error: object) -> ErrorReply:
+    """Return the reply that says in ``words`` what came of a request that raised ``error``."""
+    match error:
+        case Rejected(rejection=rejection):
+            return ErrorReply(words, ErrorKind.REFUSED, rejection)
+        case Refused():
+            return ErrorReply(words, ErrorKind.REFUSED)
+        case Unreachable() if not isinstance(error, Failed):
+            return ErrorReply(words, ErrorKind.UNAVAILABLE)
+    # Whatever else it is says nothing about the request.
+    return ErrorReply(words, ErrorKind.FAILED)
+
+
+def reply_error(reply: ErrorReply) -> DaemonError:
+    """Return what an error reply raises where it arrives."""
+    if reply.rejection is not None:
+        return Rejected(reply.problem, reply.rejection)
+    match reply.kind:
+        case ErrorKind.REFUSED:
+            return Refused(reply.problem)
+        case ErrorKind.UNAVAILABLE:
+            return Unavailable(reply.problem)
+        case ErrorKind.FAILED:
+            return Failed(reply.problem)
+
+
 def ask(
     session: zenoh.Session,
     endpoint: str,
@@ -164,8 +198,9 @@ def ask(
     """Ask the daemon and return its validated answer.
 
     No reply at all is no answer: after a moment of patience it is :class:`Unreachable`, as is a
-    timeout. An error reply is :class:`Refused` with the daemon's words, and so is what the key of
-    the ``credentials`` is not enough for: the bus would drop it without a word.
+    timeout. An error reply is raised as its kind says (:func:`reply_error`), with the daemon's
+    words. :class:`Refused` is also what the key of the ``credentials`` is not enough for: the bus
+    would drop it without a word.
     """
     # Said before it is sent: to us the silence of the bus would look as if there were no daemon.
     if credentials is not None and (no := denial_text(credentials.name, credentials.role, verb)):
@@ -222,4 +257,4 @@ def _error_reply(payload: bytes, endpoint: str, timeout: float) -> DaemonError:
         # Zenoh's own error replies (its timeout) are plain text, never one of our problems.
         where = endpoint_text(endpoint)
         return Unreachable(f"the daemon at {where} did not answer within {timeout:g} s")
-    return (Unavailable if problem.passing else Refused)(problem.problem)
+    return reply_error(problem)

@@ -3,7 +3,9 @@
 DaemonError
 ├── Unreachable       nobody answers at the endpoint
 │   └── Unavailable   the daemon answered that it cannot just now: its disk is full, say
+│       └── Failed    an error of the daemon's own kept it from doing what was asked
 ├── Refused           the daemon answered and said no; the message is its words
+│   └── Rejected      a result is never to be taken, for one of five named reasons
 ├── PlaceUnusable     a state directory or an address that was named cannot be used
 ├── AlreadyRunning    another daemon keeps this state directory
 ├── TraceUnavailable  a trace cannot be read here: it is gone, or where nobody reaches it
@@ -12,12 +14,16 @@ DaemonError
 └── WorkerBroken      a worker cannot execute runs at all
 
 Who asks decides by the class, never by the message: :class:`Unreachable` is worth asking again,
-:class:`Refused` is not.
+:class:`Refused` is not. A worker keeps a finished run whatever is raised, unless it is
+:class:`Rejected`.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:  # completion imports this module at every TAB
+    from daemon.model.messages import Rejection
 
 EXIT_FAILED: Final = 3
 EXIT_ALREADY_RUNNING: Final = 4
@@ -37,8 +43,20 @@ class Unavailable(Unreachable):
     """The daemon answered that it cannot do it just now; asking again later may help."""
 
 
+class Failed(Unavailable):
+    """The daemon met an error of its own; the request may be as good as any."""
+
+
 class Refused(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
     """The daemon answered and said no."""
+
+
+class Rejected(Refused):
+    """A result is never to be taken; the ``rejection`` says why."""
+
+    def __init__(self, problem: str, rejection: Rejection) -> None:
+        super().__init__(problem)
+        self.rejection = rejection
 
 
 class PlaceUnusable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)

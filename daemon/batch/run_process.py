@@ -74,7 +74,8 @@ SUT_MISSING: Final = b"K"
 FAILURES: Final = (FAILED, DISK_FULL, SUT_MISSING)
 READY: Final = b"R"
 
-_DISK_FULL_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT)
+_DISK_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE)
+"""What a disk says that takes no trace just now: full, only to be read, failing, gone."""
 # Seconds between two snapshots: five a second are enough for a list, ten for a picture that moves.
 _LIVE_PERIOD: Final = 0.2
 _WATCHED_PERIOD: Final = 0.1
@@ -162,7 +163,7 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
         _exit(1)
     except Exception as error:
         # No verdict comes of this: the worker gives the run back with these words.
-        no_room = isinstance(error, OSError) and error.errno in _DISK_FULL_ERRORS
+        no_room = isinstance(error, OSError) and error.errno in _DISK_ERRORS
         words = traceback.format_exc()[-_LONGEST_WORDS:]
         wire.send_bytes((DISK_FULL if no_room else FAILED) + words.encode("utf-8", "replace"))
         _exit(1)

@@ -54,15 +54,45 @@ SimulatedSeconds = Annotated[float, Field(ge=0.0, le=MOST_SIMULATED)]
 Base64Text = Annotated[str, Field(max_length=CHUNK * 4 // 3 + 4)]
 
 
+class Rejection(StrEnum):
+    """The reasons for which a result is never taken, however often it is delivered.
+
+    These alone let a worker discard a finished run. Every other answer, and no answer, means that
+    the worker keeps the run and delivers it later. ``unknown-run``: the run was deleted.
+    ``unknown-lease``: the run was never leased under that token. ``other-specification``: the
+    result is of another run. ``damaged``: result and trace do not fit together. ``too-large``: the
+    result exceeds its limit.
+    """
+
+    UNKNOWN_RUN = "unknown-run"
+    UNKNOWN_LEASE = "unknown-lease"
+    OTHER_SPECIFICATION = "other-specification"
+    DAMAGED = "damaged"
+    TOO_LARGE = "too-large"
+
+
+class ErrorKind(StrEnum):
+    """What an error reply is about.
+
+    ``refused``: the request is no good. ``unavailable``: the daemon cannot just now.
+    ``failed``: an error of the daemon's own kept it from doing what was asked.
+    """
+
+    REFUSED = "refused"
+    UNAVAILABLE = "unavailable"
+    FAILED = "failed"
+
+
 @dataclass(frozen=True, slots=True)
 class ErrorReply:
-    """An error reply: what the daemon has against the request, or what keeps it from doing it.
+    """An error reply: a problem in words, and what it is about.
 
-    A ``passing`` one is about the daemon, not the request: the same may be done later.
+    A ``rejection`` is in the reply to a result that is never taken.
     """
 
     problem: str
-    passing: bool = False
+    kind: ErrorKind = ErrorKind.REFUSED
+    rejection: Rejection | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -264,7 +264,7 @@ class LeaseUpdates(RunUpdates):
         return gone
 
     def _renew_lease(self, worker: str, hold: LeaseRef, now: float) -> bool:
-        if lease_problem(self._db, hold.run, hold.token):
+        if lease_problem(self._db, hold.run, hold.token) is not None:
             return False
         change = self._apply(hold.run, Renewed(worker, hold.token, now + self._lease), now)
         held = change.answer is LedgerAnswer.DONE

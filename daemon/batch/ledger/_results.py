@@ -9,14 +9,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
-from daemon.batch.errors import Refused
+from daemon.batch.errors import Refused, Rejected
 from daemon.batch.ledger._staging import count_queued
 from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_digest, trace_name
-from daemon.model.messages import Completion
+from daemon.model.messages import Completion, Rejection
 from daemon.model.packed_submission import Script
 from daemon.model.spec import LARGEST_RESULT, RunResult, RunSpec
 from daemon.model.status import CampaignOrigin
@@ -200,23 +200,26 @@ _COPY_RESULT: Final = (
 )
 
 
-def lease_problem(db: sqlite3.Connection, run: str, token: int) -> str:
-    """Say why nothing may come under a lease: the run never had it; empty for one it had.
+def lease_problem(db: sqlite3.Connection, run: str, token: int) -> Rejected | None:
+    """Return why nothing may come under a lease: the run never had it; ``None`` for one it had.
 
     Whether the lease is over is another question: late results are welcome.
     """
     row = db.execute("SELECT granted FROM run WHERE id = ?", (run,)).fetchone()
     if row is None:
-        return f"there is no run {run}"
+        return Rejected(f"there is no run {run}", Rejection.UNKNOWN_RUN)
     # Tokens only grow, and ``granted`` is the latest one of the run.
-    return "" if 0 < token <= row[0] else f"run {run} was never leased under token {token}"
+    if 0 < token <= row[0]:
+        return None
+    words = f"run {run} was never leased under token {token}"
+    return Rejected(words, Rejection.UNKNOWN_LEASE)
 
 
 def require_lease(db: sqlite3.Connection, run: str, token: int) -> None:
     """Refuse what comes under a lease that the run never had."""
     problem = lease_problem(db, run, token)
-    if problem:
-        raise Refused(problem)
+    if problem is not None:
+        raise problem
 
 
 def check_result(db: sqlite3.Connection, completion: Completion) -> str:
@@ -225,15 +228,19 @@ def check_result(db: sqlite3.Connection, completion: Completion) -> str:
         "SELECT digest, campaign FROM run WHERE id = ?", (completion.run,)
     ).fetchone()
     if known is None:
-        raise Refused(f"there is no run {completion.run}")
+        raise Rejected(f"there is no run {completion.run}", Rejection.UNKNOWN_RUN)
     if known[0] != completion.result.spec:
-        raise Refused(f"the result is not of run {completion.run}: its specification differs")
+        raise Rejected(
+            f"the result is not of run {completion.run}: its specification differs",
+            Rejection.OTHER_SPECIFICATION,
+        )
     if not is_digest(completion.result.trace.sha256):
-        raise Refused(f"the trace of {completion.run} has no digest")
+        raise Rejected(f"the trace of {completion.run} has no digest", Rejection.DAMAGED)
     size = len(codec.to_json(completion.result))
     if size > LARGEST_RESULT:
-        raise Refused(
-            f"the result of {completion.run} has {size} bytes: at most {LARGEST_RESULT} are kept"
+        raise Rejected(
+            f"the result of {completion.run} has {size} bytes: at most {LARGEST_RESULT} are kept",
+            Rejection.TOO_LARGE,
         )
     return str(known[1])
 

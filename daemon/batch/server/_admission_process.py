@@ -15,7 +15,7 @@ from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._searches import stage_search_here
 from daemon.batch.server._submissions import stage_here
-from daemon.model.messages import ErrorReply
+from daemon.model.messages import ErrorKind, ErrorReply
 from daemon.model.verbs import SEARCH
 from grammars.text import codec
 
@@ -34,10 +34,11 @@ def main(request: str, staged: str, state: str, verb: str) -> None:
             stage_here(payload, Path(staged), StatePaths(Path(state)))
     except DaemonError as error:
         passing = isinstance(error, Unavailable)
-        sys.stdout.buffer.write(codec.to_json(ErrorReply(str(error), passing)))
+        kind = ErrorKind.UNAVAILABLE if passing else ErrorKind.REFUSED
+        sys.stdout.buffer.write(codec.to_json(ErrorReply(str(error), kind)))
     except OSError as error:
         words = f"the submission cannot be stored: {error}"
-        sys.stdout.buffer.write(codec.to_json(ErrorReply(words, passing=True)))
+        sys.stdout.buffer.write(codec.to_json(ErrorReply(words, ErrorKind.UNAVAILABLE)))
 
 
 if __name__ == "__main__":

@@ -15,13 +15,13 @@ from typing import Any, Final
 
 import zenoh
 
-from daemon.batch.errors import DaemonError, Refused, Unreachable
+from daemon.batch import bus
+from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger import Steps
 from daemon.batch.security import strip_control_characters
 from daemon.batch.server._revoked_keys import RevokedKeys, split_key
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import BUSY, LedgerJob, LedgerThread
-from daemon.model.messages import ErrorReply
 from daemon.model.verbs import RENEW, VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
@@ -149,7 +149,7 @@ class RequestDispatcher:
 
 
 def _error_reply(words: str, error: object) -> bytes:
-    return codec.to_json(ErrorReply(words, passing=isinstance(error, Unreachable)))
+    return codec.to_json(bus.error_reply(words, error))
 
 
 def _refuse_unknown(query: zenoh.Query) -> object:

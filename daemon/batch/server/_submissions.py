@@ -24,7 +24,7 @@ from daemon.batch.server._dispatcher import read_request
 from daemon.model.attachments import attached_digests
 from daemon.model.execution import python_command
 from daemon.model.ids import is_id, trace_name
-from daemon.model.messages import ErrorReply
+from daemon.model.messages import ErrorKind, ErrorReply
 from daemon.model.packed_submission import MOST_RUNS, PackedRun, PackedSubmission
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.verbs import SUBMIT
@@ -104,7 +104,8 @@ def admit_in_child(payload: bytes, staged: Path, paths: StatePaths, verb: str) -
         said = done.stderr.decode(errors="replace").strip().splitlines()
         last = said[-1] if said else f"it left with code {done.returncode}"
         raise Unavailable(f"the submission could not be read: {last}") from error
-    raise (Unavailable if problem.passing else Refused)(problem.problem)
+    passing = problem.kind is ErrorKind.UNAVAILABLE
+    raise (Unavailable if passing else Refused)(problem.problem)
 
 
 def admit_submission(packed: PackedSubmission, paths: StatePaths) -> None:

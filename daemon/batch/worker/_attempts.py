@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import fcntl
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -93,7 +93,7 @@ class Attempt:
         return read_output(self.folder)[-_SHOWN_OUTPUT:].decode("utf-8", "replace").strip()
 
     def discard(self) -> None:
-        """Remove the folder, and the run's when this was its last attempt."""
+        """Remove the folder, and the run's when this was its last attempt; raises ``OSError``."""
         shutil.rmtree(self.folder)
         if not any(self.folder.parent.iterdir()):
             self.folder.parent.rmdir()
@@ -108,16 +108,29 @@ class AdoptedWork:
 
 
 class Spool:
-    """This worker's part of the spool; ``holder`` is the name of its key, empty without one."""
+    """This worker's part of the spool; ``holder`` is the name of its key, empty without one.
 
-    def __init__(self, paths: StatePaths, worker: str, holder: str = "") -> None:
+    Its disk may become unusable while the worker works. Then nothing of it is lost, ``log`` gets
+    the reason once, and what could not be removed or taken over is tried again.
+    """
+
+    def __init__(
+        self,
+        paths: StatePaths,
+        worker: str,
+        holder: str = "",
+        log: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self._paths = paths
+        self._log = log
+        self._remains: list[Attempt] = []
+        self._problems: set[str] = set()
         self._holder = holder or _OWNER
         self._folder = paths.spool / worker
         # Locked before it has its name: nobody adopts it in between.
         unborn = paths.spool / f".{worker}"
         unborn.mkdir(mode=0o700)
-        self._lock = _try_lock(unborn)
+        self._lock = _lock(unborn)
         (unborn / _LOCK).write_text(self._holder, "utf-8")
         unborn.rename(self._folder)
 
@@ -130,35 +143,63 @@ class Spool:
         folder = self._folder / lease.run / f"attempt-{lease.attempt}.{lease.token}"
         return Attempt.prepare(folder, lease)
 
+    def discard(self, attempt: Attempt) -> None:
+        """Remove the folder of an attempt, later if that is not possible now."""
+        try:
+            attempt.discard()
+        except OSError as error:
+            self._remains.append(attempt)
+            self._tell(f"the folder of an attempt cannot be removed: {error}")
+
+    def _tell(self, problem: str) -> None:
+        if problem not in self._problems:
+            self._problems.add(problem)
+            self._log(problem)
+
     def adopt(self) -> AdoptedWork:
         """Take over what dead workers left: their finished attempts become this worker's.
 
         The folders of the others go; their leases are to be given back. Leases are used under the
         name they were granted to: what workers with other keys left waits for such a one.
         """
+        remains, self._remains = self._remains, []
+        for attempt in remains:
+            if attempt.folder.exists():
+                self.discard(attempt)
         finished: list[Attempt] = []
         unfinished: list[Lease] = []
-        for folder in sorted(self._paths.spool.iterdir()):
-            if folder == self._folder or not is_id(folder.name):
-                continue
-            lock = _try_lock(folder)
-            if lock is None:
-                continue
-            with lock:
-                # A removed folder can still be locked by who had its lock open: the first to
-                # come has adopted it, name and all.
-                if not folder.exists() or not self._may_adopt(folder):
-                    continue
-                for attempt in _attempts(folder):
-                    if attempt.finished:
-                        finished.append(self._move(attempt))
-                    else:
-                        unfinished.append(attempt.lease)
-                try:
-                    shutil.rmtree(folder)
-                except OSError:
-                    continue  # a run's process is dying and still writes: what is left goes later
+        for folder in self._others():
+            try:
+                self._adopt_folder(folder, finished, unfinished)
+            except OSError as error:
+                self._tell(f"{folder} cannot be taken over: {error}")
         return AdoptedWork(tuple(finished), tuple(unfinished))
+
+    def _others(self) -> list[Path]:
+        try:
+            folders = sorted(self._paths.spool.iterdir())
+        except OSError as error:
+            self._tell(f"the spool cannot be read: {error}")
+            return []
+        return [folder for folder in folders if folder != self._folder and is_id(folder.name)]
+
+    def _adopt_folder(self, folder: Path, finished: list[Attempt], unfinished: list[Lease]) -> None:
+        """Add what the owner of ``folder`` left, unless he lives; raises ``OSError``."""
+        lock = _try_lock(folder)
+        if lock is None:
+            return
+        with lock:
+            # A removed folder can still be locked by who had its lock open: the first to
+            # come has adopted it, name and all.
+            if not folder.exists() or not self._may_adopt(folder):
+                return
+            for attempt in _attempts(folder):
+                if attempt.finished:
+                    finished.append(self._move(attempt))
+                else:
+                    unfinished.append(attempt.lease)
+            # A run's process may be dying and still write: what is left goes later.
+            shutil.rmtree(folder)
 
     def _may_adopt(self, folder: Path) -> bool:
         # Empty: of a version that did not write it down.
@@ -174,22 +215,31 @@ class Spool:
 
     def close(self) -> None:
         """Let go; the folder goes too when nothing waits in it."""
-        if not any(path.is_dir() for path in self._folder.iterdir()):
-            shutil.rmtree(self._folder)
-        if self._lock is not None:
-            self._lock.close()
+        with self._lock:
+            try:
+                if not any(path.is_dir() for path in self._folder.iterdir()):
+                    shutil.rmtree(self._folder)
+            except OSError as error:
+                self._tell(f"{self._folder} stays: {error}")
 
 
 def _try_lock(folder: Path) -> IO[str] | None:
     try:
-        lock = (folder / _LOCK).open("a")
+        return _lock(folder)
     except (FileNotFoundError, NotADirectoryError):
         return None  # removed by another worker that adopted it
+    except BlockingIOError:
+        return None
+
+
+def _lock(folder: Path) -> IO[str]:
+    """Lock a worker's folder; raises ``BlockingIOError`` when its worker lives, and ``OSError``."""
+    lock = (folder / _LOCK).open("a")
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    except OSError:
         lock.close()
-        return None
+        raise
     return lock
 
 

@@ -1,7 +1,8 @@
 """What a worker owes its daemon: results of finished attempts, and leases it gives back.
 
-Both are kept until the daemon has answered, whatever breaks in between, and asked in threads; the
-loop hands the answers in.
+Both are asked in threads; the loop hands the answers in. A result stays in the spool until the
+ledger has acknowledged it, or until the daemon has rejected it for good. Every other error means
+that it is delivered later.
 """
 
 from __future__ import annotations
@@ -9,16 +10,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
-from daemon.batch.errors import Refused
-from daemon.batch.worker._attempts import AdoptedWork, Attempt
+from daemon.batch.errors import (
+    DaemonError,
+    Failed,
+    Refused,
+    Rejected,
+    Unavailable,
+    Unreachable,
+)
+from daemon.batch.worker._attempts import AdoptedWork, Attempt, Spool
 from daemon.batch.worker._background import BackgroundAsks
 from daemon.batch.worker._connection import DaemonConnection
 from daemon.batch.worker._trouble import WorkerTrouble
 from daemon.batch.worker._uploader import ResultUploader
-from daemon.model.messages import Lease, ReleaseRequest
+from daemon.model.messages import Lease, Rejection, ReleaseRequest
 from daemon.model.verbs import RELEASE
+
+_LONGEST_PROBLEM: Final = 1000
+"""Characters of an error that are told, on one line."""
 
 
 class Deliveries:
@@ -32,6 +43,7 @@ class Deliveries:
         daemon: DaemonConnection,
         uploader: ResultUploader,
         asks: BackgroundAsks,
+        spool: Spool,
         trouble: WorkerTrouble,
         worker: str,
         log: Callable[[str], None],
@@ -39,6 +51,7 @@ class Deliveries:
         self._daemon = daemon
         self._uploader = uploader
         self._asks = asks
+        self._spool = spool
         self._worker = worker
         self._log = log
         self.trouble = trouble
@@ -69,7 +82,7 @@ class Deliveries:
         lease = attempt.lease
         self._log(f"{lease.run} attempt {lease.attempt}: {why}")
         self.give_back(lease, why, blame=blame)
-        attempt.discard()
+        self._spool.discard(attempt)
 
     def send_releases(self) -> None:
         """Ask the daemon to take back the leases it was not asked to yet."""
@@ -88,29 +101,37 @@ class Deliveries:
         """Forget a lease that was taken back; raises :class:`Unreachable`."""
         try:
             answer.result()
-        except Refused as error:
-            # Somebody else's by now, or forgotten: there is nothing left to give back.
-            self._log(f"{release.run}: {error}")
+        except (Refused, Failed) as error:
+            # Of somebody else by now, or forgotten. A daemon that fails at it must not keep this
+            # worker from renewing and delivering: a lease that nobody renews lapses.
+            self._log(f"{release.run}: not given back, {error}")
         if release in self.releases:  # else it was sent twice, while something was fetched
             self.releases.remove(release)
 
     def take_result_answer(self, token: int, answer: Future[Any]) -> None:
-        """Forget an attempt whose result was taken; raises :class:`Unreachable`."""
+        """Forget an attempt whose result was taken or rejected; keep it after any other error.
+
+        Raises :class:`Unreachable` when nobody answered.
+        """
         attempt = next((one for one in self.finished if one.lease.token == token), None)
         if attempt is None:
             return
         try:
             delivered = answer.result()
-        except (Refused, ValueError) as error:
-            # Never to be taken: not a run of this ledger, or damaged in the spool.
+        except Rejected as error:
             self.finished.remove(attempt)
-            self.give_back_attempt(attempt, f"the result was not taken: {error}", blame=True)
-        except OSError as error:
-            # A full disk, say: the spool keeps it.
-            self._log(f"{attempt.lease.run}: delivered later, {error}")
-            self.trouble.note(f"results cannot be delivered: {error}")
+            # The next execution would give the same again; nothing else is the doing of the run.
+            blame = error.rejection is Rejection.TOO_LARGE
+            self.give_back_attempt(attempt, f"the result was not taken: {error}", blame=blame)
+        except (DaemonError, OSError, ValueError) as error:
+            if isinstance(error, Unreachable) and not isinstance(error, Unavailable):
+                raise
+            # A full disk, a daemon that fails, an answer nobody understands: the spool keeps it.
+            words = " ".join(str(error).split())[:_LONGEST_PROBLEM]
+            self._log(f"{attempt.lease.run}: delivered later, {words}")
+            self.trouble.note(f"results cannot be delivered: {words}")
         else:
             if delivered:  # else it is a large trace: the next turn of it comes
                 self.trouble.clear()
                 self.finished.remove(attempt)
-                attempt.discard()
+                self._spool.discard(attempt)

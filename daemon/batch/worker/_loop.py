@@ -26,7 +26,7 @@ from functools import partial
 from multiprocessing.connection import wait
 from typing import Any, Final, TypeAlias
 
-from daemon.batch.errors import DaemonError, Refused, Unreachable
+from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Backend, Execution, Spool
 from daemon.batch.worker._background import BackgroundAsks
 from daemon.batch.worker._connection import (
@@ -94,7 +94,7 @@ class WorkerLoop:
         # Of executing, and of delivering: each is over when that succeeds.
         self._trouble, undelivered = (WorkerTrouble(log, self._renew_soon) for _ in range(2))
         self._deliveries = Deliveries(
-            daemon, self._uploader, self._asks, undelivered, info(0).id, log
+            daemon, self._uploader, self._asks, spool, undelivered, info(0).id, log
         )
         self._inputs = InputCache(daemon, paths, self._renew_between)
         # Leased, not started yet: scenes and files for those before are fetched, or kernels are
@@ -217,7 +217,12 @@ class WorkerLoop:
                 if len(self._asks) or self._deliveries.releases:
                     return
                 self._renew()
-        except (Unreachable, Refused) as error:
+        except (Unavailable, Refused) as error:
+            # The daemon is there: it may take results all the same.
+            self._log_refusal(error)
+            self._renew_at = time.monotonic() + _POLL
+            self._lease_at = max(self._lease_at, self._renew_at + _POLL)
+        except Unreachable as error:
             self._not_answered(error)
             return
         # In this order: leases that are old are renewed before new ones are asked for, since
@@ -251,14 +256,17 @@ class WorkerLoop:
             self._deliveries.take_result_answer(key, answer)
 
     def _not_answered(self, error: DaemonError) -> None:
-        if isinstance(error, Unreachable):
+        self._log_refusal(error)
+        if isinstance(error, Unreachable) and not isinstance(error, Unavailable):
             self._silent_until = time.monotonic() + _RETRY_UNREACHABLE
             self._renew_at = 0.0  # a new daemon hears first what runs here
             return
-        if str(error) != self._refusal:  # it is asked again every second, and says the same
-            self._log(f"the daemon refused: {error}")
-        self._refusal = str(error)
         self._silent_until = time.monotonic() + _POLL
+
+    def _log_refusal(self, error: DaemonError) -> None:
+        if str(error) != self._refusal:  # it is asked again every second, and says the same
+            self._log(f"the daemon refused: {error}" if isinstance(error, Refused) else str(error))
+        self._refusal = str(error)
 
     def _deliver(self) -> None:
         if time.monotonic() >= self._deliveries.trouble.until:
@@ -299,7 +307,7 @@ class WorkerLoop:
         if execution.attempt.finished:  # in that very moment
             self._deliveries.finished.append(execution.attempt)
         else:
-            execution.attempt.discard()
+            self._spool.discard(execution.attempt)
 
     def _lease(self) -> None:
         slots = self._backend.slots
@@ -372,7 +380,7 @@ class WorkerLoop:
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
             if attempt is not None:
-                attempt.discard()
+                self._spool.discard(attempt)
             self._log(f"{lease.run}: not started, {error}")
             words = f"not started: {error}"
             damaged = error.digest if isinstance(error, InputDamaged) else ""

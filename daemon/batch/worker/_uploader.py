@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch import stores
-from daemon.batch.errors import Unavailable, Unreachable
+from daemon.batch.errors import Rejected, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import TRACE
 from daemon.batch.worker._attempts import Attempt
@@ -25,6 +25,7 @@ from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.messages import (
     Completion,
     LedgerAnswer,
+    Rejection,
     TraceUploadChunk,
     UploadProgress,
 )
@@ -43,6 +44,8 @@ class _BusUpload(stores.FileUpload):
     """A trace on its way over the bus."""
 
     begun: float = field(default_factory=time.monotonic)
+    again: bool = False
+    """Whether all of it was sent before, and was gone at the daemon."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +119,10 @@ class ResultUploader:
     def deliver(self, attempt: Attempt) -> bool:
         """Deliver an attempt, or go on with it for a moment; returns whether it is delivered.
 
-        Raises :class:`daemon.batch.errors.Refused` or ``ValueError`` for what is never to be taken,
-        ``OSError`` for what may be delivered later, and :class:`Unreachable`.
+        Raises :class:`daemon.batch.errors.Rejected` for what is never to be taken. Everything else
+        is delivered later: other errors of the daemon, ``OSError`` and :class:`Unreachable`.
         """
-        result = attempt.result()
+        result = _read_result(attempt)
         if self._paths.shared:
             self._by_path(attempt, result)
             return True
@@ -168,7 +171,9 @@ class ResultUploader:
             raise
         # Missing: the parts are gone from the daemon's folder since it acknowledged the last one.
         if self._complete(attempt, result, uploaded=True) is LedgerAnswer.MISSING:
-            self._sending[token] = _BusUpload(sending.path)
+            self._sending[token] = _BusUpload(sending.path, again=True)
+            if sending.again:
+                raise OSError(f"the daemon does not find the trace of {attempt.lease.run}")
             return False
         self._tell(attempt, result, sending.begun, "sent")
         del self._sending[token]
@@ -183,11 +188,7 @@ class ResultUploader:
             chunk = TraceUploadChunk(*ours, offset, text, digest)
             return self._daemon.ask(UPLOAD, chunk)
 
-        try:
-            self._moved(sending.send_next(ask))
-        except Unavailable as error:
-            # No room there just now. Everything else goes on: leases are renewed, say.
-            raise OSError(str(error)) from error
+        self._moved(sending.send_next(ask))
         if sending.faults >= _FAULTS:
             sending.faults, sending.offset = 0, None
             raise OSError(f"the trace of {lease.run} does not arrive: {sending.problem}")
@@ -197,9 +198,26 @@ class ResultUploader:
         self._log(f"{attempt.lease.run}: {result.trace.size} bytes {what} in {took:.2f} s")
 
 
+def _read_result(attempt: Attempt) -> RunResult:
+    """Return the result in the spool; raises :class:`Rejected` when it is damaged."""
+    try:
+        return attempt.result()
+    except ValueError as error:
+        words = f"its result is damaged in the spool: {error}"
+        raise Rejected(words, Rejection.DAMAGED) from error
+
+
 def _checked_trace(attempt: Attempt, result: RunResult) -> Path:
-    """Return the trace in the spool; raises ``ValueError`` when it is not what the result says."""
+    """Return the trace in the spool.
+
+    Raises :class:`Rejected` when it is not the trace of the result, and ``OSError`` when it cannot
+    be read just now.
+    """
     trace = attempt.folder / TRACE
-    if not stores.matches_digest(trace, result.trace.size, result.trace.sha256):
-        raise ValueError("its trace is gone or damaged in the spool")
+    try:
+        size, sha256 = trace.stat().st_size, stores.file_sha256(trace)
+    except FileNotFoundError as error:
+        raise Rejected("its trace is gone from the spool", Rejection.DAMAGED) from error
+    if (size, sha256) != (result.trace.size, result.trace.sha256):
+        raise Rejected("its trace is damaged in the spool", Rejection.DAMAGED)
     return trace

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from daemon.batch import bus
 from daemon.batch.errors import WorkerBroken
-from daemon.batch.paths import is_encrypted
+from daemon.batch.paths import StatePaths, is_encrypted
 from daemon.batch.security import find_credentials
 from daemon.batch.tether import exit_when_stdin_closes
 from daemon.batch.worker._attempts import Backend, Spool
@@ -86,7 +86,7 @@ def work(
         daemon = DaemonConnection(session, connect, holder)
         welcome = daemon.ask_welcome(me)
         paths = choose_paths(state, welcome)
-        spool = Spool(paths.state, me.id, holder.name if holder else "")
+        spool = _open_spool(paths.state, me.id, holder.name if holder else "")
         stack.callback(spool.close)
         # Present only once it can take runs; the token goes with the session, however it ends.
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{daemon.name}/{me.id}"))
@@ -105,6 +105,14 @@ def work(
         _log(f"{me.id} works for {connect} with {backend.slots} slots in {paths.state.state}")
         loop.run()
         _log(f"{me.id} leaves")
+
+
+def _open_spool(paths: StatePaths, worker: str, holder: str) -> Spool:
+    """Make the worker's part of the spool; raises :class:`WorkerBroken`."""
+    try:
+        return Spool(paths, worker, holder, _log)
+    except OSError as error:
+        raise WorkerBroken(f"this worker cannot keep results: {error}") from error
 
 
 def _open_backend(

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from daemon.batch.errors import Refused, Unavailable, Unreachable
+from daemon.batch.errors import Refused, Rejected, Unavailable, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.stores import decode_chunk, encode_chunk
@@ -116,9 +116,9 @@ def test_faults_on_the_way_are_not_for_ever(uploader, daemon, attempt):
 
 
 def test_a_daemon_without_room_is_asked_again_later(uploader, daemon, attempt):
-    """Not as if it was gone: then nothing else would be told to it either."""
+    """It has answered: that says nothing about the way there."""
     daemon.faults = [Unavailable("the disk is full")]
-    with pytest.raises(OSError, match="the disk is full"):
+    with pytest.raises(Unavailable, match="the disk is full"):
         uploader.deliver(attempt)
     eventually(delivered(uploader, attempt))
 
@@ -140,10 +140,10 @@ def test_a_trace_the_daemon_has_lost_is_sent_again(uploader, daemon, attempt):
 
 def test_a_trace_damaged_in_the_spool_is_never_sent(uploader, daemon, attempt):
     (attempt.folder / TRACE).write_bytes(DATA[:-1])
-    with pytest.raises(ValueError, match="damaged in the spool"):
+    with pytest.raises(Rejected, match="damaged in the spool"):
         uploader.deliver(attempt)
     (attempt.folder / TRACE).unlink()
-    with pytest.raises(ValueError, match="gone"):
+    with pytest.raises(Rejected, match="gone"):
         uploader.deliver(attempt)
     assert not daemon.arrived
 

@@ -1,0 +1,39 @@
+"""``python -m daemon`` that fails at verbs, as files in a folder ``faults`` beside its state say.
+
+A file has the name of a verb and contains the kind of fault, one of :data:`FAULTS` or ``garbles``.
+"""
+
+import errno
+import os
+import sqlite3
+import sys
+from pathlib import Path
+
+from daemon.__main__ import main
+from daemon.batch.errors import Refused
+from daemon.batch.server import _dispatcher
+
+FAULTS = {
+    "raises": RuntimeError("nobody thought of that"),
+    "system": OSError(errno.EIO, os.strerror(errno.EIO)),
+    "reader": sqlite3.DatabaseError("database disk image is malformed"),
+    "locked": sqlite3.OperationalError("database is locked"),
+    "malformed": Refused("the request is malformed: versions differ"),
+}
+"""What a handler raises. With ``garbles`` the answer is one that no worker understands."""
+
+
+def _answer(verb, *args, **more):
+    fault = Path(sys.argv[sys.argv.index("--state") + 1]).with_name("faults") / verb.name
+    kind = fault.read_text() if fault.exists() else ""
+    if kind in FAULTS:
+        raise FAULTS[kind]
+    answer = _original(verb, *args, **more)
+    return b'{"no": "answer"}' if kind == "garbles" else answer
+
+
+_original = _dispatcher._answer
+
+if __name__ == "__main__":
+    _dispatcher._answer = _answer
+    sys.exit(main())
