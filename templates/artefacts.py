@@ -15,7 +15,6 @@ from typing import Any, Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.extras import MissingExtraError
-from templates.rendering import Templates
 from templates.world import ArtefactWorld, ExportJob, ExportSettings
 
 Needs: TypeAlias = Literal["plan", "scene", "campaign"]
@@ -65,15 +64,14 @@ def export(
     folder: Path,
     *,
     settings: ExportSettings | None = None,
-    templates: Templates | None = None,
 ) -> ExportResult:
     """Make artefacts of ``kinds`` (names, or ``all``) of ``world`` in ``folder``.
 
     Provenance comes last, whatever the order asked for. Same input, same bytes. Raises
     :class:`InputError` for unknown kinds, for kinds ``world`` has not the parts of, for libraries
-    that are not installed, and for templates that cannot be used.
+    that are not installed.
     """
-    (done,) = export_worlds([(world, folder)], kinds, settings=settings, templates=templates)
+    (done,) = export_worlds([(world, folder)], kinds, settings=settings)
     return done
 
 
@@ -82,7 +80,6 @@ def export_worlds(
     kinds: Iterable[str],
     *,
     settings: ExportSettings | None = None,
-    templates: Templates | None = None,
 ) -> Iterator[ExportResult]:
     """Make artefacts of ``kinds`` of every world in its folder, and yield what :func:`export` does.
 
@@ -91,13 +88,13 @@ def export_worlds(
     """
     wanted = tuple(kinds)
     chosen = [choose_kinds(world, wanted) for world, _ in worlds]
-    common = settings or ExportSettings(), templates or Templates()
+    common = settings or ExportSettings()
     shared: dict[Hashable, Any] = {}
     begun: deque[tuple[ExportJob, tuple[ArtefactKind, ...]]] = deque()
     try:
         for (world, folder), kinds_of_it in zip(worlds, chosen, strict=True):
             folder.mkdir(parents=True, exist_ok=True)
-            begun.append((ExportJob(world, folder, *common, shared=shared), kinds_of_it))
+            begun.append((ExportJob(world, folder, common, shared=shared), kinds_of_it))
             # Pictures first: they are painted meanwhile.
             for kind in sorted(kinds_of_it, key=lambda kind: kind.name != "picture"):
                 if kind.name != _LAST:
@@ -161,7 +158,6 @@ def choose_kinds(world: ArtefactWorld, names: Iterable[str]) -> tuple[ArtefactKi
 KINDS: Final = {
     kind.name: kind
     for kind in (
-        ArtefactKind("geojson", "the plan as 2D geometry", "plan", "maps:export_geojson"),
         ArtefactKind(
             "jsonld",
             "the composable model: plan in six files and in one, scenery layers",
@@ -204,7 +200,7 @@ KINDS: Final = {
             "prov",
             "where all of it comes from, W3C PROV",
             "scene",
-            "jsonld:write_provenance",
+            "provenance:write_provenance",
         ),
     )
 }

@@ -13,6 +13,7 @@ from pathlib import Path
 from grammars.model.geometry import Pose2
 from grammars.text.diagnostics import InputError, Where
 from templates.maps import map_file
+from templates.rendering import render
 from templates.sdf import world_file
 from templates.tasks import mission_file
 from templates.world import ExportJob
@@ -32,13 +33,13 @@ def write_launch(job: ExportJob) -> tuple[Path, ...]:
         "yaw": start.yaw,
         "robot": job.world.robot.name if job.world.robot else "robot",
     }
-    ros1 = job.templates.render(
+    ros1 = render(
         "ros1.launch.j2",
         world=world_file(job, draw, classic=True),
         task=mission_file(job, era=True) if mission else "",
         **values,
     )
-    ros2 = job.templates.render(
+    ros2 = render(
         "ros2.launch.xml.j2",
         world=world_file(job, draw, classic=False),
         **values,
@@ -55,7 +56,7 @@ def write_layout(job: ExportJob) -> tuple[Path, ...]:
     corners = [corner for region in scene.regions for corner in region.outline]
     corners = corners or [corner for solid in scene.solids for corner in solid.polygon]
     xs, ys = [c[0] for c in corners] or [0.0], [c[1] for c in corners] or [0.0]
-    text = job.templates.render(
+    text = render(
         "foxglove.json.j2",
         centre=((min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0),
         extent=max(max(xs) - min(xs), max(ys) - min(ys), 1.0),

@@ -23,7 +23,7 @@ from grammars.model.geometry import Point2, Pose2
 from grammars.model.mission import Waypoint
 from grammars.model.scene import Scene
 from templates.naming import file_name
-from templates.rendering import Templates
+from templates.rendering import render
 
 _HEIGHT: Final = 0.35
 """Of the robot that comes with a new campaign [m], as in robot.yaml.j2."""
@@ -119,10 +119,9 @@ def new_campaign(name: str, *, plan: str = "", errand: Errand | None = None) -> 
     """
     own = not plan
     ways = errand or _OWN_ERRAND
-    templates = Templates()
 
     def fill(template: str, **values: object) -> str:
-        return templates.render(f"new/{template}.j2", doors=own, **values)
+        return render(f"new/{template}.j2", doors=own, **values)
 
     files = {
         "campaign.yaml": fill(

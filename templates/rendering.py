@@ -1,17 +1,15 @@
-"""Jinja templates of the artefacts: ours, and those of people who put their own before them."""
+"""Jinja templates of the artefacts."""
 
 from __future__ import annotations
 
+import functools
 import json
 import math
-import traceback
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 import jinja2
 
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from templates.naming import xml_text
 
 BUILT_IN: Final = Path(__file__).parent / "files"
@@ -19,57 +17,20 @@ BUILT_IN: Final = Path(__file__).parent / "files"
 _XML: Final = (".sdf.j2", ".world.j2", ".config.j2", ".svg.j2", ".launch.j2", ".xml.j2")
 
 
-class Templates:
-    """The templates in force: a file in ``folder`` replaces ours of the same name.
+def render(template: str, /, **values: Any) -> str:
+    """Return ``template`` filled with ``values``; everything put into XML is escaped."""
+    return _environment().get_template(template).render(values)
 
-    Names that are missing in a template are errors, and everything put into XML is escaped.
-    """
 
-    def __init__(self, folder: Path | None = None) -> None:
-        loaders = [jinja2.FileSystemLoader(BUILT_IN)]
-        if folder is not None:
-            loaders.insert(0, jinja2.FileSystemLoader(folder))
-        self.folder = folder
-        self._environment = strict_environment(
-            jinja2.ChoiceLoader(loaders),
-            autoescape=lambda name: bool(name and name.endswith(_XML)),
-            keep_trailing_newline=True,
-        )
-        self._environment.filters.update(number=number, numbers=numbers, json=_json)
-
-    def render(self, template: str, /, **values: Any) -> str:
-        """Return ``template`` filled with ``values``.
-
-        Raises :class:`InputError` with file and line when a template cannot be used.
-        """
-        try:
-            return self._environment.get_template(template).render(values)
-        except jinja2.TemplateSyntaxError as error:
-            where = Where(error.filename or template, error.lineno)
-            raise InputError.at(where, f"not a template: {error.message}") from error
-        except Exception as error:
-            # Whatever a template of somebody else does, its author is who can mend it.
-            if self.folder is None:
-                raise
-            where = _place(error, self.folder, template)
-            message = f"the template cannot be filled: {type(error).__name__}: {error}"
-            raise InputError.at(where, message, f"it is given {_known(values)}") from error
-
-    def unused(self) -> tuple[Diagnostic, ...]:
-        """Return a warning for each template in the folder that replaces none of ours."""
-        if self.folder is None:
-            return ()
-        ours = [path.name for path in BUILT_IN.glob("*.j2")]
-        return tuple(
-            Diagnostic(
-                Where(str(path)),
-                "this template replaces none of ours; it is used only where another includes it",
-                did_you_mean(path.name, ours),
-                Severity.WARNING,
-            )
-            for path in sorted(self.folder.glob("*.j2"))
-            if path.name not in ours
-        )
+@functools.cache
+def _environment() -> jinja2.Environment:
+    environment = strict_environment(
+        jinja2.FileSystemLoader(BUILT_IN),
+        autoescape=lambda name: bool(name and name.endswith(_XML)),
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(number=number, numbers=numbers, json=_json)
+    return environment
 
 
 def strict_environment(loader: jinja2.BaseLoader, **options: Any) -> jinja2.Environment:
@@ -104,16 +65,3 @@ def numbers(values: Any, digits: int = 9) -> str:
 
 def _json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
-
-
-def _known(values: dict[str, Any]) -> str:
-    return ", ".join(sorted(values)) or "no values"
-
-
-def _place(error: Exception, folder: Path, name: str) -> Where:
-    frames: list[traceback.FrameSummary] = traceback.extract_tb(error.__traceback__)
-    inside: Callable[[str], bool] = lambda file: Path(file).suffix == ".j2"  # noqa: E731
-    found = [frame for frame in frames if inside(frame.filename)]
-    if found:
-        return Where(found[-1].filename, found[-1].lineno or 0)
-    return Where(str(folder / name))

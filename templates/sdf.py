@@ -28,6 +28,7 @@ from grammars.model.kinematics import driven_joints
 from grammars.model.scene import Scene, SceneObject
 from templates.bodies import Body, BodyJoint, body_of
 from templates.naming import file_name, free_name
+from templates.rendering import render
 from templates.world import BehaviourDraw, ExportJob
 
 ERA = "era"
@@ -174,7 +175,7 @@ def write_sdf(job: ExportJob) -> tuple[Path, ...]:
     for draw in job.world.draws:
         for classic in (False, True):
             path = job.path(*world_file(job, draw, classic=classic).split("/"))
-            text = job.templates.render(
+            text = render(
                 "gazebo_classic.world.j2" if classic else "gazebo.sdf.j2",
                 name=path.stem,
                 building=job.building,
@@ -199,7 +200,7 @@ def _write_building(job: ExportJob) -> list[Path]:
         written.append(stl)
     mesh = f"model://{name}/meshes/{name}.stl" if written else ""
     path = job.path(*folder.split("/"), "model.sdf")
-    text = job.templates.render("building_model.sdf.j2", name=name, mesh=mesh)
+    text = render("building_model.sdf.j2", name=name, mesh=mesh)
     about = f"walls and columns of {job.world.scene.name}"
     config = _render(job, f"{folder}/model.config", name=name, about=about)
     return [*written, job.write(path, text), config]
@@ -207,7 +208,7 @@ def _write_building(job: ExportJob) -> list[Path]:
 
 def _render(job: ExportJob, path: str, **values: Any) -> Path:
     template = "model.config.j2" if path.endswith(".config") else "object_model.sdf.j2"
-    return job.write(job.path(*path.split("/")), job.templates.render(template, **values))
+    return job.write(job.path(*path.split("/")), render(template, **values))
 
 
 def _instances(

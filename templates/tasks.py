@@ -29,6 +29,7 @@ from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.mission import Mission
 from grammars.model.scene import Region, Scene
 from templates.naming import file_name
+from templates.rendering import render
 from templates.world import ExportJob
 
 Yaw: TypeAlias = Literal["zero", "path"]
@@ -240,7 +241,7 @@ def _write(
     return [
         job.write(
             job.path(*path.split("/")),
-            job.templates.render(template, name=name, waypoints=waypoints),
+            render(template, name=name, waypoints=waypoints),
         )
         for path, template in zip(paths, ("route.yaml.j2", "era_task.yaml.j2"), strict=True)
     ]

@@ -18,7 +18,6 @@ from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.scenery import SceneryLayer
 from templates.naming import file_name
-from templates.rendering import Templates
 
 NamedStates: TypeAlias = tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
 """Joint positions [rad or m] by scene-wide joint name, by the name of the state."""
@@ -117,7 +116,6 @@ class ExportJob:
     world: ArtefactWorld
     folder: Path
     settings: ExportSettings = field(default_factory=ExportSettings)
-    templates: Templates = field(default_factory=Templates)
     made: dict[str, tuple[Path, ...]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     shared: dict[Hashable, Any] = field(default_factory=dict)

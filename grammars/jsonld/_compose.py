@@ -27,7 +27,6 @@ from grammars.jsonld._written_contexts import plan_context
 from grammars.jsonld.vocabulary import FP, ITEMS, SCN
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.extras import MissingExtraError, load_extra
 
 if TYPE_CHECKING:
     from rdflib import Graph
@@ -60,31 +59,12 @@ def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Node
     return nodes
 
 
-def _require_rdf() -> None:
-    """Raise :class:`grammars.text.extras.MissingExtraError` without the extra ``rdf``."""
-    load_extra("pyshacl", "rdf", "a graph held to the SHACL shapes", "JSON-LD")
-
-
-def _check_shapes(nodes: NodeGraph, path: str) -> tuple[Diagnostic, ...]:
-    try:
-        _require_rdf()
-    except MissingExtraError as error:
-        # Everything that would make it unreadable has been checked by other means.
-        return tuple(
-            Diagnostic(Where(path), d.message, d.hint, Severity.WARNING) for d in error.diagnostics
-        )
-    from grammars.jsonld.rdf import check_shapes, graph_of
-
-    return check_shapes(graph_of(nodes), nodes.places)
-
-
 def compose(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> ModelGraph:
     """Return a plan and scenery layers, in order, as one rdflib graph.
 
     The graph knows where its nodes were written (``graph.places``). Raises
     :class:`grammars.text.diagnostics.InputError` for objects that cannot be placed.
     """
-    _require_rdf()
     from grammars.jsonld.rdf import graph_of
 
     return graph_of(composed_nodes(plan, layers))
@@ -96,7 +76,6 @@ def decompose(graph: Graph) -> tuple[FloorPlan, tuple[SceneryLayer, ...]]:
     Also of a graph others composed. Raises :class:`grammars.text.diagnostics.InputError` with
     everything that cannot be read.
     """
-    _require_rdf()
     from grammars.jsonld.rdf import nodes_of
 
     nodes = replace_legacy_terms(nodes_of(graph))
@@ -108,7 +87,6 @@ def validate(graph: Graph) -> tuple[Diagnostic, ...]:
 
     Every diagnostic names its element, with its place in the text where the graph knows it.
     """
-    _require_rdf()
     from grammars.jsonld.rdf import check_shapes, graph_of, nodes_of
 
     nodes = nodes_of(graph)
@@ -136,11 +114,10 @@ def check_composition(
 def load_floorplan_jsonld(path: ModelPath, base: str = "") -> FloorPlan:
     """Read a floor plan from JSON-LD in the published vocabulary.
 
-    ``path`` is a file, a folder of files, or several files that make one plan; one ``.json`` file
-    of several is completed by those beside it. Relative identifiers resolve against ``base``, else
-    against the address of their file. The graph is checked as a whole first
-    (:func:`grammars.jsonld.validate`). Raises :class:`InputError` with everything that is wrong;
-    warnings are in the plan.
+    ``path`` is a file, a folder of files, or several files that make one plan. Relative identifiers
+    resolve against ``base``, else against the address of their file. The graph is checked as a
+    whole first (:func:`grammars.jsonld.validate`). Raises :class:`InputError` with everything that
+    is wrong; warnings are in the plan.
     """
     nodes = plan_nodes(path, base)
     refuse_broken(nodes)
@@ -152,8 +129,7 @@ def load_scenery_jsonld(
 ) -> SceneryLayer:
     """Read a scenery layer from JSON-LD: objects, states, instances, and behaviours of ours.
 
-    ``path`` is a file, a folder of files, or several files that make one layer; a ``.json`` file is
-    completed by those beside it that define what it refers to, or the states of its joints.
+    ``path`` is a file, a folder of files, or several files that make one layer.
     Relative identifiers resolve against ``base``, else against the address of their file.
     A file that refers to a floor plan or to objects of other layers is complete without them.
     Names are made such that sentences can say them (``door-instance-1`` is ``door_instance_1``).
@@ -175,9 +151,8 @@ def load_scenery_jsonld(
 def check_jsonld(path: ModelPath, base: str = "") -> tuple[Diagnostic, ...]:
     """Return everything that is wrong with JSON-LD files, errors and warnings.
 
-    ``path`` is a file, a folder of files, or several files that make one graph; one ``.json`` file
-    of several is completed by those beside it. A floor plan is held to the SHACL shapes as well,
-    with a warning where the extra ``rdf`` is missing; a scenery file alone is not a whole graph.
+    ``path`` is a file, a folder of files, or several files that make one graph. A floor plan is
+    held to the SHACL shapes as well; a scenery file alone is not a whole graph.
     Raises :class:`InputError` when it cannot be read at all.
     """
     nodes = model_nodes(path, base)
@@ -185,7 +160,9 @@ def check_jsonld(path: ModelPath, base: str = "") -> tuple[Diagnostic, ...]:
     whole = bool(nodes.of_type(FP["FloorPlan"]))
     found = [*nodes.diagnostics, *check_structure(nodes, partial=not whole)]
     if whole:
-        found += _check_shapes(nodes, path_text(path))
+        from grammars.jsonld.rdf import check_shapes, graph_of
+
+        found += check_shapes(graph_of(nodes), nodes.places)
     if not any(d.severity is Severity.ERROR for d in found):
         try:
             if whole:

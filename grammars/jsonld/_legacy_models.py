@@ -21,7 +21,6 @@ from grammars.jsonld.vocabulary import (
     COORD,
     FP,
     GEOM,
-    OBJ,
     POLY,
     QUDT,
     REL,
@@ -42,7 +41,6 @@ def settle_models(nodes: NodeGraph) -> None:
     """Read everything in ``nodes`` that is said in an earlier way as it is said today."""
     _settle_identifiers(nodes)
     _settle_origins(nodes)
-    _settle_link_shapes(nodes)
     walls = [node for node in nodes.of_type(FP["Wall"]) if FP["thickness"] not in node.values]
     if walls:
         _settle_walls(nodes, walls)
@@ -128,31 +126,6 @@ def _settle_origins(nodes: NodeGraph) -> None:
     if first:
         nodes.add_warning(
             first, f"{local_name(first)} is with respect to a frame", "its origin is taken"
-        )
-
-
-def _settle_link_shapes(nodes: NodeGraph) -> None:
-    """A link that names its shapes itself gets what says so today."""
-    kinds = {"visual-link": "LinkVisualRepresentation", "physics-link": "LinkPhysicsRepresentation"}
-    first = ""
-    for node in nodes.of_type(OBJ["ObjectLink"]):
-        body = node.ref(OBJ["link"])
-        for word, kind in kinds.items():
-            shape = node.ref(OBJ[word])
-            if shape is None or body is None:
-                continue
-            view = nodes.get(f"{node.id}.{word}")
-            view.types[:] = [OBJ["LinkWithPolytope"], OBJ[kind]]
-            view.add(OBJ["link"], body)
-            view.add(OBJ["polytope"], shape)
-            nodes.places.setdefault(view.id, nodes.where(node.id))
-            del node.values[OBJ[word]]
-            first = first or node.id
-    if first:
-        nodes.add_warning(
-            first,
-            f"link {local_name(first)} names its shapes as visual-link and physics-link",
-            "read as LinkVisualRepresentation and LinkPhysicsRepresentation",
         )
 
 

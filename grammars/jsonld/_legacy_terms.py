@@ -21,13 +21,6 @@ _FOLDERS: Final = {
     f"{_MODELS}state#": f"{_MODELS}floorplan/state#",
     f"{_MODELS}polytope#": f"{_MODELS}geometry/polytope#",
 }
-# The first files, of June 2023, have one namespace for models and words.
-_FIRST: Final = "http://exsce-floorplan.org/"
-_FIRST_TERMS: Final = {
-    **{word: FP[word] for word in ("FloorPlan", "Space", "Wall", "spaces", "walls", "shape")},
-    **{word: POLY[word] for word in ("Polygon", "points")},
-    **{word: COORD[word] for word in ("VectorXY", "theta")},
-}
 _DYNAMICS: Final = DYN.replace("structural-entities", "coordinates")
 _UNITS: Final = {
     "degrees": "DEG",
@@ -92,8 +85,6 @@ def _current(word: str) -> str:
         if word.startswith(old):
             word = new + word[len(old) :]
             break
-    if word.startswith(_FIRST):
-        word = _FIRST_TERMS.get(word[len(_FIRST) :], word)
     if word.startswith(_DYNAMICS):
         word = DYN + word[len(_DYNAMICS) :]
     return word

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from grammars.text.diagnostics import Diagnostic
     from templates.artefacts import ExportResult
-    from templates.rendering import Templates
     from templates.world import ArtefactWorld, ExportSettings
 
 
@@ -57,7 +56,6 @@ class Artefact(StrEnum):
     """What a floor plan, a campaign or a recorded run can be exported as."""
 
     ALL = "all"
-    GEOJSON = "geojson"
     MAP = "map"
     JSONLD = "jsonld"
     MESH = "mesh"
@@ -72,13 +70,12 @@ class Artefact(StrEnum):
 
 
 _ONE_FILE: Final[dict[Artefact, tuple[str, ...]]] = {
-    Artefact.GEOJSON: (".geojson",),
     Artefact.JSONLD: (".jsonld",),
     Artefact.MESH: (".stl", ".glb"),
     Artefact.LAUNCH: (".launch", ".xml"),
     Artefact.FOXGLOVE: (".json",),
     Artefact.PICTURE: PICTURE_ENDINGS,
-    Artefact.PROV: (".jsonld",),
+    Artefact.PROV: (".ttl",),
 }
 """Kinds of which one file with each of these endings is made; of others there are several."""
 _ENDINGS: Final = frozenset(
@@ -114,7 +111,7 @@ def export(
         list[Artefact],
         typer.Argument(
             metavar="KIND",
-            help="all, or any of: geojson, jsonld, map, mesh, sdf (Gazebo), "
+            help="all, or any of: jsonld, map, mesh, sdf (Gazebo), "
             "keyframes (of campaigns only), tasks, launch (ROS), foxglove, picture, prov; of "
             "recorded runs picture or traces.",
         ),
@@ -125,18 +122,9 @@ def export(
             "--out",
             "-o",
             metavar="PATH",
-            help="Folder to write to, or with its ending the file: plan.geojson, run.svg.",
+            help="Folder to write to, or with its ending the file: plan.jsonld, run.svg.",
         ),
     ] = Path(),
-    templates: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            exists=True,
-            file_okay=False,
-            help="Your own templates: a file here replaces ours of the same name.",
-        ),
-    ] = None,
     laser_height: Annotated[
         float | None,
         typer.Option(min=0.0, help="For map: height of the laser, metres. Default: the robot's."),
@@ -207,7 +195,6 @@ def export(
     from grammars.maps import WALLS_ENDING
     from grammars.text.diagnostics import Diagnostic, Severity, Where
     from templates.naming import file_name
-    from templates.rendering import Templates
     from templates.world import ExportSettings
 
     worlds: Iterable[ArtefactWorld]
@@ -234,16 +221,14 @@ def export(
             raise typer.BadParameter(f"{named} is what is exported", param_hint="--out")
     else:
         check_folder(out, "--out")
-    own = Templates(templates)
     written: list[str] = []
-    report_diagnostics(own.unused())
     # A campaign has a folder for each world, also when there is one: paths stay the same when
     # another scenario is added.
     placed = [(w, out / file_name(w.name) if is_campaign else out) for w in worlds]
     if named is not None and len(placed) > 1:
         message = f"{source} has {len(placed)} worlds, which are more than {named}: name a folder"
         raise typer.BadParameter(message, param_hint="--out")
-    results = _make(placed, named, kinds, settings, own)
+    results = _make(placed, named, kinds, settings)
     noted: dict[str, list[str]] = {}
     for (world, _), done in zip(placed, _written(results, out), strict=True):
         for note in done.notes:
@@ -277,18 +262,17 @@ def _make(
     named: Path | None,
     kinds: Sequence[Artefact],
     settings: ExportSettings,
-    templates: Templates,
 ) -> Iterator[ExportResult]:
     """Yield what is made of each world, in its folder or, of one world, as the file ``named``."""
     from templates.artefacts import export_worlds
 
     if named is None:
-        yield from export_worlds(placed, kinds, settings=settings, templates=templates)
+        yield from export_worlds(placed, kinds, settings=settings)
         return
     ((world, _),) = placed
     with TemporaryDirectory() as folder:
         here = [(world, Path(folder))]
-        for done in export_worlds(here, kinds, settings=settings, templates=templates):
+        for done in export_worlds(here, kinds, settings=settings):
             (made,) = (path for path in done.paths if path.suffix == named.suffix)
             shutil.move(made, named)
             yield replace(done, made={str(kinds[0]): (named,)})

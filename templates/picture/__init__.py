@@ -12,6 +12,7 @@ from templates.picture._compose import draw_world
 from templates.picture._drawing import Drawing
 from templates.picture._mission import RunOverlay
 from templates.picture._png import PNG_SCALE, begin_png, write_png
+from templates.rendering import render
 from templates.world import ExportJob
 
 __all__ = ["PNG_SCALE", "Drawing", "RunOverlay", "draw_world", "write_picture", "write_png"]
@@ -20,7 +21,7 @@ __all__ = ["PNG_SCALE", "Drawing", "RunOverlay", "draw_world", "write_picture", 
 def write_picture(job: ExportJob) -> tuple[Path, ...]:
     """Write ``<world>.svg`` and, where its libraries are, ``<world>.png``."""
     figure = draw_world(job.world)
-    svg = job.templates.render("picture.svg.j2", figure=figure)
+    svg = render("picture.svg.j2", figure=figure)
     path = job.write(job.path(f"{job.name}.svg"), svg)
     try:
         png = job.path(f"{job.name}.png")

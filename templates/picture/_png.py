@@ -15,7 +15,7 @@ from typing import Any, Final
 from grammars.text.extras import load_extra
 from templates.picture import _painter
 from templates.picture._drawing import Drawing
-from templates.rendering import Templates
+from templates.rendering import render
 
 PNG_SCALE: Final = 1.5
 """Pixels of the PNG in a unit of the page."""
@@ -68,7 +68,7 @@ def begin_png(figure: Drawing, path: Path) -> Callable[[], object]:
 def _written_order(figure: Drawing, folder: Path, path: Path) -> Path:
     """Write down in ``folder`` what resvg is told to paint; return the file that says it."""
     load_extra("resvg_py", "png", "a PNG picture", "picture")
-    svg = Templates().render("picture.svg.j2", figure=figure)
+    svg = render("picture.svg.j2", figure=figure)
     arguments: dict[str, Any] = {
         "svg_string": _FAMILY.sub(f'font-family="{_FACE}"', svg, count=1),
         "zoom": PNG_SCALE,

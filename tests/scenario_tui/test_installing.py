@@ -21,8 +21,6 @@ EXTRAS = {
     "ezdxf": "import",
     "foxglove": "foxglove",
     "optuna": "search",
-    "pyshacl": "rdf",
-    "rdflib": "rdf",
 }
 """Libraries that modules import which are loaded only where an extra is asked for."""
 FOREIGN = "raise SystemExit('somebody else')"

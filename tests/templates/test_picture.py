@@ -10,7 +10,7 @@ import pytest
 from daemon.analysis.campaign_worlds import worlds_of_campaign
 from templates.picture import RunOverlay, draw_world
 from templates.picture._drawing import Disc, Shape, TextLabel
-from templates.rendering import Templates
+from templates.rendering import render
 from tests.templates.worlds import box, world
 
 ROOT = Path(__file__).parents[2]
@@ -165,5 +165,5 @@ def test_the_documentation_shows_the_flat_of_the_demo_as_it_is():
     """``python -m tests.pictures`` draws it again."""
     worlds, _ = worlds_of_campaign(ROOT / "campaigns" / "demo" / "campaign.yaml")
     (busy,) = (w for w in worlds if w.name == "busy-house")
-    drawn = Templates().render("picture.svg.j2", figure=draw_world(busy))
+    drawn = render("picture.svg.j2", figure=draw_world(busy))
     assert drawn == (ROOT / "docs" / "flat.svg").read_text(encoding="utf-8")

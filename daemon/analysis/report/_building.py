@@ -15,7 +15,7 @@ from daemon.analysis.report._svg import attribute, number
 from daemon.trace import TraceError, read_scene, read_spec
 from grammars.model.mission import Mission
 from templates.picture import Drawing, draw_world
-from templates.rendering import Templates
+from templates.rendering import render
 from templates.world import ArtefactWorld, BehaviourDraw
 
 _NAMES: Final = frozenset({"space names", "names", "start", "legend", "scale", "axes"})
@@ -93,7 +93,7 @@ def _inside(drawing: Drawing, *, names: bool) -> str:
         for group in drawing.groups
         if group.name != _HEADING and (names or group.name not in _NAMES)
     ]
-    whole = Templates().render("picture.svg.j2", figure=replace(drawing, groups=groups))
+    whole = render("picture.svg.j2", figure=replace(drawing, groups=groups))
     body = whole[whole.index("<g ") : whole.rindex("</svg>")] if groups else ""
     # Identifiers of the groups would stand on the page beside those of its sections.
     return re.sub(r'<g id="[^"]*">', "<g>", body)

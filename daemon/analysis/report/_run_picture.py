@@ -19,7 +19,7 @@ from daemon.trace import MotionTrack, PoseTrack, Trace, read_trace
 from grammars.model.geometry import Point2, Pose2
 from grammars.text.words import count_noun
 from templates.picture import RunOverlay, draw_world, write_png
-from templates.rendering import Templates
+from templates.rendering import render
 from templates.world import ArtefactWorld, BehaviourDraw
 
 _POINTS: Final = 2000
@@ -52,7 +52,7 @@ def draw_run(
     if picture.suffix == ".png":
         write_png(figure, picture)
         return
-    svg = Templates().render("picture.svg.j2", figure=figure)
+    svg = render("picture.svg.j2", figure=figure)
     picture.write_text(svg, encoding="utf-8")
 
 

@@ -6,17 +6,7 @@ import math
 from tests.grammars.jsonld.samples import ROB2B
 
 _OLD = "https://hbrs-sesame.github.io/metamodels/"
-_FIRST = "http://exsce-floorplan.org/"
 _LISTS = {"@container": "@list", "@type": "@id"}
-_FIRST_CONTEXT = {
-    "@base": _FIRST,
-    "fp": _FIRST,
-    "VectorXY": "fp:VectorXY",
-    "theta": {"@id": "fp:theta", "@type": "http://www.w3.org/2001/XMLSchema#double"},
-    **{word: {"@id": f"fp:{word}", **_LISTS} for word in ("spaces", "walls", "points")},
-    "shape": {"@id": "fp:shape", "@type": "@id"},
-    **{word: f"fp:{word}" for word in ("Wall", "Space", "FloorPlan", "Polygon")},
-}
 CONTEXTS = {
     "skeleton": [
         {"geom": f"{ROB2B}geometry/structural-entities#"},
@@ -35,10 +25,6 @@ CONTEXTS = {
         f"{_OLD}geometry/coordinate-extension.json",
     ],
     "floorplan": [{"floorplan": f"{_OLD}floorplan#"}, f"{_OLD}floor-plan/floor-plan.json"],
-}
-_FIRST_CONTEXTS = {
-    name: [_FIRST_CONTEXT, *(part for part in parts if isinstance(part, str) and ROB2B in part)]
-    for name, parts in CONTEXTS.items()
 }
 
 
@@ -141,14 +127,10 @@ class _Plan:
         self.files["floorplan"] += [*features, space]
 
 
-def write_plan(plan, folder, *, first=False):
-    """Write a plan as in December 2023, or as the ``first`` files of June of that year."""
+def write_plan(plan, folder):
+    """Write a plan as in December 2023."""
     folder.mkdir(parents=True)
     for name, nodes in _Plan(plan).files.items():
-        contexts = _FIRST_CONTEXTS[name] if first else CONTEXTS[name]
-        text = json.dumps({"@context": contexts, "@graph": nodes})
-        if first:
-            for prefix in ("geom", "geor", "coord", "polytope", "floorplan"):
-                text = text.replace(f'"{prefix}:', '"')
+        text = json.dumps({"@context": CONTEXTS[name], "@graph": nodes})
         (folder / f"{name}.json").write_text(text)
     return folder

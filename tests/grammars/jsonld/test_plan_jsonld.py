@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -350,12 +349,3 @@ def test_mutated_plans_give_diagnostics_and_nothing_else(data):
             read_plan(read, "plan.json")
         except InputError as error:
             assert error.diagnostics
-
-
-def test_without_shacl_the_rest_is_checked_and_that_is_said(tmp_path, monkeypatch):
-    for name, document in plan_documents(parse_floorplan(ODD)).items():
-        (tmp_path / f"{name}.json").write_text(json.dumps(document))
-    monkeypatch.setitem(sys.modules, "pyshacl", None)
-    (missing,) = (d for d in check_jsonld(tmp_path) if "pyshacl" in d.message)
-    assert missing.severity is Severity.WARNING
-    assert "scenario-tui[rdf]" in missing.hint

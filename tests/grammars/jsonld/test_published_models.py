@@ -34,10 +34,9 @@ def assert_same_rooms(plan, expected):
                 assert p == pytest.approx(q, abs=1e-6), wall.id
 
 
-@pytest.mark.parametrize("first", [False, True], ids=["December 2023", "June 2023"])
-def test_a_plan_of_2023_is_read(tmp_path, first):
+def test_a_plan_of_2023_is_read(tmp_path):
     plan = two_rooms()
-    back = load_floorplan_jsonld(write_plan(plan, tmp_path / "plan", first=first))
+    back = load_floorplan_jsonld(write_plan(plan, tmp_path / "plan"))
     assert back.name == "two_rooms"
     assert_same_rooms(back, plan)
     assert {wall.height for wall in back.walls} == {2.5}
@@ -56,15 +55,9 @@ def test_a_plan_of_2023_is_read(tmp_path, first):
     assert all(Path(d.where.file).parent == tmp_path / "plan" for d in back.warnings)
 
 
-def test_any_file_of_a_plan_names_it(tmp_path):
+def test_a_folder_or_its_files_name_a_plan_and_what_stands_beside_it(tmp_path):
     folder = write_plan(two_rooms(), tmp_path / "plan")
     (folder / "door.json").write_text(json.dumps(document(hinged_door())))
-    (folder / "notes.json").write_text("{ not JSON")
-    for name in sorted(FIRST_FORM):
-        plan = load_floorplan_jsonld(folder / f"{name}.json")
-        assert_same_rooms(plan, two_rooms())
-        assert any("left out" in d.message for d in plan.warnings)
-    (folder / "notes.json").unlink()
     assert_same_rooms(load_floorplan_jsonld(folder), two_rooms())
     files = [folder / f"{name}.json" for name in FIRST_FORM]
     assert_same_rooms(load_floorplan_jsonld(files), two_rooms())
@@ -158,64 +151,13 @@ def test_an_object_is_read_with_its_states_and_instances(tmp_path):
     (tmp_path / "door" / "table.json").write_text(
         json.dumps(document(table())).replace("/objects/door/", "/objects/table/")
     )
-    alone = {
-        name: load_scenery_jsonld(tmp_path / "door" / f"{name}.json")
-        for name in ("model", "states", "instance")
-    }
-    for layer in alone.values():
-        assert [model.name for model in layer.models] == ["door"]
-        assert [state.name for state in layer.models[0].states] == ["ajar"]
-    assert [len(layer.instances) for layer in alone.values()] == [0, 0, 1]
     together = load_scenery_jsonld(tmp_path / "door")
     assert {model.name for model in together.models} == {"door", "table"}
+    (door,) = (model for model in together.models if model.name == "door")
+    assert [state.name for state in door.states] == ["ajar"]
+    assert len(together.instances) == 1
     assert together.name == "door"
     assert not [d for d in check_jsonld(tmp_path / "door") if d.severity is Severity.ERROR]
-
-
-def test_two_files_that_define_the_same_object_are_refused(tmp_path):
-    split_door(tmp_path / "door")
-    model = tmp_path / "door" / "model.json"
-    (tmp_path / "door" / "other.json").write_text(model.read_text())
-    with pytest.raises(InputError, match=r"is defined in model.json and other.json"):
-        load_scenery_jsonld(tmp_path / "door" / "instance.json")
-
-
-def test_objects_of_june_2023_are_read(tmp_path):
-    """One namespace for everything, contexts on somebody's disk, shapes named by the link."""
-    file = "file:///home/somebody/metamodel/"
-    data = document(hinged_door())
-    data["@context"] = [
-        {"@base": "http://exsce-floorplan.org/"},
-        *(c for c in data["@context"] if isinstance(c, str) and "comp-rob2b" in c),
-        *(f"{file}{name}.json" for name in ("object", "polytope", "state")),
-    ]
-    kept = [
-        n for n in data["@graph"] if not n["@id"].endswith(("-visual", "-collision", "-gazebo"))
-    ]
-    for node in kept:
-        if node["@type"] == "ObjectLink":
-            box = node["link"] + "-box"
-            node |= {"visual-link": box, "physics-link": box}
-        if "alpha" in node:
-            node["theta"] = node.pop("alpha")
-        if "Quantity" in node["@type"]:
-            node["@type"] = [t for t in node["@type"] if t != "Quantity"]
-    text = json.dumps(data | {"@graph": kept}).replace("DEG", "degrees")
-    text = text.replace('"door:', '"').replace("fpm:left_long_corridor-wall-1-frame",
-                                               "frame-left_long_corridor-wall-1")  # fmt: skip
-    (tmp_path / "door.json").write_text(text.replace("fpm:", ""))
-    (tmp_path / "sound.jsonld").write_text(json.dumps(document(hinged_door())))
-    warnings = []
-    layer = load_scenery_jsonld(tmp_path / "door.json", warnings)
-    sound = load_scenery_jsonld(tmp_path / "sound.jsonld")
-    assert layer.models[0].links == sound.models[0].links
-    assert layer.models[0].joints == sound.models[0].joints
-    one, other = layer.instances[0], sound.instances[0]
-    assert str(one.place).replace("door.json", "") != ""
-    assert (one.name, one.starts.text) == (other.name, other.starts.text)
-    assert (one.place.frame.name, one.place.frame.wall) == ("left_long_corridor", 1)
-    assert one.place.yaw == pytest.approx(-math.pi / 2)
-    assert any("visual-link and physics-link" in d.message for d in warnings)
 
 
 PLAN_FILES = {}

@@ -24,7 +24,6 @@ from grammars.text import codec
 from grammars.text.diagnostics import InputError
 from scenario_tui.file_check import check_file
 from templates.artefacts import export
-from templates.maps import feature_collection
 from templates.occupancy import occupancy_grid
 from templates.tasks import inset_contour
 from templates.world import ArtefactWorld
@@ -149,17 +148,6 @@ def test_floor_is_counted_without_holes(scene):
     )
 
 
-def test_geojson_has_holes_as_interior_rings(plan):
-    features = {f["id"]: f for f in feature_collection(plan)["features"]}
-    shapes = {id: shapely.from_geojson(json.dumps(f["geometry"])) for id, f in features.items()}
-    assert all(shape.is_valid for shape in shapes.values())
-    assert shapes["hall"].area == pytest.approx(23.5)
-    assert features["wall_1"]["properties"]["kind"] == "wall"
-    for rings in (f["geometry"]["coordinates"] for f in features.values()):
-        turns = [shapely.LinearRing(ring).is_ccw for ring in rings]
-        assert turns == [True] + [False] * (len(rings) - 1)
-
-
 def test_jsonld_reads_back(plan, tmp_path):
     path = tmp_path / "hut.jsonld"
     path.write_text(json.dumps(plan_document(plan)), encoding="utf-8")
@@ -172,7 +160,7 @@ def test_jsonld_reads_back(plan, tmp_path):
 
 def test_all_artefacts_can_be_made(plan, scene, tmp_path):
     world = ArtefactWorld("hut", scene, plan)
-    kinds = ["picture", "sdf", "mesh", "tasks", "launch", "foxglove", "map", "geojson"]
+    kinds = ["picture", "sdf", "mesh", "tasks", "launch", "foxglove", "map"]
     made = export(world, kinds, tmp_path).made
     assert set(made) == set(kinds)
     assert all(path.stat().st_size for paths in made.values() for path in paths)

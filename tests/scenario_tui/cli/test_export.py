@@ -44,12 +44,12 @@ def test_every_kind_there_is_can_be_asked_for():
 
 def test_an_ending_names_the_file_and_anything_else_a_folder(campaigns, scenario, tmp_path):
     plan = str(campaigns / "demo" / "flat.fpm")
-    named = tmp_path / "home.geojson"
-    assert scenario("export", plan, "geojson", "-o", str(named)).out == f"{named}\n"
-    assert json.loads(named.read_text())["type"] == "FeatureCollection"
+    named = tmp_path / "home.jsonld"
+    assert scenario("export", plan, "jsonld", "-o", str(named)).out == f"{named}\n"
+    assert "@graph" in json.loads(named.read_text())
     folder = tmp_path / "v1.2"
-    assert scenario("export", plan, "geojson", "-o", str(folder)).code == 0
-    assert (folder / "flat.geojson").read_bytes() == named.read_bytes()
+    assert scenario("export", plan, "jsonld", "-o", str(folder)).code == 0
+    assert (folder / "jsonld" / "flat.jsonld").read_bytes() == named.read_bytes()
     page = tmp_path / "home.foxglove.json"
     assert scenario("export", plan, "foxglove", "-o", str(page)).code == 0
     assert page.is_file()
@@ -58,9 +58,9 @@ def test_an_ending_names_the_file_and_anything_else_a_folder(campaigns, scenario
 @pytest.mark.parametrize(
     ("kind", "out", "why"),
     [
-        ("geojson", "home.svg", "a file of geojson ends in .geojson"),
+        ("jsonld", "home.svg", "a file of jsonld ends in .jsonld"),
         ("mesh", "home.json", "a file of mesh ends in .stl or .glb"),
-        ("geojson", "none/home.geojson", "cannot be written: none is not there"),
+        ("jsonld", "none/home.jsonld", "cannot be written: none is not there"),
         ("map", "taken.txt", "taken.txt is no folder"),
         ("traces", "there", "traces are of recorded runs, not of files"),
     ],
@@ -77,15 +77,15 @@ def test_a_place_that_cannot_be_is_wrong_usage(
 
 
 def test_several_worlds_are_no_file(demo, scenario, tmp_path):
-    said = scenario("export", str(demo), "geojson", "-o", str(tmp_path / "o.geojson"))
+    said = scenario("export", str(demo), "jsonld", "-o", str(tmp_path / "o.jsonld"))
     assert said.code == 2
     assert "has 3 worlds" in said.err
 
 
 def test_what_was_recorded_has_no_building_to_export(scenario):
-    said = scenario("export", "first.3", "geojson")
+    said = scenario("export", "first.3", "jsonld")
     assert said.code == 2
-    assert "geojson is of a building or a campaign file, and first.3 is no file" in said.err
+    assert "jsonld is of a building or a campaign file, and first.3 is no file" in said.err
 
 
 def test_a_campaign_has_a_folder_per_scenario(everything):
@@ -94,7 +94,7 @@ def test_a_campaign_has_a_folder_per_scenario(everything):
     assert {
         "busy-house.svg",
         "busy-house.png",
-        "busy-house.prov.jsonld",
+        "busy-house.prov.ttl",
         "busy-house.foxglove.json",
         "maps/flat.pgm",
         "maps/flat-closed.pgm",
@@ -194,7 +194,7 @@ def test_every_variant_of_a_plan_is_a_world(campaigns, tmp_path):
     assert [world.name for world in worlds] == ["open-house@11", "open-house@12"]
     maps = [next(world.glob("*.pgm")).read_bytes() for world in worlds]
     assert maps[0] != maps[1]
-    assert "flat.variation" in (worlds[0] / f"{worlds[0].name}.prov.jsonld").read_text()
+    assert "flat.variation" in (worlds[0] / f"{worlds[0].name}.prov.ttl").read_text()
 
 
 def test_a_composable_plan_gives_the_same_walls(campaigns, tmp_path):
@@ -209,7 +209,7 @@ def test_a_composable_plan_gives_the_same_walls(campaigns, tmp_path):
     for name, path in (("whole", composable.parent), ("part", composable.parent / "shape.json")):
         assert invoke(["export", str(path), "mesh", "prov", "-o", str(tmp_path / name)]) == 0
         assert (tmp_path / name / mesh).read_bytes() == (again / mesh).read_bytes()
-    assert "skeleton.json" in (tmp_path / "whole" / "flat.prov.jsonld").read_text()
+    assert "skeleton.json" in (tmp_path / "whole" / "flat.prov.ttl").read_text()
 
 
 def test_waypoints_are_chosen_on_the_command_line(campaigns, tmp_path):
@@ -231,16 +231,6 @@ def test_what_is_exported_is_not_written_over(campaigns, tmp_path, capsys):
     assert plan.read_bytes() == before
 
 
-def test_one_folder_of_templates_replaces_ours(campaigns, tmp_path):
-    own = tmp_path / "own"
-    own.mkdir()
-    (own / "picture.svg.j2").write_text("<svg>{{ figure.title }}</svg>")
-    plan, out = campaigns / "demo" / "flat.fpm", tmp_path / "out"
-    arguments = ["export", str(plan), "picture", "-o", str(out), "--templates", str(own)]
-    assert invoke(arguments) == 0
-    assert (out / "flat.svg").read_text() == "<svg>flat</svg>"
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -249,21 +239,12 @@ def test_one_folder_of_templates_replaces_ours(campaigns, tmp_path):
         ([], "Missing argument"),
         (["tasks", "--distance", "0"], "distance"),
         (["prov", "--timestamp", "yesterday"], "is no time"),
-        (["map", "--templates", "nowhere"], "nowhere"),
     ],
 )
 def test_what_cannot_be_exported_is_said_with_code_2(campaigns, tmp_path, capsys, arguments, words):
     plan = str(campaigns / "demo" / "flat.fpm")
     assert invoke(["export", plan, *arguments, "-o", str(tmp_path)]) == 2
     assert words in capsys.readouterr().err
-
-
-def test_a_broken_template_is_named_with_its_line(campaigns, tmp_path, capsys):
-    (tmp_path / "route.yaml.j2").write_text("id: x\n{{ unknown }}\n")
-    plan = str(campaigns / "demo" / "flat.fpm")
-    arguments = ["export", plan, "tasks", "-o", str(tmp_path / "o"), "--templates", str(tmp_path)]
-    assert invoke(arguments) == 2
-    assert "route.yaml.j2:2" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_written_is_bad_input(campaigns, tmp_path, capsys):

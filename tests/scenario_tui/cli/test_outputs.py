@@ -82,8 +82,8 @@ def test_stopping_says_what_goes_on(scenario, monkeypatch):
 
 def test_exporting_lists_its_files(scenario, tmp_path):
     plan = Path(command_line.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
-    body = declared(scenario("export", str(plan), "geojson", "-o", str(tmp_path), "--json").out)
-    assert [Path(file).parent for file in body["files"]] == [tmp_path]
+    body = declared(scenario("export", str(plan), "map", "-o", str(tmp_path), "--json").out)
+    assert {Path(file).parent for file in body["files"]} == {tmp_path}
 
 
 def test_the_table_of_exit_codes_is_true():

@@ -95,7 +95,7 @@ CASES = {
     "gc": (("--keep", "0", "--state", "{NAME}"),),
     "import": (("map{NAME}.yaml",), ("map.yaml", "-o", "{NAME}"), ("plan.fpm",)),
     "export": (
-        ("plan.fpm", "geojson"),
+        ("plan.fpm", "jsonld"),
         ("demo/campaign.yaml", "{NAME}"),
         ("first", "traces"),
         ("{TRACE}", "traces"),
