@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Final
 from daemon.campaign._cells import CampaignCell, LoadedWorld
 from daemon.campaign._sensors import check_sensors
 from daemon.campaign._speed import top_speed
-from grammars.jsonld import check_composition
 from grammars.preflight import check_limit, check_map, check_run, check_scene
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 
@@ -52,11 +51,19 @@ def allowed_warnings(text: CampaignFile, document: YamlDocument) -> tuple[Allowe
 def without_allowed(
     found: Iterable[Diagnostic], allowed: Sequence[AllowedWarning]
 ) -> tuple[list[Diagnostic], list[Diagnostic]]:
-    """Return what is left to say of ``found``, and the warnings that are allowed."""
+    """Return what is left to say of ``found``, and the warnings that are allowed.
+
+    Of warnings that differ in sizes alone only the first is said, so allowing it allows them all.
+    """
     said: list[Diagnostic] = []
     meant: list[Diagnostic] = []
-    for one in found:
-        (meant if any(each.covers(one) for each in allowed) else said).append(one)
+    for first, *others in _alike(found):
+        if any(each.covers(first) for each in allowed):
+            meant += [first, *others]
+            continue
+        said.append(first)
+        for one in others:
+            (meant if any(each.covers(one) for each in allowed) else said).append(one)
     return said, meant
 
 
@@ -83,7 +90,6 @@ def find_problems(
     found: list[Diagnostic] = []
     # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
     for world in {id(world.scene): world for world in worlds}.values():
-        found.extend(check_composition(world.plan, world.layers))
         found.extend(check_scene(world.scene, places=world.places))
     pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
     found.extend(check_sensors(pairs))
@@ -122,15 +128,23 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
 
 
 def say_once(found: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return the findings without those that another place already has in other sizes."""
+    """Return the first of each group of findings that differ in sizes alone."""
+    return tuple(_with_count(first, len(others)) for first, *others in _alike(found))
+
+
+def _alike(found: Iterable[Diagnostic]) -> Iterable[list[Diagnostic]]:
+    """Return the findings in groups that differ in sizes alone, each finding once."""
     # In another variant of a plan the same door is too narrow by another centimetre.
-    kept: dict[tuple[object, ...], list[Diagnostic]] = {}
+    groups: dict[tuple[object, ...], list[Diagnostic]] = {}
     for one in dict.fromkeys(found):
         key = (one.where, one.severity, _SIZE.sub("#", one.message))
-        kept.setdefault(key, []).append(one)
-    return tuple(
-        replace(same[0], message=f"{same[0].message} (and {len(same) - 1} more like it)")
-        if len(same) > 1
-        else same[0]
-        for same in kept.values()
-    )
+        groups.setdefault(key, []).append(one)
+    return groups.values()
+
+
+def _with_count(first: Diagnostic, others: int) -> Diagnostic:
+    """Say in the hint how many others there are: the message is what ``allow`` is copied from."""
+    if not others:
+        return first
+    count = f"{others} more like it, with other sizes"
+    return replace(first, hint=f"{first.hint}; {count}" if first.hint else count)

@@ -4,8 +4,8 @@ Every layer can be written as JSON-LD with the IRIs of the comp-rob2b and secoro
 read back, also when others wrote it; layers meet in one rdflib graph, which is validated after
 composition. What runs when:
 
-- :func:`check_composition`: layers of our own languages, on every ``scenario check`` (structure
-  of the composed graph, no rdflib, no SHACL);
+- :func:`check_composition`: layers of our own languages (structure of the composed graph, no
+  rdflib, no SHACL), in the tests of what the product writes;
 - :func:`load_floorplan_jsonld`, :func:`load_scenery_jsonld`: JSON-LD layers, structure too;
 - :func:`validate` and :func:`check_jsonld`: everything, with the SHACL shapes.
 """

@@ -1,6 +1,8 @@
 """Everything wrong with a campaign at once, each thing once; what it names and nobody uses."""
 
+import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -306,6 +308,22 @@ def test_a_warning_that_is_meant_is_not_said(folder):
     assert [one.message for one in campaign.allowed] == [
         'scenario "lone" is abstract and no other one is like it'
     ]
+
+
+def test_a_warning_that_stands_for_several_is_allowed_as_it_is_said(folder):
+    slow = "  slow: {like: calm, robot: slow}\n  slower: {like: calm, robot: slower}\n"
+    change(folder, "tiny.yaml", ("limit: 3 min", "limit: 2 s"), ("  second:", f"{slow}  second:"))
+    robot = (folder.parent / "robots" / "courier.yaml").read_text()
+    for name, speed in (("slow", "0.3 m/s"), ("slower", "0.2 m/s")):
+        text = re.sub(r"max_vx: .*", f"max_vx: {speed}", robot.replace("courier", name))
+        (folder / f"{name}.yaml").write_text(text)
+    (short,) = [one for one in examine(folder / "tiny.yaml")[1] if "too short" in one.message]
+    assert short.hint.endswith("; 2 more like it, with other sizes")
+    allow = f"allow:\n  - {{warning: {json.dumps(short.message)}, why: it is a glance}}\n"
+    change(folder, "tiny.yaml", ("scenarios:\n", f"{allow}scenarios:\n"))
+    campaign, found = examine(folder / "tiny.yaml")
+    assert not [one for one in found if "too short" in one.message or "no warning" in one.message]
+    assert [one.message for one in campaign.allowed] == [short.message]
 
 
 def test_what_is_allowed_and_never_said_is_a_warning(folder):
