@@ -53,7 +53,8 @@ _LATEST_ARRIVAL: Final = 1_200_000_000
 wait for a second and the next tick of the clock, estimates come within a tenth of one. Chunk and
 this are lost when a writer dies, and how far behind somebody is who judges a run as it goes on."""
 _EVENT_BYTES: Final = 8 << 20
-"""Events waiting for their chunk [bytes]; a system that talks without end must not fill memory."""
+"""Events waiting for their chunk [bytes]; a system that talks without end must not fill memory.
+Those of the latest arrival's time go on waiting."""
 _CLOCK_PERIOD: Final = _SECOND // 10
 _LATEST: Final = 2.0**31
 """ROS 2 keeps seconds in an int32 [s]."""
@@ -210,7 +211,7 @@ class TraceWriter:
         now = self._at(time)
         self._signals.events.add(now, log_payload(now, source, text, level))
         if self._signals.events.size > _EVENT_BYTES:
-            self._flush()
+            self._flush(now - _LATEST_ARRIVAL)
 
     def latency(self, time: float, seconds: float) -> None:
         """Record how long an external system took to answer [s of wall clock].

@@ -134,6 +134,30 @@ def test_a_player_that_reads_a_pipe_gets_messages_in_order(tmp_path):
     assert times == sorted(times)
 
 
+def test_messages_keep_the_order_of_time_beside_a_system_that_talks_without_end(tmp_path):
+    world, path = scene(), tmp_path / "run.mcap"
+    text = "x" * 9_000
+    with TraceWriter(path, specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(80):
+            time = step / 20
+            trace.clock(time)
+            trace.ground_truth(time, pose_at(time), twist_at(time))
+            trace.odometry(odometry_at(time))
+            for _ in range(100):
+                trace.event(time, "sut", text)
+            if time >= 0.1:
+                trace.estimate(Estimate(time - 0.1, pose_at(time), np.eye(3)))
+        trace.close("limit")
+    assert complaints(path) == []
+    with path.open("rb") as stream:
+        times = [r.log_time for r in StreamReader(stream).records if isinstance(r, Message)]
+    assert len(times) > 8_000
+    assert times == sorted(times)
+    found = read_trace(path)
+    assert (len(found.events), len(found.estimate.time)) == (8_000, 78)
+
+
 def test_what_is_recorded_so_far_has_what_waits_for_its_chunk(tmp_path):
     world = scene()
     with TraceWriter(tmp_path / "asked.mcap", specification(world), world) as trace:
