@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +25,14 @@ from daemon.trace._mcap_reader import (
     decompress,
     read_mcap,
 )
-from daemon.trace._model import JointTrack, MotionTrack, ScanTrack, Trace, TraceError
+from daemon.trace._model import (
+    JointTrack,
+    MotionTrack,
+    PoseTrack,
+    ScanTrack,
+    Trace,
+    TraceError,
+)
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text import codec
@@ -122,6 +129,19 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
     last = float(truth.time[-1]) if len(truth.time) else 0.0
     valid_until = _decode.number(outcome.get("valid_until", "")) if complete else last
     odometry = _decode.motion(recording, "/odom", "odom")
+    command = _decode.command(recording)
+    estimate = _decode.poses(recording, "/pose")
+    cloud = _decode.poses(recording, "/particle_cloud/summary")
+    problems = [
+        *_backwards({"ground truth": truth, "odometry": odometry, "joint states": joints}),
+        *_not_finite("ground truth", truth.time, *_motion_values(truth)),
+        *_not_finite("odometry", odometry.time, *_motion_values(odometry)),
+        *_not_finite("joint states", joints.time, joints.position),
+        *_not_finite("command", command.time, command.vx, command.vy, command.wz),
+        *_not_finite("estimate", estimate.time, *_pose_values(estimate)),
+        *_not_finite("particle cloud", cloud.time, *_pose_values(cloud)),
+        *_gaps(truth.time, valid_until),
+    ]
     return Trace(
         path=recording.path,
         spec=spec,
@@ -130,13 +150,13 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
         note=outcome.get("note", "") if complete else recording.cut or "the recording was cut",
         complete=complete,
         valid_until=valid_until,
-        problems=_recording_problems(truth, odometry, joints, valid_until),
+        problems=tuple(problems),
         versions=recording.metadata.get("versions", {}),
         ground_truth=truth,
         odometry=odometry,
-        command=_decode.command(recording),
-        estimate=_decode.poses(recording, "/pose"),
-        cloud=_decode.poses(recording, "/particle_cloud/summary"),
+        command=command,
+        estimate=estimate,
+        cloud=cloud,
         cloud_count=_decode.cloud_count(recording),
         joints=joints,
         contacts=_decode.contacts(runs),
@@ -194,31 +214,21 @@ def _cached_scene(packed: bytes) -> tuple[Scene, str]:
     return codec.from_json(Scene, data), hashlib.sha256(data).hexdigest()
 
 
-def _recording_problems(
-    truth: MotionTrack, odometry: MotionTrack, joints: JointTrack, valid_until: float
-) -> tuple[str, ...]:
-    """Return everything that is wrong with the recording, in words; empty when it is sound."""
-    found: list[str] = []
-    for name, time in (
-        ("ground truth", truth.time),
-        ("odometry", odometry.time),
-        ("joint states", joints.time),
-    ):
-        found += _backwards(name, time)
-    for name, motion in (("ground truth", truth), ("odometry", odometry)):
-        values = (motion.x, motion.y, motion.yaw, motion.vx, motion.vy, motion.wz)
-        found += _not_finite(name, motion.time, *values)
-    found += _not_finite("joint states", joints.time, joints.position)
-    found += _gaps(truth.time, valid_until)
-    return tuple(found)
+def _backwards(tracks: Mapping[str, MotionTrack | JointTrack]) -> Iterator[str]:
+    for name, track in tracks.items():
+        time = track.time
+        jumps = np.flatnonzero(np.diff(time) < 0)
+        if len(jumps):
+            before, after = time[jumps[0]], time[jumps[0] + 1]
+            yield f"the clock of the {name} jumps back from {before:g} s to {after:g} s"
 
 
-def _backwards(name: str, time: Floats) -> list[str]:
-    jumps = np.flatnonzero(np.diff(time) < 0)
-    if not len(jumps):
-        return []
-    first = jumps[0]
-    return [f"the clock of the {name} jumps back from {time[first]:g} s to {time[first + 1]:g} s"]
+def _motion_values(track: MotionTrack) -> tuple[Floats, ...]:
+    return track.x, track.y, track.yaw, track.vx, track.vy, track.wz
+
+
+def _pose_values(track: PoseTrack) -> tuple[Floats, ...]:
+    return track.x, track.y, track.yaw, track.covariance.reshape(-1, 9)
 
 
 def _not_finite(name: str, time: Floats, *values: Floats) -> list[str]:

@@ -37,39 +37,16 @@ drive takes to follow it, and what friction takes away, is less than that."""
 def trace_problems(trace: Trace) -> tuple[str, ...]:
     """Return why ``trace`` cannot be trusted, in words; empty when it can.
 
-    What its reader found; numbers that are none; clocks that run backwards; leaps no robot can
-    make; a robot that did not move during a whole run although it was told to and nothing was in
-    its way.
+    What its reader says of the recording; leaps no robot can make; a robot that did not move during
+    a whole run although it was told to and nothing was in its way.
     """
     # From what makes the next question meaningless to what only a sound recording can be asked.
-    found = [*trace.problems, *_not_finite(trace)]
+    found = list(trace.problems)
     if not found:
-        found += [*_clock(trace), *_leaps(trace)]
+        found += _leaps(trace)
     if not found:
         found += _without_effect(trace)
     return tuple(found)
-
-
-def _not_finite(trace: Trace) -> list[str]:
-    truth, command = trace.ground_truth, trace.command
-    channels = {
-        "the ground truth": (truth.time, truth.x, truth.y, truth.yaw, truth.vx, truth.vy, truth.wz),
-        "a command": (command.time, command.vx, command.vy, command.wz),
-        "the joint states": (trace.joints.time, trace.joints.position),
-    }
-    for name, track in (("the estimate", trace.estimate), ("the particle cloud", trace.cloud)):
-        channels[name] = (track.time, track.x, track.y, track.yaw, track.covariance)
-    return [
-        f"{name} is not finite"
-        for name, arrays in channels.items()
-        if not all(np.isfinite(array).all() for array in arrays)
-    ]
-
-
-def _clock(trace: Trace) -> list[str]:
-    time = trace.ground_truth.time
-    backwards = len(time) > 1 and float(np.diff(time).min()) < 0.0
-    return ["the clock runs backwards"] if backwards else []
 
 
 def _leaps(trace: Trace) -> list[str]:

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from daemon.model.spec import ENGINE_VERSION
-from daemon.model.sut import Estimate, Odometry, Progress
+from daemon.model.sut import Cloud, Estimate, Odometry, Progress
 from daemon.trace import (
     JointSamples,
     ProgressRecord,
@@ -224,12 +224,22 @@ def test_a_doubtful_recording_says_what_is_wrong(tmp_path, fill, problem):
     assert problem in written(tmp_path, fill).problems
 
 
-def test_an_estimate_that_is_not_a_number_is_the_robots_problem(tmp_path):
-    lost = Estimate(0.0, Pose2(1.0, 2.0, math.inf), np.full((3, 3), np.nan))
-    trace = written(tmp_path, lambda w: (drive(w, [0.0]), w.estimate(lost)))
-    assert trace.problems == ()
+def test_what_cannot_be_a_number_is_doubtful_in_every_signal_that_is_judged(tmp_path):
+    lost = Pose2(1.0, 2.0, math.inf)
+
+    def fill(writer):
+        drive(writer, [0.0])
+        writer.estimate(Estimate(0.0, lost, np.eye(3)))
+        writer.cloud(Cloud(0.0, 5, Pose2(), np.full((3, 3), np.nan)))
+        writer.command(0.0, Twist2(math.nan, 0.0, 0.0))
+
+    trace = written(tmp_path, fill)
+    assert trace.problems == (
+        "the command at 0 s is not a number",
+        "the estimate at 0 s is not a number",
+        "the particle cloud at 0 s is not a number",
+    )
     assert np.isnan(trace.estimate.yaw).all()
-    assert np.isnan(trace.estimate.covariance).all()
 
 
 def rewritten(source, target, **options):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.judging.oracles import judge, overall_outcome, trace_problems
+from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
 from daemon.trace import ContactRecord, ProgressRecord
@@ -371,24 +371,6 @@ def test_a_mission_that_lasts_until_the_limit_has_waypoints_left():
     assert verdict(ended, "reached(mission, 0.5 m)").outcome == "pass"
     found = verdict(ended, "eventually(mission.remaining <= 0)")
     assert (found.outcome, found.margin) == ("fail", -1.0)
-
-
-def test_an_untrustworthy_trace_is_never_the_fault_of_the_robot():
-    trace = replace(bump(), problems=("the clock jumped at 3.20 s",))
-    found = judge(trace, (OracleText("a", "always(loc.error <= 0.35 m)"),))
-    assert found[0].outcome is Outcome.ERROR
-    assert "the clock jumped" in found[0].evidence.note
-    assert overall_outcome(trace, found) is Outcome.ERROR
-
-
-def test_impossible_motion_is_noticed():
-    trace = bump()
-    truth = trace.ground_truth
-    lost = np.where(truth.time > 3.0, np.nan, truth.x)
-    assert trace_problems(replace(trace, ground_truth=replace(truth, x=lost)))
-    back = np.where(truth.time > 3.0, truth.time - 1.0, truth.time)
-    assert trace_problems(replace(trace, ground_truth=replace(truth, time=back)))
-    assert not trace_problems(trace)
 
 
 def test_an_oracle_that_cannot_be_read_or_bound_is_an_error_of_its_own():

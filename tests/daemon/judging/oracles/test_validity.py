@@ -44,22 +44,8 @@ def test_a_sound_trace_may_fail():
     assert overall_outcome(trace, judge(trace, FAILING)) is Outcome.FAIL
 
 
-@pytest.mark.parametrize("track_name", ["estimate", "command", "joints"])
-def test_numbers_that_are_none_make_a_trace_invalid(track_name):
-    trace = driving()
-    recorded = getattr(trace, track_name)
-    channel = {"estimate": "x", "command": "vx", "joints": "position"}[track_name]
-    values = getattr(recorded, channel).copy()
-    values[0] = np.nan
-    broken = replace(trace, **{track_name: replace(recorded, **{channel: values})})
-    assert_invalid(broken, "not finite")
-
-
-def test_a_clock_that_runs_backwards():
-    trace = driving()
-    truth = trace.ground_truth
-    back = np.where(truth.time > 3.0, truth.time - 1.0, truth.time)
-    assert_invalid(replace(trace, ground_truth=replace(truth, time=back)), "backwards")
+def test_a_recording_its_reader_doubts_is_invalid():
+    assert_invalid(replace(driving(), problems=("the clock jumped at 3.20 s",)), "clock jumped")
 
 
 def test_a_leap_no_robot_can_make():
