@@ -9,13 +9,27 @@ from pathlib import Path
 
 from grammars.text.extras import MissingExtraError
 from templates.picture._compose import draw_world
-from templates.picture._drawing import Drawing
+from templates.picture._drawing import Disc, Drawing, DrawingItem, Shape
 from templates.picture._mission import RunOverlay
+from templates.picture._page import FOOT, HEAD, MARGIN
 from templates.picture._png import PNG_SCALE, begin_png, write_png
 from templates.rendering import render
 from templates.world import ExportJob
 
-__all__ = ["PNG_SCALE", "Drawing", "RunOverlay", "draw_world", "write_picture", "write_png"]
+__all__ = [
+    "FOOT",
+    "HEAD",
+    "MARGIN",
+    "PNG_SCALE",
+    "Disc",
+    "Drawing",
+    "DrawingItem",
+    "RunOverlay",
+    "Shape",
+    "draw_world",
+    "write_picture",
+    "write_png",
+]
 
 
 def write_picture(job: ExportJob) -> tuple[Path, ...]:

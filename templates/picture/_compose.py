@@ -9,7 +9,7 @@ from grammars.model.geometry import Point2
 from templates.picture import _mission, _page, _scene
 from templates.picture._drawing import Drawing, DrawingItem, Labels
 from templates.picture._mission import RunOverlay
-from templates.picture._page import CUT, PAPER, page_around, page_for
+from templates.picture._page import CUT, LONGEST, PAPER, page_around, page_for
 from templates.plan_shapes import is_below
 from templates.world import ArtefactWorld
 
@@ -17,11 +17,13 @@ _BESIDE: Final = 0.9
 """Room [m] around a way that is shown closely: the robot, and what it may have met."""
 
 
-def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
+def draw_world(
+    world: ArtefactWorld, run: RunOverlay | None = None, *, width: float = LONGEST
+) -> Drawing:
     """Return the drawing of a world as it is at time 0 of its first repeat.
 
     With a ``run`` of it, also the way the robot took; of a part of a run that is shown closely,
-    its surroundings as they were at its end.
+    its surroundings as they were at its end, on a page of that ``width``.
     """
     scene, mission = world.scene, world.mission
     points: tuple[Point2, ...] = ()
@@ -32,7 +34,10 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     behaviours = world.draws[0].behaviours
     start = {**start_positions(scene, behaviours), **(run.positions if run else {})}
     closely = run is not None and run.closely and bool(run.way)
-    page = page_around(run.way, _BESIDE) if run and closely else page_for(scene, start, points)
+    if run and closely:
+        page = page_around(run.way, _BESIDE, width)
+    else:
+        page = page_for(scene, start, points)
     about = run.about if run and run.about else _about(world)
     figure = Drawing(page.width, page.height, PAPER, world.name, about)
     labels = Labels()

@@ -85,17 +85,17 @@ def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] 
     return Page(scale, min(xs), max(ys), left, HEAD, round(width), round(height))
 
 
-def page_around(points: tuple[Point2, ...], beside: float) -> Page:
-    """Return a page on which ``points`` have room with ``beside`` [m] on every side, no more."""
+def page_around(points: tuple[Point2, ...], beside: float, width: float) -> Page:
+    """Return a page of a ``width`` for ``points`` with ``beside`` [m] on every side, no more."""
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     west, south = min(xs) - beside, min(ys) - beside
     wide, high = max(xs) + beside - west, max(ys) + beside - south
     # Lying, also where a robot drives straight up: a screen is, and so is a page of text.
     wide = max(wide, _LYING * high)
-    scale = (LONGEST - 2 * MARGIN) / wide
+    scale = (width - 2 * MARGIN) / wide
     height = high * scale + HEAD + FOOT
     west -= (wide - (max(xs) + beside - west)) / 2.0
-    return Page(scale, west, max(ys) + beside, MARGIN, HEAD, LONGEST, round(height))
+    return Page(scale, west, max(ys) + beside, MARGIN, HEAD, width, round(height))
 
 
 def margins(page: Page) -> list[DrawingItem]:

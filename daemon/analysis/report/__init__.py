@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     )
     from daemon.analysis.report._junit import write_junit
     from daemon.analysis.report._page import SuggestedCommand, headline, write_page
-    from daemon.analysis.report._recorded_run import plot_recorded_moment, plot_recorded_way
-    from daemon.analysis.report._run_picture import draw_run
+    from daemon.analysis.report._recorded_run import plot_recorded_way
+    from daemon.analysis.report._run_picture import draw_moment, draw_run
     from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
     from daemon.analysis.report._svg import PagePicture
     from daemon.analysis.report._tracks import MEASURES, thinned_indices
@@ -47,6 +47,7 @@ __all__ = [
     "Sheet",
     "SuggestedCommand",
     "campaign_input",
+    "draw_moment",
     "draw_run",
     "duration_text",
     "folder_input",
@@ -56,7 +57,6 @@ __all__ = [
     "mean_and_deviation",
     "open_ledger",
     "oracle_limit",
-    "plot_recorded_moment",
     "plot_recorded_way",
     "read_report_data",
     "safety_buffer",
@@ -83,8 +83,8 @@ _MODULES: Final = {
     ),
     "_junit": ("write_junit",),
     "_page": ("SuggestedCommand", "headline", "write_page"),
-    "_recorded_run": ("plot_recorded_moment", "plot_recorded_way"),
-    "_run_picture": ("draw_run",),
+    "_recorded_run": ("plot_recorded_way",),
+    "_run_picture": ("draw_moment", "draw_run"),
     "_safety_buffer": ("oracle_limit", "safety_buffer"),
     "_svg": ("PagePicture",),
     "_tracks": ("MEASURES", "thinned_indices"),

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from markupsafe import Markup
 
 from daemon.analysis.report._data import ReportData
-from daemon.analysis.report._svg import attribute, number
+from daemon.analysis.report._page_drawing import DrawingWindow, drawing_svg
 from daemon.trace import TraceError, read_scene, read_spec
 from grammars.model.mission import Mission
-from templates.picture import Drawing, draw_world
-from templates.rendering import render
+from templates.picture import draw_world
 from templates.world import ArtefactWorld, BehaviourDraw
 
 _NAMES: Final = frozenset({"space names", "names", "start", "legend", "scale", "axes"})
@@ -74,26 +72,11 @@ def _draw(traces: tuple[Path, ...], scenes: int) -> BuildingPicture | None:
         about = f"{scene.name} with the mission {mission.name}, as {first.scenario} begins"
     if scenes > 1:
         about += f"; the campaign has {scenes} such scenes"
-    size = (0.0, _ROOM_ABOVE, drawing.width, drawing.height - _ROOM_ABOVE)
-    box = " ".join(map(number, size))
-    opening = f'<svg viewBox="{box}" role="img" aria-label="{attribute(about)}"'
+    window = DrawingWindow(0.0, _ROOM_ABOVE, drawing.width, drawing.height - _ROOM_ABOVE)
     # Drawn here from numbers and escaped names, never taken from a file. Twice, and not the one by
     # ``use`` of the other: what makes PDF of pages does not find it there.
     small, large = (
-        Markup(f'{opening} class="plan">{_inside(drawing, names=names)}</svg>')
-        for names in (False, True)
+        Markup(drawing_svg(drawing, window, about, omitted=omitted, css="plan"))
+        for omitted in ({*_NAMES, _HEADING}, {_HEADING})
     )
     return BuildingPicture(small, large, about)
-
-
-def _inside(drawing: Drawing, *, names: bool) -> str:
-    """Return the groups of a drawing as SVG, those that are ``names`` or not."""
-    groups = [
-        group
-        for group in drawing.groups
-        if group.name != _HEADING and (names or group.name not in _NAMES)
-    ]
-    whole = render("picture.svg.j2", figure=replace(drawing, groups=groups))
-    body = whole[whole.index("<g ") : whole.rindex("</svg>")] if groups else ""
-    # Identifiers of the groups would stand on the page beside those of its sections.
-    return re.sub(r'<g id="[^"]*">', "<g>", body)

@@ -23,7 +23,6 @@ from daemon.analysis.report._plot_campaign import (
     plot_triggers,
 )
 from daemon.analysis.report._plot_comparisons import plot_comparisons, plot_run_pair
-from daemon.analysis.report._plot_moment import plot_moment
 from daemon.analysis.report._recorded import forget_traces, sampled_trace
 from daemon.analysis.report._references import (
     ReferenceMark,
@@ -31,6 +30,7 @@ from daemon.analysis.report._references import (
     compared_references,
     comparison_marks,
 )
+from daemon.analysis.report._run_picture import draw_moment
 from daemon.analysis.report._safety_buffer import SafetyBuffer, ThinnedSamples, oracle_limit
 from daemon.analysis.report._svg import PagePicture
 from daemon.analysis.report._tracks import (
@@ -138,16 +138,13 @@ def _moments(data: ReportData) -> Iterator[_FigureTask]:
         # What never happened is decided where the run ends.
         time = float(run.tracks.time[-1]) if seen.time is None else seen.time
         when = "the end" if seen.time is None else f"{time:.1f} s"
-        caption = f"repeat {worst.repeat}, the ten seconds around {when}"
+        caption = f"repeat {worst.repeat}, the seconds before {when}"
         yield _FigureTask(
             ReportFigure(
                 "moment", oracle.scenario, oracle.sut, caption, subject=oracle.oracle
             ),
             f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}",
-            partial(
-                plot_moment, trace=Path(run.record.trace), time=time, involved=seen.object,
-                buffer=run.tracks.buffer,
-            ),
+            partial(draw_moment, Path(run.record.trace), time),
             run.record.trace,
         )  # fmt: skip
 

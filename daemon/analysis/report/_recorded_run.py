@@ -8,11 +8,9 @@ from typing import Final
 import numpy as np
 
 from daemon.analysis.report._axes import Sheet
-from daemon.analysis.report._plot_moment import plot_moment
 from daemon.analysis.report._plots import plot_limits, plot_way
 from daemon.analysis.report._recorded import sampled_trace
 from daemon.analysis.report._safety_buffer import buffer_of_run
-from daemon.analysis.report._svg import PagePicture
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
 from daemon.trace import TraceError
@@ -22,19 +20,10 @@ _POINTS: Final = 600
 """Samples drawn of the way."""
 
 
-def plot_recorded_moment(trace: Path, time: float, involved: str) -> PagePicture | None:
-    """Return the place at ``time`` [s] of a run, the object ``involved`` in red.
-
-    ``None`` if the trace cannot be read any more, or not be trusted.
-    """
-    found = _recorded(trace)
-    return None if found is None else plot_moment(trace, time, involved, found[0].buffer)
-
-
 def plot_recorded_way(trace: Path) -> Sheet | None:
     """Return the way driven in a run, coloured by the distance to obstacles.
 
-    ``None`` as of :func:`plot_recorded_moment`, and where the distance is not known.
+    ``None`` if the trace cannot be read any more or not be trusted, or if no distance is known.
     """
     found = _recorded(trace)
     if found is None or np.isnan(found[0].clearance).all():

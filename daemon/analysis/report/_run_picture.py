@@ -11,14 +11,16 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.analysis.report._formatting import format_quantity
+from daemon.analysis.report._page_drawing import DrawingWindow, drawing_svg
+from daemon.analysis.report._recorded import sampled_trace
 from daemon.analysis.report._safety_buffer import buffer_of_run
-from daemon.analysis.report._tracks import extract_tracks, unbroken_runs
+from daemon.analysis.report._tracks import RunTracks, extract_tracks, unbroken_runs
 from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
-from daemon.trace import MotionTrack, PoseTrack, Trace, read_trace
+from daemon.trace import MotionTrack, PoseTrack, Trace, TraceError, read_trace
 from grammars.model.geometry import Point2, Pose2
 from grammars.text.words import count_noun
-from templates.picture import RunOverlay, draw_world, write_png
+from templates.picture import FOOT, HEAD, MARGIN, Drawing, RunOverlay, draw_world, write_png
 from templates.rendering import render
 from templates.world import ArtefactWorld, BehaviourDraw
 
@@ -26,6 +28,16 @@ _POINTS: Final = 2000
 _APART: Final = 1.5
 _FOOTPRINTS: Final = 24
 """Seconds from one footprint to the next, where that are not more of them."""
+_BEFORE: Final = 7.0
+"""Seconds of a run that lead to a moment."""
+_AFTER: Final = 0.2
+"""What decides may be recorded so long [s] after the sample that is judged."""
+_AT_LEAST: Final = 1.0
+"""Seconds that are shown of a moment at the very start."""
+_MOMENT_WIDTH: Final = 620.0
+"""Width of a moment's page, on which words are as large as those around it."""
+_ON_PAPER: Final = frozenset({"margins", "heading", "legend", "key", "scale", "axes"})
+"""Groups of a drawing that are about, or beyond, the part of the map that it shows."""
 
 
 def draw_run(
@@ -38,8 +50,50 @@ def draw_run(
     part that lies outside of the run.
     """
     trace = read_trace(trace_path)
+    part = None if since is None and until is None else _part(trace, since, until)
+    figure = draw_world(_world(trace), _run(trace, part))
+    if picture.suffix == ".png":
+        write_png(figure, picture)
+        return
+    svg = render("picture.svg.j2", figure=figure)
+    picture.write_text(svg, encoding="utf-8")
+
+
+def draw_moment(trace_path: Path, time: float) -> MomentPicture | None:
+    """Return the seconds of a run before ``time`` [s], doors and robot as they are at that moment.
+
+    ``None`` if the trace cannot be read any more, or not be trusted.
+    """
+    try:
+        sampler = sampled_trace(trace_path)
+    except TraceError:
+        return None
+    trace, stamps = sampler.trace, sampler.trace.ground_truth.time
+    if len(stamps) < 2 or oracles.trace_problems(trace):
+        return None
+    first, last = float(stamps[0]), float(stamps[-1])
+    until = min(max(time + _AFTER, first + _AT_LEAST), last)
+    part = _part(trace, max(min(time, last) - _BEFORE, first), until)
+    overlay = _overlay(sampler, _tracks(sampler, part), part)
+    return MomentPicture(draw_world(_world(trace), overlay, width=_MOMENT_WIDTH))
+
+
+@dataclass(frozen=True, slots=True)
+class MomentPicture:
+    """The surroundings of a robot at a moment, to stand inside of a page."""
+
+    drawing: Drawing
+
+    def svg(self, name: str, label: str) -> str:
+        """Return an ``<svg>`` element; it has no identifiers that ``name`` would keep apart."""
+        wide, high = self.drawing.width - 2 * MARGIN, self.drawing.height - HEAD - FOOT
+        window = DrawingWindow(MARGIN, HEAD, wide, high)
+        return drawing_svg(self.drawing, window, label, omitted=_ON_PAPER)
+
+
+def _world(trace: Trace) -> ArtefactWorld:
     spec = trace.spec
-    world = ArtefactWorld(
+    return ArtefactWorld(
         name=spec.label,
         scene=trace.scene,
         mission=spec.mission,
@@ -47,13 +101,6 @@ def draw_run(
         draws=(BehaviourDraw("", spec.behaviours),),
         resolution=spec.map.resolution,
     )
-    part = None if since is None and until is None else _part(trace, since, until)
-    figure = draw_world(world, _run(trace, part))
-    if picture.suffix == ".png":
-        write_png(figure, picture)
-        return
-    svg = render("picture.svg.j2", figure=figure)
-    picture.write_text(svg, encoding="utf-8")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,35 +136,54 @@ def _run(trace: Trace, part: _RunPart | None) -> RunOverlay:
         return RunOverlay(way, about=f"not to be trusted: {'; '.join(problems)}")
     sampler = SignalSampler(trace)
     oracles.warm_up()
-    buffer = buffer_of_run(trace.spec)
+    found = _tracks(sampler, part)
+    overlay = _overlay(sampler, found, part)
+    return replace(overlay, about=_about(sampler, found, part, len(overlay.contacts)))
+
+
+def _tracks(sampler: SignalSampler, part: _RunPart | None) -> RunTracks:
+    trace = sampler.trace
     # Of a part every sample counts: what is looked at may be a few centimetres.
     points = _POINTS if part is None else 3 * len(sampler.time_base.time)
-    found = extract_tracks(trace.spec.label, trace, sampler, buffer, (), points)
+    return extract_tracks(trace.spec.label, trace, sampler, buffer_of_run(trace.spec), (), points)
+
+
+def _about(sampler: SignalSampler, found: RunTracks, part: _RunPart | None, contacts: int) -> str:
+    """Return what the heading of a picture says of a run, or of a part of it."""
+    trace, buffer = sampler.trace, buffer_of_run(sampler.trace.spec)
     verdicts = oracles.judge(trace, trace.spec.oracles, sampler=sampler)
-    outcome = oracles.overall_outcome(trace, verdicts)
+    outcome = str(oracles.overall_outcome(trace, verdicts))
+    touched = count_noun(contacts, "contact")
+    if part is None:
+        parts = [
+            outcome,
+            f"campaign {trace.spec.campaign}",
+            f"ended after {format_quantity(found.measures.get('duration'), 's')}",
+            f"nearest {format_quantity(found.measures.get('min clearance'), 'm')}",
+            f"{format_quantity(found.measures.get('time in buffer'), 's')} in the buffer of "
+            f"{buffer.size}",
+            touched,
+        ]
+    else:
+        nearest = float(np.nanmin(found.clearance[part.of(found.time)]))
+        parts = [
+            outcome,
+            f"{part.since:.1f} s to {part.until:.1f} s of {found.measures['duration']:.1f} s",
+            f"nearest {format_quantity(nearest, 'm')}",
+            touched,
+        ]
+    return "  ·  ".join(parts)
+
+
+def _overlay(sampler: SignalSampler, found: RunTracks, part: _RunPart | None) -> RunOverlay:
+    trace = sampler.trace
     shown = np.ones(len(found.time), np.bool_) if part is None else part.of(found.time)
     contacts = [c for c in found.contacts if part is None or part.since <= c[0] <= part.until]
-    parts = [
-        f"{outcome}",
-        f"campaign {trace.spec.campaign}",
-        f"ended after {format_quantity(found.measures.get('duration'), 's')}",
-        f"nearest {format_quantity(found.measures.get('min clearance'), 'm')}",
-        f"{format_quantity(found.measures.get('time in buffer'), 's')} in the buffer of "
-        f"{buffer.size}",
-        count_noun(len(contacts), "contact"),
-    ]
-    if part is not None:
-        parts[1:] = [
-            f"{part.since:.1f} s to {part.until:.1f} s of {found.measures['duration']:.1f} s",
-            f"nearest {format_quantity(float(np.nanmin(found.clearance[shown])), 'm')}",
-            count_noun(len(contacts), "contact"),
-        ]
     overlay = RunOverlay(
         way=_line(found.x[shown], found.y[shown]),
         believed=_believed(trace.estimate, part),
         close=_pieces(found.x, found.y, (found.clearance < found.limit) & shown),
         contacts=tuple((x, y) for _, _, x, y in contacts),
-        about="  ·  ".join(parts),
         footprints=(_pose(trace.ground_truth, math.inf).apply_ring(trace.spec.robot.footprint),),
     )
     return overlay if part is None else replace(overlay, **_closely(trace, part))

@@ -169,15 +169,6 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
     return inside.astype(np.float32)
 
 
-def polygons_around(
-    obstacles: ObstaclePolygons, moments: Indices, middle: Point2, reach: float
-) -> list[int]:
-    """Return the numbers of the polygons that come within ``reach`` [m] of a point at a sample."""
-    poses = np.tile((*middle, 0.0), (len(moments), 1))
-    _, near = _polygons_near(obstacles, moments, poses, reach)
-    return [int(polygon) for polygon in np.unique(near)]
-
-
 def _polygons_near(
     obstacles: ObstaclePolygons, moments: Indices, poses: Floats, reach: float
 ) -> tuple[Indices, Indices]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from daemon.analysis.report import PagePicture, plot_recorded_moment, plot_recorded_way
+from daemon.analysis.report import PagePicture, draw_moment, plot_recorded_way
 from daemon.model.proposals import ProposalRow
 from daemon.model.search import Point
 from daemon.model.search_answer import PointResult, SearchAnswer, SearchRow
@@ -111,6 +111,6 @@ def _of_failure(
     trace = traces[shown.run]
     evidence = shown.verdict.evidence if shown.verdict is not None else None
     if evidence is not None and evidence.time is not None:
-        sheet = plot_recorded_moment(trace, evidence.time, evidence.object)
+        sheet = draw_moment(trace, evidence.time)
         yield "moment", f"The robot at {evidence.time:.1f} s of {shown.label}", sheet
     yield "way", f"The way driven in {shown.label}", plot_recorded_way(trace)

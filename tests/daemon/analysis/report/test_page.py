@@ -365,41 +365,15 @@ def moments(tree):
     return [e for e in figures if str(e.get("aria-label")).startswith("The moment that decides")]
 
 
-def part(figure, name):
-    return [e for e in figure.iter() if e.get("class") == name]
-
-
-def animations(figure, name):
-    return [e for e in figure.iter() if str(e.tag).endswith(f"}}{name}")]
-
-
-def test_each_failure_moves_by_itself_and_loops_as_one(page, tree):
+def test_each_failure_has_a_still_of_its_moment(page, tree):
     found = moments(tree)
     assert len(found) >= 2
     for figure in found:
-        moving = [*animations(figure, "animate"), *animations(figure, "animateTransform")]
-        assert len({(e.get("dur"), e.get("repeatCount")) for e in moving}) == 1
-        assert all(e.get("repeatCount") == "indefinite" for e in moving)
-        # Where nothing moves by itself, and on paper, the moment itself is shown.
-        assert part(figure, "moving")
-        assert part(figure, "still")
-        assert not [e for still in part(figure, "still") for e in still.iter() if e.get("dur")]
+        (caption,) = [words(e) for e in tree.iter() if figure in list(e)]
+        assert re.match(r"repeat \d+, the seconds before (the end|[\d.]+ s)", caption)
     drawn = re.findall(r"<svg viewBox(?:(?!</svg>).)*The moment that.*?</svg>", page, re.DOTALL)
     assert max(len(figure.encode()) for figure in drawn) < 60_000
-
-
-def test_the_robot_of_a_failure_goes_where_it_went_and_waits_at_the_moment(data, tree):
-    """It drives 0.5 m/s straight on: ten seconds are 5 m, and the same step each time."""
-    figure = moments(tree)[0]
-    tracks = [e for e in animations(figure, "animateTransform") if e.get("type") == "translate"]
-    (robot,) = [e for e in tracks if len(set(str(e.get("values")).split(";"))) > 40]
-    x = [float(place.split()[0]) for place in str(robot.get("values")).split(";")]
-    steps = [round(b - a, 1) for a, b in itertools.pairwise(x)]
-    pauses = [len(list(group)) for step, group in itertools.groupby(steps) if step == 0.0]
-    assert pauses == [12, 8]  # 1.5 s at the moment and 1 s at the end, 8 positions a second
-    times = [words(e) for e in figure.iter() if str(e.tag).endswith("}text")]
-    (caption,) = [words(e) for e in tree.iter() if figure in list(e)]
-    assert caption.partition("around ")[2].partition(" s")[0] + " s" in times
+    assert "<animate" not in page
 
 
 def test_figures_that_are_compared_have_the_same_scale(tree):
